@@ -1,0 +1,86 @@
+# Everything happens in .venv, which is made on the first call; nothing needs to be activated.
+#   make PYTHON=/path/to/python3.12 setup    to choose the Python (3.11 or 3.12)
+
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DEFAULT_GOAL := help
+
+VENV := .venv
+RUN := $(VENV)/bin/python
+OUT := out
+
+# The first Python on the PATH that will do; a name alone may belong to a version manager that does not have it.
+PYTHON ?= $(or $(shell for python in python3.12 python3.11 python3; do \
+	"$$python" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' >/dev/null 2>&1 \
+	&& echo "$$python" && break; done),python3)
+
+# Nobody else's ROS graph, unless asked for.
+ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
+export ROS_AUTOMATIC_DISCOVERY_RANGE
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+REQUIREMENTS := requirements/runtime.txt requirements/build.txt requirements/test.txt
+WHEELS := $(VENV)/.wheels-installed
+MSGS := $(VENV)/.msgs-installed
+PACKAGE := $(VENV)/.package-installed
+MSGS_SOURCES := $(shell find msgs -type f -not -path '*/build/*')
+PACKAGE_SOURCES := setup.py setup.cfg pyproject.toml package.xml $(shell find config launch resource -type f 2>/dev/null)
+BENCHMARKS := $(filter-out benchmark/_%,$(sort $(wildcard benchmark/*.py)))
+
+.PHONY: help setup check-system system demo test lint benchmark benchmark-full clean
+
+help:  ## show this list
+	@grep -hE '^[a-z-]+:.*  ## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*  ## (.*)/  make \1\t\2/' | expand -t 24
+
+setup: $(PACKAGE)  ## make .venv with the pinned packages, the interfaces and this package
+
+check-system:
+	@"$(PYTHON)" tools/check_system.py
+
+system:  ## install missing system packages (as root, with apt-get)
+	@packages=$$("$(PYTHON)" tools/check_system.py --packages); \
+	if [ -n "$$packages" ]; then apt-get update -q && DEBIAN_FRONTEND=noninteractive apt-get install -y -q $$packages; fi
+
+$(WHEELS): $(REQUIREMENTS)
+	@"$(PYTHON)" tools/check_system.py
+	@test -x $(RUN) || "$(PYTHON)" -m venv $(VENV)
+	@echo "Installing the pinned packages into $(VENV) (about 1.5 GB; a minute or two on a fast connection)"
+	@$(RUN) -m pip install --quiet --no-deps $(REQUIREMENTS:%=-r %)
+	@touch $@
+
+$(MSGS): $(WHEELS) $(MSGS_SOURCES)
+	@echo "Building the interface package"
+	@$(RUN) -m pip install --quiet --no-deps --no-build-isolation --force-reinstall ./msgs
+	@touch $@
+
+# Editable: the sources are used where they are. Only what is copied (config, launch, metadata) asks for this again.
+$(PACKAGE): $(MSGS) $(PACKAGE_SOURCES)
+	@$(RUN) -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@touch $@
+
+demo: setup check-system  ## track a synthetic body from end to end; results in out/demo
+	@$(RUN) -m tracker_node.cli.main demo --out $(OUT)/demo
+
+test: setup check-system  ## import contract, ruff and all tests
+	@$(VENV)/bin/lint-imports
+	@$(VENV)/bin/ruff check .
+	@$(RUN) -m pytest $(PYTEST_ARGS)
+
+lint: setup  ## import contract, ruff and mypy
+	@$(VENV)/bin/lint-imports
+	@$(VENV)/bin/ruff check .
+	@$(VENV)/bin/mypy
+
+benchmark: setup check-system  ## quick run of every benchmark; JSON in out/benchmark
+	@mkdir -p $(OUT)/benchmark
+	@for program in $(BENCHMARKS); do echo "== $$program"; \
+		$(RUN) "$$program" --quick --json "$(OUT)/benchmark/$$(basename "$$program" .py).json"; done
+
+benchmark-full: setup check-system  ## full run of every benchmark
+	@mkdir -p $(OUT)/benchmark
+	@for program in $(BENCHMARKS); do echo "== $$program"; \
+		$(RUN) "$$program" --json "$(OUT)/benchmark/$$(basename "$$program" .py).json"; done
+
+clean:  ## remove .venv and everything that was built or written
+	rm -rf $(VENV) $(OUT) build install log *.egg-info msgs/build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	find tracker_node test benchmark -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true

@@ -1,0 +1,68 @@
+"""Builds the ament_python package: by colcon on a ROS 2 installation, by pip with ROS from PyPI."""
+
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+PACKAGE = "tracker_node"
+ROOT = Path(__file__).parent
+EXECUTABLES = ["camera_ingest", "pipeline", "player", "recorder", "tracker", PACKAGE]
+
+RUNTIME_REQUIREMENTS = [
+    "jinja2>=3.1",
+    "mannequin-x>=0.3",
+    "matplotlib>=3.6",
+    "mcap>=1.1",
+    "numba>=0.59",
+    "numpy>=1.26",
+    "opencv-python-headless>=4.8",
+    "pydantic>=2.0",
+    "pyrender-maintained>=1.0",
+    "pyyaml>=6.0",
+    "rosbags>=0.11,<0.12",
+    "scipy>=1.11",
+    "trimesh>=4.0",
+]
+# Only where ROS does not come from apt.
+ROS_REQUIREMENTS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"]
+TEST_REQUIREMENTS = ["hypothesis", "import-linter", "mypy", "pytest", "ruff"]
+
+DATA_SUFFIXES = ["css", "html", "j2", "js", "json", "xml", "yaml"]
+
+
+def installed_tree(folder: str) -> list[tuple[str, list[str]]]:
+    """The files under `folder`, as data_files below share/<package>."""
+    files = sorted(path.relative_to(ROOT) for path in (ROOT / folder).rglob("*") if path.is_file())
+    files = [path for path in files if "__pycache__" not in path.parts]
+    return [
+        (f"share/{PACKAGE}/{parent}", [str(path) for path in files if path.parent == parent])
+        for parent in sorted({path.parent for path in files})
+    ]
+
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    description="Markerless model-based 3D motion tracking from several calibrated cameras, for ROS 2",
+    long_description=(ROOT / "README.md").read_text() if (ROOT / "README.md").exists() else "",
+    long_description_content_type="text/markdown",
+    license="Apache-2.0",
+    maintainer="tracker_node maintainers",
+    maintainer_email="tracker_node@example.org",
+    python_requires=">=3.11,<3.13",
+    packages=find_packages(include=[f"{PACKAGE}*"]),
+    package_data={PACKAGE: [f"**/*.{suffix}" for suffix in DATA_SUFFIXES]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+        # `ros2 run` looks here. pip puts console scripts into bin/, and a script made by colcon is tied to
+        # the Python that ran colcon; these follow the environment in use.
+        (f"lib/{PACKAGE}", [f"resource/executables/{name}" for name in EXECUTABLES]),
+        *installed_tree("config"),
+        *installed_tree("launch"),
+    ],
+    install_requires=["setuptools", *RUNTIME_REQUIREMENTS],
+    extras_require={"ros": ROS_REQUIREMENTS, "test": TEST_REQUIREMENTS},
+    entry_points={"console_scripts": [f"{PACKAGE} = {PACKAGE}.cli.main:main"]},
+    zip_safe=True,
+)

@@ -1,0 +1,57 @@
+"""Fixtures that every test may use."""
+
+import fcntl
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+DOMAIN_IDS = range(1, 102)  # those whose ports lie below the ephemeral ones on every platform
+
+
+@pytest.fixture(scope="session")
+def repository() -> Path:
+    """The root of the source tree."""
+    return ROOT
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """The folder of third-party recordings and motions, named by TRACKER_SHARED_DATA."""
+    named = os.environ.get("TRACKER_SHARED_DATA")
+    if not named:
+        pytest.skip("TRACKER_SHARED_DATA does not name the folder of recordings")
+    path = Path(named)
+    if not path.is_dir():
+        pytest.skip(f"TRACKER_SHARED_DATA is not a folder: {path}")
+    return path
+
+
+def _claim_domain_id(folder: Path) -> tuple[int, IO[str]]:
+    """A ROS domain id that no other test process of this machine holds, and the file whose lock says so."""
+    first = os.getpid() % len(DOMAIN_IDS)
+    for offset in range(len(DOMAIN_IDS)):
+        domain_id = DOMAIN_IDS[(first + offset) % len(DOMAIN_IDS)]
+        lock = (folder / f"tracker_node_test_domain_{domain_id}_{os.getuid()}.lock").open("w")
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            lock.close()
+            continue
+        return domain_id, lock
+    raise RuntimeError(f"all {len(DOMAIN_IDS)} ROS domain ids are taken by other test processes")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def ros_domain_id(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+    """A ROS graph of this test process's own: its domain, this machine only, logs in a temporary folder."""
+    domain_id, lock = _claim_domain_id(Path("/tmp"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_DOMAIN_ID", str(domain_id))
+        patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        patch.setenv("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_log")))
+        yield domain_id
+    lock.close()

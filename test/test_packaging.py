@@ -1,0 +1,99 @@
+"""The two packages agree with each other and with what pip and colcon install."""
+
+import ast
+import os
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import distribution
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+import tracker_node
+
+EXECUTABLES = {"camera_ingest", "pipeline", "player", "recorder", "tracker", "tracker_node"}
+
+
+def manifest(path: Path) -> ElementTree.Element:
+    return ElementTree.parse(path).getroot()
+
+
+def toml(path: Path) -> dict[str, Any]:
+    return tomllib.loads(path.read_text())
+
+
+def setup_keyword(repository: Path, name: str) -> str:
+    tree = ast.parse((repository / "setup.py").read_text())
+    values = [node.value for node in ast.walk(tree) if isinstance(node, ast.keyword) and node.arg == name]
+    return ast.literal_eval(values[0])
+
+
+def test_versions_agree(repository: Path) -> None:
+    versions = {
+        "tracker_node/__init__.py": tracker_node.__version__,
+        "setup.py": setup_keyword(repository, "version"),
+        "package.xml": manifest(repository / "package.xml").findtext("version"),
+        "msgs/package.xml": manifest(repository / "msgs/package.xml").findtext("version"),
+        "msgs/pyproject.toml": toml(repository / "msgs/pyproject.toml")["project"]["version"],
+    }
+    assert set(versions.values()) == {tracker_node.__version__}, versions
+
+
+def test_manifests_say_the_same_as_setup(repository: Path) -> None:
+    root = manifest(repository / "package.xml")
+    assert root.findtext("description") == setup_keyword(repository, "description")
+    assert root.findtext("maintainer") == setup_keyword(repository, "maintainer")
+    assert root.findtext("license") == setup_keyword(repository, "license") == "Apache-2.0"
+    assert manifest(repository / "msgs/package.xml").findtext("license") == "Apache-2.0"
+
+
+def test_manifest_names_the_ros_packages_in_use(repository: Path) -> None:
+    """Every ROS package that the sources import is an exec_depend, so that rosdep brings it."""
+    declared = {e.text for e in manifest(repository / "package.xml").findall("exec_depend")}
+    contracts = toml(repository / "pyproject.toml")["tool"]["importlinter"]["contracts"]
+    ros_modules = set(next(c for c in contracts if c["type"] == "forbidden")["forbidden_modules"])
+    imported = set()
+    for source in (repository / "tracker_node").rglob("*.py"):
+        for node in ast.walk(ast.parse(source.read_text())):
+            if isinstance(node, ast.Import):
+                imported |= {alias.name.partition(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+                imported.add(node.module.partition(".")[0])
+    assert imported & ros_modules <= declared
+
+
+def test_executables_are_in_the_tree_and_compile(repository: Path) -> None:
+    folder = repository / "resource/executables"
+    assert {path.name for path in folder.iterdir()} == EXECUTABLES
+    for path in folder.iterdir():
+        assert os.access(path, os.X_OK), path
+        compile(path.read_text(), str(path), "exec")
+
+
+def test_executables_call_what_the_command_line_offers(repository: Path) -> None:
+    main = pytest.importorskip("tracker_node.cli.main")
+    for name in EXECUTABLES - {"tracker_node"}:
+        assert callable(getattr(main, name)), name
+    assert callable(main.main)
+
+
+def test_installation_has_what_ros2_run_looks_for() -> None:
+    """The files that `ros2 run` and `ros2 pkg` look for, where the package is installed by pip."""
+    prefix = Path(sys.prefix)
+    if not (prefix / "share/tracker_node/package.xml").exists():
+        pytest.skip("tracker_node is imported from the source tree, not installed")
+    assert (prefix / "share/ament_index/resource_index/packages/tracker_node").exists()
+    assert {path.name for path in (prefix / "lib/tracker_node").iterdir()} >= EXECUTABLES
+    assert all(os.access(prefix / "lib/tracker_node" / name, os.X_OK) for name in EXECUTABLES)
+    entry_points = distribution("tracker_node").entry_points
+    assert [entry.name for entry in entry_points if entry.group == "console_scripts"] == ["tracker_node"]
+
+
+def test_command_line_does_not_import_ros() -> None:
+    """Offline commands run without ROS, and start quickly."""
+    pytest.importorskip("tracker_node.cli.main")
+    program = "import sys, tracker_node.cli.main; sys.exit('rclpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", program], check=False, timeout=120).returncode == 0
