@@ -53,9 +53,10 @@ $(MSGS): $(WHEELS) $(MSGS_SOURCES)
 	@$(RUN) -m pip install --quiet --no-deps --no-build-isolation --force-reinstall ./msgs
 	@touch $@
 
-# Editable: the sources are used where they are. Only what is copied (config, launch, metadata) asks for this again.
-$(PACKAGE): $(MSGS) $(PACKAGE_SOURCES)
+# Editable: the sources are used where they are, and config and launch files are links. New ones ask for this again.
+$(PACKAGE): $(MSGS) $(PACKAGE_SOURCES) tools/link_data_files.py
 	@$(RUN) -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@$(RUN) tools/link_data_files.py
 	@touch $@
 
 demo: setup check-system  ## track a synthetic body from end to end; results in out/demo

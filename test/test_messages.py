@@ -47,7 +47,7 @@ def test_definition_and_installed_package_have_the_same_fields(repository: Path)
     assert [name for name, _ in fields] == list(installed)
 
 
-def test_ros_and_the_reader_without_ros_agree_on_every_byte(repository: Path) -> None:
+def test_ros_and_the_reader_without_ros_agree_on_every_field(repository: Path) -> None:
     messages = pytest.importorskip("tracker_msgs.msg", reason="ROS is not installed")
     serialization = pytest.importorskip("rclpy.serialization", reason="ROS is not installed")
     state = messages.TrackedState(
@@ -62,15 +62,13 @@ def test_ros_and_the_reader_without_ros_agree_on_every_byte(repository: Path) ->
     )
     store = get_typestore(Stores.ROS2_JAZZY)
     store.register(get_types_from_msg((repository / DEFINITION).read_text(), TYPE_NAME))
-    # rclpy's buffer may be longer than the message (the rest is noise), which rosbags refuses; on the wire
-    # the length is exact.
-    by_ros = bytes(serialization.serialize_message(state))
     without_ros = bytes(store.serialize_cdr(store.types[TYPE_NAME](**_plain(state, store)), TYPE_NAME))
-    assert by_ros[: len(without_ros)] == without_ros
     assert serialization.deserialize_message(without_ros, messages.TrackedState) == state
-    read = store.deserialize_cdr(without_ros, TYPE_NAME)
-    assert read.status_reason == state.status_reason
-    assert list(read.covariance) == list(state.covariance)
+    # rclpy's buffer may be longer than the message, which rosbags refuses, and what it holds there and in the
+    # padding is noise. What a subscription delivers has the exact length.
+    by_ros = bytes(serialization.serialize_message(state))[: len(without_ros)]
+    read = store.deserialize_cdr(by_ros, TYPE_NAME)
+    assert store.serialize_cdr(read, TYPE_NAME) == without_ros
 
 
 def _plain(message: Any, store: Typestore) -> dict[str, Any]:
