@@ -9,8 +9,8 @@ import os
 import sys
 from pathlib import Path
 
-from setuptools import Distribution
-from setuptools._distutils.core import run_setup
+import setuptools  # noqa: F401 - brings its own distutils, also where Python has none
+from distutils.core import run_setup  # isort: skip
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "tracker_node"
@@ -18,8 +18,7 @@ PACKAGE = "tracker_node"
 
 def data_files() -> list[tuple[str, list[str]]]:
     os.chdir(ROOT)
-    distribution: Distribution = run_setup("setup.py", stop_after="init")
-    return distribution.data_files
+    return run_setup("setup.py", stop_after="init").data_files
 
 
 def remove_old_links(prefix: Path) -> None:
