@@ -1,0 +1,156 @@
+"""One calibrated lens: projection, its derivative, and rays.
+
+Pixels (u, v) have integer coordinates at pixel centres; camera axes are optical (x right, y down, z forward).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numba as nb
+import numpy as np
+
+from . import distortion as _distortion
+
+NEAR = 1e-3  # metres: a point nearer than this, or behind the camera, is not visible
+
+# Layout of the packed parameters that kernels take: fx fy cx cy skew model_id r2_max (unused) k0..k7
+N_PARAMS = 8 + _distortion.N_PACKED
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def project_point(params, x, y, z):
+    """Pixel of a point in the camera frame and its derivative.
+
+    Returns (valid, u, v, u_x, u_y, u_z, v_x, v_y, v_z); invalid when behind the camera or where the lens model folds.
+    """
+    if z < NEAR:
+        return False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    iz = 1.0 / z
+    xn, yn = x * iz, y * iz
+    if xn * xn + yn * yn > params[6]:
+        return False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    xd, yd, a, b, c, d = _distortion.distort(int(params[5]), params[8:], xn, yn)
+    fx, fy, skew = params[0], params[1], params[4]
+    u = fx * xd + skew * yd + params[2]
+    v = fy * yd + params[3]
+    u_xn, u_yn = fx * a + skew * c, fx * b + skew * d
+    v_xn, v_yn = fy * c, fy * d
+    return (
+        True, u, v,
+        u_xn * iz, u_yn * iz, -(u_xn * xn + u_yn * yn) * iz,
+        v_xn * iz, v_yn * iz, -(v_xn * xn + v_yn * yn) * iz,
+    )  # fmt: skip
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _project_many(params, points, pixels, jacobians, valid):
+    for i in range(points.shape[0]):
+        ok, u, v, a, b, c, d, e, f = project_point(params, points[i, 0], points[i, 1], points[i, 2])
+        valid[i] = ok
+        pixels[i, 0], pixels[i, 1] = u, v
+        jacobians[i, 0, 0], jacobians[i, 0, 1], jacobians[i, 0, 2] = a, b, c
+        jacobians[i, 1, 0], jacobians[i, 1, 1], jacobians[i, 1, 2] = d, e, f
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _rays_many(params, pixels, rays, valid):
+    for i in range(pixels.shape[0]):
+        yd = (pixels[i, 1] - params[3]) / params[1]
+        xd = (pixels[i, 0] - params[2] - params[4] * yd) / params[0]
+        x, y, ok = _distortion.undistort(int(params[5]), params[8:], xd, yd)
+        valid[i] = ok
+        norm = np.sqrt(x * x + y * y + 1.0)
+        rays[i, 0], rays[i, 1], rays[i, 2] = x / norm, y / norm, 1.0 / norm
+
+
+@dataclass(frozen=True)
+class CameraModel:
+    """Intrinsics of one camera.
+
+    Parameters
+    ----------
+    width, height : image size in pixels.
+    K : (3, 3) with focal lengths and principal point in pixels; K[0, 1] is a skew.
+    distortion_model : a key of `distortion.MODEL_IDS`.
+    distortion : its coefficients.
+    """
+
+    width: int
+    height: int
+    K: np.ndarray
+    distortion_model: str = "none"
+    distortion: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self):
+        K = np.array(self.K, dtype=np.float64)
+        if K.shape != (3, 3):
+            raise ValueError(f"expected K of shape (3, 3), got {K.shape}")
+        if not (K[0, 0] > 0.0 and K[1, 1] > 0.0):
+            raise ValueError(f"expected positive focal lengths, got {K[0, 0]} and {K[1, 1]} (K[0] = 0 means uncalibrated)")
+        if self.distortion_model not in _distortion.MODEL_IDS:
+            raise ValueError(f"expected a distortion model of {sorted(_distortion.MODEL_IDS)}, got {self.distortion_model!r}")
+        coefficients = np.array(self.distortion, dtype=np.float64).ravel()
+        if coefficients.size not in _distortion.COEFFICIENT_COUNTS[self.distortion_model]:
+            raise ValueError(
+                f"expected {_distortion.COEFFICIENT_COUNTS[self.distortion_model]} coefficients for {self.distortion_model},"
+                f" got {coefficients.size}"
+            )
+        K.setflags(write=False)
+        coefficients.setflags(write=False)
+        object.__setattr__(self, "K", K)
+        object.__setattr__(self, "distortion", coefficients)
+        params = np.zeros(N_PARAMS)
+        params[:5] = K[0, 0], K[1, 1], K[0, 2], K[1, 2], K[0, 1]
+        params[5] = _distortion.MODEL_IDS[self.distortion_model]
+        params[8 : 8 + coefficients.size] = coefficients
+        params[6] = _distortion.monotonic_radius(int(params[5]), params[8:]) ** 2
+        params.setflags(write=False)
+        object.__setattr__(self, "params", params)
+
+    params: np.ndarray = field(init=False, repr=False, compare=False)
+
+    def project(self, points_cam: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Pixels (..., 2) of points (..., 3) in the camera frame (metres), and a validity mask (...)."""
+        pixels, _, valid = self.project_with_jacobian(points_cam)
+        return pixels, valid
+
+    def project_with_jacobian(self, points_cam: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Pixels (..., 2), pixel_D_point (..., 2, 3) in px/m, validity (...). Invalid entries hold zeros."""
+        points = np.ascontiguousarray(points_cam, dtype=np.float64)
+        shape = points.shape[:-1]
+        flat = points.reshape(-1, 3)
+        pixels, jacobians = np.empty((len(flat), 2)), np.empty((len(flat), 2, 3))
+        valid = np.empty(len(flat), dtype=np.bool_)
+        _project_many(self.params, flat, pixels, jacobians, valid)
+        return pixels.reshape(*shape, 2), jacobians.reshape(*shape, 2, 3), valid.reshape(shape)
+
+    def rays(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Unit directions (..., 3) in the camera frame of pixels (..., 2), and a validity mask (...)."""
+        pixels = np.ascontiguousarray(pixels, dtype=np.float64)
+        flat = pixels.reshape(-1, 2)
+        rays, valid = np.empty((len(flat), 3)), np.empty(len(flat), dtype=np.bool_)
+        _rays_many(self.params, flat, rays, valid)
+        return rays.reshape(*pixels.shape[:-1], 3), valid.reshape(pixels.shape[:-1])
+
+    def in_image(self, pixels: np.ndarray) -> np.ndarray:
+        """True where a pixel (..., 2) lies on the image (half a pixel beyond the outer centres included)."""
+        u, v = pixels[..., 0], pixels[..., 1]
+        return (u >= -0.5) & (v >= -0.5) & (u < self.width - 0.5) & (v < self.height - 0.5)
+
+    def mapped(self, pixel_map: np.ndarray, width: int, height: int) -> CameraModel:
+        """The same lens seen in other pixels: ``new = pixel_map @ (u, v, 1)``, ``pixel_map`` (2, 3) upper triangular.
+
+        Distortion works on normalised coordinates, so only K changes. Used for resized images and for videos whose pixels
+        are not those of the calibration.
+        """
+        pixel_map = np.asarray(pixel_map, dtype=np.float64)
+        if pixel_map.shape != (2, 3) or pixel_map[1, 0] != 0.0:
+            raise ValueError(f"expected a (2, 3) map without rotation, got {pixel_map.tolist()}")
+        full = np.vstack([pixel_map, [0.0, 0.0, 1.0]])
+        return replace(self, width=int(width), height=int(height), K=full @ self.K)
+
+    def resized(self, width: int, height: int) -> CameraModel:
+        """The lens after the image is resampled to ``width`` x ``height`` (pixel-centre convention of cv2.resize)."""
+        sx, sy = width / self.width, height / self.height
+        return self.mapped(np.array([[sx, 0.0, 0.5 * sx - 0.5], [0.0, sy, 0.5 * sy - 0.5]]), width, height)

@@ -1,0 +1,90 @@
+"""Cameras with a name and a place in the world, and the rig of all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import UnknownNameError
+from ..geometry import se3
+from .camera_model import CameraModel
+
+
+@dataclass(frozen=True)
+class Camera:
+    """One camera of a rig. ``model`` is for the pixels of the images as published (any pixel map is folded into its K).
+
+    Parameters
+    ----------
+    name : used for topics; its frame id is ``<name>_optical_frame``.
+    T_world_cam : (4, 4), p_world = T_world_cam @ p_cam, metres.
+    source : video file, image folder or pattern; None for a camera that something else publishes.
+    time_offset_ns : added to the source's own stamps to get common time.
+    plate : path of an image of the empty scene (background plate), or None.
+    """
+
+    name: str
+    model: CameraModel
+    T_world_cam: np.ndarray
+    source: str | None = None
+    time_offset_ns: int = 0
+    plate: str | None = None
+
+    def __post_init__(self):
+        transform = np.array(self.T_world_cam, dtype=np.float64)
+        if not se3.is_rigid(transform):
+            raise ValueError(f"camera '{self.name}': expected a rigid 4x4 T_world_cam, got {transform.tolist()}")
+        transform.setflags(write=False)
+        object.__setattr__(self, "T_world_cam", transform)
+
+    @property
+    def frame_id(self) -> str:
+        return f"{self.name}_optical_frame"
+
+    @property
+    def T_cam_world(self) -> np.ndarray:
+        return se3.inverse(self.T_world_cam)
+
+    @property
+    def center(self) -> np.ndarray:
+        """Optical centre in the world, metres (3,)."""
+        return self.T_world_cam[:3, 3]
+
+    def project(self, points_world: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Pixels (..., 2) of world points (..., 3), and a validity mask."""
+        return self.model.project(se3.apply(self.T_cam_world, points_world))
+
+
+@dataclass(frozen=True)
+class CameraRig:
+    """All cameras, in the order that fixes every per-camera array; the world frame is ``world_frame``."""
+
+    cameras: tuple[Camera, ...]
+    world_frame: str = "world"
+
+    def __post_init__(self):
+        names = [camera.name for camera in self.cameras]
+        if len(set(names)) != len(names):
+            raise ValueError(f"expected unique camera names, got {names}")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(camera.name for camera in self.cameras)
+
+    def __len__(self) -> int:
+        return len(self.cameras)
+
+    def __iter__(self) -> Iterator[Camera]:
+        return iter(self.cameras)
+
+    def __getitem__(self, name: str) -> Camera:
+        for camera in self.cameras:
+            if camera.name == name:
+                return camera
+        raise UnknownNameError("camera", name, self.names)
+
+    def subset(self, names: list[str] | tuple[str, ...]) -> CameraRig:
+        """The rig of the named cameras only, in the given order."""
+        return CameraRig(tuple(self[name] for name in names), self.world_frame)

@@ -1,0 +1,82 @@
+"""Rigid transforms: SE(3) as 4x4 matrices, twists (v, omega) with the linear part first (REP-103 order)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from . import so3
+
+
+def from_rotation_translation(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
+    """T (4, 4) with p_target = rotation @ p_source + translation (metres)."""
+    transform = np.eye(4)
+    transform[:3, :3] = rotation
+    transform[:3, 3] = translation
+    return transform
+
+
+def inverse(transform: np.ndarray) -> np.ndarray:
+    """T_source_target of T_target_source, exact for rigid transforms. Stacks (..., 4, 4) allowed."""
+    transform = np.asarray(transform, dtype=np.float64)
+    result = np.zeros_like(transform)
+    rotation_t = np.swapaxes(transform[..., :3, :3], -1, -2)
+    result[..., :3, :3] = rotation_t
+    result[..., :3, 3] = -(rotation_t @ transform[..., :3, 3:])[..., 0]
+    result[..., 3, 3] = 1.0
+    return result
+
+
+def apply(transform: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Map points (..., 3) by one transform (4, 4)."""
+    return np.asarray(points, dtype=np.float64) @ transform[:3, :3].T + transform[:3, 3]
+
+
+def exp(twist: np.ndarray) -> np.ndarray:
+    """T (4, 4) of a twist (6,) = (v, omega)."""
+    twist = np.asarray(twist, dtype=np.float64)
+    v, w = twist[:3], twist[3:]
+    angle_sq = float(w @ w)
+    angle = np.sqrt(angle_sq)
+    if angle < 1e-4:
+        b, c = 0.5 - angle_sq / 24.0, 1.0 / 6.0 - angle_sq / 120.0
+    else:
+        b, c = (1.0 - np.cos(angle)) / angle_sq, (angle - np.sin(angle)) / (angle_sq * angle)
+    k = so3.hat(w)
+    return from_rotation_translation(so3.exp(w), (np.eye(3) + b * k + c * (k @ k)) @ v)
+
+
+def log(transform: np.ndarray) -> np.ndarray:
+    """Twist (6,) = (v, omega) of a transform (4, 4), rotation angle in [0, pi]."""
+    w = so3.log(transform[:3, :3])
+    angle_sq = float(w @ w)
+    angle = np.sqrt(angle_sq)
+    if angle < 1e-4:
+        d = 1.0 / 12.0 + angle_sq / 720.0
+    else:
+        d = 1.0 / angle_sq - (1.0 + np.cos(angle)) / (2.0 * angle * np.sin(angle)) if np.pi - angle > 1e-7 else 1.0 / angle_sq
+    k = so3.hat(w)
+    v = (np.eye(3) - 0.5 * k + d * (k @ k)) @ transform[:3, 3]
+    return np.concatenate([v, w])
+
+
+def adjoint(transform: np.ndarray) -> np.ndarray:
+    """Ad (6, 6) with exp(Ad xi) = T exp(xi) T^-1, twists (v, omega)."""
+    rotation = transform[:3, :3]
+    result = np.zeros((6, 6))
+    result[:3, :3] = rotation
+    result[3:, 3:] = rotation
+    result[:3, 3:] = so3.hat(transform[:3, 3]) @ rotation
+    return result
+
+
+def is_rigid(transform: np.ndarray, tolerance: float = 1e-6) -> bool:
+    """True for a 4x4 matrix with a proper rotation and last row (0, 0, 0, 1)."""
+    transform = np.asarray(transform)
+    if transform.shape != (4, 4) or not np.all(np.isfinite(transform)):
+        return False
+    rotation = transform[:3, :3]
+    return bool(
+        np.allclose(transform[3], [0.0, 0.0, 0.0, 1.0], atol=tolerance)
+        and np.allclose(rotation @ rotation.T, np.eye(3), atol=tolerance)
+        and np.linalg.det(rotation) > 0.0
+    )

@@ -1,0 +1,72 @@
+"""A body: kinematic chain, shapes on its links, named landmarks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..errors import UnknownNameError
+from ..geometry import se3
+from .kinematic_chain import KinematicChain
+from .primitives import Primitive
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A primitive fixed to a link at ``T_link_shape`` (4, 4), with a colour (r, g, b) in 0..255."""
+
+    name: str
+    link: str
+    primitive: Primitive
+    T_link_shape: np.ndarray = field(default_factory=lambda: np.eye(4))
+    color_rgb: tuple[int, int, int] = (180, 180, 180)
+
+    def __post_init__(self):
+        if not se3.is_rigid(self.T_link_shape):
+            raise ValueError(f"shape '{self.name}': expected a rigid T_link_shape, got {self.T_link_shape}")
+
+
+@dataclass(frozen=True)
+class Landmark:
+    """A named point (joint centre, marker) fixed to ``link`` at ``position`` (3,) metres."""
+
+    name: str
+    link: str
+    position: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class ArticulatedModel:
+    """A body that can be posed. A rigid object is one link without joints."""
+
+    name: str
+    chain: KinematicChain
+    shapes: tuple[Shape, ...]
+    landmarks: tuple[Landmark, ...] = ()
+
+    shape_links: np.ndarray = field(init=False, repr=False, compare=False)  # (n_shapes,) link index
+    Ts_link_shape: np.ndarray = field(init=False, repr=False, compare=False)  # (n_shapes, 4, 4)
+    landmark_links: np.ndarray = field(init=False, repr=False, compare=False)  # (n_landmarks,)
+    landmark_positions: np.ndarray = field(init=False, repr=False, compare=False)  # (n_landmarks, 3)
+
+    def __post_init__(self):
+        set_ = object.__setattr__
+        chain = self.chain
+        set_(self, "shape_links", np.array([chain.link_index(s.link) for s in self.shapes], dtype=np.int64))
+        set_(self, "Ts_link_shape", np.array([s.T_link_shape for s in self.shapes], dtype=np.float64).reshape(-1, 4, 4))
+        set_(self, "landmark_links", np.array([chain.link_index(m.link) for m in self.landmarks], dtype=np.int64))
+        set_(self, "landmark_positions", np.array([m.position for m in self.landmarks], dtype=np.float64).reshape(-1, 3))
+
+    @property
+    def landmark_names(self) -> tuple[str, ...]:
+        return tuple(landmark.name for landmark in self.landmarks)
+
+    def landmark_index(self, name: str) -> int:
+        if name not in self.landmark_names:
+            raise UnknownNameError("landmark", name, self.landmark_names)
+        return self.landmark_names.index(name)
+
+    @property
+    def n_dof(self) -> int:
+        return self.chain.n_dof

@@ -1,0 +1,94 @@
+"""States, and a model in a state.
+
+A `State` is a point of the manifold SE(3) x R^n. Its tangent, in the order of ``KinematicChain.dof_names``, is (root
+translation in world axes; small rotation of the root about world axes through its origin; joint angles): the axes in which
+geometry_msgs/PoseWithCovariance states a covariance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..geometry import se3, so3
+from .articulated_model import ArticulatedModel
+from .kinematic_chain import N_ROOT_DOF, forward_kinematics
+
+
+@dataclass(frozen=True)
+class State:
+    """Root pose and joint angles (radians)."""
+
+    T_world_root: np.ndarray
+    joint_positions: np.ndarray
+
+    @classmethod
+    def neutral(cls, model: ArticulatedModel, T_world_root: np.ndarray | None = None) -> State:
+        """Every joint at its neutral angle."""
+        return cls(np.eye(4) if T_world_root is None else T_world_root, np.array([a.neutral for a in model.chain.axes]))
+
+    def retract(self, tangent: np.ndarray) -> State:
+        """The state reached from here along ``tangent`` (n_dof,)."""
+        transform = self.T_world_root.copy()
+        transform[:3, 3] += tangent[:3]
+        transform[:3, :3] = so3.exp(tangent[3:6]) @ transform[:3, :3]
+        return State(transform, self.joint_positions + tangent[N_ROOT_DOF:])
+
+    def difference(self, origin: State) -> np.ndarray:
+        """Tangent (n_dof,) with ``origin.retract(tangent) == self``."""
+        rotation = so3.log(self.T_world_root[:3, :3] @ origin.T_world_root[:3, :3].T)
+        translation = self.T_world_root[:3, 3] - origin.T_world_root[:3, 3]
+        return np.concatenate([translation, rotation, self.joint_positions - origin.joint_positions])
+
+    def to_values(self) -> np.ndarray:
+        """(n_dof,) numbers for files and messages: root xyz (m), root rotation vector (rad), joint angles (rad)."""
+        return np.concatenate([self.T_world_root[:3, 3], so3.log(self.T_world_root[:3, :3]), self.joint_positions])
+
+    @classmethod
+    def from_values(cls, values: np.ndarray) -> State:
+        """Inverse of `to_values`."""
+        values = np.asarray(values, dtype=np.float64)
+        return cls(se3.from_rotation_translation(so3.exp(values[3:6]), values[:3]), values[N_ROOT_DOF:].copy())
+
+
+class Configuration:
+    """A model with a state whose forward kinematics has run (having one *means* that it has).
+
+    Attributes
+    ----------
+    Ts_world_link : (n_links, 4, 4).
+    twists : (n_dof, 6) spatial twist (v, omega) at the world origin of every degree of freedom.
+    """
+
+    def __init__(self, model: ArticulatedModel, state: State):
+        chain = model.chain
+        if state.joint_positions.shape != (chain.n_axes,):
+            raise ValueError(f"expected {chain.n_axes} joint positions, got {state.joint_positions.shape}")
+        self.model, self.state = model, state
+        self.Ts_world_link = np.empty((len(chain.links), 4, 4))
+        self.twists = np.empty((chain.n_dof, 6))
+        forward_kinematics(
+            chain.parents, chain.offsets, chain.axis_start, chain.axis_count, chain.directions,
+            np.ascontiguousarray(state.T_world_root), np.ascontiguousarray(state.joint_positions),
+            self.Ts_world_link, self.twists,
+        )  # fmt: skip
+
+    @property
+    def Ts_world_shape(self) -> np.ndarray:
+        """(n_shapes, 4, 4)."""
+        return self.Ts_world_link[self.model.shape_links] @ self.model.Ts_link_shape
+
+    @property
+    def landmarks_world(self) -> np.ndarray:
+        """(n_landmarks, 3) metres, in the order of ``model.landmark_names``."""
+        T = self.Ts_world_link[self.model.landmark_links]
+        return np.einsum("nij,nj->ni", T[:, :3, :3], self.model.landmark_positions) + T[:, :3, 3]
+
+    def landmark_jacobian(self) -> np.ndarray:
+        """landmarks_D_state (n_landmarks, 3, n_dof)."""
+        v, w = self.twists[:, :3], self.twists[:, 3:]
+        points = self.landmarks_world
+        columns = v[None] + np.cross(w[None], points[:, None, :])  # (n, n_dof, 3)
+        columns *= self.model.chain.link_moved_by[self.model.landmark_links][:, :, None]
+        return np.swapaxes(columns, 1, 2)

@@ -1,0 +1,228 @@
+"""The tree of links and joints, and its forward kinematics.
+
+A joint connects a parent link to a child link through a fixed offset and then zero to many revolute axes in sequence (a ball
+joint is three named revolutes, a weld is none). The root link floats: six degrees of freedom come first in every tangent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numba as nb
+import numpy as np
+
+from ..errors import ModelError, UnknownNameError
+
+ROOT_DOF_NAMES = ("root_x", "root_y", "root_z", "root_rx", "root_ry", "root_rz")
+N_ROOT_DOF = 6
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One revolute degree of freedom.
+
+    ``direction`` (3,) unit, in the frame that the preceding rotations have made; ``lower``/``upper`` in radians; ``neutral``
+    is where the weak prior pulls to, ``stiffness`` (1/rad^2) how strongly (0: free; roll-like axes need some).
+    """
+
+    name: str
+    direction: tuple[float, float, float]
+    lower: float = -np.pi
+    upper: float = np.pi
+    neutral: float = 0.0
+    stiffness: float = 0.0
+
+    def __post_init__(self):
+        if abs(np.linalg.norm(self.direction) - 1.0) > 1e-6:
+            raise ValueError(f"axis '{self.name}': expected a unit direction, got {self.direction}")
+        if not self.lower < self.upper:
+            raise ValueError(f"axis '{self.name}': expected lower < upper, got [{self.lower}, {self.upper}]")
+        if not self.lower <= self.neutral <= self.upper:
+            raise ValueError(f"axis '{self.name}': expected neutral within the limits, got {self.neutral}")
+
+
+@dataclass(frozen=True)
+class Joint:
+    """``child`` hangs on ``parent`` at ``T_parent_joint`` (4, 4), turned by ``axes`` in order."""
+
+    name: str
+    parent: str
+    child: str
+    T_parent_joint: np.ndarray
+    axes: tuple[Axis, ...] = ()
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def forward_kinematics(parents, offsets, axis_start, axis_count, directions, T_world_root, positions, Ts_world_link, twists):
+    """World transforms of all links and the spatial twist of every degree of freedom.
+
+    ``Ts_world_link`` (n_links, 4, 4) and ``twists`` (6 + n_axes, 6) are filled. A twist is (v, omega) *at the world origin*: a
+    body point p moved by dof i has velocity v + omega x p. Root: translation along world axes, then rotation about world axes
+    through the root's origin.
+    """
+    for i in range(4):
+        for j in range(4):
+            Ts_world_link[0, i, j] = T_world_root[i, j]
+    twists[:, :] = 0.0
+    for i in range(3):
+        twists[i, i] = 1.0
+        twists[3 + i, 3 + i] = 1.0
+    tx, ty, tz = T_world_root[0, 3], T_world_root[1, 3], T_world_root[2, 3]
+    # v = -omega x t = t x omega
+    twists[3, 0], twists[3, 1], twists[3, 2] = 0.0, tz, -ty
+    twists[4, 0], twists[4, 1], twists[4, 2] = -tz, 0.0, tx
+    twists[5, 0], twists[5, 1], twists[5, 2] = ty, -tx, 0.0
+    rotation = np.empty((3, 3))
+    turned = np.empty((3, 3))
+    for link in range(1, parents.shape[0]):
+        parent = parents[link]
+        for i in range(3):
+            for j in range(3):
+                rotation[i, j] = (
+                    Ts_world_link[parent, i, 0] * offsets[link, 0, j]
+                    + Ts_world_link[parent, i, 1] * offsets[link, 1, j]
+                    + Ts_world_link[parent, i, 2] * offsets[link, 2, j]
+                )
+        ox = Ts_world_link[parent, 0, 3]
+        oy = Ts_world_link[parent, 1, 3]
+        oz = Ts_world_link[parent, 2, 3]
+        for j in range(3):
+            ox += Ts_world_link[parent, 0, j] * offsets[link, j, 3]
+            oy += Ts_world_link[parent, 1, j] * offsets[link, j, 3]
+            oz += Ts_world_link[parent, 2, j] * offsets[link, j, 3]
+        for axis in range(axis_start[link], axis_start[link] + axis_count[link]):
+            ax, ay, az = directions[axis, 0], directions[axis, 1], directions[axis, 2]
+            wx = rotation[0, 0] * ax + rotation[0, 1] * ay + rotation[0, 2] * az
+            wy = rotation[1, 0] * ax + rotation[1, 1] * ay + rotation[1, 2] * az
+            wz = rotation[2, 0] * ax + rotation[2, 1] * ay + rotation[2, 2] * az
+            dof = 6 + axis
+            twists[dof, 0] = oy * wz - oz * wy
+            twists[dof, 1] = oz * wx - ox * wz
+            twists[dof, 2] = ox * wy - oy * wx
+            twists[dof, 3], twists[dof, 4], twists[dof, 5] = wx, wy, wz
+            # rotation <- rotation @ exp(axis * q), column-wise Rodrigues
+            s, c = np.sin(positions[axis]), np.cos(positions[axis])
+            t = 1.0 - c
+            e00, e01, e02 = c + t * ax * ax, t * ax * ay - s * az, t * ax * az + s * ay
+            e10, e11, e12 = t * ax * ay + s * az, c + t * ay * ay, t * ay * az - s * ax
+            e20, e21, e22 = t * ax * az - s * ay, t * ay * az + s * ax, c + t * az * az
+            for i in range(3):
+                r0, r1, r2 = rotation[i, 0], rotation[i, 1], rotation[i, 2]
+                turned[i, 0] = r0 * e00 + r1 * e10 + r2 * e20
+                turned[i, 1] = r0 * e01 + r1 * e11 + r2 * e21
+                turned[i, 2] = r0 * e02 + r1 * e12 + r2 * e22
+            rotation[:, :] = turned
+        for i in range(3):
+            for j in range(3):
+                Ts_world_link[link, i, j] = rotation[i, j]
+            Ts_world_link[link, 3, i] = 0.0
+        Ts_world_link[link, 0, 3], Ts_world_link[link, 1, 3], Ts_world_link[link, 2, 3] = ox, oy, oz
+        Ts_world_link[link, 3, 3] = 1.0
+
+
+@dataclass(frozen=True)
+class KinematicChain:
+    """Links in topological order (root first) with packed arrays for the kernels.
+
+    Raises `ModelError` for a cycle, a link with two parents, several roots, or a joint to an unknown link.
+    """
+
+    links: tuple[str, ...]
+    joints: tuple[Joint, ...]
+
+    parents: np.ndarray = field(init=False, repr=False, compare=False)  # (n_links,), -1 for the root
+    offsets: np.ndarray = field(init=False, repr=False, compare=False)  # (n_links, 4, 4) T_parent_joint
+    axis_start: np.ndarray = field(init=False, repr=False, compare=False)  # (n_links,)
+    axis_count: np.ndarray = field(init=False, repr=False, compare=False)
+    directions: np.ndarray = field(init=False, repr=False, compare=False)  # (n_axes, 3)
+    axes: tuple[Axis, ...] = field(init=False, repr=False, compare=False)
+    link_moved_by: np.ndarray = field(init=False, repr=False, compare=False)  # (n_links, n_dof) bool
+
+    def __post_init__(self):
+        links, joint_of = _topological_order(self.links, self.joints)
+        index = {name: i for i, name in enumerate(links)}
+        n = len(links)
+        parents, offsets = np.full(n, -1, dtype=np.int64), np.tile(np.eye(4), (n, 1, 1))
+        axis_start, axis_count = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
+        axes: list[Axis] = []
+        moved: list[set[int]] = [set(range(N_ROOT_DOF))]
+        for i, link in enumerate(links[1:], start=1):
+            joint = joint_of[link]
+            parents[i] = index[joint.parent]
+            offsets[i] = joint.T_parent_joint
+            axis_start[i], axis_count[i] = len(axes), len(joint.axes)
+            own = {N_ROOT_DOF + len(axes) + j for j in range(len(joint.axes))}
+            moved.append(moved[parents[i]] | own)
+            axes.extend(joint.axes)
+        names = [axis.name for axis in axes]
+        if len(set(names)) != len(names):
+            raise ModelError(f"degree-of-freedom names must be unique; repeated: {sorted({x for x in names if names.count(x) > 1})}")
+        link_moved_by = np.zeros((n, N_ROOT_DOF + len(axes)), dtype=np.bool_)
+        for i, dofs in enumerate(moved):
+            link_moved_by[i, sorted(dofs)] = True
+        set_ = object.__setattr__
+        set_(self, "links", tuple(links))
+        set_(self, "parents", parents)
+        set_(self, "offsets", offsets)
+        set_(self, "axis_start", axis_start)
+        set_(self, "axis_count", axis_count)
+        set_(self, "axes", tuple(axes))
+        set_(self, "directions", np.array([a.direction for a in axes], dtype=np.float64).reshape(-1, 3))
+        set_(self, "link_moved_by", link_moved_by)
+
+    @property
+    def n_axes(self) -> int:
+        return len(self.axes)
+
+    @property
+    def n_dof(self) -> int:
+        return N_ROOT_DOF + len(self.axes)
+
+    @property
+    def dof_names(self) -> tuple[str, ...]:
+        """Names in tangent order: six of the root, then the joint axes."""
+        return ROOT_DOF_NAMES + tuple(axis.name for axis in self.axes)
+
+    @property
+    def lower(self) -> np.ndarray:
+        return np.array([axis.lower for axis in self.axes])
+
+    @property
+    def upper(self) -> np.ndarray:
+        return np.array([axis.upper for axis in self.axes])
+
+    def link_index(self, name: str) -> int:
+        if name not in self.links:
+            raise UnknownNameError("link", name, self.links)
+        return self.links.index(name)
+
+    def axis_index(self, name: str) -> int:
+        """Index into the joint positions of the axis ``name``."""
+        for i, axis in enumerate(self.axes):
+            if axis.name == name:
+                return i
+        raise UnknownNameError("joint axis", name, [axis.name for axis in self.axes])
+
+
+def _topological_order(links: tuple[str, ...], joints: tuple[Joint, ...]) -> tuple[list[str], dict[str, Joint]]:
+    if len(set(links)) != len(links):
+        raise ModelError(f"link names must be unique; repeated: {sorted({x for x in links if links.count(x) > 1})}")
+    joint_of: dict[str, Joint] = {}
+    for joint in joints:
+        for link in (joint.parent, joint.child):
+            if link not in links:
+                raise UnknownNameError(f"link of joint '{joint.name}'", link, links)
+        if joint.child in joint_of:
+            raise ModelError(f"link '{joint.child}' has two parents: joints '{joint_of[joint.child].name}' and '{joint.name}'")
+        joint_of[joint.child] = joint
+    roots = [link for link in links if link not in joint_of]
+    if not roots:
+        raise ModelError("the kinematic tree has a cycle: every link has a parent")
+    if len(roots) > 1:
+        raise ModelError(f"the kinematic tree must have one root, got {roots}")
+    ordered = [roots[0]]
+    for link in ordered:  # grows while we walk: breadth first in the order of the file
+        ordered.extend(child for child in links if child in joint_of and joint_of[child].parent == link)
+    if len(ordered) != len(links):
+        raise ModelError(f"the kinematic tree has a cycle through {sorted(set(links) - set(ordered))}")
+    return ordered, joint_of

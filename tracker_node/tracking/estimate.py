@@ -1,0 +1,64 @@
+"""What the tracker says about one image set."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from ..model.configuration import State
+
+
+class Status(IntEnum):
+    """Same numbers as tracker_msgs/TrackedState."""
+
+    INITIALISING = 0
+    TRACKING = 1
+    DEGRADED = 2
+    LOST = 3
+
+
+@dataclass(frozen=True)
+class CameraReport:
+    """One camera's part in an estimate.
+
+    ``stamp_ns`` of the image used, 0 when the camera gave none; ``residual_px`` rms over ``samples`` contour samples.
+    """
+
+    camera: str
+    stamp_ns: int
+    residual_px: float
+    samples: int
+
+
+@dataclass(frozen=True)
+class Timings:
+    """Wall-clock milliseconds; for reading only, nothing is decided by them."""
+
+    observe_ms: float
+    optimize_ms: float
+    total_ms: float
+
+
+@dataclass(frozen=True, eq=False)
+class TrackEstimate:
+    """Estimate of one instant.
+
+    ``velocity`` (n_dof,) per second and ``covariance`` (n_dof, n_dof) are in the tangent of `model.configuration.State`
+    (metres, radians). ``score`` is the robust cost (px^2) at the solution, ``residual_px`` the rms distance of the contour
+    samples over all cameras.
+    """
+
+    stamp_ns: int
+    status: Status
+    status_reason: str
+    state: State
+    velocity: np.ndarray
+    covariance: np.ndarray
+    score: float
+    residual_px: float
+    cameras: tuple[CameraReport, ...]
+    iterations: int
+    evaluations: int
+    timings: Timings
