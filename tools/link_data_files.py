@@ -9,8 +9,7 @@ import os
 import sys
 from pathlib import Path
 
-import setuptools  # noqa: F401 - brings its own distutils, also where Python has none
-from distutils.core import run_setup  # isort: skip
+import setuptools
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "tracker_node"
@@ -18,7 +17,8 @@ PACKAGE = "tracker_node"
 
 def data_files() -> list[tuple[str, list[str]]]:
     os.chdir(ROOT)
-    return run_setup("setup.py", stop_after="init").data_files
+    # Importing setuptools brings its distutils, also where Python has none.
+    return setuptools.distutils.core.run_setup("setup.py", stop_after="init").data_files
 
 
 def remove_old_links(prefix: Path) -> None:
