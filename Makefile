@@ -19,7 +19,7 @@ ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 export ROS_AUTOMATIC_DISCOVERY_RANGE
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-REQUIREMENTS := requirements/runtime.txt requirements/build.txt requirements/test.txt
+REQUIREMENTS := $(patsubst %,requirements/%.txt,runtime ros build test)
 WHEELS := $(VENV)/.wheels-installed
 MSGS := $(VENV)/.msgs-installed
 PACKAGE := $(VENV)/.package-installed
@@ -43,7 +43,7 @@ system:  ## install missing system packages (as root, with apt-get)
 
 $(WHEELS): $(REQUIREMENTS)
 	@"$(PYTHON)" tools/check_system.py
-	@test -x $(RUN) || "$(PYTHON)" -m venv $(VENV)
+	@$(RUN) -m pip --version >/dev/null 2>&1 || "$(PYTHON)" -m venv --clear $(VENV)
 	@echo "Installing the pinned packages into $(VENV) (about 1.5 GB; a minute or two on a fast connection)"
 	@$(RUN) -m pip install --quiet --no-deps $(REQUIREMENTS:%=-r %)
 	@touch $@

@@ -4,8 +4,9 @@ Run it with the Python of an environment that works, after changing a direct req
 
     .venv/bin/python tools/lock_requirements.py
 
-requirements/runtime.txt gets what the package needs to run, build.txt what building the two packages needs
-on top, test.txt what the checks need on top. The direct requirements are in setup.py and msgs/pyproject.toml.
+requirements/runtime.txt gets what the package needs to run, and on top of it ros.txt gets ROS itself (not
+wanted where ROS comes from apt), build.txt what building the two packages needs and test.txt what the checks
+need. The direct requirements are in setup.py and msgs/pyproject.toml.
 """
 
 import ast
@@ -68,14 +69,16 @@ def main() -> None:
     available = installed()
     direct = direct_requirements()
     build_system = tomllib.loads((ROOT / "msgs" / "pyproject.toml").read_text())["build-system"]
-    runtime = closure(direct["RUNTIME_REQUIREMENTS"] + direct["ROS_REQUIREMENTS"], available)
-    build = closure(["setuptools", "wheel", *build_system["requires"]], available) - runtime
-    test = closure(direct["TEST_REQUIREMENTS"], available) - runtime - build
-    for file, names in {"runtime.txt": runtime, "build.txt": build, "test.txt": test}.items():
+    direct["BUILD_REQUIREMENTS"] = ["setuptools", "wheel", *build_system["requires"]]
+    files: dict[str, set[str]] = {}
+    for kind in ("runtime", "ros", "build", "test"):
+        listed = set().union(*files.values())
+        files[f"{kind}.txt"] = closure(direct[f"{kind.upper()}_REQUIREMENTS"], available) - listed
+    for file, names in files.items():
         lines = [f"{name}=={available[name].version}\n" for name in sorted(names)]
         (ROOT / "requirements" / file).write_text(HEADER + "".join(lines))
         print(f"requirements/{file}: {len(names)}")
-    left_over = sorted(set(available) - runtime - build - test - OWN - {"pip"})
+    left_over = sorted(set(available) - set().union(*files.values()) - OWN - {"pip"})
     print(f"installed, but needed by none: {', '.join(left_over) or 'nothing'}")
 
 
