@@ -1,0 +1,144 @@
+"""Figures as a JSON file and as a table: the one format of every program that measures something.
+
+``{"metrics": {key: number}, "command": str, "versions": {name: str}, "cpu": {...}}``, dotted keys.
+A figure that could not be measured is ``null`` in the file and ``-`` in the table.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import math
+import os
+import platform
+import shlex
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from .. import __version__
+
+PACKAGES = {"numpy": "numpy", "numba": "numba", "scipy": "scipy", "opencv": "opencv-python-headless"}
+SIMD_LEVELS = ("avx512f", "avx2", "avx", "sse4_2", "sse2", "asimd", "neon")  # widest first
+
+
+def write_metrics(
+    path: str | Path, metrics: Mapping[str, float | int], *, command: str | None = None
+) -> None:
+    """Write ``metrics`` with the circumstances they were measured in; folders are made.
+
+    Parameters
+    ----------
+    path : the JSON file.
+    metrics : dotted key -> number; not-a-number and infinity become null.
+    command : how to measure again; the command line of this process if None.
+    """
+    content = {
+        "metrics": {str(key): _plain(value) for key, value in metrics.items()},
+        "command": command_line() if command is None else command,
+        "versions": versions(),
+        "cpu": cpu(),
+    }
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n")
+
+
+def print_metrics(metrics: Mapping[str, float | int]) -> None:
+    """Print ``metrics`` as a table, in their order."""
+    print(format_metrics(metrics))
+
+
+def format_metrics(metrics: Mapping[str, float | int]) -> str:
+    """One line a figure; keys to the left, numbers aligned at the decimal point."""
+    if not metrics:
+        return "(no figures)"
+    texts = {str(key): _text(value) for key, value in metrics.items()}
+    whole = max(len(text.partition(".")[0]) for text in texts.values())
+    width = max(len(key) for key in texts)
+    return "\n".join(
+        f"{key:<{width}}  {' ' * (whole - len(text.partition('.')[0]))}{text}" for key, text in texts.items()
+    )
+
+
+def command_line() -> str:
+    """The command line of this process, to be pasted into a shell."""
+    program = Path(sys.argv[0])
+    if program.name == "main.py" and program.parent.name == "cli":
+        return shlex.join(["tracker_node", *sys.argv[1:]])
+    if program.suffix == ".py":
+        return shlex.join(["python", os.path.relpath(program), *sys.argv[1:]])
+    return shlex.join([program.name, *sys.argv[1:]])
+
+
+def versions() -> dict[str, str]:
+    """Versions of what the figures depend on; ``commit`` only where the code lies in a git checkout."""
+    result = {"tracker_node": __version__, "python": platform.python_version()}
+    for name, distribution in PACKAGES.items():
+        try:
+            result[name] = importlib.metadata.version(distribution)
+        except importlib.metadata.PackageNotFoundError:
+            result[name] = "not installed"
+    commit = _commit()
+    if commit:
+        result["commit"] = commit
+    return result
+
+
+def cpu() -> dict[str, str | int]:
+    """Model, logical cores that this process may use, and the widest SIMD instruction set."""
+    info = _cpuinfo()
+    model = info.get("model name") or platform.processor() or platform.machine()
+    flags = set((info.get("flags") or info.get("Features") or "").split())
+    simd = next((level for level in SIMD_LEVELS if level in flags), "unknown")
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return {"model": model, "cores": cores, "simd": simd}
+
+
+def _cpuinfo() -> dict[str, str]:
+    """The first processor's entry of /proc/cpuinfo, empty where there is none."""
+    try:
+        text = Path("/proc/cpuinfo").read_text()
+    except OSError:
+        return {}
+    lines = (line.partition(":") for line in text.split("\n\n")[0].splitlines())
+    return {key.strip(): value.strip() for key, _, value in lines}
+
+
+def _commit() -> str | None:
+    """Commit of the checkout this file lies in, with ``-dirty`` when tracked files have changed."""
+    root = Path(__file__).resolve().parents[2]
+    if not (root / ".git").exists():
+        return None
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(root), "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"],
+            capture_output=True, text=True, timeout=10, check=True,
+        )  # fmt: skip
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip() or None
+
+
+def _plain(value: float | int) -> float | int | None:
+    """A number that JSON has."""
+    if isinstance(value, (bool, np.bool_)):
+        return int(value)
+    if isinstance(value, (int, np.integer)):
+        return int(value)
+    number = float(value)
+    return number if math.isfinite(number) else None
+
+
+def _text(value: float | int) -> str:
+    plain = _plain(value)
+    if plain is None:
+        return "-"
+    if isinstance(plain, int):
+        return str(plain)
+    if plain == 0.0 or 1e-2 <= abs(plain) < 1e7:
+        return f"{plain:.3f}"
+    return f"{plain:.3e}"
