@@ -30,7 +30,12 @@ def test_numbers_that_json_lacks_become_null(tmp_path):
 def test_table_aligns_decimal_points(capsys):
     print_metrics({"long.key_name": 123.4567, "n": 7, "x": float("nan"), "tiny": 1.5e-7})
     lines = capsys.readouterr().out.splitlines()
-    expected = ["long.key_name  123.457", "n                7", "x                -", "tiny             1.500e-07"]
+    expected = [  # decimal points below each other
+        "long.key_name  123.457",
+        "n                7",
+        "x                -",
+        "tiny             1.500e-07",
+    ]
     assert lines == expected
 
 
