@@ -1,0 +1,260 @@
+"""Camera rigs as YAML (``rig.yaml``; the format is described in docs/formats.md)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from ..camera.camera_model import CameraModel
+from ..camera.camera_rig import Camera, CameraRig
+from ..camera.distortion import COEFFICIENT_COUNTS
+from ..errors import CalibrationError
+from ..geometry import se3
+from .yaml_file import (
+    FileModel,
+    Number,
+    PositiveNumber,
+    numbers,
+    problem,
+    read_mapping,
+    validate,
+    write_mapping,
+)
+
+NS_PER_S = 1_000_000_000
+
+
+def _image_size(value: Any) -> tuple[int, int]:
+    two = isinstance(value, (list, tuple)) and len(value) == 2
+    if not two or not all(
+        isinstance(v, (int, float)) and float(v).is_integer() and 1 <= v <= 100_000 for v in value
+    ):
+        raise problem("[width, height] in whole pixels", value)
+    return int(value[0]), int(value[1])
+
+
+ImageSize = Annotated[tuple[int, int], BeforeValidator(_image_size)]
+
+
+def _gain(value: Any) -> tuple[float, float, float]:
+    items = [value] * 3 if isinstance(value, (int, float)) else value
+    ok = isinstance(items, (list, tuple)) and len(items) == 3
+    if not ok or any(
+        isinstance(v, bool) or not isinstance(v, (int, float)) or not 0 < v < 1e6 for v in items
+    ):
+        raise problem("one positive number or [r, g, b]", value)
+    return float(items[0]), float(items[1]), float(items[2])
+
+
+class CameraEntry(FileModel):
+    """One camera as the file states it: calibration in calibration pixels, extrinsics, source."""
+
+    image_size: ImageSize
+    K: numbers(3, 3)  # type: ignore[valid-type]
+    distortion_model: Literal["none", "plumb_bob", "rational_polynomial", "equidistant"] = "none"
+    distortion: numbers(None) = ()  # type: ignore[valid-type]
+    T_world_cam: numbers(4, 4)  # type: ignore[valid-type]
+    source: str | None = None
+    time_offset_s: Number = 0.0  # type: ignore[valid-type]
+    plate: str | None = None
+    pixel_map: numbers(2, 3) | None = None  # type: ignore[valid-type]
+    file_image_size: ImageSize | None = None
+    gain: Annotated[tuple[float, float, float], BeforeValidator(_gain)] = (1.0, 1.0, 1.0)
+    gamma: PositiveNumber = 1.0
+
+    @model_validator(mode="after")
+    def _consistent(self) -> CameraEntry:
+        counts = COEFFICIENT_COUNTS[self.distortion_model]
+        if len(self.distortion) not in counts:
+            several = " or ".join(str(count) for count in counts)
+            raise problem(
+                f"{several} coefficients for {self.distortion_model}", self.distortion, "distortion"
+            )
+        if not se3.is_rigid(np.array(self.T_world_cam), tolerance=1e-4):
+            raise problem(
+                "a rigid 4 x 4 transform (rotation, metres, last row 0 0 0 1)",
+                self.T_world_cam,
+                "T_world_cam",
+            )
+        lower = (self.K[1][0], self.K[2][0], self.K[2][1])
+        if self.K[0][0] != 0.0 and (
+            any(lower) or self.K[2][2] != 1.0 or self.K[0][0] < 0.0 or self.K[1][1] <= 0.0
+        ):
+            raise problem("[[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with positive focal lengths", self.K, "K")
+        self._check_pixel_map()
+        return self
+
+    def _check_pixel_map(self) -> None:
+        if self.pixel_map is None:
+            if self.file_image_size not in (None, self.image_size):
+                raise problem("a pixel_map beside file_image_size", "nothing", "pixel_map")
+            return
+        (sx, _, _), (zero, sy, _) = self.pixel_map
+        if zero != 0.0 or sx <= 0.0 or sy <= 0.0:
+            raise problem("[[sx, skew, tx], [0, sy, ty]] with sx, sy > 0", self.pixel_map, "pixel_map")
+        if self.file_image_size is None:
+            raise problem("the size of the file's images beside pixel_map", "nothing", "file_image_size")
+
+    def model(self, name: str) -> CameraModel:
+        """Lens for the pixels of the file: the map file -> calibration is undone in K.
+
+        Raises
+        ------
+        CalibrationError : K[0] = 0, the mark of an uncalibrated camera.
+        """
+        if self.K[0][0] == 0.0:
+            raise CalibrationError(name, "uncalibrated (K[0] = 0)")
+        model = CameraModel(
+            *self.image_size, np.array(self.K), self.distortion_model, np.array(self.distortion)
+        )
+        if self.pixel_map is None or self.file_image_size is None:
+            return model
+        cal_from_file = np.vstack([self.pixel_map, [0.0, 0.0, 1.0]])
+        file_from_cal = np.linalg.inv(cal_from_file)[:2]
+        file_from_cal[1, 0] = 0.0
+        return model.mapped(file_from_cal, *self.file_image_size)
+
+
+class LightEntry(FileModel):
+    """A light of the scene, in world axes; what a kind has no use for is left out."""
+
+    kind: Literal["ambient", "directional", "point", "spot"]
+    position: numbers(3) | None = None  # type: ignore[valid-type]
+    direction: numbers(3) | None = None  # type: ignore[valid-type]
+    cone_deg: Number | None = None  # type: ignore[valid-type]
+    intensity: Annotated[tuple[float, float, float], BeforeValidator(_gain)] = (1.0, 1.0, 1.0)
+
+    @model_validator(mode="after")
+    def _complete(self) -> LightEntry:
+        needed = {
+            "point": ("position",),
+            "spot": ("position", "direction", "cone_deg"),
+            "directional": ("direction",),
+        }
+        for name in needed.get(self.kind, ()):
+            if getattr(self, name) is None:
+                raise problem(f"a value for a {self.kind} light", "nothing", name)
+        if self.direction is not None and not np.linalg.norm(self.direction) > 0.0:
+            raise problem("a direction of non-zero length", self.direction, "direction")
+        if self.cone_deg is not None and not 0.0 < self.cone_deg < 180.0:
+            raise problem("a half angle in (0, 180) degrees", self.cone_deg, "cone_deg")
+        return self
+
+
+class RigFile(FileModel):
+    """A whole rig file, kept as written so that it can be changed and dumped again."""
+
+    world_frame: str = "world"
+    cameras: dict[str, CameraEntry] = Field(min_length=1)
+    lights: tuple[LightEntry, ...] = ()
+
+    @model_validator(mode="after")
+    def _usable_names(self) -> RigFile:
+        for name in self.cameras:
+            if not name.isidentifier() or not name.isascii():
+                raise problem(
+                    "a camera name of letters, digits and _ (it becomes a topic)", name, f"cameras.{name}"
+                )
+        return self
+
+    def with_extrinsics(self, Ts_world_cam: Mapping[str, np.ndarray]) -> RigFile:
+        """The same rig with some cameras placed anew (name -> (4, 4))."""
+        cameras = dict(self.cameras)
+        for name, transform in Ts_world_cam.items():
+            rows = tuple(tuple(float(v) for v in row) for row in transform)
+            cameras[name] = cameras[name].model_copy(update={"T_world_cam": rows})
+        return self.model_copy(update={"cameras": cameras})
+
+
+def read_rig_file(path: str | Path) -> RigFile:
+    """The validated content of a rig file.
+
+    Raises
+    ------
+    FileFormatError : naming file, dotted field, what was expected and what stands there.
+    """
+    return validate(RigFile, read_mapping(path), path)
+
+
+def build_rig(rig_file: RigFile, base_dir: str | Path) -> CameraRig:
+    """Cameras of a rig file; relative sources and plates are taken from ``base_dir``.
+
+    Raises
+    ------
+    CalibrationError : naming a camera that is not calibrated.
+    """
+    cameras = []
+    for name, entry in rig_file.cameras.items():
+        cameras.append(
+            Camera(
+                name=name,
+                model=entry.model(name),
+                T_world_cam=_rigid(np.array(entry.T_world_cam)),
+                source=_resolved(entry.source, base_dir),
+                time_offset_ns=round(entry.time_offset_s * NS_PER_S),
+                plate=_resolved(entry.plate, base_dir),
+            )
+        )
+    return CameraRig(tuple(cameras), rig_file.world_frame)
+
+
+def load_rig(path: str | Path) -> CameraRig:
+    """The rig of a file, ready for use (see `read_rig_file` and `build_rig` for what is refused)."""
+    return build_rig(read_rig_file(path), Path(path).parent)
+
+
+def write_rig_file(rig_file: RigFile, path: str | Path, base_dir: str | Path | None = None) -> None:
+    """Write a rig file.
+
+    With ``base_dir``, the folder that the relative sources and plates were relative to, they are rewritten for the folder
+    of ``path``; without it they are written as they are.
+    """
+    values = rig_file.model_dump(mode="python", exclude_none=True, exclude_defaults=True)
+    values = {key: values[key] for key in ("world_frame", "cameras", "lights") if key in values}
+    for entry in values["cameras"].values():
+        for key in ("source", "plate"):
+            if base_dir is not None and key in entry:
+                entry[key] = _moved(entry[key], Path(base_dir), Path(path).parent)
+    write_mapping(values, path, "Camera rig; the format is described in docs/formats.md.")
+
+
+def rig_file_of(rig: CameraRig) -> RigFile:
+    """A rig file that says what ``rig`` is, for rigs that come from elsewhere."""
+    cameras = {}
+    for camera in rig:
+        cameras[camera.name] = CameraEntry(
+            image_size=(camera.model.width, camera.model.height),
+            K=camera.model.K,
+            distortion_model=camera.model.distortion_model,
+            distortion=camera.model.distortion,
+            T_world_cam=camera.T_world_cam,
+            source=camera.source,
+            time_offset_s=camera.time_offset_ns / NS_PER_S,
+            plate=camera.plate,
+        )
+    return RigFile(world_frame=rig.world_frame, cameras=cameras)
+
+
+def _rigid(transform: np.ndarray) -> np.ndarray:
+    """The transform itself if it is rigid, else (rounded digits in a file) the nearest that is."""
+    if se3.is_rigid(transform, tolerance=1e-9):
+        return transform
+    u, _, vt = np.linalg.svd(transform[:3, :3])
+    return se3.from_rotation_translation(u @ vt, transform[:3, 3])
+
+
+def _resolved(source: str | None, base_dir: str | Path) -> str | None:
+    if source is None or "://" in source or os.path.isabs(source):
+        return source
+    return os.path.normpath(os.path.join(base_dir, source))
+
+
+def _moved(source: str, old_dir: Path, new_dir: Path) -> str:
+    if "://" in source or os.path.isabs(source):
+        return source
+    return os.path.relpath(os.path.join(old_dir, source), new_dir)
