@@ -1,0 +1,210 @@
+"""Contour residuals of one camera, linearized: distances of predicted contour samples in the evidence maps.
+
+Each sample is worth one residual r (pixels), read from distance maps by bilinear interpolation, with the analytic
+derivative (Knossow et al., eqs 7-11, corrected for a spatial twist)
+
+    r_D_twist = h^T (A + B),   h = (map gradient) J_I R_cam_world,
+
+accumulated per link as 6x6 normal matrices, because all samples of a link share its kinematic Jacobian.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+import numpy as np
+
+from ..camera.camera_model import project_point
+from ..render.contour import (
+    HIDDEN,
+    M,
+    N_COLUMNS,
+    NORMAL,
+    OUTER,
+    SLIDE,
+    P,
+    classify_sample,
+    nearby_shapes,
+    shape_contour,
+)
+
+# Indices of the option array
+ROBUST_SCALE, SLIDING, SUM_OF_MAPS, OUTWARD_PX, INNER_WEIGHT, ALIGNMENT = 0, 1, 2, 3, 4, 5
+N_OPTIONS = 6
+# Indices of the statistics array
+COST, SQUARES, COUNT, WEIGHT, N_OUTER, N_CANDIDATES = 0, 1, 2, 3, 4, 5
+N_STATISTICS = 6
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def bilinear(image, u, v):
+    """(inside, value, d/du, d/dv) of a float32 map at (u, v) in its own pixels."""
+    x, y = math.floor(u), math.floor(v)
+    i, j = int(y), int(x)
+    if i < 0 or j < 0 or i + 1 >= image.shape[0] or j + 1 >= image.shape[1]:
+        return False, 0.0, 0.0, 0.0
+    a, b = u - x, v - y
+    f00, f01 = np.float64(image[i, j]), np.float64(image[i, j + 1])
+    f10, f11 = np.float64(image[i + 1, j]), np.float64(image[i + 1, j + 1])
+    top, bottom = f00 + a * (f01 - f00), f10 + a * (f11 - f10)
+    return True, top + b * (bottom - top), (1 - b) * (f01 - f00) + b * (f11 - f10), bottom - top
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _read_maps(silhouette, edges, u, v, nu, nv, outer, options):
+    """Residual of a sample: (usable, r, r_u, r_v, weight).
+
+    The paper's sum takes the distance outside the silhouette plus the distance to the nearest edge for every sample. The split
+    form reads the *signed* silhouette distance for samples of the body's outline (its sign says which way to go from far
+    off), and the edges for contours within the body; a boundary that does not lie across the sample's normal (nu, nv) is
+    another part's, and is not used.
+    """
+    ok, value, gu, gv = bilinear(silhouette, u, v)
+    if not ok:
+        return False, 0.0, 0.0, 0.0, 0.0
+    if options[SUM_OF_MAPS] > 0.5:
+        ok, edge, eu, ev = bilinear(edges, u, v)
+        if value <= 0.0:
+            value, gu, gv = 0.0, 0.0, 0.0
+        return ok, value + edge, gu + eu, gv + ev, 1.0
+    weight = 1.0
+    if not outer:
+        weight = options[INNER_WEIGHT]
+        if weight <= 0.0:
+            return False, 0.0, 0.0, 0.0, 0.0
+        ok, value, gu, gv = bilinear(edges, u, v)
+        if not ok:
+            return False, 0.0, 0.0, 0.0, 0.0
+    slope = math.sqrt(gu * gu + gv * gv)
+    if slope < 0.2:  # beyond the truncation, or on a ridge between two boundaries
+        return False, 0.0, 0.0, 0.0, 0.0
+    along = (gu * nu + gv * nv) / slope
+    if not outer:
+        along = abs(along)
+    if along < options[ALIGNMENT]:
+        return False, 0.0, 0.0, 0.0, 0.0
+    return True, value, gu, gv, weight
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def linearize_camera(
+    kinds, dims, links, Ts, spheres, camera, silhouette, edges, origin, options, n_samples, refresh, flags, normal, gradient, stats
+):  # fmt: skip
+    """Add one camera's contour residuals to per-link normal matrices.
+
+    ``camera`` is (params, R_cam_world, t_cam_world, center). ``flags`` (n_shapes, 2 n_samples) holds each sample's class; it is
+    filled when ``refresh``, else used as it is. ``normal`` (n_links, 6, 6), ``gradient`` (n_links, 6) and ``stats`` are overwritten.
+    """
+    params, R, t, center = camera
+    normal[:] = 0.0
+    gradient[:] = 0.0
+    stats[:] = 0.0
+    rows = np.empty((2 * n_samples, N_COLUMNS))
+    nearby = np.empty(kinds.shape[0], dtype=np.int64)
+    g = np.empty(6)
+    scale_sq = options[ROBUST_SCALE] ** 2
+    for shape in range(kinds.shape[0]):
+        count = shape_contour(kinds[shape], dims[shape], Ts[shape], center, n_samples, rows)
+        if count == 0:
+            continue
+        n_nearby = nearby_shapes(spheres, center, shape, nearby) if refresh else 0
+        link = links[shape]
+        for j in range(count):
+            row = rows[j]
+            x = R[0, 0] * row[P] + R[0, 1] * row[P + 1] + R[0, 2] * row[P + 2] + t[0]
+            y = R[1, 0] * row[P] + R[1, 1] * row[P + 1] + R[1, 2] * row[P + 2] + t[1]
+            z = R[2, 0] * row[P] + R[2, 1] * row[P + 1] + R[2, 2] * row[P + 2] + t[2]
+            ok, u, v, ux, uy, uz, vx, vy, vz = project_point(params, x, y, z)
+            if not ok:
+                if refresh:
+                    flags[shape, j] = HIDDEN
+                continue
+            if refresh:
+                outward = options[OUTWARD_PX] * z / params[0]
+                flags[shape, j] = classify_sample(kinds, dims, Ts, spheres, nearby, n_nearby, center, row, outward)
+            if flags[shape, j] == HIDDEN:
+                continue
+            stats[N_CANDIDATES] += 1.0
+            # Image direction of the outward normal
+            nx = R[0, 0] * row[NORMAL] + R[0, 1] * row[NORMAL + 1] + R[0, 2] * row[NORMAL + 2]
+            ny = R[1, 0] * row[NORMAL] + R[1, 1] * row[NORMAL + 1] + R[1, 2] * row[NORMAL + 2]
+            nz = R[2, 0] * row[NORMAL] + R[2, 1] * row[NORMAL + 1] + R[2, 2] * row[NORMAL + 2]
+            nu, nv = ux * nx + uy * ny + uz * nz, vx * nx + vy * ny + vz * nz
+            norm = math.sqrt(nu * nu + nv * nv)
+            outer = flags[shape, j] == OUTER
+            ok, r, gu, gv, weight = _read_maps(
+                silhouette, edges, u - origin[0], v - origin[1], nu / norm, nv / norm, outer, options
+            )
+            if not ok:
+                continue
+            hx, hy, hz = gu * ux + gv * vx, gu * uy + gv * vy, gu * uz + gv * vz
+            h0 = R[0, 0] * hx + R[1, 0] * hy + R[2, 0] * hz
+            h1 = R[0, 1] * hx + R[1, 1] * hy + R[2, 1] * hz
+            h2 = R[0, 2] * hx + R[1, 2] * hy + R[2, 2] * hz
+            g[0], g[1], g[2] = h0, h1, h2
+            g[3] = row[P + 1] * h2 - row[P + 2] * h1
+            g[4] = row[P + 2] * h0 - row[P] * h2
+            g[5] = row[P] * h1 - row[P + 1] * h0
+            if options[SLIDING] > 0.5:
+                slide = h0 * row[SLIDE] + h1 * row[SLIDE + 1] + h2 * row[SLIDE + 2]
+                m0, m1, m2 = slide * row[M], slide * row[M + 1], slide * row[M + 2]
+                g[0] += m0
+                g[1] += m1
+                g[2] += m2
+                g[3] += center[1] * m2 - center[2] * m1
+                g[4] += center[2] * m0 - center[0] * m2
+                g[5] += center[0] * m1 - center[1] * m0
+            # Geman-McClure: cost s^2 r^2 / (s^2 + r^2), weight (s^2 / (s^2 + r^2))^2
+            ratio = scale_sq / (scale_sq + r * r)
+            w = weight * ratio * ratio
+            for a in range(6):
+                wa = w * g[a]
+                gradient[link, a] += wa * r
+                for b in range(a, 6):
+                    normal[link, a, b] += wa * g[b]
+            stats[COST] += weight * ratio * r * r
+            stats[SQUARES] += w * r * r
+            stats[WEIGHT] += w
+            stats[COUNT] += 1.0
+            if outer:
+                stats[N_OUTER] += 1.0
+    for link in range(normal.shape[0]):
+        for a in range(6):
+            for b in range(a):
+                normal[link, a, b] = normal[link, b, a]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def assemble(link_normal, link_gradient, moved_by, twists, H, g):
+    """Sum J^T N J and J^T g over links, J the twists of the degrees of freedom that move the link. ``H``, ``g`` overwritten."""
+    n = twists.shape[0]
+    H[:] = 0.0
+    g[:] = 0.0
+    product = np.empty((n, 6))
+    for link in range(link_normal.shape[0]):
+        if link_normal[link, 0, 0] + link_normal[link, 1, 1] + link_normal[link, 2, 2] == 0.0:
+            continue
+        for i in range(n):
+            if not moved_by[link, i]:
+                continue
+            value = 0.0
+            for a in range(6):
+                value += twists[i, a] * link_gradient[link, a]
+                total = 0.0
+                for b in range(6):
+                    total += link_normal[link, a, b] * twists[i, b]
+                product[i, a] = total
+            g[i] += value
+        for i in range(n):
+            if not moved_by[link, i]:
+                continue
+            for j in range(i, n):
+                if moved_by[link, j]:
+                    total = 0.0
+                    for a in range(6):
+                        total += twists[i, a] * product[j, a]
+                    H[i, j] += total
+    for i in range(n):
+        for j in range(i):
+            H[i, j] = H[j, i]

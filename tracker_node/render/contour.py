@@ -1,0 +1,275 @@
+"""Extremal contours of cones and ellipsoids in closed form, how they slide, and what hides them.
+
+A contour generator is where lines of sight touch a surface. For the truncated elliptical cone it is two straight lines
+(Knossow et al., eqs 3-5); for the ellipsoid a planar conic, which becomes a circle when the ellipsoid is scaled to a sphere.
+
+When a body moves with spatial twist (v, omega) at the world origin, a generator point p has the velocity
+
+    p' = v + omega x p + d * (m . (v + omega x C)),
+
+C the camera center, m the surface normal up to scale, and d the sliding direction. The last term is the paper's B, in the
+form that is exact for a spatial twist (eq. 9 as printed mixes two twists).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+import numpy as np
+
+from .shape_arrays import CONE, ELLIPSOID
+
+# Columns of a contour sample: position p, unit outward normal m_hat, sliding direction d, normal m (all in the world)
+P, NORMAL, SLIDE, M = 0, 3, 6, 9
+N_COLUMNS = 12
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _to_world(T, x, y, z, out, at, translate):
+    for i in range(3):
+        value = T[i, 0] * x + T[i, 1] * y + T[i, 2] * z
+        out[at + i] = value + T[i, 3] if translate else value
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _unit_normal(row):
+    norm = math.sqrt(row[M] ** 2 + row[M + 1] ** 2 + row[M + 2] ** 2)
+    for i in range(3):
+        row[NORMAL + i] = row[M + i] / norm
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def cone_contour(dims, T, center, n_samples, out):
+    """Fill ``out`` with 2 * n_samples rows for one cone; returns how many (0 when the camera is inside the cone)."""
+    a, b, k, z1, z2 = dims[0], dims[1], dims[2], dims[3], dims[4]
+    wx, wy, wz = center[0] - T[0, 3], center[1] - T[1, 3], center[2] - T[2, 3]
+    cx = T[0, 0] * wx + T[1, 0] * wy + T[2, 0] * wz
+    cy = T[0, 1] * wx + T[1, 1] * wy + T[2, 1] * wz
+    cz = T[0, 2] * wx + T[1, 2] * wy + T[2, 2] * wz
+    F, G, H = -b * cx, -a * cy, a * b * (1.0 + k * cz)
+    amplitude = math.sqrt(F * F + G * G)
+    if not abs(H) < amplitude:
+        return 0
+    middle = math.atan2(G, F)
+    half = math.acos(-H / amplitude)
+    count = 0
+    for side in range(2):
+        theta = middle + half if side == 0 else middle - half
+        c, s = math.cos(theta), math.sin(theta)
+        nx, ny, nz = b * c, a * s, -a * b * k
+        # b of the paper: (X - C')^T n_theta; independent of z
+        slope = (a * c - cx) * (-b * s) + (b * s - cy) * (a * c)
+        for j in range(n_samples):
+            z = z1 + (z2 - z1) * (j + 0.5) / n_samples
+            scale = 1.0 + k * z
+            row = out[count]
+            _to_world(T, a * scale * c, b * scale * s, z, row, P, True)
+            _to_world(T, nx, ny, nz, row, M, False)
+            _to_world(T, a * scale * s / slope, -b * scale * c / slope, 0.0, row, SLIDE, False)  # -X_theta / b
+            _unit_normal(row)
+            count += 1
+    return count
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def ellipsoid_contour(dims, T, center, n_samples, out):
+    """Fill ``out`` with n_samples rows for one ellipsoid; returns how many (0 when the camera is inside)."""
+    rx, ry, rz = dims[0], dims[1], dims[2]
+    wx, wy, wz = center[0] - T[0, 3], center[1] - T[1, 3], center[2] - T[2, 3]
+    cx = (T[0, 0] * wx + T[1, 0] * wy + T[2, 0] * wz) / rx
+    cy = (T[0, 1] * wx + T[1, 1] * wy + T[2, 1] * wz) / ry
+    cz = (T[0, 2] * wx + T[1, 2] * wy + T[2, 2] * wz) / rz
+    length_sq = cx * cx + cy * cy + cz * cz
+    if not length_sq > 1.0:
+        return 0
+    length = math.sqrt(length_sq)
+    hx, hy, hz = cx / length, cy / length, cz / length
+    # A basis of the plane across the line to the camera, from the axis least along it
+    if abs(hx) <= abs(hy) and abs(hx) <= abs(hz):
+        ex, ey, ez = 0.0, -hz, hy
+    elif abs(hy) <= abs(hz):
+        ex, ey, ez = hz, 0.0, -hx
+    else:
+        ex, ey, ez = -hy, hx, 0.0
+    norm = math.sqrt(ex * ex + ey * ey + ez * ez)
+    ex, ey, ez = ex / norm, ey / norm, ez / norm
+    fx, fy, fz = hy * ez - hz * ey, hz * ex - hx * ez, hx * ey - hy * ex
+    lift, radius = 1.0 / length, math.sqrt(1.0 - 1.0 / length_sq)
+    for j in range(n_samples):
+        angle = 2.0 * math.pi * (j + 0.5) / n_samples
+        c, s = math.cos(angle), math.sin(angle)
+        x = lift * hx + radius * (c * ex + s * fx)
+        y = lift * hy + radius * (c * ey + s * fy)
+        z = lift * hz + radius * (c * ez + s * fz)
+        # On the unit sphere the point slides towards the camera's pole: direction g = h - (h.x) x, with h.x = lift
+        gx, gy, gz = hx - lift * x, hy - lift * y, hz - lift * z
+        slope = gx * cx + gy * cy + gz * cz
+        row = out[j]
+        _to_world(T, rx * x, ry * y, rz * z, row, P, True)
+        _to_world(T, x / rx, y / ry, z / rz, row, M, False)
+        _to_world(T, rx * gx / slope, ry * gy / slope, rz * gz / slope, row, SLIDE, False)
+        _unit_normal(row)
+    return n_samples
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def shape_contour(kind, dims, T, center, n_samples, out):
+    """Contour samples of one shape; ``out`` (>= 2 n_samples, `N_COLUMNS`). Returns their number."""
+    if kind == CONE:
+        return cone_contour(dims, T, center, n_samples, out)
+    if kind == ELLIPSOID:
+        return ellipsoid_contour(dims, T, center, 2 * n_samples, out)
+    return 0
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def ray_interval(kind, dims, T, center, dx, dy, dz):
+    """Where the ray center + t * (dx, dy, dz) is inside a shape: (hit, t_in, t_out)."""
+    wx, wy, wz = center[0] - T[0, 3], center[1] - T[1, 3], center[2] - T[2, 3]
+    ox = T[0, 0] * wx + T[1, 0] * wy + T[2, 0] * wz
+    oy = T[0, 1] * wx + T[1, 1] * wy + T[2, 1] * wz
+    oz = T[0, 2] * wx + T[1, 2] * wy + T[2, 2] * wz
+    ux = T[0, 0] * dx + T[1, 0] * dy + T[2, 0] * dz
+    uy = T[0, 1] * dx + T[1, 1] * dy + T[2, 1] * dz
+    uz = T[0, 2] * dx + T[1, 2] * dy + T[2, 2] * dz
+    if kind == ELLIPSOID:
+        ox, oy, oz = ox / dims[0], oy / dims[1], oz / dims[2]
+        ux, uy, uz = ux / dims[0], uy / dims[1], uz / dims[2]
+        qa = ux * ux + uy * uy + uz * uz
+        qb = ox * ux + oy * uy + oz * uz
+        qc = ox * ox + oy * oy + oz * oz - 1.0
+        disc = qb * qb - qa * qc
+        if disc <= 0.0:
+            return False, 0.0, 0.0
+        root = math.sqrt(disc)
+        return True, (-qb - root) / qa, (-qb + root) / qa
+    a, b, k, z1, z2 = dims[0], dims[1], dims[2], dims[3], dims[4]
+    # Slab z1..z2
+    if abs(uz) < 1e-12:
+        if oz < z1 or oz > z2:
+            return False, 0.0, 0.0
+        t_in, t_out = -1e30, 1e30
+    else:
+        t_in, t_out = (z1 - oz) / uz, (z2 - oz) / uz
+        if t_in > t_out:
+            t_in, t_out = t_out, t_in
+    # (x/a)^2 + (y/b)^2 <= (1 + k z)^2
+    px, py, vx, vy = ox / a, oy / b, ux / a, uy / b
+    w, wd = 1.0 + k * oz, k * uz
+    qa = vx * vx + vy * vy - wd * wd
+    qb = px * vx + py * vy - w * wd
+    qc = px * px + py * py - w * w
+    disc = qb * qb - qa * qc
+    if abs(qa) < 1e-14:
+        if abs(qb) < 1e-14:
+            return (qc < 0.0) and (t_in < t_out), t_in, t_out
+        t = -0.5 * qc / qb
+        if qb > 0.0:
+            t_out = min(t_out, t)
+        else:
+            t_in = max(t_in, t)
+        return t_in < t_out, t_in, t_out
+    if qa > 0.0:
+        if disc <= 0.0:
+            return False, 0.0, 0.0
+        root = math.sqrt(disc)
+        t_in, t_out = max(t_in, (-qb - root) / qa), min(t_out, (-qb + root) / qa)
+        return t_in < t_out, t_in, t_out
+    # The ray is steeper than the cone: inside the double cone outside the two roots; keep the nappe of the slab
+    if disc <= 0.0:
+        return t_in < t_out, t_in, t_out
+    root = math.sqrt(disc)
+    lo, hi = (-qb + root) / qa, (-qb - root) / qa
+    middle = 0.5 * (t_in + t_out)
+    if middle < 0.5 * (lo + hi):
+        t_out = min(t_out, lo)
+    else:
+        t_in = max(t_in, hi)
+    return t_in < t_out, t_in, t_out
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def sphere_near_ray(sphere, center, dx, dy, dz, slack):
+    """Cheap test before `ray_interval`: does the line of sight pass within the bounding sphere (world, radius + slack)?"""
+    wx, wy, wz = sphere[0] - center[0], sphere[1] - center[1], sphere[2] - center[2]
+    dot = wx * dx + wy * dy + wz * dz
+    length_sq = dx * dx + dy * dy + dz * dz
+    radius = sphere[3] + slack
+    return wx * wx + wy * wy + wz * wz - dot * dot / length_sq < radius * radius
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def world_spheres(Ts_world_shape, bounds, out):
+    """Bounding spheres (n, 4) in the world."""
+    for i in range(bounds.shape[0]):
+        for r in range(3):
+            out[i, r] = (
+                Ts_world_shape[i, r, 0] * bounds[i, 0]
+                + Ts_world_shape[i, r, 1] * bounds[i, 1]
+                + Ts_world_shape[i, r, 2] * bounds[i, 2]
+                + Ts_world_shape[i, r, 3]
+            )
+        out[i, 3] = bounds[i, 3]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def nearby_shapes(spheres, center, shape, out):
+    """Indices of shapes whose bounding spheres overlap that of ``shape`` as seen from ``center``; returns their number."""
+    sx, sy, sz = spheres[shape, 0] - center[0], spheres[shape, 1] - center[1], spheres[shape, 2] - center[2]
+    distance = math.sqrt(sx * sx + sy * sy + sz * sz)
+    own = math.asin(min(1.0, 1.1 * spheres[shape, 3] / distance))
+    count = 0
+    for other in range(spheres.shape[0]):
+        if other == shape:
+            continue
+        ox, oy, oz = spheres[other, 0] - center[0], spheres[other, 1] - center[1], spheres[other, 2] - center[2]
+        length = math.sqrt(ox * ox + oy * oy + oz * oz)
+        cosine = (sx * ox + sy * oy + sz * oz) / (distance * length)
+        angle = math.acos(min(1.0, max(-1.0, cosine)))
+        if angle < own + math.asin(min(1.0, 1.1 * spheres[other, 3] / length)):
+            out[count] = other
+            count += 1
+    return count
+
+
+HIDDEN, OUTER, INNER = 0, 1, 2
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def classify_sample(kinds, dims, Ts, spheres, nearby, n_nearby, center, row, outward):
+    """Is a contour sample seen, and what lies beyond it?
+
+    `HIDDEN`: another part is in front of the point, or encloses it. `OUTER`: just outside the contour (``outward`` metres along
+    the normal) the line of sight meets no part: the point belongs to the outline of the whole body. `INNER`: it meets one.
+    """
+    px, py, pz = row[P], row[P + 1], row[P + 2]
+    dx, dy, dz = px - center[0], py - center[1], pz - center[2]
+    ex, ey, ez = dx + outward * row[NORMAL], dy + outward * row[NORMAL + 1], dz + outward * row[NORMAL + 2]
+    length = math.sqrt(dx * dx + dy * dy + dz * dz)
+    tolerance = 0.003 / length  # a part that comes in less than 3 mm before the point does not hide it
+    beyond = False
+    for j in range(n_nearby):
+        other = nearby[j]
+        if not sphere_near_ray(spheres[other], center, dx, dy, dz, 2.0 * outward):
+            continue
+        hit, t_in, t_out = ray_interval(kinds[other], dims[other], Ts[other], center, dx, dy, dz)
+        if hit and t_out > 0.0 and t_in < 1.0 - tolerance:
+            if t_out > tolerance:
+                return HIDDEN
+        if not beyond:
+            hit, t_in, t_out = ray_interval(kinds[other], dims[other], Ts[other], center, ex, ey, ez)
+            beyond = hit and t_out > 0.0
+    return INNER if beyond else OUTER
+
+
+def contour_points(arrays, Ts_world_shape: np.ndarray, shape: int, center: np.ndarray, n_samples: int) -> np.ndarray:
+    """Contour samples of one shape for a camera at ``center`` (3,) in the world.
+
+    Returns (n, `N_COLUMNS`): position, unit normal, sliding direction d and normal m, all in world axes, metres.
+    """
+    out = np.empty((2 * n_samples, N_COLUMNS))
+    n = shape_contour(
+        arrays.kinds[shape], arrays.dims[shape], Ts_world_shape[shape], np.asarray(center, dtype=np.float64), n_samples, out
+    )
+    return out[:n]
