@@ -1,0 +1,210 @@
+"""The synchroniser: what holds for any images in any order, and the situations that rigs get into."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tracker_node.errors import UnknownNameError
+from tracker_node.observation.image_set import CameraImage
+from tracker_node.observation.image_synchronizer import REASONS, ImageSynchronizer
+
+PERIOD_NS = 20_000_000
+TOLERANCE_NS = 8_000_000
+CAMERAS = ("left", "middle", "right")
+PIXELS = np.zeros((1, 1), dtype=np.uint8)
+
+
+def image(camera, stamp_ns):
+    return CameraImage(camera, stamp_ns, PIXELS, "mono8")
+
+
+def synchronizer(min_cameras=0, queue_s=0.2, cameras=CAMERAS, tolerance=0.4):
+    return ImageSynchronizer(
+        cameras,
+        image_period_s=PERIOD_NS * 1e-9,
+        tolerance=tolerance,
+        queue_s=queue_s,
+        min_cameras=min_cameras,
+    )
+
+
+def run(sync, stamps, flush=True):
+    """Sets out of (camera, stamp) pairs put in one by one."""
+    sets = [image_set for camera, stamp in stamps for image_set in sync.add(image(camera, stamp))]
+    return sets + (sync.flush() if flush else [])
+
+
+def summary(sets):
+    return [tuple((x.camera, x.stamp_ns) for x in image_set.images) for image_set in sets]
+
+
+def assert_accounts(sync, n_images):
+    counters = sync.counters
+    for counts in counters.values():
+        kept = counts["used"] + counts["waiting"] + sum(counts[reason] for reason in REASONS)
+        assert counts["received"] == kept, counts
+        assert min(counts.values()) >= 0
+    assert sum(c["received"] for c in counters.values()) == n_images
+
+
+# Stamps on a coarse grid meet the tolerance exactly, repeat, and go backward far enough to be clock jumps.
+stamps = st.integers(0, 60).map(lambda n: n * PERIOD_NS // 5) | st.integers(0, 40 * PERIOD_NS)
+any_order = st.lists(st.tuples(st.sampled_from(CAMERAS), stamps), max_size=80)
+
+
+@settings(max_examples=300, deadline=None)
+@given(any_order, st.integers(0, 3), st.sampled_from((0.0, 0.04, 0.2)), st.sampled_from((0.0, 0.4)))
+def test_any_images_in_any_order(puts, min_cameras, queue_s, tolerance):
+    sync = synchronizer(min_cameras, queue_s, tolerance=tolerance)
+    end_ns, used, jumps = -1, [], 0
+    for number, (camera, stamp) in enumerate(puts, start=1):
+        sets = sync.add(image(camera, stamp))
+        if sync.clock_jumps > jumps:
+            end_ns, jumps, used = -1, sync.clock_jumps, []
+        for image_set in sets:
+            found = [x.stamp_ns for x in image_set.images]
+            assert max(found) - min(found) <= tolerance * PERIOD_NS, "mixes instants"
+            assert image_set.stamp_ns == min(found)
+            assert min(found) > end_ns, "out of order"
+            end_ns = max(found)
+            assert len(found) >= (min_cameras or len(CAMERAS))
+            assert list(image_set.cameras) == [c for c in CAMERAS if c in image_set.cameras]
+            used += [(x.camera, x.stamp_ns) for x in image_set.images]
+        assert len(set(used)) == len(used), "an image is used twice"
+        assert_accounts(sync, number)
+    sync.flush()
+    assert_accounts(sync, len(puts))
+    assert all(counts["waiting"] == 0 for counts in sync.counters.values())
+
+
+@settings(max_examples=100, deadline=None)
+@given(any_order, st.integers(0, 3))
+def test_the_same_images_give_the_same_sets(puts, min_cameras):
+    first, second = synchronizer(min_cameras), synchronizer(min_cameras)
+    assert summary(run(first, puts)) == summary(run(second, puts))
+    assert first.counters == second.counters
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.data(), st.integers(0, 3), st.integers(1, 20))
+def test_a_healthy_rig_loses_nothing(data, min_cameras, n):
+    """Stamps that jitter within the tolerance, delivered in any interleaving with less lag than the queue."""
+    jitter = st.integers(-TOLERANCE_NS // 2, TOLERANCE_NS // 2)
+    puts = [(c, (i + 1) * PERIOD_NS + data.draw(jitter)) for i in range(n) for c in CAMERAS]
+    lag = {c: data.draw(st.integers(0, 4)) * PERIOD_NS for c in CAMERAS}
+    puts.sort(key=lambda put: (put[1] + lag[put[0]], put[0]))
+    sync = synchronizer(min_cameras)
+    sets = run(sync, puts)
+    assert [len(image_set.images) for image_set in sets] == [3] * n
+    assert (sync.sets_complete, sync.sets_incomplete) == (n, 0)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.data(), st.integers(1, 3))
+def test_missing_images_never_stall_the_rest(data, min_cameras):
+    """Whatever is missing, nothing waits longer than the queue, and every instant with enough images comes out."""
+    n, queue = 40, 5
+    present = [[data.draw(st.booleans()) for _ in range(n)] for _ in CAMERAS]
+    puts = [(c, i * PERIOD_NS) for i in range(n) for k, c in enumerate(CAMERAS) if present[k][i]]
+    sync = synchronizer(min_cameras, queue_s=queue * PERIOD_NS * 1e-9)
+    sets = []
+    for camera, stamp in puts:
+        sets += sync.add(image(camera, stamp))
+        assert sum(c["waiting"] for c in sync.counters.values()) <= (queue + 2) * len(CAMERAS)
+    sets += sync.flush()
+    wanted = [i * PERIOD_NS for i in range(n) if sum(row[i] for row in present) >= min_cameras]
+    assert [image_set.stamp_ns for image_set in sets] == wanted
+
+
+def test_exact_stamps_only():
+    sync = synchronizer(tolerance=0.0)
+    sets = run(sync, [("left", 0), ("middle", 0), ("right", 1), ("left", 9), ("middle", 9), ("right", 9)])
+    assert summary(sets) == [(("left", 9), ("middle", 9), ("right", 9))]
+    assert [c["incomplete"] for c in sync.counters.values()] == [1, 1, 1]
+
+
+def test_a_camera_that_stops_is_waited_for_once():
+    sync = synchronizer(min_cameras=2, queue_s=5 * PERIOD_NS * 1e-9)
+    alive = [(c, i * PERIOD_NS) for i in range(30) for c in CAMERAS if c != "right" or i < 10]
+    latency = []
+    for camera, stamp in alive:
+        for image_set in sync.add(image(camera, stamp)):
+            latency.append((stamp - image_set.stamp_ns) // PERIOD_NS)
+    assert len(latency) == 30
+    assert max(latency) <= 6  # the queue, once
+    assert latency[-10:] == [0] * 10
+
+
+def test_a_camera_that_stops_ends_complete_sets():
+    sync = synchronizer(min_cameras=0, queue_s=5 * PERIOD_NS * 1e-9)
+    sets = run(sync, [(c, i * PERIOD_NS) for i in range(30) for c in CAMERAS if c != "right" or i < 10])
+    assert len(sets) == 10
+    assert sync.counters["left"]["incomplete"] + sync.counters["left"]["too_old"] == 20
+
+
+def test_a_lost_image_costs_one_period():
+    sync = synchronizer(min_cameras=2)
+    puts = [(c, i * PERIOD_NS) for i in range(3) for c in CAMERAS if (c, i) != ("middle", 1)]
+    assert summary(run(sync, puts, flush=False))[1] == (("left", PERIOD_NS), ("right", PERIOD_NS))
+
+
+def test_a_recording_that_loops_loses_nothing():
+    sync = synchronizer()
+    once = [(c, i * PERIOD_NS) for i in range(40) for c in CAMERAS]
+    sets = run(sync, once + once)
+    assert len(sets) == 80
+    assert sync.clock_jumps == 1
+
+
+def test_images_of_before_a_loop_that_come_late_are_dropped():
+    sync = synchronizer(cameras=("left", "right"))
+    puts = [(c, i * PERIOD_NS) for i in range(40) for c in ("left", "right")]
+    last, puts = puts[-1], puts[:-1]
+    sets = run(sync, [*puts, ("left", 0), last, ("right", 0)])
+    assert summary(sets)[-1] == (("left", 0), ("right", 0))
+    assert sync.counters["right"]["clock_jump"] == 1
+
+
+def test_a_pause_of_all_cameras_is_no_timeout():
+    puts = [(c, i * PERIOD_NS + (10**10 if i > 4 else 0)) for i in range(10) for c in CAMERAS]
+    assert len(run(synchronizer(), puts)) == 10
+
+
+@pytest.mark.parametrize("offset_ns", [10**15, -(10**15)])
+def test_a_camera_with_a_wrong_clock_does_not_take_the_others_along(offset_ns):
+    cameras = (*CAMERAS, "wrong")
+    for min_cameras in (1, 3):
+        sync = synchronizer(min_cameras, cameras=cameras)
+        puts = [(c, 2 * 10**15 + i * PERIOD_NS + (offset_ns if c == "wrong" else 0)) for i in range(100) for c in cameras]
+        good = [s for s in summary(run(sync, puts, flush=False)) if len(s) == 3]
+        assert len(good) >= 98
+        assert sync.counters["wrong"]["waiting"] <= 12
+
+
+def test_surplus_images_of_one_instant():
+    sync = synchronizer(cameras=("left", "right"))
+    sets = run(sync, [("left", 0), ("left", 1), ("left", 1), ("right", 2), ("right", 2), ("right", 1)])
+    assert summary(sets) == [(("left", 0), ("right", 2))]
+    assert sync.counters["left"] == {**dict.fromkeys(REASONS, 0), "received": 3, "used": 1, "duplicate": 2, "waiting": 0}
+    assert sync.counters["right"]["duplicate"] == 1
+    assert sync.counters["right"]["late"] == 1
+
+
+def test_reset_forgets_time_but_not_counters():
+    sync = synchronizer()
+    run(sync, [("left", 10**12), ("right", 10**12)], flush=False)
+    sync.reset()
+    assert sync.counters["left"]["reset"] == 1
+    assert len(run(sync, [(c, 5) for c in CAMERAS])) == 1
+
+
+def test_misuse_is_named():
+    with pytest.raises(UnknownNameError, match=r"unknown camera 'top'; valid: left, middle, right"):
+        synchronizer().add(image("top", 0))
+    with pytest.raises(ValueError, match=r"min_cameras in \[0, 3\], got 4"):
+        synchronizer(min_cameras=4)
+    with pytest.raises(ValueError, match="unique camera names"):
+        synchronizer(cameras=("a", "a"))
+    with pytest.raises(ValueError, match="image_period_s > 0"):
+        ImageSynchronizer(CAMERAS, image_period_s=0.0, tolerance=0.4, queue_s=1.0)

@@ -1,0 +1,244 @@
+"""Images of several cameras become image sets: by stamp, without a wall clock.
+
+The result is a function of the images in the order in which they were put in, so a recording gives the same sets as the
+live cameras did. Time passes only as the cameras' own stamps advance: ``stream time`` is the progress of the camera that
+has progressed most, each image counting for one image period at most (a pause of all cameras is not a timeout).
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from ..errors import UnknownNameError
+from .image_set import CameraImage, ImageSet
+
+REASONS = ("late", "duplicate", "incomplete", "too_old", "clock_jump", "reset")
+"""Why an image is not in any set.
+
+``late``: a set of its instant or a later one is out already. ``duplicate``: its camera gave another image of that instant.
+``incomplete``: too few cameras gave one. ``too_old``: its partners did not come within the queue's time. ``clock_jump``:
+stamps went backward. ``reset``: by request.
+"""
+
+
+@dataclass
+class _Waiting:
+    image: CameraImage
+    number: int  # how many images had been put in before it
+    since_ns: int  # stream time of its arrival
+
+
+@dataclass
+class _Lane:
+    """What is known of one camera; ``newest_ns`` and what follows belong to the time since the last reset."""
+
+    waiting: list[_Waiting] = field(default_factory=list)  # in order of stamps
+    counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(("received", "used", *REASONS), 0))
+    newest_ns: int | None = None
+    newest_number: int = -1
+    last_used_ns: int | None = None
+    progress_ns: int = 0
+    active_ns: int = 0  # stream time when its stamps last advanced
+    old_clock_ns: int = 0  # for how much longer images of before a clock jump are expected
+
+    def forget(self) -> None:
+        self.waiting.clear()
+        self.newest_ns, self.newest_number, self.last_used_ns = None, -1, None
+        self.progress_ns = self.active_ns = self.old_clock_ns = 0
+
+
+class ImageSynchronizer:
+    """Matches images by stamp.
+
+    A set is the earliest waiting image and, of every other camera, the image within the tolerance after it. Sets are in
+    strict order of time and never overlap. A complete set comes out at once. An incomplete one is decided as soon as no
+    missing camera is worth waiting for: because it has sent something later, has been silent for ``queue_s``, lags by more
+    than ``queue_s``, or the set itself is ``queue_s`` old. It then comes out if it has ``min_cameras`` images.
+
+    Parameters
+    ----------
+    cameras : names; images of a set come in this order.
+    image_period_s : nominal time between two images of a camera.
+    tolerance : largest spread of the stamps in a set, as a fraction of the image period; 0 asks for equal stamps.
+    queue_s : how long an image waits for its partners, in stream time.
+    min_cameras : smallest number of cameras in a set; 0 means all.
+
+    Raises
+    ------
+    ValueError : an argument out of range, or camera names that repeat.
+    """
+
+    def __init__(
+        self,
+        cameras: Sequence[str],
+        *,
+        image_period_s: float,
+        tolerance: float,
+        queue_s: float,
+        min_cameras: int = 0,
+    ):
+        self.cameras = tuple(cameras)
+        if not self.cameras or len(set(self.cameras)) != len(self.cameras):
+            raise ValueError(f"expected one or more unique camera names, got {self.cameras}")
+        if not (image_period_s > 0 and 0 <= tolerance < 1 and queue_s >= 0):
+            got = (image_period_s, tolerance, queue_s)
+            raise ValueError(f"expected image_period_s > 0, tolerance in [0, 1), queue_s >= 0, got {got}")
+        if not 0 <= min_cameras <= len(self.cameras):
+            raise ValueError(f"expected min_cameras in [0, {len(self.cameras)}], got {min_cameras}")
+        self.min_cameras = min_cameras or len(self.cameras)
+        self._period_ns = round(image_period_s * 1e9)
+        self._tolerance_ns = round(tolerance * image_period_s * 1e9)
+        self._queue_ns = round(queue_s * 1e9)
+        self._lanes = {camera: _Lane() for camera in self.cameras}
+        self._stream_ns = 0
+        self._number = 0
+        self._last_set_end_ns: int | None = None
+        self.sets_complete = self.sets_incomplete = self.clock_jumps = 0
+
+    @property
+    def counters(self) -> dict[str, dict[str, int]]:
+        """Per camera: ``received`` = ``used`` + the `REASONS` + ``waiting``."""
+        return {camera: {**lane.counts, "waiting": len(lane.waiting)} for camera, lane in self._lanes.items()}
+
+    def add(self, image: CameraImage) -> list[ImageSet]:
+        """Put in one image; returns the sets that are thereby decided, in order of time.
+
+        Raises
+        ------
+        UnknownNameError : the image's camera is not one of ``cameras``.
+        """
+        if image.camera not in self._lanes:
+            raise UnknownNameError("camera", image.camera, self.cameras)
+        lane = self._lanes[image.camera]
+        lane.counts["received"] += 1
+        self._number += 1
+        if lane.newest_ns is not None and image.stamp_ns < lane.newest_ns - max(self._queue_ns, self._period_ns):
+            self._jump_back()
+        refusal = self._refusal(lane, image.stamp_ns)
+        if refusal:
+            lane.counts[refusal] += 1
+            return []
+        self._advance(lane, image.stamp_ns)
+        stamps = [w.image.stamp_ns for w in lane.waiting]
+        lane.waiting.insert(bisect_right(stamps, image.stamp_ns), _Waiting(image, self._number, self._stream_ns))
+        return self._decide(final=False)
+
+    def flush(self) -> list[ImageSet]:
+        """Decide all that waits, as at the end of a recording."""
+        return self._decide(final=True)
+
+    def reset(self) -> None:
+        """Forget all that waits, and what time it is; the counters stay."""
+        self._drop_all("reset")
+
+    def _drop_all(self, reason: str) -> None:
+        for lane in self._lanes.values():
+            lane.counts[reason] += len(lane.waiting)
+            lane.forget()
+        self._stream_ns, self._last_set_end_ns = 0, None
+
+    def _jump_back(self) -> None:
+        """One camera's stamps went back: a loop of a recording, usually. The others may still send from before the jump."""
+        had_sent = [lane for lane in self._lanes.values() if lane.newest_ns is not None]
+        self._drop_all("clock_jump")
+        self.clock_jumps += 1
+        for lane in had_sent:
+            lane.old_clock_ns = max(self._queue_ns, self._period_ns)
+
+    def _refusal(self, lane: _Lane, stamp_ns: int) -> str | None:
+        if lane.old_clock_ns > 0:
+            newest = max((x.newest_ns for x in self._lanes.values() if x.newest_ns is not None), default=stamp_ns)
+            if stamp_ns > newest + self._queue_ns:
+                lane.old_clock_ns -= self._period_ns
+                return "clock_jump"
+            lane.old_clock_ns = 0
+        if stamp_ns == lane.last_used_ns or any(w.image.stamp_ns == stamp_ns for w in lane.waiting):
+            return "duplicate"
+        if self._last_set_end_ns is not None and stamp_ns <= self._last_set_end_ns:
+            return "late"
+        return None
+
+    def _advance(self, lane: _Lane, stamp_ns: int) -> None:
+        if lane.newest_ns is None:
+            lane.progress_ns = self._stream_ns
+        elif stamp_ns <= lane.newest_ns:
+            return
+        else:
+            lane.progress_ns += min(stamp_ns - lane.newest_ns, self._period_ns)
+        lane.newest_ns, lane.newest_number = stamp_ns, self._number
+        self._stream_ns = max(self._stream_ns, lane.progress_ns)
+        lane.active_ns = self._stream_ns
+
+    def _decide(self, final: bool) -> list[ImageSet]:
+        sets: list[ImageSet] = []
+        while True:
+            heads = [lane.waiting[0] for lane in self._lanes.values() if lane.waiting]
+            if not heads:
+                return sets
+            anchor = min(heads, key=lambda w: w.image.stamp_ns)
+            group = self._group(anchor.image.stamp_ns)
+            missing = [lane for camera, lane in self._lanes.items() if camera not in group]
+            if missing and not final and any(self._worth_waiting(lane, anchor) for lane in missing):
+                return sets
+            if len(group) >= self.min_cameras and (not missing or self._best_choice(group, missing)):
+                sets.append(self._take(group))
+            else:
+                waited = self._stream_ns - anchor.since_ns > self._queue_ns
+                self._drop_first(self._lanes[anchor.image.camera], "too_old" if waited else "incomplete")
+
+    def _group(self, start_ns: int) -> dict[str, _Waiting]:
+        """Of every camera the first waiting image in [start, start + tolerance]."""
+        group = {}
+        for camera, lane in self._lanes.items():
+            first = next((w for w in lane.waiting if w.image.stamp_ns >= start_ns), None)
+            if first is not None and first.image.stamp_ns <= start_ns + self._tolerance_ns:
+                group[camera] = first
+        return group
+
+    def _worth_waiting(self, lane: _Lane, anchor: _Waiting) -> bool:
+        """Whether ``lane``, which has no image with ``anchor``, may still send one."""
+        start_ns = anchor.image.stamp_ns
+        if max(self._stream_ns - lane.active_ns, self._stream_ns - anchor.since_ns) > self._queue_ns:
+            return False
+        if lane.newest_ns is None:
+            return True
+        lags = lane.newest_number > anchor.number and lane.newest_ns < start_ns - self._queue_ns
+        return lane.newest_ns <= start_ns + self._tolerance_ns and not lags
+
+    def _best_choice(self, group: dict[str, _Waiting], missing: list[_Lane]) -> bool:
+        """Whether an incomplete group is better emitted than broken up.
+
+        Not so when a start a little later gives more images; nor when it comes from far in the future of most cameras that
+        are alive (a camera with a wrong clock), for once it is out, their images would all be late.
+        """
+        starts = {w.image.stamp_ns for w in group.values()}
+        if any(len(self._group(start)) > len(group) for start in starts):
+            return False
+        alive = [x for x in missing if x.newest_ns is not None and self._stream_ns - x.active_ns <= self._queue_ns]
+        far_ns = max(self._queue_ns, self._period_ns)
+        behind = [x for x in alive if x.newest_ns is not None and x.newest_ns < min(starts) - far_ns]
+        return len(behind) <= len(group)
+
+    def _take(self, group: dict[str, _Waiting]) -> ImageSet:
+        images = tuple(group[camera].image for camera in self.cameras if camera in group)
+        end_ns = max(image.stamp_ns for image in images)
+        for image in images:
+            lane = self._lanes[image.camera]
+            lane.waiting = [w for w in lane.waiting if w.image is not image]
+            lane.counts["used"] += 1
+            lane.last_used_ns = image.stamp_ns
+            while lane.waiting and lane.waiting[0].image.stamp_ns <= end_ns:
+                self._drop_first(lane, "duplicate")
+        self._last_set_end_ns = end_ns
+        if len(images) == len(self.cameras):
+            self.sets_complete += 1
+        else:
+            self.sets_incomplete += 1
+        return ImageSet(min(image.stamp_ns for image in images), images)
+
+    @staticmethod
+    def _drop_first(lane: _Lane, reason: str) -> None:
+        lane.counts[reason] += 1
+        del lane.waiting[0]
