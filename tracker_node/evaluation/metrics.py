@@ -1,0 +1,110 @@
+"""What is measured on a run: pure functions of arrays.
+
+Arrays over time have the image set first: positions (n, m, 3) in metres, masks (n, m). A mask says where a value counts;
+where it is False the value is arbitrary. Means over nothing are not-a-number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+LOST_JOINT_M = 0.200  # an image set is lost when any joint is farther off than this
+LOST_LIMB_M = 0.150  # a limb is lost when its end joint is farther off than this ...
+LOST_LIMB_SETS = 5  # ... for so many sets running, or at the end
+
+
+def joint_errors(estimate: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """Distances (n, m) in metres between positions (n, m, 3)."""
+    return np.linalg.norm(estimate - truth, axis=-1)
+
+
+def mean_error(errors: np.ndarray, valid: np.ndarray) -> float:
+    """Mean over every valid joint of every set: the MPJPE, in the unit of ``errors`` (n, m)."""
+    return float(errors[valid].mean()) if valid.any() else float("nan")
+
+
+def mean_over(errors: np.ndarray, valid: np.ndarray, axis: int) -> np.ndarray:
+    """Masked mean along ``axis`` of (n, m): 0 gives one number a landmark, 1 one a set; NaN where nothing is valid."""
+    count = valid.sum(axis=axis)
+    total = np.where(valid, errors, 0.0).sum(axis=axis)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def offset_free_errors(
+    difference: np.ndarray, valid: np.ndarray, rotations: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Errors that remain when every landmark's constant offset is taken out.
+
+    Parameters
+    ----------
+    difference : (n, m, 3) estimate minus truth, metres, world frame.
+    valid : (n, m).
+    rotations : (n, m, 3, 3) R_world_segment of the segment that each landmark's offset is constant in; None for the world
+        frame.
+
+    Returns
+    -------
+    errors (n, m) in metres; offsets (m, 3) in metres in the frame used: the mean of the valid differences, which is the
+    constant that leaves the smallest sum of squares.
+    """
+    if rotations is not None:
+        difference = np.einsum("nmji,nmj->nmi", rotations, difference)
+    count = np.maximum(valid.sum(axis=0), 1)[:, None]
+    offsets = np.where(valid[..., None], difference, 0.0).sum(axis=0) / count
+    return np.linalg.norm(difference - offsets, axis=-1), offsets
+
+
+def bone_lengths(
+    positions: np.ndarray, valid: np.ndarray, bones: Sequence[tuple[int, int]]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Lengths (n, b) in metres between pairs of landmark indices, and where they are valid (n, b)."""
+    start, end = np.array([b[0] for b in bones], dtype=int), np.array([b[1] for b in bones], dtype=int)
+    return joint_errors(positions[:, start], positions[:, end]), valid[:, start] & valid[:, end]
+
+
+def mean_and_std(values: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Masked mean and standard deviation over the sets of (n, b): (b,) each."""
+    mean = mean_over(values, valid, axis=0)
+    variance = mean_over((values - np.where(np.isnan(mean), 0.0, mean)) ** 2, valid, axis=0)
+    return mean, np.sqrt(variance)
+
+
+def lost_sets(has_estimate: np.ndarray, said_lost: np.ndarray, errors: np.ndarray, valid: np.ndarray) -> np.ndarray:
+    """(n,) True for a set without an estimate, with status LOST, or with a joint more than `LOST_JOINT_M` from truth.
+
+    ``has_estimate`` and ``said_lost`` (n,); ``errors`` (n, m) metres where ``valid`` (n, m).
+    """
+    off = ((errors > LOST_JOINT_M) & valid).any(axis=1)
+    return ~has_estimate | said_lost | off
+
+
+def lost_limbs(errors: np.ndarray, valid: np.ndarray) -> np.ndarray:
+    """(k,) True for a limb that was lost, from the errors (n, k) in metres of the limbs' end joints.
+
+    Lost: more than `LOST_LIMB_M` off in `LOST_LIMB_SETS` consecutive sets, or in the last set that can be judged. A set that
+    cannot be judged neither begins nor breaks a series.
+    """
+    lost = np.zeros(errors.shape[1], dtype=bool)
+    for k in range(errors.shape[1]):
+        off = errors[valid[:, k], k] > LOST_LIMB_M
+        lost[k] = _longest_series(off) >= LOST_LIMB_SETS or bool(len(off) and off[-1])
+    return lost
+
+
+def _longest_series(flags: np.ndarray) -> int:
+    longest = here = 0
+    for flag in flags:
+        here = here + 1 if flag else 0
+        longest = max(longest, here)
+    return longest
+
+
+def intersection_over_union(a: np.ndarray, b: np.ndarray) -> float:
+    """Of two masks of one shape (non-zero is inside); NaN when both are empty."""
+    if a.shape != b.shape:
+        raise ValueError(f"expected masks of one shape, got {a.shape} and {b.shape}")
+    a, b = a != 0, b != 0
+    union = np.count_nonzero(a | b)
+    return np.count_nonzero(a & b) / union if union else float("nan")
