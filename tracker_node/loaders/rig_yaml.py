@@ -31,9 +31,7 @@ NS_PER_S = 1_000_000_000
 
 def _image_size(value: Any) -> tuple[int, int]:
     two = isinstance(value, (list, tuple)) and len(value) == 2
-    if not two or not all(
-        isinstance(v, (int, float)) and float(v).is_integer() and 1 <= v <= 100_000 for v in value
-    ):
+    if not two or not all(isinstance(v, (int, float)) and float(v).is_integer() and 1 <= v <= 100_000 for v in value):
         raise problem("[width, height] in whole pixels", value)
     return int(value[0]), int(value[1])
 
@@ -44,9 +42,7 @@ ImageSize = Annotated[tuple[int, int], BeforeValidator(_image_size)]
 def _gain(value: Any) -> tuple[float, float, float]:
     items = [value] * 3 if isinstance(value, (int, float)) else value
     ok = isinstance(items, (list, tuple)) and len(items) == 3
-    if not ok or any(
-        isinstance(v, bool) or not isinstance(v, (int, float)) or not 0 < v < 1e6 for v in items
-    ):
+    if not ok or any(isinstance(v, bool) or not isinstance(v, (int, float)) or not 0 < v < 1e6 for v in items):
         raise problem("one positive number or [r, g, b]", value)
     return float(items[0]), float(items[1]), float(items[2])
 
@@ -72,9 +68,7 @@ class CameraEntry(FileModel):
         counts = COEFFICIENT_COUNTS[self.distortion_model]
         if len(self.distortion) not in counts:
             several = " or ".join(str(count) for count in counts)
-            raise problem(
-                f"{several} coefficients for {self.distortion_model}", self.distortion, "distortion"
-            )
+            raise problem(f"{several} coefficients for {self.distortion_model}", self.distortion, "distortion")
         if not se3.is_rigid(np.array(self.T_world_cam), tolerance=1e-4):
             raise problem(
                 "a rigid 4 x 4 transform (rotation, metres, last row 0 0 0 1)",
@@ -82,9 +76,7 @@ class CameraEntry(FileModel):
                 "T_world_cam",
             )
         lower = (self.K[1][0], self.K[2][0], self.K[2][1])
-        if self.K[0][0] != 0.0 and (
-            any(lower) or self.K[2][2] != 1.0 or self.K[0][0] < 0.0 or self.K[1][1] <= 0.0
-        ):
+        if self.K[0][0] != 0.0 and (any(lower) or self.K[2][2] != 1.0 or self.K[0][0] < 0.0 or self.K[1][1] <= 0.0):
             raise problem("[[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with positive focal lengths", self.K, "K")
         self._check_pixel_map()
         return self
@@ -109,9 +101,7 @@ class CameraEntry(FileModel):
         """
         if self.K[0][0] == 0.0:
             raise CalibrationError(name, "uncalibrated (K[0] = 0)")
-        model = CameraModel(
-            *self.image_size, np.array(self.K), self.distortion_model, np.array(self.distortion)
-        )
+        model = CameraModel(*self.image_size, np.array(self.K), self.distortion_model, np.array(self.distortion))
         if self.pixel_map is None or self.file_image_size is None:
             return model
         cal_from_file = np.vstack([self.pixel_map, [0.0, 0.0, 1.0]])
@@ -157,9 +147,7 @@ class RigFile(FileModel):
     def _usable_names(self) -> RigFile:
         for name in self.cameras:
             if not name.isidentifier() or not name.isascii():
-                raise problem(
-                    "a camera name of letters, digits and _ (it becomes a topic)", name, f"cameras.{name}"
-                )
+                raise problem("a camera name of letters, digits and _ (it becomes a topic)", name, f"cameras.{name}")
         return self
 
     def with_extrinsics(self, Ts_world_cam: Mapping[str, np.ndarray]) -> RigFile:
@@ -169,6 +157,11 @@ class RigFile(FileModel):
             rows = tuple(tuple(float(v) for v in row) for row in transform)
             cameras[name] = cameras[name].model_copy(update={"T_world_cam": rows})
         return self.model_copy(update={"cameras": cameras})
+
+    def in_calibration_pixels(self) -> RigFile:
+        """The same rig for the pixels of the calibration: without any pixel map."""
+        plain = {"pixel_map": None, "file_image_size": None}
+        return self.model_copy(update={"cameras": {n: e.model_copy(update=plain) for n, e in self.cameras.items()}})
 
 
 def read_rig_file(path: str | Path) -> RigFile:
