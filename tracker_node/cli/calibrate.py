@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import pkgutil
 
 SUMMARY = "calibrate bodies, first poses and rigs"
 EXAMPLE = "tracker_node calibrate body --trc static.trc --y-up -o subject.yaml"
 
-SUBVERBS = ("body", "pose", "refine")
+_PREFIX = "_calibrate_"
+
+
+def subverbs() -> list[str]:
+    """Names of the sub-verbs, from the modules of this package."""
+    package = importlib.import_module("tracker_node.cli")
+    return sorted(m.name.removeprefix(_PREFIX) for m in pkgutil.iter_modules(package.__path__) if m.name.startswith(_PREFIX))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    subparsers = parser.add_subparsers(dest="what", required=True, metavar="{" + ",".join(SUBVERBS) + "}")
-    for name in SUBVERBS:
-        module = importlib.import_module(f"tracker_node.cli._calibrate_{name}")
+    subparsers = parser.add_subparsers(dest="what", required=True, metavar="{" + ",".join(subverbs()) + "}")
+    for name in subverbs():
+        module = importlib.import_module(f"tracker_node.cli.{_PREFIX}{name}")
         subparser = subparsers.add_parser(
             name,
             help=module.SUMMARY,

@@ -56,7 +56,7 @@ class CameraEntry(FileModel):
     distortion: numbers(None) = ()  # type: ignore[valid-type]
     T_world_cam: numbers(4, 4)  # type: ignore[valid-type]
     source: str | None = None
-    time_offset_s: Number = 0.0  # type: ignore[valid-type]
+    time_offset_s: Number = 0.0
     plate: str | None = None
     pixel_map: numbers(2, 3) | None = None  # type: ignore[valid-type]
     file_image_size: ImageSize | None = None
@@ -116,7 +116,7 @@ class LightEntry(FileModel):
     kind: Literal["ambient", "directional", "point", "spot"]
     position: numbers(3) | None = None  # type: ignore[valid-type]
     direction: numbers(3) | None = None  # type: ignore[valid-type]
-    cone_deg: Number | None = None  # type: ignore[valid-type]
+    cone_deg: Number | None = None
     intensity: Annotated[tuple[float, float, float], BeforeValidator(_gain)] = (1.0, 1.0, 1.0)
 
     @model_validator(mode="after")
@@ -223,7 +223,7 @@ def rig_file_of(rig: CameraRig) -> RigFile:
         cameras[camera.name] = CameraEntry(
             image_size=(camera.model.width, camera.model.height),
             K=camera.model.K,
-            distortion_model=camera.model.distortion_model,
+            distortion_model=camera.model.distortion_model,  # type: ignore[arg-type]
             distortion=camera.model.distortion,
             T_world_cam=camera.T_world_cam,
             source=camera.source,

@@ -49,11 +49,7 @@ def _construct_mapping(loader: yaml.SafeLoader, node: yaml.MappingNode) -> dict:
 _StrictLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _construct_mapping)
 # A copy, so that the resolvers of other users of PyYAML stay as they are; ints keep their place before floats.
 _StrictLoader.yaml_implicit_resolvers = {
-    first: [
-        entry
-        for entry in entries
-        if entry[0] not in ("tag:yaml.org,2002:float", "tag:yaml.org,2002:timestamp")
-    ]
+    first: [entry for entry in entries if entry[0] not in ("tag:yaml.org,2002:float", "tag:yaml.org,2002:timestamp")]
     for first, entries in yaml.SafeLoader.yaml_implicit_resolvers.items()
 }
 _StrictLoader.add_implicit_resolver("tag:yaml.org,2002:float", _FLOAT, list("-+.0123456789"))
@@ -95,11 +91,9 @@ def read_mapping(path: str | Path) -> dict[str, Any]:
     FileFormatError : missing file, YAML syntax (with line and column), a repeated key, or no mapping at the top.
     """
     try:
-        values = yaml.load(read_text(path), Loader=_StrictLoader)  # noqa: S506 (a SafeLoader)
+        values = yaml.load(read_text(path), Loader=_StrictLoader)
     except _DuplicateKey as error:
-        raise FileFormatError(
-            path, str(error.key), "each key once", f"a second one in line {error.line}"
-        ) from None
+        raise FileFormatError(path, str(error.key), "each key once", f"a second one in line {error.line}") from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f"line {mark.line + 1}, column {mark.column + 1}" if mark else "(file)"
@@ -204,23 +198,23 @@ def validate(format_class: type[T], values: dict[str, Any], path: str | Path) ->
             field = ".".join(part for part in (field, context["field"]) if part)
             expected, got = context["expected"], context["got"]
         else:
-            expected, got = _expected(first), "nothing" if first["type"] == "missing" else first["input"]
+            expected, got = _expected_and_got(first)
         if len(errors) > 1:
             expected += f" (and {len(errors) - 1} more problems in this file)"
         raise FileFormatError(path, field or "(top level)", expected, got) from None
 
 
-def _expected(error: Any) -> str:
+def _expected_and_got(error: Any) -> tuple[str, object]:
     if error["type"] == "missing":
-        return "a value"
+        return "a value", "nothing"
     if error["type"] == "union_tag_not_found":
-        return f"a field {error['ctx']['discriminator']}"
+        return f"a field {error['ctx']['discriminator']}", "none"
     if error["type"] == "union_tag_invalid":
-        return f"{error['ctx']['discriminator']} to be one of {error['ctx']['expected_tags']}"
+        return f"{error['ctx']['discriminator']} to be one of {error['ctx']['expected_tags']}", error["ctx"]["tag"]
     message = error["msg"]
     for prefix in ("Input should be ", "Value error, "):
         message = message.removeprefix(prefix)
-    return message
+    return message, error["input"]
 
 
 def _dotted(location: tuple[int | str, ...], values: Any, kind: str) -> str:

@@ -1,0 +1,63 @@
+"""Tracker parameters as YAML: a plain mapping, or the parameter file of a ROS node."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from ..errors import FileFormatError
+from ..tracking.config import TrackerConfig, flatten, from_dict
+from .yaml_file import read_mapping, write_mapping
+
+_ROS_KEY = "ros__parameters"
+# Parameters that rclpy gives every node; they mean nothing to the core.
+_ROS_OWN = ("use_sim_time", "qos_overrides", "start_type_description_service")
+
+
+def load_config(path: str | Path, node: str = "tracker") -> TrackerConfig:
+    """Tracker configuration of a file; what the file leaves out has its default.
+
+    A ROS parameter file may hold sections for several nodes: those named ``/**``, ``node`` or ``/node`` are taken, a later
+    one over an earlier one.
+
+    Raises
+    ------
+    FileFormatError : naming file and parameter, the range or the choices, and the value.
+    """
+    values = read_mapping(path)
+    if any(isinstance(section, dict) and _ROS_KEY in section for section in values.values()):
+        values = _ros_parameters(values, path, node)
+    return from_dict(values, str(path))
+
+
+def dump_config(config: TrackerConfig, path: str | Path) -> None:
+    """Write every parameter as a ROS parameter file, which `load_config` and ``--params-file`` both read."""
+    nested: dict[str, Any] = {}
+    for name, value in flatten(config).items():
+        *groups, last = name.split(".")
+        here = nested
+        for group in groups:
+            here = here.setdefault(group, {})
+        here[last] = value
+    write_mapping({"/**": {_ROS_KEY: nested}}, path, "Parameters of the tracker.")
+
+
+def _ros_parameters(values: dict[str, Any], path: str | Path, node: str) -> dict[str, Any]:
+    merged: dict[str, Any] = {}
+    for name, section in values.items():
+        if not isinstance(section, dict) or set(section) != {_ROS_KEY}:
+            raise FileFormatError(path, str(name), f"a section with {_ROS_KEY} only", section)
+        parameters = section[_ROS_KEY]
+        if not isinstance(parameters, dict):
+            raise FileFormatError(path, f"{name}.{_ROS_KEY}", "a mapping", parameters)
+        if name in ("/**", node, f"/{node}"):
+            _merge(merged, {key: value for key, value in parameters.items() if key not in _ROS_OWN})
+    return merged
+
+
+def _merge(target: dict[str, Any], source: dict[str, Any]) -> None:
+    for key, value in source.items():
+        if isinstance(value, dict) and isinstance(target.get(key), dict):
+            _merge(target[key], value)
+        else:
+            target[key] = value

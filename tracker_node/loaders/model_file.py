@@ -1,0 +1,207 @@
+"""What a model file may hold, and what must fit together in it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from ..model.kinematic_chain import ROOT_DOF_NAMES
+from .yaml_file import FileModel, Number, PositiveNumber, numbers, problem
+
+Vector = numbers(3)
+
+
+def _positive_vector(value: Any) -> tuple[float, float, float]:
+    ok = isinstance(value, (list, tuple)) and len(value) == 3
+    if not ok or any(isinstance(v, bool) or not isinstance(v, (int, float)) or not 0 < v < np.inf for v in value):
+        raise problem("3 positive numbers (metres)", value)
+    return float(value[0]), float(value[1]), float(value[2])
+
+
+def _color(value: Any) -> tuple[int, int, int]:
+    ok = isinstance(value, (list, tuple)) and len(value) == 3
+    if not ok or any(isinstance(v, bool) or not isinstance(v, int) or not 0 <= v <= 255 for v in value):
+        raise problem("[r, g, b], whole numbers of 0..255", value)
+    return value[0], value[1], value[2]
+
+
+def _limits(value: Any) -> tuple[float, float]:
+    ok = isinstance(value, (list, tuple)) and len(value) == 2
+    ok = ok and all(isinstance(v, (int, float)) and not isinstance(v, bool) and np.isfinite(v) for v in value)
+    if not ok or not value[0] < value[1]:
+        raise problem("[lower, upper] in degrees with lower < upper", value)
+    return float(value[0]), float(value[1])
+
+
+PositiveVector = Annotated[tuple[float, float, float], BeforeValidator(_positive_vector)]
+Color = Annotated[tuple[int, int, int], BeforeValidator(_color)]
+Limits = Annotated[tuple[float, float], BeforeValidator(_limits)]
+
+
+class AxisEntry(FileModel):
+    """One revolute degree of freedom of a joint."""
+
+    name: str
+    direction: Vector  # type: ignore[valid-type]
+    limits_deg: Limits = (-180.0, 180.0)
+    neutral_deg: Number = 0.0  # type: ignore[valid-type]
+    stiffness: Number = 0.0  # type: ignore[valid-type]
+
+    @model_validator(mode="after")
+    def _sound(self) -> AxisEntry:
+        if not np.linalg.norm(self.direction) > 1e-9:
+            raise problem("a direction of non-zero length", self.direction, "direction")
+        lower, upper = self.limits_deg
+        if not lower <= self.neutral_deg <= upper:
+            raise problem(f"an angle within the limits [{lower:g}, {upper:g}]", self.neutral_deg, "neutral_deg")
+        if self.stiffness < 0.0:
+            raise problem("a number >= 0", self.stiffness, "stiffness")
+        return self
+
+
+class Placed(FileModel):
+    """Something with a place in the frame of a link."""
+
+    xyz: Vector = (0.0, 0.0, 0.0)  # type: ignore[valid-type]
+    rpy_deg: Vector = (0.0, 0.0, 0.0)  # type: ignore[valid-type]
+
+
+class JointEntry(Placed):
+    """A joint: where it sits in its parent, and its axes in the order in which they turn."""
+
+    parent: str
+    child: str
+    axes: tuple[AxisEntry, ...] = ()
+
+
+class _ShapeBase(Placed):
+    link: str
+    color_rgb: Color = (180, 180, 180)
+
+
+class ConeEntry(_ShapeBase):
+    """Truncated elliptical cone along z; give ``length`` (from z = 0) or ``z1`` and ``z2``, ``taper`` or ``end_scale``."""
+
+    type: Literal["truncated_elliptical_cone"]
+    a: PositiveNumber
+    b: PositiveNumber
+    taper: Number | None = None  # type: ignore[valid-type]
+    end_scale: PositiveNumber | None = None
+    length: PositiveNumber | None = None
+    z1: Number | None = None  # type: ignore[valid-type]
+    z2: Number | None = None
+
+    @model_validator(mode="after")
+    def _sound(self) -> ConeEntry:
+        given = [name for name in ("z1", "z2") if getattr(self, name) is not None]
+        if (self.length is not None) == bool(given):
+            raise problem("either length or z1 and z2", "both" if given else "neither", "length")
+        if len(given) == 1:
+            raise problem("z1 and z2", f"only {given[0]}", "z2" if given == ["z1"] else "z1")
+        z1, z2 = self.span
+        if not z1 < z2:
+            raise problem("z1 < z2", [z1, z2], "z2")
+        if self.taper is not None and self.end_scale is not None:
+            raise problem("either taper or end_scale", "both", "end_scale")
+        if self.end_scale is not None and z2 == 0.0:
+            raise problem("taper (end_scale is relative to z = 0, which is the end itself)", self.end_scale, "end_scale")
+        if min(1.0 + self.taper_per_m * z for z in self.span) <= 0.0:
+            raise problem("a cone without its tip: 1 + taper z > 0 from z1 to z2", self.taper_per_m, "taper")
+        return self
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Both ends on the axis, metres."""
+        return (0.0, self.length) if self.length is not None else (self.z1, self.z2)  # type: ignore[return-value]
+
+    @property
+    def taper_per_m(self) -> float:
+        """k of the half-axes a (1 + k z), b (1 + k z)."""
+        if self.end_scale is not None:
+            return (self.end_scale - 1.0) / self.span[1]
+        return self.taper if self.taper is not None else 0.0
+
+
+class EllipsoidEntry(_ShapeBase):
+    type: Literal["ellipsoid"]
+    radii: PositiveVector
+
+
+class BoxEntry(_ShapeBase):
+    type: Literal["box"]
+    size: PositiveVector
+
+
+class MeshEntry(_ShapeBase):
+    type: Literal["mesh"]
+    file: str
+    scale: PositiveNumber = 1.0
+
+
+ShapeEntry = Annotated[ConeEntry | EllipsoidEntry | BoxEntry | MeshEntry, Field(discriminator="type")]
+
+
+class LandmarkEntry(FileModel):
+    link: str
+    xyz: Vector  # type: ignore[valid-type]
+
+
+class ModelFile(FileModel):
+    """A whole model file."""
+
+    name: str
+    links: tuple[str, ...] = Field(min_length=1)
+    joints: dict[str, JointEntry] = Field(default_factory=dict)
+    shapes: dict[str, ShapeEntry] = Field(default_factory=dict)
+    landmarks: dict[str, LandmarkEntry] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> ModelFile:
+        repeated = sorted({link for link in self.links if self.links.count(link) > 1})
+        if repeated:
+            raise problem("each link once", repeated, "links")
+        for kind, references in (
+            (
+                "joints",
+                {f"{n}.{end}": getattr(j, end) for n, j in self.joints.items() for end in ("parent", "child")},
+            ),
+            ("shapes", {f"{n}.link": s.link for n, s in self.shapes.items()}),
+            ("landmarks", {f"{n}.link": m.link for n, m in self.landmarks.items()}),
+        ):
+            for field, link in references.items():
+                if link not in self.links:
+                    raise problem(f"a link, one of {sorted(self.links)}", link, f"{kind}.{field}")
+        self._check_tree()
+        self._check_axis_names()
+        return self
+
+    def _check_tree(self) -> None:
+        parent_of: dict[str, str] = Field(default_factory=dict)
+        joint_to: dict[str, str] = Field(default_factory=dict)
+        for name, joint in self.joints.items():
+            if joint.child in joint_to:
+                expected = f"a link that no other joint carries (joint '{joint_to[joint.child]}' does)"
+                raise problem(expected, joint.child, f"joints.{name}.child")
+            parent_of[joint.child], joint_to[joint.child] = joint.parent, name
+        for link in self.links:
+            path = [link]
+            while path[-1] in parent_of:
+                path.append(parent_of[path[-1]])
+                if path[-1] in path[:-1]:
+                    cycle = path[path.index(path[-1]) :]
+                    field = f"joints.{joint_to[cycle[0]]}.parent"
+                    raise problem("a tree", "the cycle " + " -> ".join(reversed(cycle)), field)
+        roots = [link for link in self.links if link not in parent_of]
+        if len(roots) > 1:
+            raise problem(f"one root; a joint to each other link than '{roots[0]}'", roots, "links")
+
+    def _check_axis_names(self) -> None:
+        seen: dict[str, str] = dict.fromkeys(ROOT_DOF_NAMES, "the root")
+        for name, joint in self.joints.items():
+            for i, axis in enumerate(joint.axes):
+                if axis.name in seen:
+                    expected = f"a name of its own ({seen[axis.name]} has this one)"
+                    raise problem(expected, axis.name, f"joints.{name}.axes.{i}.name")
+                seen[axis.name] = f"joint '{name}'"

@@ -1,0 +1,170 @@
+"""Bodies as YAML (``model.yaml``; the format is described in docs/formats.md)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import FileFormatError, ModelError
+from ..geometry import se3, so3
+from ..model.articulated_model import ArticulatedModel, Landmark, Shape
+from ..model.kinematic_chain import Axis, Joint, KinematicChain
+from ..model.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
+from .mesh_file import read_mesh, write_mesh
+from .model_file import (
+    AxisEntry,
+    BoxEntry,
+    ConeEntry,
+    EllipsoidEntry,
+    ModelFile,
+    ShapeEntry,
+)
+from .yaml_file import read_mapping, validate, write_mapping
+
+_X, _Y, _Z = np.eye(3)
+
+
+def load_model(path: str | Path) -> ArticulatedModel:
+    """Body of a model file; mesh files are looked for relative to its folder.
+
+    Raises
+    ------
+    FileFormatError : naming file and field, also for a cycle, an unknown link or a repeated name.
+    """
+    return build_model(read_model_file(path), path)
+
+
+def read_model_file(path: str | Path) -> ModelFile:
+    """The validated content of a model file (raises as `load_model`)."""
+    return validate(ModelFile, read_mapping(path), path)
+
+
+def build_model(model_file: ModelFile, path: str | Path) -> ArticulatedModel:
+    """Body of a validated file; ``path`` is for messages and for finding mesh files."""
+    joints = []
+    for name, entry in model_file.joints.items():
+        axes = tuple(_axis(axis) for axis in entry.axes)
+        joints.append(Joint(name, entry.parent, entry.child, transform_of(entry.xyz, entry.rpy_deg), axes))
+    try:
+        chain = KinematicChain(model_file.links, tuple(joints))
+    except ModelError as error:  # the format has named all of these; this is the net below it
+        raise FileFormatError(path, "joints", "a tree of all links", str(error)) from None
+    shapes = []
+    for name, shape in model_file.shapes.items():
+        primitive = _primitive(shape, path, f"shapes.{name}")
+        shapes.append(Shape(name, shape.link, primitive, transform_of(shape.xyz, shape.rpy_deg), shape.color_rgb))
+    landmarks = tuple(Landmark(name, mark.link, mark.xyz) for name, mark in model_file.landmarks.items())
+    return ArticulatedModel(model_file.name, chain, tuple(shapes), landmarks)
+
+
+def dump_model(model: ArticulatedModel, path: str | Path, comment: str = "") -> None:
+    """Write a body; meshes go beside the file as ``<stem>_<shape>.obj``. ``comment`` stands on top of the file."""
+    path = Path(path)
+    names = [shape.name for shape in model.shapes]
+    if len(set(names)) != len(names):
+        raise ValueError(f"expected unique shape names, got {names}")
+    joints = {}
+    for joint in model.chain.joints:
+        entry: dict[str, Any] = {
+            "parent": joint.parent,
+            "child": joint.child,
+            **_placed(joint.T_parent_joint),
+        }
+        if joint.axes:
+            entry["axes"] = [_axis_values(axis) for axis in joint.axes]
+        joints[joint.name] = entry
+    values = {
+        "name": model.name,
+        "links": list(model.chain.links),
+        "joints": joints,
+        "shapes": {shape.name: _shape_values(shape, path) for shape in model.shapes},
+        "landmarks": {m.name: {"link": m.link, "xyz": [float(v) for v in m.position]} for m in model.landmarks},
+    }
+    validate(ModelFile, values, path)  # never write what could not be read again
+    write_mapping(values, path, comment or "Articulated model; the format is described in docs/formats.md.")
+
+
+def transform_of(xyz: tuple[float, ...], rpy_deg: tuple[float, ...]) -> np.ndarray:
+    """T (4, 4) of an offset (metres) and fixed-axis roll, pitch, yaw (degrees): R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    roll, pitch, yaw = np.deg2rad(rpy_deg)
+    rotation = so3.from_axis_angle(_Z, yaw) @ so3.from_axis_angle(_Y, pitch) @ so3.from_axis_angle(_X, roll)
+    return se3.from_rotation_translation(rotation, np.array(xyz))
+
+
+def rpy_deg_of(rotation: np.ndarray) -> tuple[float, float, float]:
+    """Roll, pitch, yaw (degrees) of `transform_of`, accurate at a pitch of 90 degrees too (then roll is arbitrary)."""
+    pitch = np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0]))
+    roll = np.arctan2(rotation[2, 1], rotation[2, 2])
+    rest = rotation @ so3.from_axis_angle(_X, -roll)  # = Rz Ry: the second column is that of Rz
+    yaw = np.arctan2(-rest[0, 1], rest[1, 1])
+    return tuple(float(np.rad2deg(angle)) + 0.0 for angle in (roll, pitch, yaw))  # type: ignore[return-value]
+
+
+def _axis(entry: AxisEntry) -> Axis:
+    direction = np.array(entry.direction) / np.linalg.norm(entry.direction)
+    lower, upper = np.deg2rad(entry.limits_deg)
+    neutral = float(np.clip(np.deg2rad(entry.neutral_deg), lower, upper))
+    x, y, z = direction.tolist()
+    return Axis(entry.name, (x, y, z), float(lower), float(upper), neutral, entry.stiffness)
+
+
+def _axis_values(axis: Axis) -> dict[str, Any]:
+    values: dict[str, Any] = {
+        "name": axis.name,
+        "direction": [float(v) for v in axis.direction],
+        "limits_deg": [_tidy_deg(axis.lower), _tidy_deg(axis.upper)],
+    }
+    if axis.neutral != 0.0:
+        values["neutral_deg"] = _tidy_deg(axis.neutral)
+    if axis.stiffness != 0.0:
+        values["stiffness"] = float(axis.stiffness)
+    return values
+
+
+def _tidy_deg(angle: float) -> float:
+    """Degrees, without the last digits that the conversion itself makes (35.00000000000001)."""
+    return round(float(np.rad2deg(angle)), 11) + 0.0
+
+
+def _primitive(entry: ShapeEntry, path: str | Path, field: str) -> Primitive:
+    if isinstance(entry, ConeEntry):
+        z1, z2 = entry.span
+        return TruncatedCone(entry.a, entry.b, entry.taper_per_m, z1, z2)
+    if isinstance(entry, EllipsoidEntry):
+        return Ellipsoid(entry.radii)
+    if isinstance(entry, BoxEntry):
+        return Box(entry.size)
+    return read_mesh(Path(path).parent / entry.file, entry.scale, path, f"{field}.file")
+
+
+def _shape_values(shape: Shape, path: Path) -> dict[str, Any]:
+    primitive = shape.primitive
+    values: dict[str, Any] = {"link": shape.link}
+    if isinstance(primitive, TruncatedCone):
+        values |= {
+            "type": "truncated_elliptical_cone",
+            "a": primitive.a,
+            "b": primitive.b,
+            "taper": primitive.k,
+        }
+        values |= {"z1": primitive.z1, "z2": primitive.z2}
+    elif isinstance(primitive, Ellipsoid):
+        values |= {"type": "ellipsoid", "radii": list(primitive.radii)}
+    elif isinstance(primitive, Box):
+        values |= {"type": "box", "size": list(primitive.size)}
+    elif isinstance(primitive, Mesh):
+        file = path.with_name(f"{path.stem}_{shape.name}.obj")
+        write_mesh(primitive, file)
+        values |= {"type": "mesh", "file": file.name}
+    values = {key: float(value) if isinstance(value, np.floating) else value for key, value in values.items()}
+    return values | _placed(shape.T_link_shape) | {"color_rgb": [int(c) for c in shape.color_rgb]}
+
+
+def _placed(transform: np.ndarray) -> dict[str, Any]:
+    values: dict[str, Any] = {"xyz": [float(v) for v in transform[:3, 3]]}
+    rpy_deg = rpy_deg_of(transform[:3, :3])
+    if any(rpy_deg):
+        values["rpy_deg"] = list(rpy_deg)
+    return values
