@@ -31,7 +31,23 @@ class SynchronizerConfig:
 class EvidenceConfig:
     """From images to silhouettes, edges and distances."""
 
-    silhouette: str = parameter("auto", "source of the silhouette", choices=("auto", "plate", "color", "both"))
+    silhouette: str = parameter(
+        "auto", "plate: empty-scene model only; color: color histograms only; both: combined; auto: plate if there is one, else both",
+        choices=("auto", "plate", "color", "both"),
+    )  # fmt: skip
+    distances: str = parameter(
+        "split", "split: outline against the signed silhouette distance, inner contours against edges; sum: the paper's sum of both",
+        choices=("split", "sum"),
+    )  # fmt: skip
+    scene_sigma: float = parameter(8.0, "least standard deviation of a scene pixel", "grey levels", 0.5, 100)
+    shadow: float = parameter(0.75, "darkest shadow, as a fraction of the scene's brightness; 1 switches shadows off", "1", 0.1, 1.0)
+    threshold: float = parameter(0.0, "log-odds above which a pixel is body", "1", -20, 20)
+    smoothing_px: int = parameter(3, "width of the box that the log-odds are averaged over (odd)", "px", 1, 31)
+    scene_rate: float = parameter(0.05, "share of the newest image in the scene model, where the body is not; 0 keeps plates fixed", "1", 0, 1)
+    color_rate: float = parameter(0.05, "share of the newest image in the color histograms", "1", 0, 1)
+    body_margin_px: int = parameter(12, "width around the fitted body that is not learnt as scene", "px", 1, 200)
+    reach_px: int = parameter(40, "silhouettes farther than this from the predicted body are not looked at", "px", 4, 1000)
+    truncation_px: float = parameter(40.0, "distances are truncated here", "px", 2, 1000)
     canny_low: float = parameter(40.0, "lower hysteresis threshold of the edge detector", "grey levels", 0, 1000)
     canny_high: float = parameter(100.0, "upper hysteresis threshold of the edge detector", "grey levels", 0, 1000)
     margin_px: int = parameter(24, "border around the predicted body that is looked at", "px", 4, 1000)
@@ -42,16 +58,36 @@ class OptimizerConfig:
     """Levenberg-Marquardt on the contour residuals."""
 
     max_iterations: int = parameter(5, "iterations per image set", "", 1, 200)
+    first_iterations: int = parameter(30, "iterations on the first image set after a start or a reset", "", 1, 1000)
+    tolerance: float = parameter(2e-3, "stop when the cost falls by less than this fraction", "1", 0, 1)
     robust_scale_px: float = parameter(8.0, "scale of the robust kernel", "px", 0.1, 1000)
     samples_per_line: int = parameter(25, "contour samples per generator line", "", 2, 1000)
     sliding: bool = parameter(True, "include the sliding of the contour generator in the Jacobian")
+    inner_weight: float = parameter(0.2, "weight of contours within the body's outline", "1", 0, 10)
+    alignment: float = parameter(0.6, "least cosine between an image boundary's normal and the contour's", "1", 0, 1)
 
 
 @dataclass(frozen=True)
 class MotionConfig:
-    """Prediction between image sets."""
+    """Prediction between image sets, and the priors that go with it."""
 
-    velocity_gain: float = parameter(0.5, "how fast the filtered velocity follows the measured one", "1", 0.0, 1.0)
+    velocity_gain: float = parameter(0.6, "how fast the filtered velocity follows the measured one", "1", 0.0, 1.0)
+    velocity_decay: float = parameter(0.9, "share of the velocity of joint angles that is kept in the prediction", "1", 0.0, 1.0)
+    stay_position: float = parameter(0.0, "pull to the predicted root position", "px^2/m^2", 0.0, 1e12)
+    stay_angle: float = parameter(200.0, "pull to the predicted angles", "px^2/rad^2", 0.0, 1e12)
+    neutral_angle: float = parameter(1.0, "multiplies the stiffness of the model's axes (pull to their neutral angles)", "px^2", 0.0, 1e12)
+
+
+@dataclass(frozen=True)
+class StatusConfig:
+    """When an estimate is trusted."""
+
+    degraded_residual_px: float = parameter(6.0, "rms residual above which the status is DEGRADED", "px", 0, 1000)
+    lost_residual_px: float = parameter(15.0, "rms residual above which the status is LOST", "px", 0, 1000)
+    degraded_support: float = parameter(0.5, "share of seen contour samples with a boundary near, below which it is DEGRADED", "1", 0, 1)
+    lost_support: float = parameter(0.25, "the same for LOST", "1", 0, 1)
+    residual_sigma_px: float = parameter(1.5, "least standard deviation of one contour sample, for the covariance", "px", 0.01, 100)
+    correlation: float = parameter(8.0, "how many neighbouring samples share one error, for the covariance", "", 1, 1000)
 
 
 @dataclass(frozen=True)
@@ -62,6 +98,7 @@ class TrackerConfig:
     evidence: EvidenceConfig = field(default_factory=EvidenceConfig)
     optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
+    status: StatusConfig = field(default_factory=StatusConfig)
     threads: int = parameter(2, "worker threads; sums are in fixed order whatever their number", "", 1, 64)
 
 

@@ -1,0 +1,143 @@
+"""The contour cost of all cameras as a least-squares objective over states."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..camera.camera_rig import Camera
+from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import Configuration, State
+from ..render.contour import world_spheres
+from ..render.shape_arrays import ShapeArrays
+from . import contour_residual as kernel
+from .normal_equations import NormalEquations
+
+
+@dataclass(frozen=True)
+class ContourOptions:
+    """See the fields of the same names in the tracker's configuration; ``outward_px`` is how far beyond a contour the class of the
+    sample is decided, ``alignment`` the least cosine between a boundary's normal and the contour's."""
+
+    robust_scale_px: float = 8.0
+    samples_per_line: int = 25
+    sliding: bool = True
+    sum_of_maps: bool = False
+    outward_px: float = 3.0
+    inner_weight: float = 0.3
+    alignment: float = 0.6
+
+    def packed(self) -> np.ndarray:
+        options = np.zeros(kernel.N_OPTIONS)
+        options[kernel.ROBUST_SCALE] = self.robust_scale_px
+        options[kernel.SLIDING] = float(self.sliding)
+        options[kernel.SUM_OF_MAPS] = float(self.sum_of_maps)
+        options[kernel.OUTWARD_PX] = self.outward_px
+        options[kernel.INNER_WEIGHT] = self.inner_weight
+        options[kernel.ALIGNMENT] = self.alignment
+        return options
+
+
+@dataclass(frozen=True, eq=False)
+class EvidenceMaps:
+    """Distances around the predicted body in one camera, on a crop whose first pixel is ``origin`` (u, v).
+
+    ``silhouette`` float32, signed distance to the silhouette's boundary (positive outside), ``edges`` float32, distance to the
+    nearest image edge inside the silhouette; both in pixels and truncated.
+    """
+
+    origin: tuple[int, int]
+    silhouette: np.ndarray
+    edges: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """Gaussian pull of the state: cost (x - mean)^T diag(information) (x - mean), px^2 per tangent^2."""
+
+    mean: State
+    information: np.ndarray
+
+
+class CameraSlot:
+    """One camera's constants and work arrays, reused from image set to image set."""
+
+    def __init__(self, camera: Camera, model: ArticulatedModel, samples_per_line: int):
+        n_links = len(model.chain.links)
+        T = camera.T_cam_world
+        self.camera = (
+            camera.model.params,
+            np.ascontiguousarray(T[:3, :3]),
+            np.ascontiguousarray(T[:3, 3]),
+            np.ascontiguousarray(camera.center),
+        )
+        self.flags = np.zeros((len(model.shapes), 2 * samples_per_line), dtype=np.uint8)
+        self.normal = np.zeros((n_links, 6, 6))
+        self.gradient = np.zeros((n_links, 6))
+        self.stats = np.zeros(kernel.N_STATISTICS)
+
+
+class ContourObjective:
+    """Cost of a state against the evidence of one image set.
+
+    Which samples are seen is decided at the first linearization and kept, so that the cost stays comparable between
+    iterations; `refresh` decides it anew at the next one.
+    """
+
+    def __init__(
+        self,
+        model: ArticulatedModel,
+        arrays: ShapeArrays,
+        slots: Sequence[CameraSlot],
+        maps: Sequence[EvidenceMaps | None],
+        options: ContourOptions,
+        priors: Sequence[Prior] = (),
+        executor: Executor | None = None,
+    ):  # fmt: skip
+        self.model, self.arrays, self.slots, self.maps = model, arrays, slots, maps
+        self.options, self.priors = options, priors
+        self._packed = options.packed()
+        self._map: Callable = map if executor is None else executor.map
+        self._spheres = np.empty((len(model.shapes), 4))
+        self._refresh = True
+
+    def refresh(self) -> None:
+        """Decide the visibility of samples anew at the next linearization."""
+        self._refresh = True
+
+    def linearize(self, state: State) -> NormalEquations:
+        """Normal equations at ``state``; sums run over the cameras in the order of the rig."""
+        configuration = Configuration(self.model, state)
+        Ts = configuration.Ts_world_shape
+        world_spheres(Ts, self.arrays.bounds, self._spheres)
+        refresh, self._refresh = self._refresh, False
+
+        def run(index: int) -> None:
+            slot, maps = self.slots[index], self.maps[index]
+            assert maps is not None
+            kernel.linearize_camera(
+                self.arrays.kinds, self.arrays.dims, self.arrays.links, Ts, self._spheres, slot.camera, maps.silhouette, maps.edges,
+                maps.origin, self._packed, self.options.samples_per_line, refresh, slot.flags, slot.normal, slot.gradient, slot.stats,
+            )  # fmt: skip
+
+        active = [i for i, maps in enumerate(self.maps) if maps is not None]
+        list(self._map(run, active))
+        chain = self.model.chain
+        H, g = np.empty((chain.n_dof, chain.n_dof)), np.empty(chain.n_dof)
+        link_normal, link_gradient = np.zeros((len(chain.links), 6, 6)), np.zeros((len(chain.links), 6))
+        cost, count = 0.0, 0
+        for i in active:
+            link_normal += self.slots[i].normal
+            link_gradient += self.slots[i].gradient
+            cost += float(self.slots[i].stats[kernel.COST])
+            count += int(self.slots[i].stats[kernel.COUNT])
+        kernel.assemble(link_normal, link_gradient, chain.link_moved_by, configuration.twists, H, g)
+        for prior in self.priors:
+            offset = state.difference(prior.mean)
+            H[np.diag_indices_from(H)] += prior.information
+            g += prior.information * offset
+            cost += float(offset @ (prior.information * offset))
+        return NormalEquations(H, g, cost, count)

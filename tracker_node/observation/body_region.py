@@ -1,0 +1,36 @@
+"""Where in an image the body is expected: a rectangle, and masks grown or shrunk from a body mask."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+Region = tuple[int, int, int, int]  # u0, v0, u1, v1; the last two exclusive
+
+
+def region_around(pixels: np.ndarray, valid: np.ndarray, margin: int, width: int, height: int) -> Region | None:
+    """Rectangle around the valid pixels (n, 2), grown by ``margin`` and clipped to the image; None if hardly any of it is inside."""
+    if not valid.any():
+        return None
+    low, high = pixels[valid].min(axis=0) - margin, pixels[valid].max(axis=0) + margin
+    u0, v0 = max(0, int(np.floor(low[0]))), max(0, int(np.floor(low[1])))
+    u1, v1 = min(width, int(np.ceil(high[0])) + 1), min(height, int(np.ceil(high[1])) + 1)
+    if u1 - u0 < 8 or v1 - v0 < 8:
+        return None
+    return u0, v0, u1, v1
+
+
+def grown(mask: np.ndarray, reach: int) -> np.ndarray:
+    """Mask (uint8, 0 or 1) of the pixels within about ``reach`` of ``mask``; computed at a quarter of the size."""
+    height, width = mask.shape
+    small = cv2.resize(mask, (max(1, width // 4), max(1, height // 4)), interpolation=cv2.INTER_AREA)
+    step = max(1, round(reach / 4))
+    size = 2 * step + 1
+    small = cv2.dilate((small > 0).astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)))
+    return cv2.resize(small, (width, height), interpolation=cv2.INTER_NEAREST)
+
+
+def shrunk(mask: np.ndarray, depth: int) -> np.ndarray:
+    """Mask (uint8) of the pixels deeper than ``depth`` within ``mask``."""
+    size = 2 * depth + 1
+    return cv2.erode(mask, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)), borderValue=0)

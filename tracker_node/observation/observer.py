@@ -1,0 +1,110 @@
+"""One camera's eyes: keeps what scene and body look like, and turns an image into evidence around the predicted body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import cv2
+import numpy as np
+
+from .appearance import ColorModel, SceneModel, body_log_odds
+from .body_region import Region, grown, shrunk
+from .silhouette_maps import edge_distance, signed_distance
+
+
+class EvidenceOptions(Protocol):
+    """The fields of the tracker's evidence configuration that are read here (their meaning is stated there)."""
+
+    silhouette: str
+    scene_sigma: float
+    shadow: float
+    threshold: float
+    smoothing_px: int
+    scene_rate: float
+    color_rate: float
+    body_margin_px: int
+    reach_px: int
+    truncation_px: float
+    canny_low: float
+    canny_high: float
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """Evidence of one image on the crop ``region`` (u0, v0, u1, v1).
+
+    ``silhouette`` uint8 (0 or 1), ``edges`` uint8 (0 or 255), ``silhouette_distance`` float32 signed (positive outside) and
+    ``edge_distance`` float32, pixels, truncated. ``empty`` when no pixel is body.
+    """
+
+    camera: str
+    region: Region
+    silhouette: np.ndarray
+    edges: np.ndarray
+    silhouette_distance: np.ndarray
+    edge_distance: np.ndarray
+    empty: bool
+
+
+class Observer:
+    """Evidence of one camera.
+
+    Parameters
+    ----------
+    camera : its name.
+    width, height : image size, pixels.
+    plate : BGR image of the empty scene, or a list of them, or None.
+    """
+
+    def __init__(self, camera: str, width: int, height: int, options: EvidenceOptions, plate: np.ndarray | list | None = None):
+        self.camera, self._options = camera, options
+        plates = [] if plate is None else ([plate] if isinstance(plate, np.ndarray) else list(plate))
+        for image in plates:
+            if image.shape[:2] != (height, width):
+                raise ValueError(f"camera '{camera}': expected a plate of {width}x{height}, got {image.shape[1]}x{image.shape[0]}")
+        kind = options.silhouette
+        if kind == "auto":
+            kind = "plate" if plates else "both"
+        if kind == "plate" and not plates:
+            raise ValueError(f"camera '{camera}': silhouette 'plate' needs an image of the empty scene")
+        self.uses_color = kind in ("color", "both")
+        self.learns_scene = kind == "both"
+        self._colors = ColorModel()
+        self._scene: SceneModel | None = None
+        if kind != "color":
+            self._scene = (
+                SceneModel.from_images(plates, options.scene_sigma) if plates else SceneModel(height, width, options.scene_sigma)
+            )
+
+    def learn(self, bgr: np.ndarray, region: Region, body: np.ndarray, first: bool = False) -> None:
+        """Learn colors and scene from an image whose ``body`` mask (uint8, on ``region``) is taken as known."""
+        options = self._options
+        if not self.uses_color:
+            return
+        u0, v0, u1, v1 = region
+        crop = bgr[v0:v1, u0:u1]
+        near = grown(body, options.body_margin_px)
+        around = near == 0
+        self._colors.learn(crop, shrunk(body, 2), around.view(np.uint8), 1.0 if first else options.color_rate)
+        if self.learns_scene and self._scene is not None and (first or options.scene_rate > 0):
+            if first:
+                whole = np.zeros(bgr.shape[:2], dtype=np.uint8)
+                whole[v0:v1, u0:u1] = near
+                self._scene.learn_first(bgr, whole)
+            else:
+                self._scene.update(bgr, near, options.scene_rate, region)
+
+    def observe(self, bgr: np.ndarray, region: Region, predicted: np.ndarray) -> Observation:
+        """Evidence on ``region`` given the ``predicted`` body mask there (uint8)."""
+        options = self._options
+        u0, v0, u1, v1 = region
+        odds = body_log_odds(bgr, region, self._scene, self._colors, options.shadow)
+        if options.smoothing_px > 1:
+            odds = cv2.blur(odds, (options.smoothing_px, options.smoothing_px))
+        silhouette = (odds > options.threshold).view(np.uint8)
+        silhouette &= grown(predicted, options.reach_px)
+        gray = cv2.cvtColor(bgr[v0:v1, u0:u1], cv2.COLOR_BGR2GRAY)
+        to_edge, edges = edge_distance(gray, silhouette, options.canny_low, options.canny_high, options.truncation_px)
+        to_silhouette = signed_distance(silhouette, options.truncation_px)
+        return Observation(self.camera, region, silhouette, edges, to_silhouette, to_edge, not silhouette.any())

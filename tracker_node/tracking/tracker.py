@@ -1,0 +1,197 @@
+"""The whole core in one call: `Tracker.step` takes an image set and says where the body is."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..camera.camera_rig import Camera, CameraRig
+from ..errors import CalibrationError
+from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import Configuration, State
+from ..model.kinematic_chain import N_ROOT_DOF
+from ..objective.contour_objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps, Prior
+from ..observation.body_region import Region, region_around
+from ..observation.image_set import ImageSet
+from ..observation.observer import Observation, Observer
+from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, clip_to_limits, minimize
+from ..optimize.result import OptimizerResult
+from ..render.hull_mask import HullMask
+from ..render.shape_arrays import ShapeArrays
+from .config import TrackerConfig
+from .estimate import Timings, TrackEstimate
+from .judge import covariance_of, judge, reports_of
+from .motion_model import MotionModel
+
+
+@dataclass(frozen=True, eq=False)
+class _Sight:
+    """Where the body is expected in one camera: its region and predicted mask there."""
+
+    region: Region
+    mask: np.ndarray
+
+
+class Tracker:
+    """Follows one body through image sets; deterministic in them.
+
+    Parameters
+    ----------
+    rig, model, config : cameras, body, parameters.
+    plates : camera name -> BGR image (or list of images) of the empty scene, where there is one.
+    initial_state : where the body is in the first image set; None: `set_state` must be called before.
+
+    Raises
+    ------
+    CalibrationError : from `step`, when an image does not have the size that its camera was calibrated for.
+    """
+
+    def __init__(
+        self,
+        rig: CameraRig,
+        model: ArticulatedModel,
+        config: TrackerConfig | None = None,
+        plates: Mapping[str, np.ndarray | list] | None = None,
+        initial_state: State | None = None,
+    ):
+        self.rig, self.model = rig, model
+        self.config = config = config or TrackerConfig()
+        self._plates = dict(plates or {})
+        self._initial_state = initial_state
+        self._arrays, self._hull = ShapeArrays.from_model(model), HullMask(model)
+        self._slots = [CameraSlot(camera, model, config.optimizer.samples_per_line) for camera in rig]
+        self._options = ContourOptions(
+            robust_scale_px=config.optimizer.robust_scale_px,
+            samples_per_line=config.optimizer.samples_per_line,
+            sliding=config.optimizer.sliding,
+            sum_of_maps=config.evidence.distances == "sum",
+            inner_weight=config.optimizer.inner_weight,
+            alignment=config.optimizer.alignment,
+        )
+        self._executor = ThreadPoolExecutor(config.threads) if config.threads > 1 else None
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to the initial state, with nothing learnt."""
+        evidence = self.config.evidence
+        self._observers = [
+            Observer(camera.name, camera.model.width, camera.model.height, evidence, self._plates.get(camera.name)) for camera in self.rig
+        ]
+        self._motion = MotionModel(self.model.n_dof, self.config.motion)
+        self._start = self._initial_state
+
+    def set_state(self, state: State) -> None:
+        """Go on from ``state`` at the next image set, with what has been learnt so far."""
+        self._motion = MotionModel(self.model.n_dof, self.config.motion)
+        self._start = state
+
+    def step(self, image_set: ImageSet) -> TrackEstimate:
+        """Estimate the state for one image set."""
+        began = time.perf_counter()
+        images = self._images(image_set)
+        first, predicted = self._predict(image_set.stamp_ns)
+        sights = self._look(predicted)
+        if first:
+            self._learn(images, sights, first=True)
+        observations = self._observe(images, sights)
+        observed = time.perf_counter()
+        objective = self._objective(observations, predicted)
+        result = self._fit(objective, predicted, first)
+        done = time.perf_counter()
+        status, reason = judge(self._slots, observations, image_set, self._start is None and first, self.config.status)
+        if first and self._start is None:
+            self._motion = MotionModel(self.model.n_dof, self.config.motion)
+        else:
+            self._accept(image_set.stamp_ns, result.state, images)
+        finished = time.perf_counter()
+        reports, residual = reports_of(self.rig, self._slots, observations, image_set)
+        return TrackEstimate(
+            stamp_ns=image_set.stamp_ns,
+            status=status,
+            status_reason=reason,
+            state=result.state,
+            velocity=self._motion.velocity.copy(),
+            covariance=covariance_of(result.equations, self._slots, observations, self.config.status),
+            score=result.equations.cost,
+            residual_px=residual,
+            cameras=reports,
+            iterations=result.iterations,
+            evaluations=result.evaluations,
+            timings=Timings(1e3 * (observed - began), 1e3 * (done - observed), 1e3 * (finished - began)),
+        )
+
+    def _images(self, image_set: ImageSet) -> list[np.ndarray | None]:
+        """BGR pixels per camera of the rig, None where the set has none."""
+        result: list[np.ndarray | None] = []
+        for camera in self.rig:
+            image = image_set.get(camera.name)
+            if image is not None and image.pixels.shape[:2] != (camera.model.height, camera.model.width):
+                got, model = image.pixels.shape, camera.model
+                raise CalibrationError(
+                    camera.name, f"expected images of {model.width}x{model.height} as calibrated, got {got[1]}x{got[0]}"
+                )
+            result.append(None if image is None else image.bgr)
+        return result
+
+    def _predict(self, stamp_ns: int) -> tuple[bool, State]:
+        predicted = self._motion.predict(stamp_ns)
+        if predicted is not None:
+            return False, clip_to_limits(predicted, self.model.chain)
+        return True, clip_to_limits(self._start or State.neutral(self.model), self.model.chain)
+
+    def _look(self, state: State) -> list[_Sight | None]:
+        configuration = Configuration(self.model, state)
+
+        def look(camera: Camera) -> _Sight | None:
+            pixels, valid = self._hull.project(configuration, camera.model, camera.T_cam_world)
+            region = region_around(pixels, valid, self.config.evidence.margin_px, camera.model.width, camera.model.height)
+            return None if region is None else _Sight(region, self._hull.fill(pixels, valid, region))
+
+        return [look(camera) for camera in self.rig]
+
+    def _parallel(self, function, indices: list[int]) -> list:
+        return list((map if self._executor is None else self._executor.map)(function, indices))
+
+    def _seen(self, images, sights) -> list[int]:
+        return [i for i, (image, sight) in enumerate(zip(images, sights, strict=True)) if image is not None and sight is not None]
+
+    def _learn(self, images, sights, first: bool) -> None:
+        self._parallel(
+            lambda i: self._observers[i].learn(images[i], sights[i].region, sights[i].mask, first), self._seen(images, sights)
+        )
+
+    def _observe(self, images, sights) -> list[Observation | None]:
+        seen = self._seen(images, sights)
+        found = self._parallel(lambda i: self._observers[i].observe(images[i], sights[i].region, sights[i].mask), seen)
+        result: list[Observation | None] = [None] * len(self.rig)
+        for i, observation in zip(seen, found, strict=True):
+            result[i] = observation
+        return result
+
+    def _objective(self, observations: list[Observation | None], predicted: State) -> ContourObjective:
+        maps = [
+            None if o is None or o.empty else EvidenceMaps(o.region[:2], o.silhouette_distance, o.edge_distance) for o in observations
+        ]
+        motion, axes = self.config.motion, self.model.chain.axes
+        stay = np.full(self.model.n_dof, motion.stay_angle)
+        stay[:3] = motion.stay_position
+        neutral = np.zeros(self.model.n_dof)
+        neutral[N_ROOT_DOF:] = [motion.neutral_angle * axis.stiffness for axis in axes]
+        priors = [Prior(predicted, stay), Prior(State.neutral(self.model, predicted.T_world_root), neutral)]
+        return ContourObjective(self.model, self._arrays, self._slots, maps, self._options, priors, self._executor)
+
+    def _fit(self, objective: ContourObjective, predicted: State, first: bool) -> OptimizerResult:
+        optimizer = self.config.optimizer
+        iterations = optimizer.first_iterations if first else optimizer.max_iterations
+        options = LevenbergMarquardtOptions(max_iterations=iterations, tolerance=optimizer.tolerance)
+        return minimize(objective, predicted, self.model.chain, options)
+
+    def _accept(self, stamp_ns: int, state: State, images) -> None:
+        self._motion.update(stamp_ns, state)
+        self._start = state
+        if any(observer.uses_color for observer in self._observers):
+            self._learn(images, self._look(state), first=False)
