@@ -6,6 +6,7 @@ Everything here is exact near the identity (series below 1e-4 rad) and near pi (
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 _SMALL = 1e-4
 
@@ -19,7 +20,7 @@ def hat(v: np.ndarray) -> np.ndarray:
     return m
 
 
-def exp(rotation_vector: np.ndarray) -> np.ndarray:
+def exp(rotation_vector: npt.ArrayLike) -> np.ndarray:
     """Rotation matrix (3, 3) of a rotation vector (3,), Rodrigues' formula."""
     w = np.asarray(rotation_vector, dtype=np.float64)
     angle_sq = float(w @ w)

@@ -46,8 +46,8 @@ class AxisEntry(FileModel):
     name: str
     direction: Vector  # type: ignore[valid-type]
     limits_deg: Limits = (-180.0, 180.0)
-    neutral_deg: Number = 0.0  # type: ignore[valid-type]
-    stiffness: Number = 0.0  # type: ignore[valid-type]
+    neutral_deg: Number = 0.0
+    stiffness: Number = 0.0
 
     @model_validator(mode="after")
     def _sound(self) -> AxisEntry:
@@ -87,10 +87,10 @@ class ConeEntry(_ShapeBase):
     type: Literal["truncated_elliptical_cone"]
     a: PositiveNumber
     b: PositiveNumber
-    taper: Number | None = None  # type: ignore[valid-type]
+    taper: Number | None = None
     end_scale: PositiveNumber | None = None
     length: PositiveNumber | None = None
-    z1: Number | None = None  # type: ignore[valid-type]
+    z1: Number | None = None
     z2: Number | None = None
 
     @model_validator(mode="after")
@@ -178,8 +178,8 @@ class ModelFile(FileModel):
         return self
 
     def _check_tree(self) -> None:
-        parent_of: dict[str, str] = Field(default_factory=dict)
-        joint_to: dict[str, str] = Field(default_factory=dict)
+        parent_of: dict[str, str] = {}
+        joint_to: dict[str, str] = {}
         for name, joint in self.joints.items():
             if joint.child in joint_to:
                 expected = f"a link that no other joint carries (joint '{joint_to[joint.child]}' does)"
