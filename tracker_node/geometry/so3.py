@@ -53,6 +53,16 @@ def log(rotation: np.ndarray) -> np.ndarray:
     return angle * axis
 
 
+def left_jacobian_inverse(rotation_vector: np.ndarray) -> np.ndarray:
+    """(3, 3) J with log(exp(d) exp(w)) = w + J d + O(d^2), for angles below 2 pi."""
+    w = np.asarray(rotation_vector, dtype=np.float64)
+    angle_sq = float(w @ w)
+    angle = np.sqrt(angle_sq)
+    k = hat(w)
+    d = 1.0 / 12.0 + angle_sq / 720.0 if angle < _SMALL else (1.0 - 0.5 * angle / np.tan(0.5 * angle)) / angle_sq
+    return np.eye(3) - 0.5 * k + d * (k @ k)
+
+
 def from_axis_angle(axis: np.ndarray, angle: float) -> np.ndarray:
     """Rotation matrix about a unit ``axis`` (3,) by ``angle`` radians."""
     return exp(np.asarray(axis, dtype=np.float64) * angle)

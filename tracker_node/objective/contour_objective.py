@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..camera.camera_rig import Camera
+from ..geometry import so3
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..render.contour import world_spheres
@@ -60,6 +61,18 @@ class Prior:
 
     mean: State
     information: np.ndarray
+
+    def add_to(self, H: np.ndarray, g: np.ndarray, state: State) -> float:
+        """Add the pull at ``state`` to the normal equations; returns its cost."""
+        offset = state.difference(self.mean)
+        J = so3.left_jacobian_inverse(offset[3:6])
+        H[np.diag_indices_from(H)] += np.where(np.arange(g.size) // 3 == 1, 0.0, self.information)
+        H[3:6, 3:6] += J.T @ (self.information[3:6, None] * J)
+        pull = self.information * offset
+        cost = float(offset @ pull)
+        pull[3:6] = J.T @ pull[3:6]
+        g += pull
+        return cost
 
 
 class CameraSlot:
@@ -136,8 +149,5 @@ class ContourObjective:
             count += int(self.slots[i].stats[kernel.COUNT])
         kernel.assemble(link_normal, link_gradient, chain.link_moved_by, configuration.twists, H, g)
         for prior in self.priors:
-            offset = state.difference(prior.mean)
-            H[np.diag_indices_from(H)] += prior.information
-            g += prior.information * offset
-            cost += float(offset @ (prior.information * offset))
+            cost += prior.add_to(H, g, state)
         return NormalEquations(H, g, cost, count)

@@ -1,0 +1,99 @@
+"""The analytic gradient of the contour cost against finite differences, through the whole chain of derivatives."""
+
+import numpy as np
+import pytest
+
+from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.camera_rig import Camera
+from tracker_node.geometry import se3, so3
+from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.configuration import State
+from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
+from tracker_node.model.primitives import Ellipsoid, TruncatedCone
+from tracker_node.objective.contour_objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps, Prior
+from tracker_node.render.shape_arrays import ShapeArrays
+
+
+def two_links(hand: bool = True) -> ArticulatedModel:
+    axes = (Axis("bend", (0.0, 1.0, 0.0), -2, 2), Axis("turn", (0.0, 0.0, 1.0), -2, 2))
+    joint = Joint("elbow", "upper", "lower", se3.from_rotation_translation(np.eye(3), [0, 0, 0.3]), axes)
+    shapes = (
+        Shape("upper", "upper", TruncatedCone(0.05, 0.04, -0.5, 0.0, 0.3)),
+        Shape("lower", "lower", TruncatedCone(0.04, 0.03, -0.8, 0.0, 0.25)),
+        Shape("hand", "lower", Ellipsoid((0.03, 0.05, 0.08)), se3.from_rotation_translation(np.eye(3), [0, 0, 0.3])),
+    )
+    return ArticulatedModel("arm", KinematicChain(("upper", "lower"), (joint,)), shapes if hand else shapes[:2])
+
+
+def cameras() -> list[Camera]:
+    lens = CameraModel(640, 480, [[600, 0, 310], [0, 590, 250], [0, 0, 1]], "plumb_bob", [-0.2, 0.05, 1e-3, -2e-3, 0.0])
+    front = se3.from_rotation_translation(so3.exp([-np.pi / 2, 0, 0]), [0.0, -2.0, 0.2])
+    side = se3.from_rotation_translation(so3.exp([0, 0, -np.pi / 2]) @ so3.exp([-np.pi / 2, 0, 0]), [-2.0, 0.1, 0.3])
+    return [Camera("front", lens, front), Camera("side", lens, side)]
+
+
+def smooth_maps(seed: int, offset: float = 0.0) -> EvidenceMaps:
+    """Ramps: bilinear interpolation is exact on them, so finite differences are too."""
+    rng = np.random.default_rng(seed)
+    v, u = np.mgrid[0:480, 0:640].astype(np.float64)
+
+    def ramp():
+        slope = rng.uniform(0.4, 1.0, 2) * rng.choice([-1, 1], 2)
+        return ((u - 320) * slope[0] + (v - 240) * slope[1] + offset).astype(np.float32)
+
+    return EvidenceMaps((0, 0), ramp(), ramp())
+
+
+def objective_for(options: ContourOptions, priors=(), hand=True, offset=0.0) -> tuple[ContourObjective, State]:
+    model = two_links(hand)
+    slots = [CameraSlot(camera, model, options.samples_per_line) for camera in cameras()]
+    maps = [smooth_maps(1, offset), smooth_maps(2, offset)]
+    state = State(se3.exp([0.02, 0.05, -0.1, 0.1, 0.2, 0.3]), np.array([0.6, 0.4]))
+    return ContourObjective(model, ShapeArrays.from_model(model), slots, maps, options, priors), state
+
+
+@pytest.mark.parametrize("sum_of_maps", [False, True])
+@pytest.mark.parametrize("robust_scale_px", [30.0, 1e4])
+def test_gradient_matches_finite_differences(sum_of_maps, robust_scale_px):
+    options = ContourOptions(robust_scale_px=robust_scale_px, sum_of_maps=sum_of_maps, alignment=-2.0, inner_weight=0.5)
+    prior = Prior(State(np.eye(4), np.zeros(2)), np.linspace(1.0, 8.0, 8) * 100)
+    # Without the ellipsoid, whose sample points also turn along their contour; an offset keeps the sum's kink at zero away
+    objective, state = objective_for(options, (prior,), hand=False, offset=400.0 if sum_of_maps else 0.0)
+    equations = objective.linearize(state)
+    assert equations.count > 100
+    step = 1e-6
+    numeric = np.array([
+        (objective.linearize(state.retract(d)).cost - objective.linearize(state.retract(-d)).cost) / (2 * step)
+        for d in np.eye(8) * step
+    ])  # fmt: skip
+    # float32 maps limit the accuracy of the cost
+    np.testing.assert_allclose(2 * equations.g, numeric, rtol=2e-3, atol=2e-4 * np.abs(numeric).max())
+
+
+def test_sliding_term_changes_only_the_motion_along_the_contour():
+    """Where the map's gradient is normal to the contour, the term has no effect (it slides along it)."""
+    with_sliding, state = objective_for(ContourOptions(alignment=0.999999, sliding=True, samples_per_line=400))
+    without, _ = objective_for(ContourOptions(alignment=0.999999, sliding=False, samples_per_line=400))
+    a, b = with_sliding.linearize(state), without.linearize(state)
+    assert a.count == b.count
+    if a.count:
+        np.testing.assert_allclose(a.g, b.g, atol=2e-2 * np.abs(a.g).max())
+
+
+def test_matrix_is_symmetric_and_positive():
+    objective, state = objective_for(ContourOptions(alignment=-2.0))
+    H = objective.linearize(state).H
+    np.testing.assert_allclose(H, H.T)
+    assert np.linalg.eigvalsh(H).min() > -1e-6 * np.abs(H).max()
+
+
+def test_threads_give_the_same_bits():
+    from concurrent.futures import ThreadPoolExecutor
+
+    options = ContourOptions(alignment=-2.0)
+    serial, state = objective_for(options)
+    with ThreadPoolExecutor(2) as executor:
+        parallel, _ = objective_for(options)
+        parallel._map = executor.map
+        a, b = serial.linearize(state), parallel.linearize(state)
+    assert np.array_equal(a.H, b.H) and np.array_equal(a.g, b.g) and a.cost == b.cost
