@@ -1,0 +1,72 @@
+"""A node's /diagnostics: every second, and at once when something changes for the worse or the better."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+from .qos import RESULT
+
+OK = DiagnosticStatus.OK
+WARN = DiagnosticStatus.WARN
+ERROR = DiagnosticStatus.ERROR
+STALE = DiagnosticStatus.STALE
+
+
+class Diagnostics:
+    """Statuses of the parts of one node, published under ``<node>: <part>``.
+
+    `report` may be called from any thread. A change of level or message is published (and logged) at once, values alone
+    with the next second.
+    """
+
+    def __init__(self, node: Node, hardware_id: str = "", period_s: float = 1.0):
+        self._node, self._hardware_id = node, hardware_id
+        self._lock = threading.Lock()
+        self._statuses: dict[str, DiagnosticStatus] = {}
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", RESULT)
+        self._timer = node.create_timer(period_s, self.publish)
+
+    def report(self, part: str, level: bytes, message: str, values: Mapping[str, object] | None = None) -> None:
+        """State of one part; ``values`` are shown as text, floats with three decimals."""
+        status = DiagnosticStatus(
+            level=level,
+            name=f"{self._node.get_name()}: {part}",
+            message=message,
+            hardware_id=self._hardware_id,
+            values=[KeyValue(key=key, value=_text(value)) for key, value in (values or {}).items()],
+        )
+        with self._lock:
+            before = self._statuses.get(part)
+            self._statuses[part] = status
+        changed = before is None or (before.level, before.message) != (level, message)
+        if changed and not (before is None and level == OK):
+            self._log(part, level, message)
+            self.publish()
+
+    def publish(self) -> None:
+        """Publish all statuses as they are."""
+        with self._lock:
+            statuses = list(self._statuses.values())
+        if statuses:
+            stamp = self._node.get_clock().now().to_msg()
+            message = DiagnosticArray(status=statuses)
+            message.header.stamp = stamp
+            self._publisher.publish(message)
+
+    def _log(self, part: str, level: bytes, message: str) -> None:
+        logger = self._node.get_logger()
+        text = f"{part}: {message}"
+        if level == OK:
+            logger.info(text)
+        elif level == WARN:
+            logger.warning(text)
+        else:
+            logger.error(text)
+
+
+def _text(value: object) -> str:
+    return f"{value:.3f}" if isinstance(value, float) else str(value)

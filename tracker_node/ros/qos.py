@@ -1,0 +1,59 @@
+"""Quality of service of every topic, and the transport settings that images at rate need."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import MutableMapping
+from pathlib import Path
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+
+PROFILE_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+
+RESULT = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+"""Small messages that nobody wants to miss: poses, states, diagnostics."""
+
+LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""Told to late subscribers too: robot_description."""
+
+SENSOR = qos_profile_sensor_data
+"""What a consumer of live images asks for: the newest, none of them twice."""
+
+
+def images_published(depth: int = 10) -> QoSProfile:
+    """Images of a camera: reliable, so that any consumer may choose (REP-2003)."""
+    return QoSProfile(depth=depth, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE)
+
+
+def images_subscribed(lossless: bool, depth: int = 100) -> QoSProfile:
+    """Every image in order, or the newest as they come."""
+    return images_published(depth) if lossless else SENSOR
+
+
+def config_file(name: str) -> Path:
+    """A file of this package's ``config`` folder, in a source tree or installed.
+
+    Raises
+    ------
+    FileNotFoundError : naming the places that were looked at.
+    """
+    places = [Path(__file__).resolve().parents[2] / "config"]
+    prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
+    places += [Path(prefix) / "share" / "tracker_node" / "config" for prefix in prefixes if prefix]
+    for place in places:
+        if (place / name).is_file():
+            return place / name
+    raise FileNotFoundError(f"'{name}' is in none of {', '.join(str(place) for place in places)}")
+
+
+def use_fastdds_profile(environment: MutableMapping[str, str] = os.environ) -> str:
+    """Name our transport profile in the environment unless the user named one; call it before ``rclpy.init``.
+
+    Only when discovery is limited to this machine is UDP bound to the loopback. Returns the profile in use.
+    """
+    if not environment.get(PROFILE_VARIABLE):
+        local = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").upper() == "LOCALHOST"
+        name = "fastdds_profile_localhost.xml" if local else "fastdds_profile.xml"
+        environment[PROFILE_VARIABLE] = str(config_file(name))
+    return environment[PROFILE_VARIABLE]
