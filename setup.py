@@ -12,7 +12,7 @@ RUNTIME_REQUIREMENTS = [
     "jinja2>=3.1",
     "mannequin-x>=0.3",
     "matplotlib>=3.6",
-    "mcap>=1.1",
+    "mcap>=1.5",
     "numba>=0.59",
     "numpy>=2.0",
     "opencv-python-headless>=4.8",
@@ -27,7 +27,7 @@ RUNTIME_REQUIREMENTS = [
 ROS_REQUIREMENTS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"]
 TEST_REQUIREMENTS = ["hypothesis", "import-linter", "mypy", "pytest", "ruff"]
 
-DATA_SUFFIXES = ["css", "html", "j2", "js", "json", "xml", "yaml"]
+DATA_SUFFIXES = ["css", "html", "j2", "js", "json", "msg", "xml", "yaml"]
 
 
 def installed_tree(folder: str) -> list[tuple[str, list[str]]]:

@@ -1,0 +1,113 @@
+"""``metadata.yaml`` of a rosbag2 bag, as ROS 2 Jazzy writes it (version 9), and the QoS profiles in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+METADATA_FILE = "metadata.yaml"
+METADATA_VERSION = 9
+ROS_DISTRO = "jazzy"  # whose message definitions the bag holds
+_INFINITE = {"sec": 9223372036, "nsec": 854775807}
+
+
+@dataclass(frozen=True)
+class OfferedQos:
+    """Quality of service that a topic's publisher offered; ``ros2 bag play`` publishes with it.
+
+    The words are those of rosbag2: ``keep_last``, ``keep_all``; ``reliable``, ``best_effort``; ``volatile``,
+    ``transient_local``.
+    """
+
+    reliability: str = "reliable"
+    durability: str = "volatile"
+    history: str = "keep_last"
+    depth: int = 10
+
+    def as_dict(self) -> dict[str, Any]:
+        return {
+            "history": self.history,
+            "depth": self.depth,
+            "reliability": self.reliability,
+            "durability": self.durability,
+            "deadline": dict(_INFINITE),
+            "lifespan": dict(_INFINITE),
+            "liveliness": "automatic",
+            "liveliness_lease_duration": dict(_INFINITE),
+            "avoid_ros_namespace_conventions": False,
+        }
+
+    def as_yaml(self) -> str:
+        """For the channel of an MCAP file: a list of profiles as text."""
+        return yaml.safe_dump([self.as_dict()], sort_keys=False).strip()
+
+
+@dataclass
+class TopicRecord:
+    """A topic of a bag, with the number of messages written so far."""
+
+    name: str
+    type_name: str
+    type_hash: str
+    qos: OfferedQos
+    message_count: int = 0
+
+
+@dataclass
+class TimeSpan:
+    """Earliest and latest stamp (integer nanoseconds) and number of messages."""
+
+    start_ns: int = 0
+    end_ns: int = 0
+    count: int = 0
+
+    def add(self, stamp_ns: int) -> None:
+        self.start_ns = stamp_ns if self.count == 0 else min(self.start_ns, stamp_ns)
+        self.end_ns = stamp_ns if self.count == 0 else max(self.end_ns, stamp_ns)
+        self.count += 1
+
+    def as_dict(self) -> dict[str, Any]:
+        return {
+            "starting_time": {"nanoseconds_since_epoch": self.start_ns},
+            "duration": {"nanoseconds": self.end_ns - self.start_ns},
+            "message_count": self.count,
+        }
+
+
+def bag_information(file_name: str, topics: list[TopicRecord], span: TimeSpan, custom: dict[str, str]) -> dict[str, Any]:
+    """Content of ``metadata.yaml`` below its top key, for a bag of one file."""
+    return {
+        "version": METADATA_VERSION,
+        "storage_identifier": "mcap",
+        **span.as_dict(),
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.type_name,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": [topic.qos.as_dict()],
+                    "type_description_hash": topic.type_hash,
+                },
+                "message_count": topic.message_count,
+            }
+            for topic in topics
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [file_name],
+        "files": [{"path": file_name, **span.as_dict()}],
+        "custom_data": custom or None,
+        "ros_distro": ROS_DISTRO,
+    }
+
+
+def write_metadata(folder: Path, information: dict[str, Any]) -> None:
+    """Write ``metadata.yaml``, whole or not at all."""
+    text = yaml.safe_dump({"rosbag2_bagfile_information": information}, sort_keys=False)
+    unfinished = folder / f"{METADATA_FILE}.tmp"
+    unfinished.write_text(text, encoding="utf-8")
+    unfinished.replace(folder / METADATA_FILE)

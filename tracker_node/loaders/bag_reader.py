@@ -1,0 +1,235 @@
+"""Bags read without ROS: rosbag2 folders or single MCAP files, ours or anybody's, finished or not.
+
+A bag whose recorder was killed has no ``metadata.yaml`` and no index; it is read as far as it goes, and says so.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import yaml
+from rosbags.interfaces import Connection, Qos
+from rosbags.rosbag2 import Reader, ReaderError
+from rosbags.rosbag2.metadata import parse_qos
+from rosbags.serde import SerdeError
+
+from ..errors import FileFormatError, UnknownNameError
+from .bag_metadata import METADATA_FILE, OfferedQos
+from .mcap_recovery import FileContents, scan, survey
+from .message_types import typestore_of
+
+STORAGE_SUFFIXES = (".mcap", ".db3")
+
+
+@dataclass(frozen=True)
+class BagTopic:
+    """A topic of a bag."""
+
+    name: str
+    type_name: str
+    message_count: int
+    qos: OfferedQos
+    definition: str
+    type_hash: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class BagMessage:
+    """A message of a bag: ``data`` are its serialized bytes (CDR), ``stamp_ns`` the time of recording."""
+
+    topic: str
+    type_name: str
+    stamp_ns: int
+    data: bytes
+
+
+class BagReader:
+    """Reads one bag; use it in a ``with`` statement.
+
+    Attributes
+    ----------
+    topics : `BagTopic` by name.
+    problem : why the bag had to be recovered; empty for a finished bag.
+    start_ns, end_ns : stamps of the first and the last message, 0 for an empty bag.
+
+    Raises
+    ------
+    FileFormatError : no bag, or nothing in it can be read.
+    """
+
+    def __init__(self, path: str | Path):
+        self.path = Path(path)
+        self.problem = ""
+        self.custom: dict[str, str] = {}
+        self._reader: Reader | None = None
+        self._unfinished: list[tuple[Path, FileContents]] = []
+        self._damaged = _storage_files(self.path)
+        try:
+            self._open_finished()
+        except (ReaderError, OSError, ValueError, KeyError, IndexError, TypeError, struct.error, yaml.YAMLError) as error:
+            self._open_unfinished(error)
+        self._store = typestore_of({t.type_name: t.definition for t in self.topics.values()})
+
+    @property
+    def recovered(self) -> bool:
+        """Whether the bag is unfinished, and was read as far as it goes."""
+        return bool(self.problem)
+
+    @property
+    def message_count(self) -> int:
+        return sum(topic.message_count for topic in self.topics.values())
+
+    def topic(self, name: str) -> BagTopic:
+        """The topic, or `UnknownNameError` with the names that there are."""
+        if name not in self.topics:
+            raise UnknownNameError(f"topic in {self.path}", name, self.topics)
+        return self.topics[name]
+
+    def topics_of_type(self, type_name: str) -> tuple[str, ...]:
+        return tuple(topic.name for topic in self.topics.values() if topic.type_name == type_name)
+
+    def messages(
+        self, topics: Collection[str] | None = None, start_ns: int | None = None, stop_ns: int | None = None
+    ) -> Iterator[BagMessage]:
+        """Messages of ``topics`` (default: all) recorded in [start, stop), in the order of recording.
+
+        Raises
+        ------
+        UnknownNameError : a topic that the bag does not have.
+        FileFormatError : the file is damaged in the middle.
+        """
+        for name in topics or ():
+            self.topic(name)
+        wanted = set(self.topics if topics is None else topics)
+        return self._finished(wanted, start_ns, stop_ns) if self._reader else self._recovered(wanted, start_ns, stop_ns)
+
+    def decode(self, message: BagMessage) -> Any:
+        """The message as an object with the fields of its type (numpy arrays for sequences of numbers).
+
+        Raises
+        ------
+        FileFormatError : the bytes are not a message of this type.
+        """
+        if message.type_name not in self._store.fielddefs:
+            raise FileFormatError(self.path, message.topic, "a type whose definition is known", message.type_name)
+        try:
+            return self._store.deserialize_cdr(message.data, message.type_name)
+        except (SerdeError, struct.error, ValueError, IndexError, UnicodeDecodeError) as error:
+            where = f"{message.topic} at {message.stamp_ns}"
+            raise FileFormatError(self.path, where, f"a {message.type_name}", str(error)) from None
+
+    def decoded(self, topic: str) -> Iterator[tuple[int, Any]]:
+        """(stamp of recording, message object) of one topic."""
+        for message in self.messages([topic]):
+            yield message.stamp_ns, self.decode(message)
+
+    def close(self) -> None:
+        if self._reader is not None and self._reader.is_open:
+            self._reader.close()
+
+    def __enter__(self) -> BagReader:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def _open_finished(self) -> None:
+        has_metadata = self.path.is_dir() and (self.path / METADATA_FILE).exists()
+        if self.path.is_dir() and not has_metadata and len(self._damaged) > 1:
+            raise ValueError(f"there is no {METADATA_FILE}")
+        reader = Reader(self.path if has_metadata or self.path.is_file() else self._damaged[0])
+        reader.open()
+        self.topics = {}
+        for name, info in reader.topics.items():
+            connection = info.connections[0]
+            self.topics[name] = BagTopic(
+                name, connection.msgtype, info.msgcount, _offered(connection), connection.msgdef.data, connection.digest
+            )
+        count = reader.message_count
+        self.start_ns, self.end_ns = (reader.start_time, reader.end_time - 1) if count else (0, 0)
+        self.custom = dict(reader.storage.metadata.custom or {})
+        self._reader = reader
+
+    def _open_unfinished(self, error: Exception) -> None:
+        files = [path for path in self._damaged if path.suffix == ".mcap"]
+        if not files:
+            raise FileFormatError(self.path, "(content)", "a bag that can be read", str(error)) from None
+        self.topics = {}
+        problems = []
+        for path in files:
+            contents = survey(path)
+            self._unfinished.append((path, contents))
+            problems.append(contents.problem or f"{METADATA_FILE} is missing or wrong ({error})")
+            for number, channel in contents.channels.items():
+                schema = contents.schemas.get(channel.schema_id)
+                known = self.topics.get(channel.topic)
+                count = contents.counts.get(number, 0) + (known.message_count if known else 0)
+                self.topics[channel.topic] = BagTopic(
+                    channel.topic,
+                    schema.name if schema else "",
+                    count,
+                    _first_qos(parse_qos(channel.metadata.get("offered_qos_profiles", ""))),
+                    schema.data.decode() if schema else "",
+                    channel.metadata.get("topic_type_hash", ""),
+                )
+        found = [contents for _, contents in self._unfinished if contents.message_count]
+        self.start_ns = min((contents.start_ns for contents in found), default=0)
+        self.end_ns = max((contents.end_ns for contents in found), default=0)
+        self.problem = "; ".join(dict.fromkeys(problems))
+
+    def _finished(self, wanted: set[str], start_ns: int | None, stop_ns: int | None) -> Iterator[BagMessage]:
+        assert self._reader is not None
+        chosen = [connection for connection in self._reader.connections if connection.topic in wanted]
+        if not chosen:
+            return
+        try:
+            for connection, stamp_ns, data in self._reader.messages(chosen, start_ns, stop_ns):
+                yield BagMessage(connection.topic, connection.msgtype, stamp_ns, data)
+        except (ReaderError, ValueError, IndexError, struct.error) as error:
+            raise FileFormatError(self.path, "(messages)", "an undamaged bag", str(error)) from None
+
+    def _recovered(self, wanted: set[str], start_ns: int | None, stop_ns: int | None) -> Iterator[BagMessage]:
+        for path, contents in self._unfinished:
+            topics = {number: self.topics[channel.topic] for number, channel in contents.channels.items()}
+            for message in scan(path):
+                topic = topics[message.channel]
+                early = start_ns is not None and message.stamp_ns < start_ns
+                late = stop_ns is not None and message.stamp_ns >= stop_ns
+                if topic.name in wanted and not early and not late:
+                    yield BagMessage(topic.name, topic.type_name, message.stamp_ns, message.data)
+
+
+def _storage_files(path: Path) -> list[Path]:
+    if path.is_dir():
+        files = sorted(file for file in path.iterdir() if file.suffix in STORAGE_SUFFIXES)
+        if not files:
+            raise FileFormatError(path, "(folder)", f"a bag: a folder with {' or '.join(STORAGE_SUFFIXES)} files", "none")
+        return files
+    if not path.exists():
+        raise FileFormatError(path, "(path)", "a bag", "nothing there")
+    if path.suffix not in STORAGE_SUFFIXES:
+        raise FileFormatError(path, "(path)", f"a bag folder or a {' or '.join(STORAGE_SUFFIXES)} file", path.name)
+    return [path]
+
+
+def _offered(connection: Connection) -> OfferedQos:
+    return _first_qos(getattr(connection.ext, "offered_qos_profiles", []))
+
+
+def _first_qos(profiles: list[Qos]) -> OfferedQos:
+    if not profiles:
+        return OfferedQos()
+    words = [profiles[0].reliability, profiles[0].durability, profiles[0].history]
+    reliability, durability, history = (word.name.lower() for word in words)
+    default = OfferedQos()
+    return OfferedQos(
+        reliability=reliability if reliability in ("reliable", "best_effort") else default.reliability,
+        durability=durability if durability in ("volatile", "transient_local") else default.durability,
+        history=history if history in ("keep_last", "keep_all") else default.history,
+        depth=profiles[0].depth or default.depth,
+    )
