@@ -1,0 +1,152 @@
+"""Synthetic sequences in a folder, in the same formats as real ones, with their truth.
+
+=====================  ==========================================================================================
+``rig.yaml``           cameras; sources and plates relative to the folder
+``cam01/000000.jpg``   images of each camera (JPEG of quality 95 without chroma subsampling, or PNG)
+``plates/cam01.png``   mean of the empty images; ``plates/cam01/00.jpg``...: those images, each with its own noise
+``truth.csv``          joint centres, in the format of joints.csv
+``static.trc``         joint centres in a T-pose, in landmark names (scales the tracker's model to the subject)
+``synthetic.json``     how it was made
+=====================  ==========================================================================================
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from .. import __version__
+from ..camera.camera_rig import CameraRig
+from ..errors import SourceError
+from ..loaders.rig_yaml import rig_file_of, write_rig_file
+from ..loaders.trajectory_file import JointsWriter
+from ..loaders.trc import MarkerTrajectories, dump_trc
+from .rasterizer import ColoredMesh
+from .scenes import SceneConfig, Studio, make_rig
+
+N_PLATES = 10
+_JPEG = [cv2.IMWRITE_JPEG_QUALITY, 95, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
+_STATIC_IMAGES = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """One instant of a subject: its mesh and its landmarks (m, 3), metres, world."""
+
+    mesh: ColoredMesh
+    landmarks: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Sequence:
+    """What is to be recorded.
+
+    Parameters
+    ----------
+    name : for messages.
+    landmark_names : in the order of every instant's landmarks.
+    instants : one per image set, made while it is recorded.
+    n_images : their number.
+    rate_hz : image sets per second.
+    static_landmarks : (m, 3) landmarks in a T-pose, or None.
+    """
+
+    name: str
+    landmark_names: tuple[str, ...]
+    instants: Iterable[Instant]
+    n_images: int
+    rate_hz: float = 30.0
+    static_landmarks: np.ndarray | None = None
+    parameters: dict = field(default_factory=dict)
+
+
+def record(
+    sequence: Sequence, scene: SceneConfig, folder: str | Path, progress: Callable[[int, int], None] = lambda i, n: None,
+    suffix: str = ".jpg",
+) -> CameraRig:  # fmt: skip
+    """Render a sequence into ``folder`` and return its rig. ``progress(done, total)`` is called after every image set.
+
+    ``synthetic.json`` is written last: a folder that has it is complete.
+
+    Raises
+    ------
+    SourceError : an image cannot be written.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "synthetic.json").unlink(missing_ok=True)
+    rig = make_rig(scene)
+    for camera in rig:
+        _clear(folder / camera.name)
+    with Studio(rig, scene) as studio, JointsWriter(folder / "truth.csv", sequence.landmark_names) as truth:
+        _write_plates(studio, folder / "plates")
+        for i, instant in enumerate(sequence.instants):
+            for camera, image in zip(rig, studio.images(instant.mesh, i), strict=True):
+                _write(folder / camera.name / f"{i:06d}{suffix}", image)
+            truth.append(round(i * 1e9 / sequence.rate_hz), instant.landmarks)
+            progress(i + 1, sequence.n_images)
+    _write_rig(rig, folder)
+    if sequence.static_landmarks is not None:
+        _write_static(sequence, folder / "static.trc")
+    description = describe(sequence.name, sequence.rate_hz, sequence.n_images, scene, sequence.parameters)
+    (folder / "synthetic.json").write_text(json.dumps(description, indent=2) + "\n", encoding="utf-8")
+    return rig
+
+
+def describe(name: str, rate_hz: float, n_images: int, scene: SceneConfig, parameters: dict | None = None) -> dict:
+    """All that decides the content of a recorded folder; equal descriptions mean equal folders."""
+    return {
+        "made_by": f"tracker_node {__version__}", "name": name, "rate_hz": rate_hz, "images": n_images,
+        "scene": {key: list(v) if isinstance(v, tuple) else v for key, v in asdict(scene).items()},
+        **(parameters or {}),
+    }  # fmt: skip
+
+
+def is_recorded(folder: str | Path, description: dict) -> bool:
+    """Whether ``folder`` holds the complete recording that ``description`` stands for."""
+    try:
+        found = json.loads((Path(folder) / "synthetic.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return found == json.loads(json.dumps(description))
+
+
+def _clear(folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for old in folder.glob("[0-9]*.*"):
+        old.unlink()
+
+
+def _write(path: Path, image: np.ndarray) -> None:
+    if not cv2.imwrite(str(path), image, _JPEG if path.suffix == ".jpg" else []):
+        raise SourceError(path, "cannot write the image")
+
+
+def _write_plates(studio: Studio, folder: Path) -> None:
+    for index, camera in enumerate(studio.rig):
+        _clear(folder / camera.name)
+        images = [studio.empty_image(index, i) for i in range(N_PLATES)]
+        for i, image in enumerate(images):
+            _write(folder / camera.name / f"{i:02d}.jpg", image)
+        mean = np.rint(np.mean(images, axis=0)).astype(np.uint8)
+        _write(folder / f"{camera.name}.png", mean)
+
+
+def _write_rig(rig: CameraRig, folder: Path) -> None:
+    rig_file = rig_file_of(rig)
+    cameras = {
+        name: entry.model_copy(update={"source": name, "plate": f"plates/{name}.png"}) for name, entry in rig_file.cameras.items()
+    }
+    write_rig_file(rig_file.model_copy(update={"cameras": cameras}), folder / "rig.yaml")
+
+
+def _write_static(sequence: Sequence, path: Path) -> None:
+    positions = np.repeat(np.asarray(sequence.static_landmarks)[None], _STATIC_IMAGES, axis=0)
+    times = np.arange(_STATIC_IMAGES) / sequence.rate_hz
+    valid = np.ones(positions.shape[:2], dtype=np.bool_)
+    dump_trc(MarkerTrajectories(tuple(sequence.landmark_names), times, positions, sequence.rate_hz, valid), path)

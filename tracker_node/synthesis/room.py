@@ -1,0 +1,140 @@
+"""The room of the synthetic scenes: floor, walls and furniture with procedural textures."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import cv2
+import numpy as np
+
+from .rasterizer import TexturedMesh
+
+HALF_SIZE = 5.4  # metres from the middle to each wall
+HEIGHT = 3.2
+
+
+def meshes(seed: int) -> list[TexturedMesh]:
+    """All meshes of the room, metres, Z up, floor at z = 0."""
+    rng = np.random.default_rng([seed, 7])
+    s, h = HALF_SIZE, HEIGHT
+    corners = [(-s, -s), (s, -s), (s, s), (-s, s)]
+    result = [_quad([(-s, -s, 0), (s, -s, 0), (s, s, 0), (-s, s, 0)], _planks(rng))]
+    result.append(_quad([(-s, s, h), (s, s, h), (s, -s, h), (-s, -s, h)], _plaster(rng, (236, 234, 228), 128)))
+    tints = [(206, 200, 186), (190, 200, 204), (214, 206, 196), (196, 202, 190)]
+    for i in range(4):
+        (xa, ya), (xb, yb) = corners[i], corners[(i + 1) % 4]
+        result.append(_quad([(xb, yb, 0), (xa, ya, 0), (xa, ya, h), (xb, yb, h)], _wall(rng, tints[i], i)))
+    for center, size, tint in _FURNITURE:
+        result.extend(_box(np.array(center), np.array(size), _wood(rng, tint)))
+    return result
+
+
+# (x, y) of the middle on the floor, (width, depth, height), tint: cupboards, shelves, a bench, boxes.
+_FURNITURE = (
+    ((5.0, 1.6, 0.0), (0.6, 1.4, 1.9), (150, 110, 76)),
+    ((5.0, -2.4, 0.0), (0.6, 2.0, 0.8), (206, 196, 176)),
+    ((-5.0, -0.8, 0.0), (0.7, 1.8, 0.75), (96, 74, 58)),
+    ((-5.0, 2.9, 0.0), (0.5, 1.0, 2.1), (170, 160, 150)),
+    ((1.2, 5.0, 0.0), (1.6, 0.6, 1.1), (128, 96, 70)),
+    ((-2.6, 5.0, 0.0), (0.9, 0.7, 0.9), (92, 108, 122)),
+    ((-1.4, -5.0, 0.0), (2.0, 0.5, 1.5), (184, 168, 140)),
+    ((2.6, -5.0, 0.0), (0.8, 0.6, 0.55), (120, 60, 54)),
+)
+
+
+def _quad(corners, texture: np.ndarray) -> TexturedMesh:
+    uv = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+    return TexturedMesh(np.array(corners, dtype=float), np.array([[0, 1, 2], [0, 2, 3]]), uv, texture)
+
+
+def _box(base: np.ndarray, size: np.ndarray, texture: np.ndarray) -> list[TexturedMesh]:
+    x0, y0 = base[:2] - size[:2] / 2
+    x1, y1, z0, z1 = x0 + size[0], y0 + size[1], base[2], base[2] + size[2]
+    sides = [
+        [(x0, y0, z0), (x1, y0, z0), (x1, y0, z1), (x0, y0, z1)],
+        [(x1, y0, z0), (x1, y1, z0), (x1, y1, z1), (x1, y0, z1)],
+        [(x1, y1, z0), (x0, y1, z0), (x0, y1, z1), (x1, y1, z1)],
+        [(x0, y1, z0), (x0, y0, z0), (x0, y0, z1), (x0, y1, z1)],
+        [(x0, y0, z1), (x1, y0, z1), (x1, y1, z1), (x0, y1, z1)],
+    ]
+    return [_quad(side, texture) for side in sides]
+
+
+def _cloud(rng: np.random.Generator, size: int, scale: int) -> np.ndarray:
+    """Smooth noise (size, size), zero mean, about unit deviation."""
+    coarse = rng.standard_normal((max(2, size // scale), max(2, size // scale))).astype(np.float32)
+    fine = cv2.resize(coarse, (size, size), interpolation=cv2.INTER_CUBIC)
+    return (fine - fine.mean()) / max(float(fine.std()), 1e-6)
+
+
+def _grain(rng: np.random.Generator, size: int, along_u: float, along_v: float) -> np.ndarray:
+    """Noise (size, size) drawn out along one direction, unit deviation."""
+    noise = rng.standard_normal((size, size)).astype(np.float32)
+    noise = cv2.GaussianBlur(noise, (0, 0), sigmaX=along_u, sigmaY=along_v)
+    return noise / float(noise.std())
+
+
+def _to_texture(image: np.ndarray) -> np.ndarray:
+    return np.clip(image, 0, 255).astype(np.uint8)
+
+
+def _planks(rng: np.random.Generator, size: int = 1024, n_rows: int = 36) -> np.ndarray:
+    """Wooden floor: staggered planks of slightly different tones, grain along them, dark joints."""
+    image = np.empty((size, size, 3), dtype=np.float32)
+    grain = _grain(rng, size, 24.0, 0.8)
+    edges = np.linspace(0, size, n_rows + 1).astype(int)
+    for top, bottom in pairwise(edges):
+        cuts = np.unique(np.concatenate([[0], np.sort(rng.integers(60, size - 60, 3)), [size]]))
+        for left, right in pairwise(cuts):
+            tone = np.array([166.0, 130.0, 92.0]) * rng.uniform(0.88, 1.08)
+            image[top:bottom, left:right] = tone
+            image[top:bottom, left : left + 1] *= 0.7
+        image[top : top + 1] *= 0.72
+    return _to_texture(image + 5.0 * grain[:, :, None])
+
+
+def _plaster(rng: np.random.Generator, tint: tuple[int, int, int], size: int = 1024) -> np.ndarray:
+    image = np.empty((size, size, 3), dtype=np.float32)
+    image[:] = tint
+    image += (4.0 * _cloud(rng, size, size // 8) + 2.0 * rng.standard_normal((size, size)).astype(np.float32))[:, :, None]
+    return _to_texture(image)
+
+
+def _wall(rng: np.random.Generator, tint: tuple[int, int, int], index: int) -> np.ndarray:
+    """Plaster with a skirting board, a window or a door, and pictures. Row 0 of the texture is the top of the wall."""
+    size = 1024
+    image = _plaster(rng, tint, size)
+    across = size / (2 * HALF_SIZE)  # texels per metre
+    up = size / HEIGHT
+
+    def fill(x: float, z: float, width: float, height: float, color) -> None:
+        left, right = int((x + HALF_SIZE) * across), int((x + width + HALF_SIZE) * across)
+        image[int(size - (z + height) * up) : int(size - z * up), left:right] = color
+
+    fill(-HALF_SIZE, 0.0, 2 * HALF_SIZE, 0.11, (120, 104, 88))
+    if index % 2 == 0:
+        for x in (-3.4, 0.6):
+            fill(x, 0.95, 1.7, 1.5, (240, 240, 236))
+            fill(x + 0.07, 1.02, 0.75, 1.36, (176, 200, 222))
+            fill(x + 0.88, 1.02, 0.75, 1.36, (168, 194, 220))
+    else:
+        fill(2.0, 0.0, 1.0, 2.1, (112, 84, 62))
+        fill(2.08, 0.05, 0.84, 1.98, (140, 106, 78))
+    for x in rng.uniform(-4.6, 3.4, 3):
+        width, height = rng.uniform(0.35, 0.8, 2)
+        z = rng.uniform(1.2, 1.7)
+        fill(x, z, width, height, (54, 46, 40))
+        fill(x + 0.04, z + 0.05, width - 0.08, height - 0.1, rng.integers(60, 220, 3))
+    return image
+
+
+def _wood(rng: np.random.Generator, tint: tuple[int, int, int], size: int = 256) -> np.ndarray:
+    """Furniture: grain upright, doors or drawers marked by dark lines."""
+    image = np.empty((size, size, 3), dtype=np.float32)
+    image[:] = tint
+    image += 5.0 * _grain(rng, size, 0.8, 20.0)[:, :, None]
+    for position in np.linspace(0, size - 2, int(rng.integers(2, 5)) + 1).astype(int):
+        image[:, position : position + 2] *= 0.6
+    for position in np.linspace(0, size - 2, int(rng.integers(1, 4)) + 1).astype(int):
+        image[position : position + 2] *= 0.6
+    return _to_texture(image)

@@ -1,0 +1,42 @@
+"""The sequences that can be recorded: the mannequin in a motion, and the tracker's own model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import Configuration, State
+from .cones import ModelSubject
+from .dataset import Instant, Sequence
+from .mannequin import LANDMARKS, MannequinSubject
+from .motions import Motion
+from .rasterizer import ColoredMesh
+
+
+def mannequin_sequence(motion: Motion, stature: float = 1.75) -> Sequence:
+    """The dressed mannequin in ``motion``; truth is its own joints."""
+    subject = MannequinSubject(stature)
+
+    def instants() -> Iterator[Instant]:
+        for body in subject.follow(motion):
+            yield Instant(ColoredMesh(body.vertices, subject.faces, subject.colors_rgb), body.landmarks)
+
+    return Sequence(
+        name=f"mannequin_{motion.name}", landmark_names=LANDMARKS, instants=instants(), n_images=len(motion),
+        rate_hz=motion.rate_hz, static_landmarks=subject.t_pose().landmarks, parameters={"stature": stature},
+    )  # fmt: skip
+
+
+def model_sequence(model: ArticulatedModel, states: Iterable[State], rate_hz: float, name: str = "cones") -> Sequence:
+    """The tracker's own model in the given states; truth is its landmarks."""
+    subject = ModelSubject(model)
+    states = list(states)
+
+    def instants() -> Iterator[Instant]:
+        for state in states:
+            configuration = Configuration(model, state)
+            yield Instant(subject.mesh(configuration), np.array(configuration.landmarks_world))
+
+    return Sequence(name, model.landmark_names, instants(), len(states), rate_hz)
