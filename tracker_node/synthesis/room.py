@@ -70,8 +70,8 @@ def _cloud(rng: np.random.Generator, size: int, scale: int) -> np.ndarray:
 def _grain(rng: np.random.Generator, size: int, along_u: float, along_v: float) -> np.ndarray:
     """Noise (size, size) drawn out along one direction, unit deviation."""
     noise = rng.standard_normal((size, size)).astype(np.float32)
-    noise = cv2.GaussianBlur(noise, (0, 0), sigmaX=along_u, sigmaY=along_v)
-    return noise / float(noise.std())
+    drawn = np.asarray(cv2.GaussianBlur(noise, (0, 0), sigmaX=along_u, sigmaY=along_v))
+    return drawn / float(drawn.std())
 
 
 def _to_texture(image: np.ndarray) -> np.ndarray:

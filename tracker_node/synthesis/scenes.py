@@ -168,7 +168,8 @@ class Studio:
         imaging = self.imaging[index]
         view = self._plates[index]
         if shadow is not None:
-            darkness = cv2.remap(shadow, *self._shadow_maps[index], cv2.INTER_LINEAR)
+            map_u, map_v = self._shadow_maps[index]
+            darkness = cv2.remap(shadow, map_u, map_v, cv2.INTER_LINEAR)
             view = view * (1.0 - _SHADOW_DEPTH * darkness[:, :, None])
         else:
             view = view.copy()
