@@ -1,0 +1,97 @@
+"""Makes the ``balancing`` sample ready to be tracked: rigs, plates, and what is wrong with the recording put right.
+
+What the files do not say, and pictures of them show: the videos of cam01 and cam02 (in the static trial of cam03 and cam04) were
+resampled to 1080 pixels a row with black bars above and below, while calibration, stills and 2D joints are for 1088 x 1920.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ..camera.camera_rig import CameraRig
+from ..errors import FileFormatError, SourceError
+from ..loaders.openpose_json import load_openpose, match_cameras
+from ..loaders.pose2sim_toml import load_pose2sim
+from ..loaders.rig_yaml import CameraEntry, RigFile, rig_file_of, write_rig_file
+from .rig_refinement import Refinement, collect_joints, refine_rig
+
+# Calibration pixels of a pixel of the narrow videos: fitted to the stills (affine image registration), to about 0.3 px.
+NARROW_MAP = ((1.0074, 0.0, 0.0), (0.0, 1.0074, -7.2))
+NARROW_SIZE = (1080, 1920)
+NARROW_CAMERAS = {"videos": ("cam01", "cam02"), "static": ("cam03", "cam04")}
+
+
+def copy_files(files: Mapping[str, Path], output: Path) -> None:
+    """Put the sample's files into ``output`` under their names; what is there already, unchanged in size, stays.
+
+    Raises
+    ------
+    SourceError : when a file cannot be written.
+    """
+    for name, source in files.items():
+        target = output / name
+        if target.exists() and target.stat().st_size == source.stat().st_size:
+            continue
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source, target)
+        except OSError as error:
+            raise SourceError(target, f"cannot be written: {error.strerror}") from error
+
+
+def write_rigs(folder: Path) -> Refinement:
+    """Write rig.yaml, rig_refined.yaml and rig_static.yaml (refined, for the static trial) into the sample's folder."""
+    rig = named_rig(folder / "calibration.toml")
+    original = rig_file(rig, "videos")
+    write_rig_file(original, folder / "rig.yaml")
+    groups = match_cameras(load_openpose(folder / "points2d.zip"), rig.names)
+    refinement = refine_rig(rig, collect_joints(rig, [list(groups[name].people) for name in rig.names]))
+    places = {camera.name: camera.T_world_cam for camera in refinement.rig}
+    write_rig_file(original.with_extrinsics(places), folder / "rig_refined.yaml")
+    write_rig_file(rig_file(rig, "static").with_extrinsics(places), folder / "rig_static.yaml")
+    return refinement
+
+
+def named_rig(toml: Path) -> CameraRig:
+    """The calibration with the cameras' names as the videos have them (``cam_01`` is ``cam01``)."""
+    rig = load_pose2sim(toml)
+    return CameraRig(tuple(replace(camera, name=camera.name.replace("_", "")) for camera in rig), rig.world_frame)
+
+
+def rig_file(rig: CameraRig, trial: str) -> RigFile:
+    """Rig of one trial (``videos`` or ``static``): sources, plates, and the map of the narrow videos' pixels."""
+    plain = rig_file_of(rig)
+    entries: dict[str, CameraEntry] = {}
+    for name, entry in plain.cameras.items():
+        update: dict[str, object] = {"source": f"{trial}/{name}.mp4"}
+        if trial == "videos":
+            update["plate"] = f"plates/{name}.png"
+        if name in NARROW_CAMERAS[trial]:
+            update |= {"pixel_map": NARROW_MAP, "file_image_size": NARROW_SIZE}
+        entries[name] = entry.model_copy(update=update)
+    return plain.model_copy(update={"cameras": entries})
+
+
+def write_plates(folder: Path) -> None:
+    """Write plates/camNN.png: the stills in the pixels of the videos.
+
+    Raises
+    ------
+    FileFormatError : for a still that is no image.
+    """
+    (folder / "plates").mkdir(exist_ok=True)
+    for still in sorted((folder / "stills").glob("*.png")):
+        image = cv2.imread(str(still))
+        if image is None:
+            raise FileFormatError(still, "(file)", "an image", "something else")
+        if still.stem in NARROW_CAMERAS["videos"]:
+            # WARP_INVERSE_MAP: the map says where a pixel of the result comes from, which is what the pixel map does.
+            flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+            image = cv2.warpAffine(image, np.array(NARROW_MAP), NARROW_SIZE, flags=flags)
+        cv2.imwrite(str(folder / "plates" / still.name), image)
