@@ -1,0 +1,98 @@
+"""Estimates there and back through serialized messages."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+from geometry_msgs.msg import Pose, PoseWithCovarianceStamped
+from rclpy.serialization import deserialize_message, serialize_message
+from ros_samples import arm, some_estimate, some_state
+from sensor_msgs.msg import JointState
+from tracker_msgs.msg import TrackedState
+
+from tracker_node.errors import TrackerError, UnknownNameError
+from tracker_node.ros.conversions import (
+    estimate_of,
+    joint_state_message,
+    pose_message,
+    pose_of,
+    stamp_ns_of,
+    tracked_state_message,
+    transform_of_pose,
+    values_with_changes,
+)
+
+
+@pytest.fixture
+def model():
+    return arm()
+
+
+def sent(message):
+    return deserialize_message(serialize_message(message), type(message))
+
+
+def test_tracked_state_there_and_back(model):
+    estimate = some_estimate(model)
+    message = sent(tracked_state_message(estimate, model, "world"))
+    assert isinstance(message, TrackedState) and message.header.frame_id == "world"
+    assert message.dof_names == list(model.chain.dof_names)
+    assert np.array_equal(np.array(message.values), estimate.state.to_values())  # bit for bit
+    back = estimate_of(message)
+    names = ("stamp_ns", "status", "status_reason", "score", "residual_px", "cameras", "iterations", "evaluations", "timings")
+    for name in names:
+        assert getattr(back, name) == getattr(estimate, name)
+    assert np.array_equal(back.covariance, estimate.covariance) and np.array_equal(back.velocity, estimate.velocity)
+    assert np.allclose(back.state.T_world_root, estimate.state.T_world_root, atol=1e-12)
+    assert np.array_equal(back.state.joint_positions, estimate.state.joint_positions)
+
+
+def test_numpy_scalars_and_integers_arrive_as_what_they_are(model):
+    """Unchecked message fields turn them into garbage."""
+    fields = {**some_estimate(model).__dict__, "score": np.float32(1.5), "residual_px": 2, "iterations": np.int64(3)}
+    message = sent(tracked_state_message(type(some_estimate(model))(**fields), model, "world"))
+    assert (message.score, message.residual_px, message.iterations) == (1.5, 2.0, 3)
+
+
+def test_pose_with_covariance(model):
+    estimate = some_estimate(model)
+    message = sent(pose_message(estimate, "world"))
+    assert isinstance(message, PoseWithCovarianceStamped)
+    assert stamp_ns_of(message.header.stamp) == estimate.stamp_ns
+    assert np.allclose(transform_of_pose(message.pose.pose), estimate.state.T_world_root, atol=1e-12)
+    assert np.array_equal(np.array(message.pose.covariance).reshape(6, 6), estimate.covariance[:6, :6])
+
+
+def test_joint_state(model):
+    estimate = some_estimate(model)
+    message = sent(joint_state_message(estimate, model, "world"))
+    assert isinstance(message, JointState)
+    assert message.name == ["shoulder_x", "shoulder_y", "shoulder_z", "elbow_flexion"]
+    assert np.array_equal(np.array(message.position), estimate.state.joint_positions)
+    assert np.array_equal(np.array(message.velocity), estimate.velocity[6:])
+
+
+def test_pose_there_and_back(model):
+    T = some_state(model).T_world_root
+    assert np.allclose(transform_of_pose(sent(pose_of(T))), T, atol=1e-12)
+
+
+def test_pose_without_rotation_is_refused():
+    pose = Pose()
+    pose.orientation.w = 0.0
+    with pytest.raises(TrackerError, match="quaternion"):
+        transform_of_pose(pose)
+
+
+def test_changes_of_named_values(model):
+    values = np.zeros(model.n_dof)
+    assert values_with_changes(model, values, ["elbow_flexion"], [0.5])[-1] == 0.5
+    assert not values.any()
+    with pytest.raises(UnknownNameError, match=r"knee.*elbow_flexion"):
+        values_with_changes(model, values, ["knee"], [0.5])
+    with pytest.raises(TrackerError, match="1 names and 2 values"):
+        values_with_changes(model, values, ["elbow_flexion"], [0.5, 1.0])
+    with pytest.raises(TrackerError, match="finite"):
+        values_with_changes(model, values, ["elbow_flexion"], [float("nan")])
+    with pytest.raises(TrackerError, match="once"):
+        values_with_changes(model, values, ["elbow_flexion"] * 2, [0.5, 1.0])

@@ -1,0 +1,128 @@
+"""Images there and back, also straight from the serialized bytes that a raw subscription gives."""
+
+import contextlib
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+pytest.importorskip("rclpy")
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import CompressedImage, Image
+
+from tracker_node.errors import SourceError
+from tracker_node.ros.conversions import (
+    ImageBuffer,
+    bgr_of_compressed,
+    camera_image_of,
+    compressed_message,
+    decode_raw_image,
+    image_message,
+    stamp_message,
+    stamp_ns_of,
+)
+
+
+def noise(height: int, width: int, encoding: str, seed: int = 0) -> np.ndarray:
+    shape = (height, width) if encoding == "mono8" else (height, width, 3)
+    return np.random.default_rng(seed).integers(0, 256, shape, dtype=np.uint8)
+
+
+@given(st.integers(-(2**31) * 10**9, (2**31 - 1) * 10**9))
+def test_stamps_there_and_back(stamp_ns: int):
+    assert stamp_ns_of(stamp_message(stamp_ns)) == stamp_ns
+
+
+@pytest.mark.parametrize("encoding", ["bgr8", "rgb8", "mono8"])
+def test_there_and_back(encoding: str):
+    pixels = noise(7, 5, encoding)
+    image = camera_image_of("left", image_message(12_000_000_034, "left_optical_frame", pixels, encoding))
+    assert (image.camera, image.stamp_ns, image.encoding) == ("left", 12_000_000_034, encoding)
+    assert np.array_equal(image.pixels, pixels)
+
+
+@pytest.mark.parametrize("encoding", ["bgr8", "mono8"])
+@pytest.mark.parametrize("frame_id", ["", "a", "ab", "abc", "abcd", "left_optical_frame"])  # every alignment
+def test_serialized_there_and_back(encoding: str, frame_id: str):
+    pixels = noise(6, 9, encoding)
+    data = serialize_message(image_message(-5, frame_id, pixels, encoding))
+    image = decode_raw_image("left", data)
+    assert (image.stamp_ns, image.encoding) == (-5, encoding)
+    assert np.array_equal(image.pixels, pixels)
+    assert not image.pixels.flags.owndata and not image.pixels.flags.writeable
+
+
+def test_big_endian():
+    pixels = noise(2, 3, "mono8")
+    body = struct.pack(">iI", 7, 8) + struct.pack(">I", 2) + b"f\0" + b"\0\0"
+    body += struct.pack(">II", 2, 3) + struct.pack(">I", 6) + b"mono8\0" + b"\0" + b"\0"
+    body += struct.pack(">II", 3, 6) + pixels.tobytes()
+    image = decode_raw_image("left", b"\x00\x00\x00\x00" + body)
+    assert image.stamp_ns == 7_000_000_008 and np.array_equal(image.pixels, pixels)
+
+
+def test_padded_rows_are_a_view():
+    pixels = noise(4, 5, "bgr8")
+    rows = np.full((4, 20), 99, np.uint8)
+    rows[:, :15] = pixels.reshape(4, 15)
+    message = Image(height=4, width=5, encoding="bgr8", step=20, data=rows.tobytes())
+    assert np.array_equal(camera_image_of("left", message).pixels, pixels)
+    assert np.array_equal(decode_raw_image("left", serialize_message(message)).pixels, pixels)
+
+
+def test_buffer_is_used_again():
+    buffer = ImageBuffer("f", 5, 4)
+    first = buffer.fill(1, noise(4, 5, "bgr8", 1))
+    second = buffer.fill(2, noise(4, 5, "bgr8", 2))
+    assert first is second
+    received = deserialize_message(serialize_message(second), Image)
+    assert np.array_equal(camera_image_of("c", received).pixels, noise(4, 5, "bgr8", 2))
+    with pytest.raises(ValueError, match="expected uint8 pixels"):
+        buffer.fill(3, noise(5, 4, "bgr8"))
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"encoding": "bayer_rggb8"}, "bayer_rggb8"),
+        ({"step": 3}, "contradicts itself"),
+        ({"height": 400}, "contradicts itself"),
+        ({"height": 0}, "contradicts itself"),
+    ],
+)
+def test_unusable_images_are_named(change: dict, named: str):
+    message = image_message(0, "f", noise(4, 5, "bgr8"))
+    for field, value in change.items():
+        setattr(message, field, value)
+    for image in (lambda: camera_image_of("left", message), lambda: decode_raw_image("left", serialize_message(message))):
+        with pytest.raises(SourceError, match=f"left.*{named}"):
+            image()
+
+
+@given(st.integers(0, 200))
+def test_truncated_bytes_never_crash(length: int):
+    data = serialize_message(image_message(0, "frame", noise(4, 5, "bgr8")))
+    whole = 4 + 4 * 5 * 3 + 52
+    if length < whole - 8:
+        with pytest.raises(SourceError):
+            decode_raw_image("left", data[:length])
+
+
+@given(st.binary(max_size=120))
+def test_noise_never_crashes(data: bytes):
+    with contextlib.suppress(SourceError):
+        decode_raw_image("left", data)
+
+
+def test_compressed():
+    smooth = np.full((48, 64, 3), (30, 120, 220), np.uint8)
+    message = compressed_message(77, "f", smooth)
+    assert "jpeg" in message.format
+    image = bgr_of_compressed("left", message)
+    assert image.stamp_ns == 77 and np.abs(image.pixels.astype(int) - smooth).max() <= 3
+    with pytest.raises(SourceError, match="left"):
+        bgr_of_compressed("left", CompressedImage(format="jpeg", data=b"nonsense"))
+    with pytest.raises(SourceError, match="left"):
+        bgr_of_compressed("left", CompressedImage(format="jpeg"))

@@ -1,0 +1,70 @@
+"""sensor_msgs/CameraInfo and lenses (REP-104)."""
+
+from __future__ import annotations
+
+import array
+
+import numpy as np
+from sensor_msgs.msg import CameraInfo
+
+from ...camera.camera_model import CameraModel
+from ...camera.distortion import COEFFICIENT_COUNTS
+from ...errors import CalibrationError
+from .stamps import stamp_message
+
+
+def camera_info_message(stamp_ns: int, frame_id: str, model: CameraModel) -> CameraInfo:
+    """CameraInfo of a lens; R and P are those of an unrectified single camera."""
+    name = "plumb_bob" if model.distortion_model == "none" else model.distortion_model
+    coefficients = [float(v) for v in model.distortion] or [0.0] * 5
+    if name == "plumb_bob" and len(coefficients) == 4:
+        coefficients.append(0.0)  # k3; ROS writes five
+    K = [float(v) for v in model.K.ravel()]
+    message = CameraInfo(height=int(model.height), width=int(model.width), distortion_model=name)
+    message.header.stamp = stamp_message(stamp_ns)
+    message.header.frame_id = frame_id
+    message.d = array.array("d", coefficients)
+    message.k = np.array(K)  # fixed-size fields are numpy arrays in rclpy
+    message.r = np.eye(3).ravel()
+    message.p = np.array([*K[0:3], 0.0, *K[3:6], 0.0, *K[6:9], 0.0])
+    return message
+
+
+def camera_model_of(camera: str, message: CameraInfo) -> CameraModel:
+    """Lens for the pixels of the images that go with the message: region of interest and binning are applied to K.
+
+    Raises
+    ------
+    CalibrationError : K[0] = 0 (the mark of an uncalibrated camera), or a distortion model that is not known.
+    """
+    K = np.array(message.k, dtype=np.float64).reshape(3, 3)
+    if K[0, 0] == 0.0:
+        raise CalibrationError(camera, "uncalibrated: camera_info has K[0] = 0")
+    name = message.distortion_model or "none"
+    if name == "fisheye":
+        name = "equidistant"
+    coefficients = np.array(message.d, dtype=np.float64)
+    if not coefficients.any() and name in ("none", "plumb_bob", "rational_polynomial"):
+        name, coefficients = "none", np.zeros(0)
+    if name not in COEFFICIENT_COUNTS or coefficients.size not in COEFFICIENT_COUNTS[name]:
+        known = ", ".join(f"{key} with {' or '.join(map(str, n))}" for key, n in COEFFICIENT_COUNTS.items())
+        raise CalibrationError(
+            camera, f"distortion in camera_info: expected {known} coefficients, got {name} with {coefficients.size}"
+        )
+    try:
+        model = CameraModel(int(message.width), int(message.height), K, name, coefficients)
+    except ValueError as error:
+        raise CalibrationError(camera, f"camera_info: {error}") from error
+    return _cropped_and_binned(model, message)
+
+
+def _cropped_and_binned(model: CameraModel, message: CameraInfo) -> CameraModel:
+    roi = message.roi
+    x, y = int(roi.x_offset), int(roi.y_offset)
+    width, height = int(roi.width) or model.width, int(roi.height) or model.height
+    if (x, y, width, height) != (0, 0, model.width, model.height):
+        model = model.mapped(np.array([[1.0, 0.0, -x], [0.0, 1.0, -y]]), width, height)
+    bx, by = max(int(message.binning_x), 1), max(int(message.binning_y), 1)
+    if (bx, by) != (1, 1):
+        model = model.resized(model.width // bx, model.height // by)
+    return model

@@ -1,0 +1,147 @@
+"""sensor_msgs/Image and CompressedImage, and arrays."""
+
+from __future__ import annotations
+
+import array
+import struct
+
+import cv2
+import numpy as np
+from sensor_msgs.msg import CompressedImage, Image
+
+from ...errors import SourceError
+from ...observation.image_set import ENCODINGS, CameraImage
+from .stamps import NS_PER_S, stamp_message, stamp_ns_of
+
+# Other names for the encodings that the core knows.
+_SAME_ENCODING = {"8UC1": "mono8", "8UC3": "bgr8"}
+
+
+def image_message(stamp_ns: int, frame_id: str, pixels: np.ndarray, encoding: str = "bgr8") -> Image:
+    """Image of a uint8 array (height, width[, 3])."""
+    return ImageBuffer(frame_id, pixels.shape[1], pixels.shape[0], encoding).fill(stamp_ns, pixels)
+
+
+class ImageBuffer:
+    """One Image message whose memory is used again for every image of a camera."""
+
+    def __init__(self, frame_id: str, width: int, height: int, encoding: str = "bgr8"):
+        channels = ENCODINGS[encoding]
+        data = array.array("B", bytes(width * height * channels))
+        self._pixels = np.frombuffer(data, np.uint8).reshape((height, width, 3) if channels == 3 else (height, width))
+        self.message = Image(height=height, width=width, encoding=encoding, is_bigendian=0, step=width * channels)
+        self.message.header.frame_id = frame_id
+        self.message._data = data  # the public setter would copy it
+
+    def fill(self, stamp_ns: int, pixels: np.ndarray) -> Image:
+        """The message with these pixels; valid until the next call."""
+        if pixels.shape != self._pixels.shape or pixels.dtype != np.uint8:
+            raise ValueError(f"expected uint8 pixels {self._pixels.shape}, got {pixels.dtype} {pixels.shape}")
+        self.message.header.stamp = stamp_message(stamp_ns)
+        self._pixels[...] = pixels
+        return self.message
+
+
+def camera_image_of(camera: str, message: Image) -> CameraImage:
+    """The message's pixels as a view.
+
+    Raises
+    ------
+    SourceError : naming the camera, for an encoding or a size that cannot be used.
+    """
+    pixels, encoding = _view(
+        camera, message.height, message.width, message.encoding, message.step, np.frombuffer(message.data, np.uint8)
+    )
+    return CameraImage(camera, stamp_ns_of(message.header.stamp), pixels, encoding)
+
+
+def decode_raw_image(camera: str, data: bytes) -> CameraImage:
+    """Image from its serialized form (CDR), without building a message: the pixels are a read-only view of ``data``.
+
+    Raises
+    ------
+    SourceError : naming the camera, when the bytes are no Image of a usable encoding.
+    """
+    try:
+        reader = _CdrReader(data)
+        seconds, nanoseconds = reader.int32(), reader.uint32()
+        reader.string()  # frame_id
+        height, width, encoding = reader.uint32(), reader.uint32(), reader.string()
+        reader.offset += 1  # is_bigendian: of no meaning for bytes
+        step, size = reader.uint32(), reader.uint32()
+        content = np.frombuffer(data, np.uint8, count=size, offset=4 + reader.offset)
+    except (struct.error, ValueError, UnicodeDecodeError) as error:
+        raise SourceError(camera, f"damaged image message ({error})") from error
+    pixels, encoding = _view(camera, height, width, encoding, step, content)
+    return CameraImage(camera, seconds * NS_PER_S + nanoseconds, pixels, encoding)
+
+
+def _view(camera: str, height: int, width: int, encoding: str, step: int, content: np.ndarray) -> tuple[np.ndarray, str]:
+    encoding = _SAME_ENCODING.get(encoding, encoding)
+    if encoding not in ENCODINGS:
+        raise SourceError(camera, f"image encoding: expected one of {sorted(ENCODINGS)}, got '{encoding}'")
+    channels = ENCODINGS[encoding]
+    if step < width * channels or content.size < height * step or not height * width:
+        raise SourceError(camera, f"image message contradicts itself: {width}x{height}, step {step}, {content.size} bytes")
+    rows = content[: height * step].reshape(height, step)[:, : width * channels]
+    if channels == 1:
+        return rows, encoding
+    return rows.reshape(height, width, channels) if step == width * channels else _padded(rows, width, channels), encoding
+
+
+def _padded(rows: np.ndarray, width: int, channels: int) -> np.ndarray:
+    """Rows with padding at their ends as (height, width, channels), still a view."""
+    strides = (rows.strides[0], channels, 1)
+    return np.lib.stride_tricks.as_strided(rows, (rows.shape[0], width, channels), strides, writeable=False)
+
+
+class _CdrReader:
+    """Plain CDR behind its four bytes of encapsulation; values are aligned to their size."""
+
+    def __init__(self, data: bytes):
+        if len(data) < 4 or data[0] != 0 or data[1] not in (0, 1):
+            raise ValueError("not CDR")
+        self._data, self._order, self.offset = data, "<" if data[1] == 1 else ">", 0
+
+    def _word(self, kind: str) -> int:
+        self.offset = (self.offset + 3) & ~3
+        (value,) = struct.unpack_from(self._order + kind, self._data, 4 + self.offset)
+        self.offset += 4
+        return value
+
+    def int32(self) -> int:
+        return self._word("i")
+
+    def uint32(self) -> int:
+        return self._word("I")
+
+    def string(self) -> str:
+        n = self.uint32()
+        start = 4 + self.offset
+        if n < 1 or start + n > len(self._data):
+            raise ValueError("a string reaches beyond the end")
+        self.offset += n
+        return bytes(self._data[start : start + n - 1]).decode()
+
+
+def compressed_message(stamp_ns: int, frame_id: str, bgr: np.ndarray, quality: int = 90) -> CompressedImage:
+    """JPEG of a BGR image."""
+    _, encoded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, int(quality)])
+    message = CompressedImage(format="bgr8; jpeg compressed bgr8")
+    message.header.stamp = stamp_message(stamp_ns)
+    message.header.frame_id = frame_id
+    message._data = array.array("B", encoded.tobytes())
+    return message
+
+
+def bgr_of_compressed(camera: str, message: CompressedImage) -> CameraImage:
+    """Decoded JPEG or PNG.
+
+    Raises
+    ------
+    SourceError : naming the camera, when it cannot be decoded.
+    """
+    bgr = cv2.imdecode(np.frombuffer(message.data, np.uint8), cv2.IMREAD_COLOR) if len(message.data) else None
+    if bgr is None:
+        raise SourceError(camera, f"cannot decode a compressed image of format '{message.format}'")
+    return CameraImage(camera, stamp_ns_of(message.header.stamp), bgr)
