@@ -57,6 +57,16 @@ def test_a_wrapping_clip_goes_on_with_travel_and_turn():
     np.testing.assert_allclose(motion.root_positions[25], expected, atol=1e-9)
 
 
+def test_laps_join_without_a_jump(shared_data):
+    motion = read_clip(find_clip("walk", shared_data / "bullet_motions")).resampled(60.0, 200)
+    between = np.swapaxes(motion.rotations[:-1], 2, 3) @ motion.rotations[1:]
+    angle = np.arccos(np.clip((np.trace(between, axis1=2, axis2=3) - 1.0) / 2.0, -1.0, 1.0)).max(axis=1)
+    seams = np.flatnonzero(np.diff(np.floor(motion.times_s / (38 * 0.033332) + 1e-12)))
+    assert len(seams) == 2
+    assert angle[seams].max() < 1.2 * np.delete(angle, seams).max()
+    assert np.linalg.norm(np.diff(motion.root_positions, axis=0), axis=1).max() < 0.04
+
+
 def test_a_clip_that_does_not_wrap_is_not_stretched():
     with pytest.raises(SourceError, match="gives 11 images at 10 Hz and does not wrap, got 12"):
         turning_clip(wraps=False).resampled(10.0, 12)

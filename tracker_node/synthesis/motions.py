@@ -102,7 +102,8 @@ class Clip:
     def resampled(self, rate_hz: float, n_images: int | None = None) -> Motion:
         """The clip at ``rate_hz``; rotations are interpolated on the sphere, positions linearly.
 
-        ``n_images`` beyond the clip's end repeat a clip that wraps, with the root's travel and turn continued.
+        ``n_images`` beyond the clip's end repeat a clip that wraps, with the root's travel and turn continued, and with its
+        end bent to meet its beginning.
 
         Raises
         ------
@@ -113,13 +114,39 @@ class Clip:
         if n > available and not self.wraps:
             raise SourceError(self.name, f"the clip gives {available} images at {rate_hz:g} Hz and does not wrap, got {n}")
         times = np.arange(n) / rate_hz
-        cycles = np.floor(times / self.duration_s + 1e-12).astype(int) if n > available else np.zeros(n, dtype=int)
-        positions, rotations = self._at(np.clip(times - cycles * self.duration_s, 0.0, self.duration_s))
-        positions, rotations = _continued(positions, rotations, cycles, *self._at(np.array([0.0, self.duration_s])))
+        if n <= available:
+            return Motion(self.name, float(rate_hz), *self._at(times))
+        cycles = np.floor(times / self.duration_s + 1e-12).astype(int)
+        clip = self.closed()
+        positions, rotations = clip._at(times - cycles * self.duration_s)
+        positions, rotations = _continued(positions, rotations, cycles, *clip._at(np.array([0.0, self.duration_s])))
         return Motion(self.name, float(rate_hz), positions, rotations)
+
+    def closed(self, blend_s: float = 0.3) -> Clip:
+        """The clip with its last ``blend_s`` seconds bent so that its last pose is its first, but for travel and turn."""
+        columns, times = self.columns.copy(), self.times_s
+        weight = np.clip(1.0 - (times[-1] - times) / blend_s, 0.0, 1.0)
+        weight = weight * weight * (3.0 - 2.0 * weight)
+        for segment, (start, width) in _COLUMNS.items():
+            values = columns[:, start : start + width]
+            if width == 1:
+                values += weight[:, None] * (values[0] - values[-1])
+                continue
+            turns = Rotation.from_quat(values[:, [1, 2, 3, 0]])
+            first, last = turns[0], turns[-1]
+            if segment == "pelvis":
+                ends = _WORLD_FROM_CLIP @ Rotation.concatenate([first, last]).as_matrix() @ _WORLD_FROM_CLIP.T
+                turn = _WORLD_FROM_CLIP.T @ _heading(ends[1]) @ _heading(ends[0]).T @ _WORLD_FROM_CLIP
+                first = Rotation.from_matrix(turn) * first
+            gap = (first * last.inv()).as_rotvec()
+            bent = Rotation.from_rotvec(weight[:, None] * gap) * turns
+            values[:] = bent.as_quat()[:, [3, 0, 1, 2]]
+        columns[:, 2] += weight * (columns[0, 2] - columns[-1, 2])
+        return Clip(self.name, columns, self.wraps)
 
     def _at(self, times_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         own = self.times_s
+        times_s = np.clip(times_s, 0.0, own[-1])
         local = {}
         for segment, (start, width) in _COLUMNS.items():
             values = self.columns[:, start : start + width]
@@ -143,8 +170,6 @@ def _chained(local: dict[str, np.ndarray]) -> np.ndarray:
 
 def _continued(positions, rotations, cycles, end_positions, end_rotations) -> tuple[np.ndarray, np.ndarray]:
     """Move what lies in repetition c by the travel and turn of c whole clips (horizontal, about the vertical)."""
-    if not cycles.any():
-        return positions, rotations
     turn = _heading(end_rotations[1, 0]) @ _heading(end_rotations[0, 0]).T
     positions, rotations = positions.copy(), rotations.copy()
     total_turn, total_shift = np.eye(3), np.zeros(3)
