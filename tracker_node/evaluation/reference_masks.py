@@ -65,8 +65,8 @@ def still_difference_mask(
     image = cv2.GaussianBlur(image_bgr.astype(np.float32), (0, 0), t.blur_px)
     still = cv2.GaussianBlur(still_bgr.astype(np.float32), (0, 0), t.blur_px)
     still *= channel_gains(image_bgr, still_bgr)
-    difference = np.abs(image - still).max(axis=2)
-    relative = difference / (t.low + t.low_share * still.max(axis=2))
+    difference = _largest(cv2.absdiff(image, still))
+    relative = difference / (t.low + t.low_share * _largest(still))
     shadow = _is_shadow(image, still, t)
     changed = (relative > 1.0) & ~shadow
     mask = cv2.morphologyEx(changed.astype(np.uint8), cv2.MORPH_OPEN, _disc(3))
@@ -74,24 +74,30 @@ def still_difference_mask(
     mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, _disc(t.closed_px))
     mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, _disc(t.opened_px))
     mask = _largest_inner_part(mask, t.joined_px)
-    black = (image.max(axis=2) < t.black) & (relative > t.black_share) & ~shadow
+    black = (_largest(image) < t.black) & (relative > t.black_share) & ~shadow
     return cv2.erode(_with_black_parts(mask, black, t), _disc(2 * t.trimmed_px + 1))
 
 
 def channel_gains(image_bgr: np.ndarray, still_bgr: np.ndarray) -> np.ndarray:
-    """(3,) float32: what the still's channels are multiplied by to look like the image (median over unsaturated pixels)."""
-    usable = ((still_bgr > 20) & (still_bgr < 235)).all(axis=2) & (image_bgr < 235).all(axis=2)
+    """(3,) float32: what the still's channels are multiplied by to look like the image (median where unsaturated)."""
+    image, still = image_bgr[::4, ::4], still_bgr[::4, ::4]  # enough for a median
+    usable = ((still > 20) & (still < 235)).all(axis=2) & (image < 235).all(axis=2)
     if not usable.any():
         return np.ones(3, dtype=np.float32)
-    ratios = image_bgr[usable].astype(np.float32) / still_bgr[usable]
-    return np.median(ratios, axis=0).astype(np.float32)
+    return np.median(image[usable].astype(np.float32) / still[usable], axis=0).astype(np.float32)
 
 
 def _is_shadow(image: np.ndarray, still: np.ndarray, t: StillDifference) -> np.ndarray:
     ratio = (image + 10.0) / (still + 10.0)  # what is nearly black has no color to speak of
-    spread = ratio.max(axis=2) - ratio.min(axis=2)
-    shallow = (still - image).max(axis=2) < t.shadow_deepest
-    return shallow & (ratio.min(axis=2) > t.shadow_darkest) & (ratio.max(axis=2) < 1.0) & (spread < t.shadow_color)
+    darkest, brightest = -_largest(-ratio), _largest(ratio)
+    shallow = _largest(still - image) < t.shadow_deepest
+    return shallow & (darkest > t.shadow_darkest) & (brightest < 1.0) & (brightest - darkest < t.shadow_color)
+
+
+def _largest(channels: np.ndarray) -> np.ndarray:
+    """(h, w) largest of three channels; faster than a reduction over the short axis."""
+    b, g, r = cv2.split(channels)
+    return cv2.max(cv2.max(b, g), r)
 
 
 def _disc(diameter_px: int) -> np.ndarray:
@@ -112,7 +118,7 @@ def _largest_inner_part(mask: np.ndarray, joined_px: int) -> np.ndarray:
 
     Pieces nearer to each other than ``joined_px`` are one part; the space between them stays out.
     """
-    n, labels, stats, _ = cv2.connectedComponentsWithStats(mask)
+    n, labels = cv2.connectedComponents(mask)
     border = np.zeros(n, dtype=bool)
     border[np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])] = True
     inner = np.where(border[labels], 0, mask).astype(np.uint8)
@@ -129,7 +135,7 @@ def _with_black_parts(mask: np.ndarray, black: np.ndarray, t: StillDifference) -
     parts = cv2.morphologyEx(np.where(black, hull, 0), cv2.MORPH_CLOSE, _disc(t.closed_px))
     parts = cv2.morphologyEx(parts, cv2.MORPH_OPEN, _disc(2 * t.opened_px + 1))
     mask = cv2.morphologyEx(mask | (parts & hull), cv2.MORPH_CLOSE, _disc(t.closed_px))
-    n, labels, stats, _ = cv2.connectedComponentsWithStats(255 - mask, connectivity=4)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(255 - mask, connectivity=4)
     small = stats[:, cv2.CC_STAT_AREA] <= t.hole_px2
     return np.where(small[labels] | (mask > 0), 255, 0).astype(np.uint8)
 

@@ -1,0 +1,190 @@
+"""What a run left behind: from the folder of `track_offline`, or from any bag that holds tracked states."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import FileFormatError
+from ..loaders.bag_reader import STORAGE_SUFFIXES, BagReader
+from ..loaders.trajectory_file import read_states
+from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import Configuration, State
+from ..tracking.estimate import Status
+
+STATE_TYPE = "tracker_msgs/msg/TrackedState"
+STATES_FILE, INFO_FILE, BAG_FOLDER = "states.csv", "run.json", "bag"
+
+
+@dataclass(frozen=True, eq=False)
+class RunData:
+    """States over n image sets, in the order of their stamps.
+
+    Parameters
+    ----------
+    stamps_ns : (n,) of the image sets.
+    status : (n,) numbers of `tracking.estimate.Status`.
+    values : (n, n_dof) as `model.configuration.State.to_values`, in the order of ``dof_names``.
+    residual_px : (n,) rms over all cameras. iterations : (n,).
+    camera_residuals_px, camera_samples : (n, c), per name of ``cameras``; c = 0 when the run does not tell.
+    info : content of ``run.json``, empty without one.
+    """
+
+    path: Path
+    dof_names: tuple[str, ...]
+    stamps_ns: np.ndarray
+    status: np.ndarray
+    values: np.ndarray
+    residual_px: np.ndarray
+    iterations: np.ndarray
+    cameras: tuple[str, ...]
+    camera_residuals_px: np.ndarray
+    camera_samples: np.ndarray
+    bag: Path | None = None
+    info: Mapping[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.stamps_ns)
+
+    def configuration(self, model: ArticulatedModel, i: int) -> Configuration:
+        """The model as tracked in image set ``i``."""
+        return Configuration(model, State.from_values(self.values[i]))
+
+    def check_model(self, model: ArticulatedModel, model_path: str | Path) -> None:
+        """Raises FileFormatError when ``model`` has other degrees of freedom than the run."""
+        if self.dof_names != model.chain.dof_names:
+            only_run = sorted(set(self.dof_names) - set(model.chain.dof_names))
+            only_model = sorted(set(model.chain.dof_names) - set(self.dof_names))
+            problem = f"{len(model.chain.dof_names)}; only in the run: {only_run}; only in the model: {only_model}"
+            expected = f"the {len(self.dof_names)} degrees of freedom of {self.path}"
+            raise FileFormatError(model_path, "joints", expected, problem)
+
+
+def load_run(path: str | Path, topic: str | None = None) -> RunData:
+    """The states of a run folder, of a folder that holds ``bag/``, or of a bag itself.
+
+    Parameters
+    ----------
+    topic : topic of the states, where a bag has several.
+
+    Raises
+    ------
+    FileFormatError : nothing of the kind there, no states, or states of several bodies and no ``topic``.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise FileFormatError(path, "(path)", "a run folder or a bag", "nothing there")
+    bag = _bag_in(path)
+    info = _read_info(path / INFO_FILE) if path.is_dir() else {}
+    if path.is_dir() and (path / STATES_FILE).exists():
+        run = _from_csv(path / STATES_FILE)
+        if bag is not None:
+            run = _with_cameras_of(run, _from_bag(bag, topic))
+        run = replace(run, path=path)
+    elif bag is not None:
+        run = _from_bag(bag, topic)
+    else:
+        raise FileFormatError(path, "(path)", f"a folder with {STATES_FILE} or {BAG_FOLDER}/, or a bag", "neither")
+    if not len(run):
+        raise FileFormatError(path, "(states)", "at least one tracked state", "none")
+    return replace(run, bag=bag, info=info)
+
+
+def _bag_in(path: Path) -> Path | None:
+    for candidate in (path, path / BAG_FOLDER):
+        if candidate.is_file() and candidate.suffix in STORAGE_SUFFIXES:
+            return candidate
+        if candidate.is_dir() and any(file.suffix in STORAGE_SUFFIXES for file in candidate.iterdir()):
+            return candidate
+    return None
+
+
+def _read_info(path: Path) -> dict[str, Any]:
+    if not path.exists():
+        return {}
+    try:
+        info = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise FileFormatError(path, "(file)", "a readable JSON file", str(error)) from None
+    if not isinstance(info, dict):
+        raise FileFormatError(path, "(content)", "a JSON object", info)
+    return info
+
+
+def _from_csv(path: Path) -> RunData:
+    states = read_states(path)
+    rows = states.rows
+    for line, row in enumerate(rows, start=2):
+        if row.status not in Status.__members__:
+            raise FileFormatError(path, f"line {line}, column 'status'", f"one of {list(Status.__members__)}", row.status)
+    run = RunData(
+        path=path,
+        dof_names=states.dof_names,
+        stamps_ns=states.stamps_ns,
+        status=np.array([Status[row.status] for row in rows], dtype=int),
+        values=states.values,
+        residual_px=np.array([row.residual_px for row in rows]),
+        iterations=np.array([row.iterations for row in rows], dtype=int),
+        cameras=(),
+        camera_residuals_px=np.zeros((len(rows), 0)),
+        camera_samples=np.zeros((len(rows), 0), dtype=int),
+    )
+    return _in_order(run)
+
+
+def _from_bag(path: Path, topic: str | None) -> RunData:
+    with BagReader(path) as reader:
+        topics = (topic,) if topic else reader.topics_of_type(STATE_TYPE)
+        if len(topics) != 1:
+            problem = ", ".join(topics) or "none"
+            raise FileFormatError(path, "topics", f"one topic of type {STATE_TYPE} (or give its name)", problem)
+        messages = [message for _, message in reader.decoded(topics[0])]
+    first = messages[0] if messages else None
+    dof_names = tuple(first.dof_names) if first else ()
+    cameras = tuple(first.cameras) if first else ()
+    for message in messages:
+        if tuple(message.dof_names) != dof_names or tuple(message.cameras) != cameras:
+            raise FileFormatError(path, topics[0], "one body and one rig throughout", "a change within the bag")
+    n = len(messages)
+    run = RunData(
+        path=path,
+        dof_names=dof_names,
+        stamps_ns=np.array([_nanoseconds(m.header.stamp) for m in messages], dtype=np.int64),
+        status=np.array([m.status for m in messages], dtype=int),
+        values=np.array([m.values for m in messages], dtype=np.float64).reshape(n, len(dof_names)),
+        residual_px=np.array([m.residual_px for m in messages], dtype=np.float64),
+        iterations=np.array([m.iterations for m in messages], dtype=int),
+        cameras=cameras,
+        camera_residuals_px=np.array([m.camera_residuals_px for m in messages], dtype=np.float64).reshape(n, len(cameras)),
+        camera_samples=np.array([m.camera_samples for m in messages], dtype=int).reshape(n, len(cameras)),
+    )
+    return _in_order(run)
+
+
+def _nanoseconds(stamp: Any) -> int:
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def _in_order(run: RunData) -> RunData:
+    """Sorted by stamp; of several states with one stamp the last, as a subscriber keeps it."""
+    latest = {int(stamp): i for i, stamp in enumerate(run.stamps_ns)}
+    rows = np.array([latest[stamp] for stamp in sorted(latest)], dtype=int)
+    per_set = ("stamps_ns", "status", "values", "residual_px", "iterations", "camera_residuals_px", "camera_samples")
+    return replace(run, **{name: getattr(run, name)[rows] for name in per_set})
+
+
+def _with_cameras_of(run: RunData, bag: RunData) -> RunData:
+    """``run`` with the per-camera figures, which the CSV does not hold, of the states of the same stamps in the bag."""
+    row_of = {int(stamp): i for i, stamp in enumerate(bag.stamps_ns)}
+    residuals = np.zeros((len(run), len(bag.cameras)))
+    samples = np.zeros((len(run), len(bag.cameras)), dtype=int)
+    for i, stamp in enumerate(run.stamps_ns):
+        if int(stamp) in row_of:
+            residuals[i] = bag.camera_residuals_px[row_of[int(stamp)]]
+            samples[i] = bag.camera_samples[row_of[int(stamp)]]
+    return replace(run, cameras=bag.cameras, camera_residuals_px=residuals, camera_samples=samples)
