@@ -14,7 +14,7 @@ _SMALL = 1e-4
 def hat(v: np.ndarray) -> np.ndarray:
     """Skew matrix [v]x with [v]x w = v x w. ``v`` (..., 3) -> (..., 3, 3)."""
     v = np.asarray(v, dtype=np.float64)
-    m = np.zeros(v.shape[:-1] + (3, 3))
+    m = np.zeros((*v.shape[:-1], 3, 3))
     m[..., 0, 1], m[..., 0, 2], m[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
     m[..., 1, 0], m[..., 2, 0], m[..., 2, 1] = v[..., 2], -v[..., 1], v[..., 0]
     return m
