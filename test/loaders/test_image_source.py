@@ -10,7 +10,7 @@ import pytest
 from tracker_node.camera.camera_model import CameraModel
 from tracker_node.camera.camera_rig import Camera
 from tracker_node.errors import CalibrationError, SourceError
-from tracker_node.loaders.image_source import SourceOptions, list_images, open_camera_source, open_source
+from tracker_node.loaders.image_source import PreloadedSource, SourceOptions, list_images, open_camera_source, open_source
 
 N, WIDTH, HEIGHT, RATE_HZ = 12, 64, 48, 25.0
 
@@ -83,6 +83,14 @@ def test_resize(path: Path):
     source = open_source(path, size=(32, 24))
     assert (source.width, source.height) == (32, 24)
     assert next(iter(source))[1].shape == (24, 32, 3)
+
+
+def test_preloaded_is_the_same(path: Path):
+    options = {"start": 2, "end": 6, "rate_hz": 25.0, "size": (32, 24), "loop": True}
+    direct, preloaded = open_source(path, **options), PreloadedSource(open_source(path, **options))
+    assert (preloaded.width, preloaded.height, preloaded.n_images) == (32, 24, 4)
+    pairs = list(zip(itertools.islice(direct, 9), itertools.islice(preloaded, 9), strict=True))
+    assert all(a[0] == b[0] and np.array_equal(a[1], b[1]) for a, b in pairs)
 
 
 def test_video_states_its_rate(video: Path):

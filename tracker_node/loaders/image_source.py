@@ -11,7 +11,7 @@ import glob
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import cv2
@@ -178,6 +178,22 @@ class FolderSource(ImageSource):
             yield i, image
 
 
+class PreloadedSource(ImageSource):
+    """Another source's images, all decoded before the first is delivered."""
+
+    def __init__(self, source: ImageSource):
+        self._source = source
+        first = source.options.start
+        self._images = [(i, source._resized(image)) for i, image in source._read(first, first + source.n_images)]
+        super().__init__(source.path, replace(source.options, size=None, rate_hz=source.rate_hz))
+
+    def _open(self) -> tuple[int, int, float, int]:
+        return self._source.width, self._source.height, self._source.rate_hz, self._source._n_in_file
+
+    def _read(self, start: int, end: int) -> Iterator[tuple[int, np.ndarray]]:
+        yield from self._images
+
+
 def list_images(path: str) -> list[str]:
     """Image files of a folder or a pattern (``*``, ``?``, or ``%04d``) in natural order.
 
@@ -235,7 +251,7 @@ def open_camera_source(camera: Camera, options: SourceOptions | None = None) -> 
     if not camera.source:
         raise SourceError(camera.name, "the rig names no source for this camera")
     options = options or SourceOptions()
-    shifted = SourceOptions(**{**options.__dict__, "base_stamp_ns": options.base_stamp_ns + camera.time_offset_ns})
+    shifted = replace(options, base_stamp_ns=options.base_stamp_ns + camera.time_offset_ns)
     source = open_source(camera.source, shifted)
     expected, got = (camera.model.width, camera.model.height), (source.native_width, source.native_height)
     if expected != got:
