@@ -72,8 +72,11 @@ def test_the_static_trial_is_the_t_pose(recorded):
 
 
 def test_a_complete_folder_is_known_and_not_made_again(recorded):
-    description = describe("mannequin_swing", 30.0, 3, SCENE, {"stature": 1.75})
-    assert is_recorded(recorded, description)
-    assert not is_recorded(recorded, {**description, "images": 4})
-    assert not is_recorded(recorded / "nowhere", description)
+    same = describe(mannequin_sequence(load_motion("swing", 30.0, 3)), SCENE)
+    assert is_recorded(recorded, same)
+    assert not is_recorded(recorded, describe(mannequin_sequence(load_motion("swing", 30.0, 4)), SCENE))
+    assert not is_recorded(recorded, describe(mannequin_sequence(load_motion("swing", 31.0, 3)), SCENE))
+    assert not is_recorded(recorded, describe(mannequin_sequence(load_motion("swing", 30.0, 3), 1.9), SCENE))
+    assert not is_recorded(recorded, {**same, "code": "other"})
+    assert not is_recorded(recorded / "nowhere", same)
     assert json.loads((recorded / "synthetic.json").read_text())["scene"]["n_cameras"] == 2

@@ -6,15 +6,17 @@
 ``plates/cam01.png``   mean of the empty images; ``plates/cam01/00.jpg``...: those images, each with its own noise
 ``truth.csv``          joint centres, in the format of joints.csv
 ``static.trc``         joint centres in a T-pose, in landmark names (scales the tracker's model to the subject)
-``synthetic.json``     how it was made
+``synthetic.json``     how it was made; written last
 =====================  ==========================================================================================
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -54,6 +56,7 @@ class Sequence:
     n_images : their number.
     rate_hz : image sets per second.
     static_landmarks : (m, 3) landmarks in a T-pose, or None.
+    parameters : what else decides the content, for `describe`; plain values.
     """
 
     name: str
@@ -93,18 +96,29 @@ def record(
     _write_rig(rig, folder)
     if sequence.static_landmarks is not None:
         _write_static(sequence, folder / "static.trc")
-    description = describe(sequence.name, sequence.rate_hz, sequence.n_images, scene, sequence.parameters)
-    (folder / "synthetic.json").write_text(json.dumps(description, indent=2) + "\n", encoding="utf-8")
+    text = json.dumps(describe(sequence, scene), indent=2)
+    (folder / "synthetic.json").write_text(text + "\n", encoding="utf-8")
     return rig
 
 
-def describe(name: str, rate_hz: float, n_images: int, scene: SceneConfig, parameters: dict | None = None) -> dict:
+def describe(sequence: Sequence, scene: SceneConfig) -> dict:
     """All that decides the content of a recorded folder; equal descriptions mean equal folders."""
     return {
-        "made_by": f"tracker_node {__version__}", "name": name, "rate_hz": rate_hz, "images": n_images,
-        "scene": {key: list(v) if isinstance(v, tuple) else v for key, v in asdict(scene).items()},
-        **(parameters or {}),
-    }  # fmt: skip
+        "made_by": f"tracker_node {__version__}",
+        "code": code_digest(),
+        "name": sequence.name,
+        "rate_hz": sequence.rate_hz,
+        "images": sequence.n_images,
+        "scene": {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(scene).items()},
+        **sequence.parameters,
+    }
+
+
+@cache
+def code_digest() -> str:
+    """Fingerprint of the code of this package: recordings of other code are not taken for this one's."""
+    files = sorted(Path(__file__).parent.glob("*.py"))
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
 
 
 def is_recorded(folder: str | Path, description: dict) -> bool:

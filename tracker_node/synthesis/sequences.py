@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Iterator
 
 import numpy as np
@@ -25,7 +26,8 @@ def mannequin_sequence(motion: Motion, stature: float = 1.75) -> Sequence:
 
     return Sequence(
         name=f"mannequin_{motion.name}", landmark_names=LANDMARKS, instants=instants(), n_images=len(motion),
-        rate_hz=motion.rate_hz, static_landmarks=subject.t_pose().landmarks, parameters={"stature": stature},
+        rate_hz=motion.rate_hz, static_landmarks=subject.t_pose().landmarks,
+        parameters={"stature": stature, "motion": digest(motion.root_positions, motion.rotations)},
     )  # fmt: skip
 
 
@@ -39,4 +41,11 @@ def model_sequence(model: ArticulatedModel, states: Iterable[State], rate_hz: fl
             configuration = Configuration(model, state)
             yield Instant(subject.mesh(configuration), np.array(configuration.landmarks_world))
 
-    return Sequence(name, model.landmark_names, instants(), len(states), rate_hz)
+    rest = subject.mesh(Configuration(model, State.neutral(model)))
+    content = digest(rest.vertices, rest.colors_rgb, *(state.to_values() for state in states))
+    return Sequence(name, model.landmark_names, instants(), len(states), rate_hz, parameters={"motion": content})
+
+
+def digest(*arrays: np.ndarray) -> str:
+    """Fingerprint of arrays (rounded, so that it does not hang on the last bits of a machine's arithmetic)."""
+    return hashlib.sha256(b"".join(np.round(a, 6).tobytes() for a in map(np.asarray, arrays))).hexdigest()[:16]
