@@ -86,6 +86,11 @@ class ImageFeed:
         for thread in self._threads:
             thread.join(timeout=10.0)
 
+    @property
+    def next_is_ready(self) -> bool:
+        """Whether the instant after the current one is decoded already."""
+        return all(report.ended or not self._queues[camera].empty() for camera, report in self.reports.items())
+
     def __iter__(self) -> Iterator[Instant]:
         heads = {camera: self._next(camera) for camera in self._sources}
         while True:
