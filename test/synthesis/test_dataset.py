@@ -10,9 +10,9 @@ from tracker_node.loaders.image_source import open_camera_source
 from tracker_node.loaders.rig_yaml import load_rig
 from tracker_node.loaders.trajectory_file import read_joints
 from tracker_node.loaders.trc import load_trc
+from tracker_node.synthesis.clips import load_motion
 from tracker_node.synthesis.dataset import describe, is_recorded, record
 from tracker_node.synthesis.mannequin import LANDMARKS, MannequinSubject
-from tracker_node.synthesis.motions import load_motion
 from tracker_node.synthesis.scenes import SceneConfig, make_rig
 from tracker_node.synthesis.sequences import mannequin_sequence
 

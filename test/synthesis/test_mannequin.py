@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tracker_node.geometry import so3
+from tracker_node.synthesis.clips import load_motion
 from tracker_node.synthesis.mannequin import LANDMARKS, MannequinSubject
-from tracker_node.synthesis.motions import load_motion
 
 BONES = (
     ("left_shoulder", "left_elbow"), ("left_elbow", "left_wrist"), ("left_hip", "left_knee"), ("left_knee", "left_ankle"),
