@@ -16,9 +16,7 @@ def test_own_definition_is_that_of_the_interface_package(repository: Path) -> No
     assert "MSG: geometry_msgs/Quaternion\n" in message_type(TRACKED_STATE).definition
 
 
-@pytest.mark.parametrize(
-    "name", [TRACKED_STATE, "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo", "std_msgs/msg/String"]
-)
+@pytest.mark.parametrize("name", [TRACKED_STATE, "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo", "std_msgs/msg/String"])
 def test_hash_is_that_of_the_installed_package(name: str) -> None:
     package, _, short = name.split("/")
     path = Path(sys.prefix, "share", package, "msg", f"{short}.json")

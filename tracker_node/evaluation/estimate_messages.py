@@ -47,9 +47,7 @@ def pose_message(estimate: TrackEstimate, frame_id: str) -> Any:
     covariance = np.ascontiguousarray(estimate.covariance[:6, :6], dtype=np.float64).ravel()
     return types["geometry_msgs/msg/PoseWithCovarianceStamped"](
         header=header_message(estimate.stamp_ns, frame_id),
-        pose=types["geometry_msgs/msg/PoseWithCovariance"](
-            pose=pose_of(estimate.state.T_world_root), covariance=covariance
-        ),
+        pose=types["geometry_msgs/msg/PoseWithCovariance"](pose=pose_of(estimate.state.T_world_root), covariance=covariance),
     )
 
 
@@ -97,9 +95,7 @@ def estimate_of(message: Any) -> TrackEstimate:
     comparisons use the message's own ``values``.
     """
     n = len(message.values)
-    reports = zip(
-        message.cameras, message.camera_stamps, message.camera_residuals_px, message.camera_samples, strict=True
-    )
+    reports = zip(message.cameras, message.camera_stamps, message.camera_residuals_px, message.camera_samples, strict=True)
     return TrackEstimate(
         stamp_ns=stamp_ns_of(message.header.stamp),
         status=Status(int(message.status)),

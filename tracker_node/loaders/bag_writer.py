@@ -75,9 +75,7 @@ class BagWriter:
         """Size of the file so far, without the unfinished chunk."""
         return self._stream.tell() if not self._closed else self.file.stat().st_size
 
-    def add_topic(
-        self, topic: str, type_name: str, qos: OfferedQos | None = None, definition: MessageType | None = None
-    ) -> None:
+    def add_topic(self, topic: str, type_name: str, qos: OfferedQos | None = None, definition: MessageType | None = None) -> None:
         """Announce a topic; repeating it with the same type does nothing.
 
         ``definition`` is for types that `message_types.message_type` does not find, for example one with an empty text.

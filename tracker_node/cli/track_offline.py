@@ -1,0 +1,114 @@
+"""``tracker_node track_offline``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ..loaders.image_source import SourceOptions
+
+SUMMARY = "Track recorded images (videos, folders or a bag) without ROS; write a bag, CSV files and run.json."
+EXAMPLE = "tracker_node track_offline --rig rig.yaml --model human.yaml --initial-state start.yaml --output out/run1"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--rig", type=Path, required=True, help="rig.yaml: cameras, and the videos or folders they read")
+    parser.add_argument("--model", type=Path, required=True, help="model.yaml: the body to track")
+    parser.add_argument("--config", type=Path, help="tracker parameters, the same file as for the node (default: built in)")
+    parser.add_argument("--initial-state", type=Path, help="where the body is in the first images")
+    parser.add_argument("--output", type=Path, required=True, help="folder for bag, states.csv, joints.csv, poses.csv, run.json")
+    images = parser.add_argument_group("images")
+    bags = images.add_mutually_exclusive_group()
+    bags.add_argument("--bag", type=Path, help="take the images from this bag instead of the sources of the rig")
+    bags.add_argument(
+        "--from-run-bag",
+        type=Path,
+        metavar="BAG",
+        help="track again exactly the image sets of this recorded run, with its images if they are in the bag, else with the"
+        " sources of the rig",
+    )
+    images.add_argument("--start", type=int, default=0, help="first image of each source (default: 0)")
+    images.add_argument("--end", type=int, help="image of each source to stop before (default: its end)")
+    images.add_argument("--rate", type=float, metavar="HZ", help="image rate of the sources instead of what their files say")
+    images.add_argument("--base-stamp-ns", type=int, default=0, help="stamp of image 0 of the sources (default: 0)")
+    images.add_argument("--max-sets", type=int, help="stop after this many image sets")
+    parser.add_argument("--masks", action="store_true", help="also record the model's silhouette in every camera")
+    parser.add_argument("--quiet", action="store_true", help="no progress on stderr")
+
+
+def run(args: argparse.Namespace) -> int:
+    from ..evaluation.run_offline import OfflineRun, run_offline
+    from ..loaders.config_yaml import load_config
+    from ..loaders.model_yaml import load_model
+    from ..loaders.rig_yaml import load_rig
+    from ..loaders.state_yaml import load_state
+    from ..tracking.config import TrackerConfig
+
+    model = load_model(args.model)
+    summary = run_offline(
+        OfflineRun(
+            rig=load_rig(args.rig),
+            model=model,
+            config=load_config(args.config) if args.config else TrackerConfig(),
+            initial_state=load_state(args.initial_state, model) if args.initial_state else None,
+            bag=args.from_run_bag or args.bag,
+            from_run=args.from_run_bag is not None,
+            source_options=_source_options(args),
+            max_sets=args.max_sets,
+            masks=args.masks,
+            named_options={key: _plain(value) for key, value in vars(args).items() if not key.startswith("_")},
+        ),
+        args.output,
+        None if args.quiet else _Progress(),
+    )
+    _report(summary, args.output, args.quiet)
+    return 1 if summary["errors"] else 0
+
+
+def _source_options(args: argparse.Namespace) -> SourceOptions:
+    from ..errors import TrackerError
+    from ..loaders.image_source import SourceOptions
+
+    try:
+        return SourceOptions(args.start, args.end, rate_hz=args.rate, base_stamp_ns=args.base_stamp_ns)
+    except ValueError as error:
+        raise TrackerError(f"--start, --end, --rate: {error}") from None
+
+
+class _Progress:
+    """One line on a terminal, a line every few seconds elsewhere."""
+
+    def __init__(self) -> None:
+        self._terminal = sys.stderr.isatty()
+        self._next = self._began = time.monotonic()
+
+    def __call__(self, done: int, expected: int | None, estimate: Any) -> None:
+        now = time.monotonic()
+        if now < self._next and done != expected:
+            return
+        self._next = now + (0.2 if self._terminal else 5.0)
+        total = f"/{expected}" if expected else ""
+        rate = done / max(now - self._began, 1e-9)
+        text = f"{done}{total} image sets, {rate:.1f} a second, {estimate.status.name}, {estimate.residual_px:.1f} px"
+        end = "\r" if self._terminal and done != expected else "\n"
+        print(f"track_offline: {text:<70}", end=end, file=sys.stderr, flush=True)
+
+
+def _report(summary: dict[str, Any], output: Path, quiet: bool) -> None:
+    for error in summary["errors"]:
+        print(f"track_offline: {error}", file=sys.stderr)
+    if quiet:
+        return
+    counts = ", ".join(f"{n} {name}" for name, n in summary["status_counts"].items() if n)
+    ms = summary["ms_per_set"]
+    time_text = f"; {ms['p50']:.1f} ms a set (95 %: {ms['p95']:.1f})" if ms["p50"] is not None else ""
+    print(f"{summary['image_sets']} image sets: {counts or 'none'}{time_text}")
+    print(f"results in {output}")
+
+
+def _plain(value: Any) -> Any:
+    return str(value) if isinstance(value, Path) else value

@@ -1,0 +1,169 @@
+"""The tracker on recorded images: no ROS, no clock, the same states whenever and wherever it runs."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..camera.camera_rig import CameraRig
+from ..errors import TrackerError
+from ..loaders.bag_images import image_topics
+from ..loaders.bag_reader import BagReader
+from ..loaders.image_source import SourceOptions
+from ..loaders.plate_file import load_plates
+from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import State
+from ..tracking.config import TrackerConfig, flatten
+from ..tracking.estimate import Status, TrackEstimate
+from ..tracking.tracker import Tracker
+from .image_sets import BagStream, ImageSetStream, RecordedRunStream, SourceStream
+from .metrics_file import command_line, cpu, versions
+from .run_writer import RunWriter
+
+Progress = Callable[[int, int | None, TrackEstimate], None]
+
+
+@dataclass(frozen=True, eq=False)
+class OfflineRun:
+    """What to track.
+
+    Parameters
+    ----------
+    rig, model, config, initial_state : as for `tracking.tracker.Tracker`.
+    bag : take the images from this bag instead of the rig's sources.
+    from_run : use exactly the image sets that the states in ``bag`` were made from; their images come from the bag, or from
+        the rig's sources if the bag holds none.
+    source_options : which images of the rig's sources.
+    max_sets : stop after so many sets.
+    masks : record the model's silhouettes.
+    named_options : what the user gave, for ``run.json``.
+    """
+
+    rig: CameraRig
+    model: ArticulatedModel
+    config: TrackerConfig = field(default_factory=TrackerConfig)
+    initial_state: State | None = None
+    bag: Path | None = None
+    from_run: bool = False
+    source_options: SourceOptions = field(default_factory=SourceOptions)
+    max_sets: int | None = None
+    masks: bool = False
+    named_options: dict[str, Any] = field(default_factory=dict)
+
+
+def run_offline(run: OfflineRun, output: str | Path, progress: Progress | None = None) -> dict[str, Any]:
+    """Track, write the output folder, and return what ``run.json`` holds.
+
+    An error in the middle (a damaged file, images of a wrong size) ends the run, but what was tracked until then is in the
+    folder, and ``errors`` of the summary names it.
+
+    Raises
+    ------
+    TrackerError : nothing can be tracked at all.
+    """
+    with ExitStack() as stack:
+        reader = stack.enter_context(BagReader(run.bag)) if run.bag else None
+        stream = _stream_of(run, reader)
+        plates = load_plates(run.rig)
+        tracker = Tracker(run.rig, run.model, run.config, plates, run.initial_state)
+        writer = stack.enter_context(RunWriter(output, run.rig, run.model, masks=run.masks))
+        record = _Record()
+        try:
+            _track(run, tracker, stream, writer, record, progress)
+        except TrackerError as error:
+            stream.errors.append(str(error))
+        finally:
+            summary = _summary(run, stream, record)
+            writer.write_summary(summary)
+    return summary
+
+
+def _stream_of(run: OfflineRun, reader: BagReader | None) -> ImageSetStream:
+    if reader is None:
+        return SourceStream(run.rig, run.config.synchronizer, run.source_options)
+    if run.from_run:
+        recorded = bool(image_topics(reader, run.rig.names))
+        return RecordedRunStream(run.rig, reader, None if recorded else run.source_options)
+    return BagStream(run.rig, run.config.synchronizer, reader)
+
+
+@dataclass
+class _Record:
+    """What the summary needs of each estimate."""
+
+    began: float = field(default_factory=time.perf_counter)
+    status: Counter = field(default_factory=Counter)
+    stamps_ns: list[int] = field(default_factory=list)
+    total_ms: list[float] = field(default_factory=list)
+    iterations: list[int] = field(default_factory=list)
+    residual_px: list[float] = field(default_factory=list)
+
+    def add(self, estimate: TrackEstimate) -> None:
+        self.status[estimate.status] += 1
+        self.stamps_ns.append(estimate.stamp_ns)
+        self.total_ms.append(estimate.timings.total_ms)
+        self.iterations.append(estimate.iterations)
+        self.residual_px.append(estimate.residual_px)
+
+
+def _track(
+    run: OfflineRun,
+    tracker: Tracker,
+    stream: ImageSetStream,
+    writer: RunWriter,
+    record: _Record,
+    progress: Progress | None,
+) -> None:
+    for image_set in stream:
+        if record.stamps_ns and image_set.stamp_ns < record.stamps_ns[-1]:
+            tracker.reset()  # as the node does when the clock goes backward
+        estimate = tracker.step(image_set)
+        writer.append(estimate, image_set)
+        record.add(estimate)
+        if progress is not None:
+            progress(len(record.stamps_ns), stream.n_expected, estimate)
+        if run.max_sets is not None and len(record.stamps_ns) >= run.max_sets:
+            return
+
+
+def _summary(run: OfflineRun, stream: ImageSetStream, record: _Record) -> dict[str, Any]:
+    summary: dict[str, Any] = {
+        "image_sets": len(record.stamps_ns),
+        "expected_image_sets": stream.n_expected,
+        "lost_sets": record.status[Status.LOST],
+        "status_counts": {status.name: record.status[status] for status in Status},
+        "ms_per_set": _percentiles(record.total_ms),
+        "iterations": {"mean": _mean(record.iterations), "max": max(record.iterations, default=0)},
+        "residual_px": _percentiles(record.residual_px),
+        "wall_s": time.perf_counter() - record.began,
+        "first_stamp_ns": record.stamps_ns[0] if record.stamps_ns else None,
+        "last_stamp_ns": record.stamps_ns[-1] if record.stamps_ns else None,
+        "images": stream.counters,
+        "errors": list(stream.errors),
+        "options": dict(run.named_options),
+        "parameters": flatten(run.config),
+        "versions": versions(),
+        "cpu": cpu(),
+        "command": command_line(),
+    }
+    if isinstance(stream, RecordedRunStream):
+        summary["sets_not_made_again"] = stream.incomplete_sets
+    return summary
+
+
+def _percentiles(values: list[float]) -> dict[str, float | None]:
+    if not values:
+        return {"p50": None, "p95": None, "max": None}
+    p50, p95 = (float(v) for v in np.percentile(values, [50, 95]))
+    return {"p50": p50, "p95": p95, "max": float(max(values))}
+
+
+def _mean(values: list[int]) -> float | None:
+    return float(np.mean(values)) if values else None

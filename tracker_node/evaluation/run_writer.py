@@ -1,0 +1,119 @@
+"""The folder that a run leaves: a bag, three CSV files, and ``run.json``."""
+
+from __future__ import annotations
+
+import json
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from ..camera.camera_rig import CameraRig
+from ..loaders.bag_metadata import OfferedQos
+from ..loaders.bag_writer import BagExistsError, BagWriter
+from ..loaders.message_types import TRACKED_STATE
+from ..loaders.trajectory_file import JointsWriter, PosesWriter, StateRow, StatesWriter
+from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import Configuration
+from ..observation.image_set import ImageSet
+from ..render.raycaster import render_mask
+from ..tracking.estimate import TrackEstimate
+from . import estimate_messages as messages
+
+BAG, STATES, JOINTS, POSES, SUMMARY = "bag", "states.csv", "joints.csv", "poses.csv", "run.json"
+FLUSH_EVERY = 30  # image sets
+
+
+class RunWriter:
+    """Writes each estimate as it comes; use it in a ``with`` statement.
+
+    Parameters
+    ----------
+    output : folder, made here; it must not hold a run yet.
+    tracker : name before the topics of the tracker.
+    masks : also record ``<tracker>/<camera>/mask``, the model's silhouette.
+
+    Raises
+    ------
+    BagExistsError : there is a run in ``output`` already.
+    """
+
+    def __init__(
+        self, output: str | Path, rig: CameraRig, model: ArticulatedModel, *, tracker: str = "tracker", masks: bool = False
+    ):
+        self.output = Path(output)
+        self._rig, self._model, self._masks = rig, model, masks
+        self._prefix = f"/{tracker.strip('/')}"
+        for name in (BAG, STATES, JOINTS, POSES, SUMMARY):
+            if (self.output / name).exists():
+                raise BagExistsError(self.output / name)
+        self._count = 0
+        with ExitStack() as stack:
+            self.bag = stack.enter_context(BagWriter(self.output / BAG, custom={"model": model.name}))
+            self._states = stack.enter_context(StatesWriter(self.output / STATES, model.chain.dof_names))
+            self._joints = stack.enter_context(JointsWriter(self.output / JOINTS, model.landmark_names))
+            self._poses = stack.enter_context(PosesWriter(self.output / POSES))
+            self._stack = stack.pop_all()
+        self._announce()
+
+    def _announce(self) -> None:
+        """All topics, also when not a single set comes."""
+        for end, type_name in (
+            ("state", TRACKED_STATE),
+            ("pose", "geometry_msgs/msg/PoseWithCovarianceStamped"),
+            ("joint_states", "sensor_msgs/msg/JointState"),
+        ):
+            self.bag.add_topic(f"{self._prefix}/{end}", type_name, OfferedQos())
+        for camera in self._rig:
+            self.bag.add_topic(f"/{camera.name}/camera_info", "sensor_msgs/msg/CameraInfo", OfferedQos())
+            if self._masks:
+                self.bag.add_topic(f"{self._prefix}/{camera.name}/mask", "sensor_msgs/msg/Image", OfferedQos())
+
+    def append(self, estimate: TrackEstimate, image_set: ImageSet) -> None:
+        """One instant to all files."""
+        configuration = Configuration(self._model, estimate.state)
+        self._write_messages(estimate, image_set, configuration)
+        self._states.append(
+            StateRow(
+                stamp_ns=estimate.stamp_ns,
+                status=estimate.status.name,
+                reason=estimate.status_reason,
+                values=estimate.state.to_values(),
+                score=estimate.score,
+                residual_px=estimate.residual_px,
+                iterations=estimate.iterations,
+                evaluations=estimate.evaluations,
+            )
+        )
+        self._joints.append(estimate.stamp_ns, configuration.landmarks_world)
+        self._poses.append(estimate.stamp_ns, estimate.state.T_world_root)
+        self._count += 1
+        if self._count % FLUSH_EVERY == 0:
+            self.bag.flush()
+
+    def _write_messages(self, estimate: TrackEstimate, image_set: ImageSet, configuration: Configuration) -> None:
+        stamp_ns, frame_id, prefix = estimate.stamp_ns, self._rig.world_frame, self._prefix
+        for image in image_set.images:
+            camera = self._rig[image.camera]
+            info = messages.camera_info_message(image.stamp_ns, camera)
+            self.bag.write_message(f"/{camera.name}/camera_info", stamp_ns, info)
+            if self._masks:
+                mask = messages.image_message(image.stamp_ns, camera.frame_id, render_mask(configuration, camera), "mono8")
+                self.bag.write_message(f"{prefix}/{camera.name}/mask", stamp_ns, mask)
+        self.bag.write_message(f"{prefix}/state", stamp_ns, messages.tracked_state_message(estimate, self._model, frame_id))
+        self.bag.write_message(f"{prefix}/pose", stamp_ns, messages.pose_message(estimate, frame_id))
+        self.bag.write_message(f"{prefix}/joint_states", stamp_ns, messages.joint_state_message(estimate, self._model, frame_id))
+
+    def write_summary(self, summary: dict[str, Any]) -> None:
+        """``run.json``."""
+        (self.output / SUMMARY).write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+    def close(self) -> None:
+        """Finish every file."""
+        self._stack.close()
+
+    def __enter__(self) -> RunWriter:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
