@@ -134,7 +134,7 @@ def _with_black_parts(mask: np.ndarray, black: np.ndarray, t: StillDifference) -
     hull[_enclosed(mask)] = 255
     parts = cv2.morphologyEx(np.where(black, hull, 0), cv2.MORPH_CLOSE, _disc(t.closed_px))
     parts = cv2.morphologyEx(parts, cv2.MORPH_OPEN, _disc(2 * t.opened_px + 1))
-    mask = cv2.morphologyEx(mask | (parts & hull), cv2.MORPH_CLOSE, _disc(t.closed_px))
+    mask = cv2.morphologyEx(cv2.bitwise_or(mask, cv2.bitwise_and(parts, hull)), cv2.MORPH_CLOSE, _disc(t.closed_px))
     _, labels, stats, _ = cv2.connectedComponentsWithStats(255 - mask, connectivity=4)
     small = stats[:, cv2.CC_STAT_AREA] <= t.hole_px2
     return np.where(small[labels] | (mask > 0), 255, 0).astype(np.uint8)
@@ -213,7 +213,7 @@ def _camera_masks(path: str | Path, name: str, entry: object) -> CameraMasks:
         if not isinstance(entry["still"], str):
             raise FileFormatError(path, f"{where}.still", "a path, or '' for the rig's plate", entry["still"])
         still = str(Path(path).parent / entry["still"]) if entry["still"] else ""
-        return CameraMasks(name, *size, still=still)
+        return CameraMasks(name, size[0], size[1], still=still)
     if not isinstance(entry["polygons"], dict):
         raise FileFormatError(path, f"{where}.polygons", "image number -> outlines", entry["polygons"])
     polygons = {}
@@ -221,7 +221,7 @@ def _camera_masks(path: str | Path, name: str, entry: object) -> CameraMasks:
         if not number.isdigit():
             raise FileFormatError(path, f"{where}.polygons", "image numbers", number)
         polygons[int(number)] = _outlines(path, f"{where}.polygons.{number}", outlines)
-    return CameraMasks(name, *size, polygons=polygons)
+    return CameraMasks(name, size[0], size[1], polygons=polygons)
 
 
 def _outlines(path: str | Path, where: str, outlines: object) -> list[np.ndarray]:

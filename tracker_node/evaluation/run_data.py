@@ -12,12 +12,12 @@ import numpy as np
 
 from ..errors import FileFormatError
 from ..loaders.bag_reader import STORAGE_SUFFIXES, BagReader
+from ..loaders.message_types import TRACKED_STATE
 from ..loaders.trajectory_file import read_states
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..tracking.estimate import Status
 
-STATE_TYPE = "tracker_msgs/msg/TrackedState"
 STATES_FILE, INFO_FILE, BAG_FOLDER = "states.csv", "run.json", "bag"
 
 
@@ -139,10 +139,10 @@ def _from_csv(path: Path) -> RunData:
 
 def _from_bag(path: Path, topic: str | None) -> RunData:
     with BagReader(path) as reader:
-        topics = (topic,) if topic else reader.topics_of_type(STATE_TYPE)
+        topics = (topic,) if topic else reader.topics_of_type(TRACKED_STATE)
         if len(topics) != 1:
             problem = ", ".join(topics) or "none"
-            raise FileFormatError(path, "topics", f"one topic of type {STATE_TYPE} (or give its name)", problem)
+            raise FileFormatError(path, "topics", f"one topic of type {TRACKED_STATE} (or give its name)", problem)
         messages = [message for _, message in reader.decoded(topics[0])]
     first = messages[0] if messages else None
     dof_names = tuple(first.dof_names) if first else ()

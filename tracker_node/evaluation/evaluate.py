@@ -1,0 +1,258 @@
+"""A run held against truth: everything that the report shows, in numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..errors import FileFormatError
+from ..model.articulated_model import ArticulatedModel
+from ..tracking.estimate import Status
+from . import metrics
+from .association import Trajectories, estimate_lag, image_period_ns, truth_at
+from .landmarks import LIMBS, common_bones, common_joints, offset_links
+from .run_data import RunData
+
+ALIGNMENTS = ("auto", "first", "stamp")
+
+
+@dataclass(frozen=True)
+class EvaluationOptions:
+    """How a run is held against truth.
+
+    Parameters
+    ----------
+    name : prefix of the figures' keys.
+    lag_images : constant lag of the images behind the truth; None estimates it.
+    align : ``stamp``: run and truth count time from the same instant; ``first``: the truth's first row belongs to the first
+        image set; ``auto``: ``stamp`` where both overlap in time and the truth is not a TRC, else ``first``.
+    image_sets : how many there should be; 0 takes what run and stamps tell.
+    """
+
+    name: str = "run"
+    lag_images: float | None = None
+    align: str = "auto"
+    image_sets: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorSeries:
+    """Errors (n, m) in metres where ``valid`` (n, m)."""
+
+    errors_m: np.ndarray
+    valid: np.ndarray
+
+    @property
+    def mean_mm(self) -> float:
+        return 1e3 * metrics.mean_error(self.errors_m, self.valid)
+
+    def per_joint_mm(self) -> np.ndarray:
+        """(m,), NaN for a joint without truth."""
+        return 1e3 * metrics.mean_over(self.errors_m, self.valid, axis=0)
+
+    def per_set_mm(self) -> np.ndarray:
+        """(n,), NaN for a set without truth."""
+        return 1e3 * metrics.mean_over(self.errors_m, self.valid, axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class BoneLengths:
+    """Mean and standard deviation over the run, (b,) millimetres each."""
+
+    bones: tuple[tuple[str, str], ...]
+    estimate_mean_mm: np.ndarray
+    estimate_std_mm: np.ndarray
+    truth_mean_mm: np.ndarray
+    truth_std_mm: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class SilhouetteScores:
+    """Agreement with reference masks: intersection over union per camera and image number."""
+
+    kind: dict[str, str] = field(default_factory=dict)  # camera -> how its masks were made
+    numbers: dict[str, list[int]] = field(default_factory=dict)
+    ious: dict[str, list[float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """Result of `evaluate`; n image sets with a state, m joints."""
+
+    name: str
+    joints: tuple[str, ...]
+    times_s: np.ndarray  # (n,) since the first set
+    period_s: float
+    lag_images: float
+    lag_was_estimated: bool
+    image_sets: int  # that there should be
+    raw: ErrorSeries  # lag taken out
+    no_lag_correction: ErrorSeries
+    offset_free: ErrorSeries  # offsets constant in the segment
+    offset_free_world: ErrorSeries
+    offsets_m: np.ndarray  # (m, 3) in the frame of the segment
+    offset_frames: tuple[str, ...]  # (m,) the segments
+    bones: BoneLengths
+    lost: np.ndarray  # (n,) bool
+    lost_limbs: tuple[str, ...]
+    status: np.ndarray  # (n,)
+    residual_px: np.ndarray
+    iterations: np.ndarray
+    cameras: tuple[str, ...]
+    camera_residuals_px: np.ndarray  # (n, c), 0 where there is none
+    silhouettes: SilhouetteScores = field(default_factory=SilhouetteScores)
+
+    @property
+    def missing_sets(self) -> int:
+        """Image sets without any state."""
+        return self.image_sets - len(self.times_s)
+
+    def metrics(self) -> dict[str, float | int]:
+        """Figures under their keys, in the order of the report."""
+        figures: dict[str, float | int] = {
+            "image_sets": self.image_sets,
+            "judged_sets": int(self.raw.valid.any(axis=1).sum()),
+            "lost_sets": int(self.lost.sum()) + self.missing_sets,
+            "lost_limbs": len(self.lost_limbs),
+            "mpjpe_mm": self.raw.mean_mm,
+            "mpjpe_offset_free_mm": self.offset_free.mean_mm,
+            "mpjpe_offset_free_world_mm": self.offset_free_world.mean_mm,
+            "mpjpe_no_lag_correction_mm": self.no_lag_correction.mean_mm,
+            "lag_images": self.lag_images,
+        }
+        figures.update({f"iou_{camera}": _mean(ious) for camera, ious in self.silhouettes.ious.items()})
+        figures["residual_px"] = _mean(self.residual_px)
+        for i, camera in enumerate(self.cameras):
+            figures[f"residual_px_{camera}"] = _mean(self.camera_residuals_px[self.camera_residuals_px[:, i] > 0, i])
+        figures["iterations"] = _mean(self.iterations)
+        figures["bone_length_std_mm"] = _mean(self.bones.estimate_std_mm)
+        figures["truth_bone_length_std_mm"] = _mean(self.bones.truth_std_mm)
+        for joint, value in zip(self.joints, self.raw.per_joint_mm(), strict=True):
+            figures[f"landmark_mm.{joint}"] = float(value)
+        return {f"{self.name}.{key}": value for key, value in figures.items()}
+
+
+def evaluate(
+    run: RunData, model: ArticulatedModel, truth: Trajectories, options: EvaluationOptions, truth_is_trc: bool = False
+) -> Evaluation:
+    """Hold a run against truth. Silhouettes are added by the caller, who has the images.
+
+    Raises
+    ------
+    FileFormatError : run and truth have no joint, or no instant, in common.
+    """
+    joints = common_joints(model.landmark_names, truth.names)
+    if not joints:
+        expected = f"some of the landmarks {', '.join(model.landmark_names)}"
+        raise FileFormatError("truth", "names", expected, ", ".join(truth.names))
+    truth = aligned(truth.select(joints), run.stamps_ns, options.align, truth_is_trc)
+    estimate, rotations, frames = _tracked_joints(run, model, joints)
+    period_ns = image_period_ns(run.stamps_ns if len(run) > 1 else truth.stamps_ns)
+    lag = estimate_lag(estimate, truth, period_ns) if options.lag_images is None else options.lag_images
+    at_sets = truth_at(truth, run.stamps_ns, lag, period_ns)
+    if not at_sets.valid.any():
+        expected = f"times within those of the run, {_span(run.stamps_ns)}"
+        raise FileFormatError("truth", "times", expected, _span(truth.stamps_ns))
+    uncorrected = truth_at(truth, run.stamps_ns, 0.0, period_ns)
+    difference, valid = estimate.positions_m - at_sets.positions_m, at_sets.valid
+    errors = metrics.joint_errors(estimate.positions_m, at_sets.positions_m)
+    in_segment, offsets = metrics.offset_free_errors(difference, valid, rotations)
+    in_world, _ = metrics.offset_free_errors(difference, valid)
+    said_lost = run.status == Status.LOST
+    return Evaluation(
+        name=options.name,
+        joints=joints,
+        times_s=(run.stamps_ns - run.stamps_ns[0]) * 1e-9,
+        period_s=period_ns * 1e-9,
+        lag_images=lag,
+        lag_was_estimated=options.lag_images is None,
+        image_sets=expected_sets(run, period_ns, options.image_sets),
+        raw=ErrorSeries(errors, valid),
+        no_lag_correction=ErrorSeries(
+            metrics.joint_errors(estimate.positions_m, uncorrected.positions_m), uncorrected.valid
+        ),
+        offset_free=ErrorSeries(in_segment, valid),
+        offset_free_world=ErrorSeries(in_world, valid),
+        offsets_m=offsets,
+        offset_frames=frames,
+        bones=_bone_lengths(estimate, at_sets),
+        lost=metrics.lost_sets(np.ones(len(run), dtype=bool), said_lost, errors, valid),
+        lost_limbs=_lost_limbs(joints, errors, valid),
+        status=run.status,
+        residual_px=run.residual_px,
+        iterations=run.iterations,
+        cameras=run.cameras,
+        camera_residuals_px=run.camera_residuals_px,
+    )
+
+
+def aligned(truth: Trajectories, stamps_ns: np.ndarray, align: str, truth_is_trc: bool) -> Trajectories:
+    """Truth on the clock of the run's stamps (see `EvaluationOptions`)."""
+    if align not in ALIGNMENTS:
+        raise ValueError(f"expected an alignment of {ALIGNMENTS}, got {align!r}")
+    overlap = truth.stamps_ns[0] <= stamps_ns[-1] and truth.stamps_ns[-1] >= stamps_ns[0]
+    if align == "stamp" or (align == "auto" and overlap and not truth_is_trc):
+        return truth
+    return truth.shifted(int(stamps_ns[0]) - int(truth.stamps_ns[0]))
+
+
+def expected_sets(run: RunData, period_ns: float, stated: int = 0) -> int:
+    """Number of image sets that there should be a state for.
+
+    The largest of: ``stated``, what ``run.json`` expected (unless the run was told to stop early), the periods between the
+    first and the last stamp (which shows gaps), and the states.
+    """
+    counted = run.info.get("expected_image_sets", 0)
+    options = run.info.get("options")
+    told_to_stop = isinstance(options, dict) and options.get("max_sets") is not None
+    counted = counted if isinstance(counted, int) and not told_to_stop else 0
+    spanned = round(float(run.stamps_ns[-1] - run.stamps_ns[0]) / period_ns) + 1
+    return max(stated, counted, spanned, len(run))
+
+
+def image_numbers(run: RunData, period_ns: float) -> np.ndarray:
+    """(n,) number of the image that every set shows, 0 for the first set."""
+    return np.round((run.stamps_ns - run.stamps_ns[0]) / period_ns).astype(int)
+
+
+def _tracked_joints(
+    run: RunData, model: ArticulatedModel, joints: tuple[str, ...]
+) -> tuple[Trajectories, np.ndarray, tuple[str, ...]]:
+    """Joints over time, rotations (n, m, 3, 3) of the segments that their offsets are constant in, and those' names."""
+    columns = [model.landmark_index(joint) for joint in joints]
+    links = offset_links(model, joints)
+    positions, rotations = np.empty((len(run), len(joints), 3)), np.empty((len(run), len(joints), 3, 3))
+    for i in range(len(run)):
+        configuration = run.configuration(model, i)
+        positions[i] = configuration.landmarks_world[columns]
+        rotations[i] = configuration.Ts_world_link[links, :3, :3]
+    estimate = Trajectories(joints, run.stamps_ns, positions, np.ones(positions.shape[:2], dtype=bool))
+    return estimate, rotations, tuple(model.chain.links[link] for link in links)
+
+
+def _bone_lengths(estimate: Trajectories, truth: Trajectories) -> BoneLengths:
+    bones = common_bones(estimate.names)
+    pairs = [(estimate.names.index(a), estimate.names.index(b)) for a, b in bones]
+    figures = []
+    for points in (estimate, truth):
+        lengths, valid = metrics.bone_lengths(points.positions_m, points.valid, pairs)
+        figures += [1e3 * values for values in metrics.mean_and_std(lengths, valid)]
+    return BoneLengths(bones, *figures)
+
+
+def _lost_limbs(joints: tuple[str, ...], errors: np.ndarray, valid: np.ndarray) -> tuple[str, ...]:
+    limbs = [(limb, joints.index(end)) for limb, end in LIMBS.items() if end in joints]
+    columns = [column for _, column in limbs]
+    lost = metrics.lost_limbs(errors[:, columns], valid[:, columns])
+    return tuple(limb for (limb, _), is_lost in zip(limbs, lost, strict=True) if is_lost)
+
+
+def _mean(values) -> float:
+    values = np.asarray(values, dtype=np.float64)
+    values = values[np.isfinite(values)]
+    return float(values.mean()) if len(values) else float("nan")
+
+
+def _span(stamps_ns: np.ndarray) -> str:
+    return f"{stamps_ns[0]} to {stamps_ns[-1]} ns"

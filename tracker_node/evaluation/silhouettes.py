@@ -1,0 +1,145 @@
+"""The tracked body laid over the images: agreement with reference masks, and pictures for the report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+from ..camera.camera_rig import Camera, CameraRig
+from ..errors import TrackerError
+from ..loaders.image_source import SourceOptions, open_camera_source
+from ..model.articulated_model import ArticulatedModel
+from ..render.raycaster import render_mask
+from .evaluate import SilhouetteScores, image_numbers
+from .metrics import intersection_over_union
+from .reference_masks import CameraMasks, read_still
+from .run_data import RunData
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """An image with the body drawn into it, (h, w, 3) BGR."""
+
+    camera: str
+    number: int
+    bgr: np.ndarray
+
+
+@dataclass(eq=False)
+class ImageReview:
+    """What looking at the images gave; ``problems`` names cameras that could not be looked at, and why."""
+
+    scores: SilhouetteScores = field(default_factory=SilhouetteScores)
+    pictures: list[Picture] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False)
+class ReviewOptions:
+    """``pictures``: how many instants are shown; ``height_px`` of a picture; ``first_image``: number of the image in the
+    sources that the first image set shows."""
+
+    pictures: int = 6
+    height_px: int = 420
+    first_image: int = 0
+
+
+def review_images(
+    run: RunData,
+    model: ArticulatedModel,
+    rig: CameraRig,
+    masks: Mapping[str, CameraMasks],
+    period_ns: float,
+    options: ReviewOptions | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> ImageReview:
+    """Read the images of every camera once; a camera that cannot be read is named and left out."""
+    options = options or ReviewOptions()
+    numbers = image_numbers(run, period_ns) + options.first_image
+    row_of = {int(number): row for row, number in enumerate(numbers)}
+    shown = {int(numbers[i]) for i in spread(len(run), options.pictures)}
+    review = ImageReview()
+    for camera in rig:
+        progress(f"images of {camera.name}")
+        try:
+            _review_camera(run, model, camera, masks.get(camera.name), row_of, shown, options, review)
+        except TrackerError as error:
+            review.problems.append(str(error))
+    return review
+
+
+def spread(n: int, k: int) -> list[int]:
+    """At most ``k`` of 0..n-1, evenly spread, the ends included."""
+    return sorted({round(i) for i in np.linspace(0, n - 1, min(n, k))}) if n and k > 0 else []
+
+
+def _review_camera(
+    run: RunData,
+    model: ArticulatedModel,
+    camera: Camera,
+    masks: CameraMasks | None,
+    row_of: Mapping[int, int],
+    shown: set[int],
+    options: ReviewOptions,
+    review: ImageReview,
+) -> None:
+    wanted = set(masks.image_numbers(max(row_of) + 1)) & set(row_of) if masks else set()
+    still = _still(camera, masks) if masks else None
+    numbers, ious = [], []
+    for number, image in _images(camera, wanted | shown):
+        configuration = run.configuration(model, row_of[number])
+        if number in wanted and masks is not None:
+            reference = _fitted(masks.mask(number, image, still), camera)
+            numbers.append(number)
+            ious.append(intersection_over_union(render_mask(configuration, camera), reference))
+        if number in shown:
+            from ..render.overlay import draw_overlay
+
+            picture = draw_overlay(image, configuration, camera)
+            width = round(picture.shape[1] * options.height_px / picture.shape[0])
+            small = cv2.resize(picture, (width, options.height_px), interpolation=cv2.INTER_AREA)
+            review.pictures.append(Picture(camera.name, number, small))
+    if masks is not None and numbers:
+        review.scores.kind[camera.name] = "drawn by hand" if masks.still is None else "difference to a still image"
+        review.scores.numbers[camera.name] = numbers
+        review.scores.ious[camera.name] = ious
+
+
+def _images(camera: Camera, wanted: set[int]) -> Iterator[tuple[int, np.ndarray]]:
+    """(number, BGR) of the wanted images of a camera's source."""
+    if not wanted:
+        return
+    options = SourceOptions(start=min(wanted), end=max(wanted) + 1)
+    source = open_camera_source(camera, options)
+    for stamp_ns, image in source:
+        number = round((stamp_ns - source.stamp_ns(0)) * source.rate_hz / 1e9)
+        if number in wanted:
+            yield number, image
+
+
+def _still(camera: Camera, masks: CameraMasks) -> np.ndarray | None:
+    if masks.still is None:
+        return None
+    path = masks.still or camera.plate
+    if not path:
+        raise TrackerError(f"camera '{camera.name}': its reference masks need a still image, and the rig names no plate")
+    return read_still(path, camera.model.width, camera.model.height)
+
+
+def _fitted(mask: np.ndarray, camera: Camera) -> np.ndarray:
+    """The mask in the pixels of the camera."""
+    size = (camera.model.width, camera.model.height)
+    if (mask.shape[1], mask.shape[0]) == size:
+        return mask
+    return cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST)
+
+
+def contact_sheet(pictures: Sequence[Picture]) -> list[list[Picture]]:
+    """Pictures as rows of one instant each, cameras in the order of their first picture."""
+    cameras = list(dict.fromkeys(picture.camera for picture in pictures))
+    numbers = sorted({picture.number for picture in pictures})
+    at = {(picture.camera, picture.number): picture for picture in pictures}
+    return [[at[camera, number] for camera in cameras if (camera, number) in at] for number in numbers]
