@@ -1,0 +1,234 @@
+"""The human of 18 parts and 40 degrees of freedom (the part list of Knossow et al. 2008), built from body measures.
+
+Six degrees of freedom of the root (pelvis) and 34 joint angles: head 2, torso 3, abdomen 3, clavicles 2 x 3, shoulders 2 x 3,
+elbows 2 x 2, hips 2 x 3, knees 2 x 2. Hands are fixed to forearms, feet to shanks.
+
+Neutral is standing with the arms hanging and palms inward; every link's axes are then those of the body: x forward, y left, z
+up. A link's origin is the joint that carries it. Axes of the right side are those of the left mirrored, so equal angles on both
+sides are a symmetric pose, and names say what a positive angle does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..geometry import se3, so3
+from .articulated_model import ArticulatedModel, Landmark, Shape
+from .human_measures import HumanMeasures
+from .kinematic_chain import Axis, Joint, KinematicChain
+from .primitives import Ellipsoid, Primitive, TruncatedCone
+
+SIDES = (("left", 1.0), ("right", -1.0))  # name, and sign of y
+TRUNK_LINKS = ("pelvis", "abdomen", "torso", "head")
+LIMB_LINKS = ("clavicle", "upper_arm", "forearm", "hand", "thigh", "shank", "foot")
+_DIAGONAL = 1.0 / np.sqrt(2.0)
+
+# Weak pull to neutral, 1/rad^2: turning a nearly round part about its own axis hardly moves its contours.
+ROLL_STIFFNESS = 200.0
+CLAVICLE_STIFFNESS = 100.0
+TRUNK_STIFFNESS = 20.0
+LIMB_STIFFNESS = 1.0
+
+# Axes of the left side: name, direction, limits in degrees, stiffness. Limits are those of gymnasts and kickers, wider than the
+# norms of clinics (American Academy of Orthopaedic Surgeons), so that the tracker is not stopped short by a soft part.
+_LEFT_AXES: dict[str, tuple[tuple[str, tuple[float, float, float], tuple[float, float], float], ...]] = {
+    "clavicle": (
+        ("clavicle_protraction", (0.0, 0.0, -1.0), (-30.0, 40.0), CLAVICLE_STIFFNESS),
+        ("clavicle_elevation", (1.0, 0.0, 0.0), (-20.0, 45.0), CLAVICLE_STIFFNESS),
+        ("clavicle_axial_rotation", (0.0, 1.0, 0.0), (-30.0, 30.0), ROLL_STIFFNESS),
+    ),
+    # The three revolutes lose one direction when the arm points along the first axis: level, and forward across the body or
+    # backward and out. T-pose, arms overhead, in front and behind are far from that.
+    "shoulder": (
+        ("shoulder_elevation_front", (_DIAGONAL, -_DIAGONAL, 0.0), (-90.0, 200.0), LIMB_STIFFNESS),
+        ("shoulder_elevation_back", (_DIAGONAL, _DIAGONAL, 0.0), (-85.0, 85.0), LIMB_STIFFNESS),
+        ("shoulder_internal_rotation", (0.0, 0.0, -1.0), (-120.0, 120.0), ROLL_STIFFNESS),
+    ),
+    "elbow": (
+        ("elbow_flexion", (0.0, -1.0, 0.0), (-5.0, 155.0), LIMB_STIFFNESS),
+        ("elbow_pronation", (0.0, 0.0, -1.0), (-95.0, 95.0), ROLL_STIFFNESS),
+    ),
+    "hip": (
+        ("hip_flexion", (0.0, -1.0, 0.0), (-40.0, 140.0), LIMB_STIFFNESS),
+        ("hip_abduction", (1.0, 0.0, 0.0), (-45.0, 80.0), LIMB_STIFFNESS),
+        ("hip_internal_rotation", (0.0, 0.0, -1.0), (-70.0, 70.0), ROLL_STIFFNESS),
+    ),
+    "knee": (
+        ("knee_flexion", (0.0, 1.0, 0.0), (-10.0, 160.0), LIMB_STIFFNESS),
+        ("knee_internal_rotation", (0.0, 0.0, -1.0), (-40.0, 40.0), ROLL_STIFFNESS),
+    ),
+}
+_TRUNK_AXES = {
+    "abdomen": (
+        ("abdomen_flexion", (0.0, 1.0, 0.0), (-40.0, 75.0), TRUNK_STIFFNESS),
+        ("abdomen_bend_right", (1.0, 0.0, 0.0), (-35.0, 35.0), TRUNK_STIFFNESS),
+        ("abdomen_turn_left", (0.0, 0.0, 1.0), (-35.0, 35.0), TRUNK_STIFFNESS),
+    ),
+    "torso": (
+        ("torso_flexion", (0.0, 1.0, 0.0), (-35.0, 50.0), TRUNK_STIFFNESS),
+        ("torso_bend_right", (1.0, 0.0, 0.0), (-35.0, 35.0), TRUNK_STIFFNESS),
+        ("torso_turn_left", (0.0, 0.0, 1.0), (-40.0, 40.0), TRUNK_STIFFNESS),
+    ),
+    # Two, as the paper has: those that move the head's outline. Its turn about the neck does not.
+    "neck": (
+        ("head_flexion", (0.0, 1.0, 0.0), (-70.0, 65.0), LIMB_STIFFNESS),
+        ("head_bend_right", (1.0, 0.0, 0.0), (-50.0, 50.0), LIMB_STIFFNESS),
+    ),
+}
+_SKIN, _SHIRT, _SHORTS = (205, 160, 135), (70, 110, 160), (60, 60, 75)
+_COLORS = {
+    "pelvis": _SHORTS, "abdomen": _SHIRT, "torso": (90, 130, 180), "head": _SKIN, "neck": (190, 145, 120),
+    "left_clavicle": (80, 140, 150), "left_upper_arm": (215, 140, 90), "left_forearm": (230, 170, 110), "left_hand": _SKIN,
+    "right_clavicle": (90, 120, 190), "right_upper_arm": (120, 170, 90), "right_forearm": (150, 200, 120), "right_hand": _SKIN,
+    "left_thigh": (190, 90, 90), "left_shank": (220, 130, 130), "left_foot": (150, 70, 70),
+    "right_thigh": (90, 150, 120), "right_shank": (130, 190, 160), "right_foot": (60, 110, 90),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Side:
+    """Adds the side's name, and mirrors points and axes of the left side to it."""
+
+    name: str
+    sign: float
+
+    def point(self, x: float, y: float, z: float) -> tuple[float, float, float]:
+        return (x, self.sign * y, z)
+
+    def axis(self, direction: tuple[float, float, float]) -> tuple[float, float, float]:
+        # A rotation axis is a pseudovector: mirrored in y, its x and z change sign.
+        x, y, z = direction
+        return (self.sign * x, y, self.sign * z)
+
+
+def human_model(measures: HumanMeasures | None = None, name: str = "human") -> ArticulatedModel:
+    """The body of a person of these measures (by default a man of 1.75 m)."""
+    m = measures or HumanMeasures()
+    links = TRUNK_LINKS + tuple(f"{side}_{link}" for side, _ in SIDES for link in LIMB_LINKS)
+    joints = _trunk_joints(m)
+    shapes = _trunk_shapes(m)
+    landmarks = [
+        Landmark("neck", "torso", (m.neck_x, 0.0, m.neck_z)),
+        Landmark("head", "head", (m.head_x, 0.0, m.head_top)),
+        Landmark("nose", "head", (m.head_x + m.head_radii[0] + 0.010, 0.0, m.head_top - 0.075 * m.stature)),
+    ]
+    for side_name, sign in SIDES:
+        side = _Side(side_name, sign)
+        joints += _limb_joints(m, side)
+        shapes += _limb_shapes(m, side)
+        landmarks += _limb_landmarks(m, side)
+    return ArticulatedModel(name, KinematicChain(links, tuple(joints)), tuple(shapes), tuple(landmarks))
+
+
+def _axes(rows, prefix: str = "", side: _Side | None = None) -> tuple[Axis, ...]:
+    result = []
+    for name, direction, limits_deg, stiffness in rows:
+        x, y, z = side.axis(direction) if side else direction
+        lower, upper = np.deg2rad(limits_deg).tolist()
+        # Adding 0.0 makes a mirrored -0.0 a plain zero, for the sake of who reads the file.
+        result.append(Axis(prefix + name, (x + 0.0, y + 0.0, z + 0.0), lower, upper, 0.0, stiffness))
+    return tuple(result)
+
+
+def _at(x: float, y: float, z: float) -> np.ndarray:
+    return se3.from_rotation_translation(np.eye(3), np.array([x, y, z]))
+
+
+def _trunk_joints(m: HumanMeasures) -> list[Joint]:
+    return [
+        Joint("abdomen", "pelvis", "abdomen", _at(m.spine_x, 0.0, m.pelvis_length), _axes(_TRUNK_AXES["abdomen"])),
+        Joint("torso", "abdomen", "torso", _at(0.0, 0.0, m.abdomen_length), _axes(_TRUNK_AXES["torso"])),
+        Joint("neck", "torso", "head", _at(m.neck_x, 0.0, m.neck_z), _axes(_TRUNK_AXES["neck"])),
+    ]
+
+
+def _limb_joints(m: HumanMeasures, side: _Side) -> list[Joint]:
+    places = (
+        ("clavicle", "torso", "clavicle", (m.clavicle_x, m.clavicle_y, m.clavicle_z)),
+        ("shoulder", "clavicle", "upper_arm", (m.shoulder_x, m.clavicle_length, 0.0)),
+        ("elbow", "upper_arm", "forearm", (0.0, 0.0, -m.upper_arm_length)),
+        ("wrist", "forearm", "hand", (0.0, 0.0, -m.forearm_length)),
+        ("hip", "pelvis", "thigh", (0.0, m.hip_half_width, 0.0)),
+        ("knee", "thigh", "shank", (0.0, 0.0, -m.thigh_length)),
+        ("ankle", "shank", "foot", (0.0, 0.0, -m.shank_length)),
+    )
+    joints = []
+    for name, parent, child, place in places:
+        parent = parent if parent in TRUNK_LINKS else f"{side.name}_{parent}"
+        axes = _axes(_LEFT_AXES.get(name, ()), f"{side.name}_", side)
+        joints.append(Joint(f"{side.name}_{name}", parent, f"{side.name}_{child}", _at(*side.point(*place)), axes))
+    return joints
+
+
+def _shape(name: str, link: str, primitive: Primitive, T_link_shape: np.ndarray) -> Shape:
+    return Shape(name, link, primitive, T_link_shape, _COLORS[name])
+
+
+def _cone(bottom: tuple[float, float], top: float, z1: float, z2: float) -> TruncatedCone:
+    """Upright cone: half-axes ``bottom`` (forward, sideways) at z1, the ``top``-fold of them at z2."""
+    k = (top - 1.0) / (z2 - top * z1)  # from (1 + k z2) = top (1 + k z1)
+    scale = 1.0 + k * z1
+    return TruncatedCone(bottom[0] / scale, bottom[1] / scale, k, z1, z2)
+
+
+def _trunk_shapes(m: HumanMeasures) -> list[Shape]:
+    overlap = m.overlap
+    pelvis = _cone(m.buttock_radii, m.waist_radii[1] / m.buttock_radii[1], -m.crotch_depth, m.pelvis_length + overlap)
+    abdomen = _cone(m.waist_radii, m.chest_base_radii[1] / m.waist_radii[1], -overlap, m.abdomen_length + overlap)
+    torso = _cone(m.chest_base_radii, m.chest_radii[1] / m.chest_base_radii[1], -overlap, m.chest_top)
+    neck = TruncatedCone(m.neck_radius, m.neck_radius, -0.6, -0.05 * m.scale, m.head_top - 1.5 * m.head_radii[2])
+    head = Ellipsoid(m.head_radii)
+    tilt = np.arctan2(m.head_x, m.head_top - m.head_radii[2])
+    neck_place = se3.from_rotation_translation(so3.exp([0.0, float(tilt), 0.0]), np.zeros(3))
+    return [
+        _shape("pelvis", "pelvis", pelvis, _at(0.5 * m.spine_x, 0.0, 0.0)),
+        _shape("abdomen", "abdomen", abdomen, _at(-0.5 * m.spine_x, 0.0, 0.0)),
+        _shape("torso", "torso", torso, _at(0.0, 0.0, 0.0)),
+        _shape("neck", "head", neck, neck_place),
+        _shape("head", "head", head, _at(m.head_x, 0.0, m.head_top - m.head_radii[2])),
+    ]
+
+
+def _limb_shapes(m: HumanMeasures, side: _Side) -> list[Shape]:
+    overlap = m.overlap
+    sideways = se3.from_rotation_translation(so3.exp([-side.sign * np.pi / 2, 0.0, 0.0]), np.zeros(3))  # z to the side
+    sideways[0, 3] = 0.5 * m.shoulder_x
+    girdle = _cone(m.clavicle_radii, m.deltoid_scale, -m.clavicle_y, m.clavicle_length + 0.4 * overlap)
+    arm, forearm, thigh, shank = m.upper_arm_radii, m.forearm_radii, m.thigh_radii, m.shank_radii
+    rows: tuple[tuple[str, Primitive, np.ndarray], ...] = (
+        ("clavicle", girdle, sideways),
+        ("upper_arm", _limb(arm, m.elbow_scale, m.upper_arm_length, 1.4 * overlap, 0.5 * overlap), np.eye(4)),
+        ("forearm", _limb(forearm, m.wrist_scale, m.forearm_length, 0.5 * overlap, 0.5 * overlap), np.eye(4)),
+        ("hand", Ellipsoid(m.hand_radii), _at(0.0, 0.0, -0.80 * m.hand_radii[2])),
+        ("thigh", _limb(thigh, m.knee_scale, m.thigh_length, 2.0 * overlap, 0.7 * overlap), np.eye(4)),
+        ("shank", _limb(shank, m.ankle_scale, m.shank_length, 0.7 * overlap, 0.5 * overlap), np.eye(4)),
+        ("foot", Ellipsoid(m.foot_radii), _at(m.foot_radii[0] - m.heel_behind_ankle, 0.0, m.foot_radii[2] - m.ankle_height)),
+    )
+    return [_shape(f"{side.name}_{name}", f"{side.name}_{name}", primitive, place) for name, primitive, place in rows]
+
+
+def _limb(radii: tuple[float, float], end_scale: float, length: float, above: float, below: float) -> TruncatedCone:
+    """Hanging cone: half-axes ``radii`` at its joint (z = 0), the ``end_scale``-fold at z = -length, longer at both ends."""
+    return TruncatedCone(radii[0], radii[1], (1.0 - end_scale) / length, -length - below, above)
+
+
+def _limb_landmarks(m: HumanMeasures, side: _Side) -> list[Landmark]:
+    """Joint centres belong to the parts that carry the joints, so no part's turn about its own axis moves them."""
+    sole = -m.ankle_height
+    toe = 2.0 * m.foot_radii[0] - m.heel_behind_ankle
+    rows = (
+        ("shoulder", "clavicle", (m.shoulder_x, m.clavicle_length, 0.0)),
+        ("elbow", "upper_arm", (0.0, 0.0, -m.upper_arm_length)),
+        ("wrist", "forearm", (0.0, 0.0, -m.forearm_length)),
+        ("knee", "thigh", (0.0, 0.0, -m.thigh_length)),
+        ("ankle", "shank", (0.0, 0.0, -m.shank_length)),
+        ("big_toe", "foot", (0.93 * toe, -0.5 * m.foot_radii[1], 0.75 * sole)),
+        ("small_toe", "foot", (0.72 * toe, 0.8 * m.foot_radii[1], 0.8 * sole)),
+        ("heel", "foot", (-0.85 * m.heel_behind_ankle, 0.0, 0.7 * sole)),
+    )
+    landmarks = [Landmark(f"{side.name}_hip", "pelvis", side.point(0.0, m.hip_half_width, 0.0))]
+    for name, link, place in rows:
+        landmarks.append(Landmark(f"{side.name}_{name}", f"{side.name}_{link}", side.point(*place)))
+    return landmarks

@@ -1,0 +1,102 @@
+"""Measures of the human body, metres.
+
+Lengths are shares of stature: Drillis & Contini (1966), *Body segment parameters*, as tabulated in Winter (2009),
+*Biomechanics and Motor Control of Human Movement*, fig. 4.1. Girths, breadths and depths are rounded means of the men of
+Gordon et al. (1989), *1988 Anthropometric Survey of U.S. Army Personnel* (mean stature 1.756 m), scaled with stature.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, replace
+
+SURVEY_STATURE = 1.756  # metres, mean of the men of the 1988 survey
+REFERENCE_STATURE = 1.75
+
+
+def _share(fraction: float) -> float:
+    return round(fraction * REFERENCE_STATURE, 4)
+
+
+def _surveyed(value: float) -> float:
+    return round(value * REFERENCE_STATURE / SURVEY_STATURE, 4)
+
+
+def _radius(girth: float) -> float:
+    """Radius of a circle of that girth."""
+    return _surveyed(girth / (2.0 * math.pi))
+
+
+@dataclass(frozen=True)
+class HumanMeasures:
+    """All lengths in metres, for a man of 1.75 m unless said otherwise; `of_stature` scales them all."""
+
+    stature: float = REFERENCE_STATURE
+    # Legs and arms: shares of stature
+    thigh_length: float = _share(0.530 - 0.285)
+    shank_length: float = _share(0.285 - 0.039)
+    ankle_height: float = _share(0.039)
+    hip_half_width: float = _share(0.048)  # joint centres: nearer than the 0.191 / 2 of the trochanters
+    upper_arm_length: float = _share(0.186)
+    forearm_length: float = _share(0.146)
+    # Trunk: hip joints at 0.530, L5/S1 at 0.585, T12/L1 at 0.655, shoulders at 0.818, C7 at 0.850 of stature
+    spine_x: float = -0.010  # the spine stands behind the line of the hips
+    pelvis_length: float = _share(0.585 - 0.530)
+    abdomen_length: float = _share(0.655 - 0.585)
+    neck_x: float = 0.0
+    neck_z: float = _share(0.850 - 0.655)
+    chest_top: float = _share(0.805 - 0.655)
+    clavicle_x: float = 0.010
+    clavicle_y: float = 0.020
+    clavicle_z: float = _share(0.818 - 0.655)
+    # Shoulder joints lie 2 cm inside the acromia (biacromial breadth 0.397)
+    clavicle_length: float = round(_surveyed(0.397 / 2) - 0.020 - 0.020, 4)
+    shoulder_x: float = -0.005
+    head_x: float = 0.022  # the head's centre is in front of C7
+    head_top: float = _share(1.0 - 0.850)  # above C7
+    crotch_depth: float = _share(0.530 - 0.475)  # below the hip joints
+    # Half-axes (forward, sideways) of trunk sections: depths and breadths
+    buttock_radii: tuple[float, float] = (_surveyed(0.246 / 2), _surveyed(0.342 / 2))
+    waist_radii: tuple[float, float] = (_surveyed(0.222 / 2), _surveyed(0.302 / 2))
+    chest_base_radii: tuple[float, float] = (_surveyed(0.222 / 2), _surveyed(0.294 / 2))
+    chest_radii: tuple[float, float] = (_surveyed(0.243 / 2), _surveyed(0.322 / 2))
+    # Shoulder girdle at the breast bone (forward, upward), and what of it is left at the shoulder
+    clavicle_radii: tuple[float, float] = (0.070, 0.055)
+    deltoid_scale: float = 0.80
+    neck_radius: float = _radius(0.379)
+    head_radii: tuple[float, float, float] = (_surveyed(0.197 / 2), _surveyed(0.152 / 2), _share(0.130 / 2))
+    # Limb sections at their upper joint, and the share left at the lower one
+    upper_arm_radii: tuple[float, float] = (_radius(0.345), _radius(0.320))
+    elbow_scale: float = 0.80
+    forearm_radii: tuple[float, float] = (_radius(0.290), _radius(0.260))
+    wrist_scale: float = 0.62
+    hand_radii: tuple[float, float, float] = (_surveyed(0.090 / 2), 0.022, _surveyed(0.194 / 2))
+    thigh_radii: tuple[float, float] = (_radius(0.597), _radius(0.570))
+    knee_scale: float = 0.65
+    shank_radii: tuple[float, float] = (_radius(0.385), _radius(0.375))
+    ankle_scale: float = 0.60
+    foot_radii: tuple[float, float, float] = (_surveyed(0.270 / 2), _surveyed(0.101 / 2), 0.036)
+    heel_behind_ankle: float = 0.055
+    overlap: float = 0.030  # how far a part reaches into its neighbour, so that the outline has no gap
+
+    def __post_init__(self):
+        if not 0.4 <= self.stature <= 3.0:
+            raise ValueError(f"expected a stature of 0.4 to 3 metres, got {self.stature}")
+
+    @property
+    def scale(self) -> float:
+        """Stature as a multiple of the reference."""
+        return self.stature / REFERENCE_STATURE
+
+    @classmethod
+    def of_stature(cls, stature: float) -> HumanMeasures:
+        """Every length scaled to a stature (metres); ratios stay."""
+        reference = cls()
+        scale = stature / reference.stature
+        scaled: dict[str, object] = {}
+        for field in fields(cls):
+            value = getattr(reference, field.name)
+            if field.name.endswith("_scale"):
+                continue
+            scaled[field.name] = tuple(scale * v for v in value) if isinstance(value, tuple) else scale * value
+        return replace(reference, **scaled)  # type: ignore[arg-type]
