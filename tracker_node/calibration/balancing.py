@@ -19,6 +19,7 @@ from ..errors import FileFormatError, SourceError
 from ..loaders.openpose_json import load_openpose, match_cameras
 from ..loaders.pose2sim_toml import load_pose2sim
 from ..loaders.rig_yaml import CameraEntry, RigFile, rig_file_of, write_rig_file
+from .plate import build_plate, spread_images, write_image
 from .rig_refinement import Refinement, collect_joints, refine_rig
 
 # Calibration pixels of a pixel of the narrow videos: fitted to the stills (affine image registration), to about 0.3 px.
@@ -53,8 +54,8 @@ def write_rigs(folder: Path) -> Refinement:
     groups = match_cameras(load_openpose(folder / "points2d.zip"), rig.names)
     refinement = refine_rig(rig, collect_joints(rig, [list(groups[name].people) for name in rig.names]))
     places = {camera.name: camera.T_world_cam for camera in refinement.rig}
-    write_rig_file(original.with_extrinsics(places), folder / "rig_refined.yaml")
     write_rig_file(rig_file(rig, "static").with_extrinsics(places), folder / "rig_static.yaml")
+    write_rig_file(original.with_extrinsics(places), folder / "rig_refined.yaml")
     return refinement
 
 
@@ -78,20 +79,28 @@ def rig_file(rig: CameraRig, trial: str) -> RigFile:
     return plain.model_copy(update={"cameras": entries})
 
 
+def has_plates(folder: Path) -> bool:
+    """True when every camera's plate has been written."""
+    return all((folder / f"plates/{still.stem}.png").exists() for still in (folder / "stills").glob("*.png"))
+
+
 def write_plates(folder: Path) -> None:
-    """Write plates/camNN.png: the stills in the pixels of the videos.
+    """Write plates/camNN.png in the pixels of the videos, from the videos and the stills.
+
+    The stills alone will not do: their exposure differs, and on those of cam01 and cam02 a person stands in mid-scene.
 
     Raises
     ------
     FileFormatError : for a still that is no image.
+    SourceError : for a video that cannot be read.
     """
-    (folder / "plates").mkdir(exist_ok=True)
-    for still in sorted((folder / "stills").glob("*.png")):
-        image = cv2.imread(str(still))
+    for name, entry in rig_file(named_rig(folder / "calibration.toml"), "videos").cameras.items():
+        image = cv2.imread(str(folder / "stills" / f"{name}.png"))
         if image is None:
-            raise FileFormatError(still, "(file)", "an image", "something else")
-        if still.stem in NARROW_CAMERAS["videos"]:
+            raise FileFormatError(folder / "stills" / f"{name}.png", "(file)", "an image", "something else")
+        if entry.pixel_map is not None:
             # WARP_INVERSE_MAP: the map says where a pixel of the result comes from, which is what the pixel map does.
             flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-            image = cv2.warpAffine(image, np.array(NARROW_MAP), NARROW_SIZE, flags=flags)
-        cv2.imwrite(str(folder / "plates" / still.name), image)
+            image = cv2.warpAffine(image, np.array(entry.pixel_map), entry.file_image_size, flags=flags)
+        images = spread_images(folder / "videos" / f"{name}.mp4")
+        write_image(folder / "plates" / f"{name}.png", build_plate(images, image).image)

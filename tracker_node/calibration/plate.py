@@ -1,0 +1,143 @@
+"""A picture of the empty scene, from a recording in which somebody always stands somewhere and a still in which somebody else does.
+
+A pixel of a static scene comes back to the same color whenever nobody stands before it. Where nearly all images of the recording agree,
+theirs is the color of the background, whatever the still shows; elsewhere, where somebody moves, it is the still's, brought to the
+recording's exposure.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ..errors import SourceError
+from ..loaders.image_source import open_source
+
+
+@dataclass(frozen=True)
+class PlateOptions:
+    """How to choose.
+
+    Parameters
+    ----------
+    tolerance : color levels (of 255) within which two images agree about a pixel.
+    min_share : share of the images that must agree before the recording is believed against the still. Uniform clothes of somebody who
+        hardly moves agree in many images too: keep it high.
+    min_width_px : what changes in a place narrower than this is noise, not somebody who moves.
+    """
+
+    tolerance: float = 12.0
+    min_share: float = 0.8
+    min_width_px: int = 9
+
+
+@dataclass(frozen=True)
+class Plate:
+    """A plate and how sure it is.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8.
+    known : (h, w) bool, True where the recording itself shows the background; elsewhere the still is all there is.
+    """
+
+    image: np.ndarray
+    known: np.ndarray
+
+
+def build_plate(images: np.ndarray, still: np.ndarray | None = None, options: PlateOptions | None = None) -> Plate:
+    """Background of a static camera.
+
+    Parameters
+    ----------
+    images : (n, h, w, 3) uint8, spread over the recording; 20 to 40 do.
+    still : (h, w, 3) uint8 of the same camera in the same place and the same pixels, or None.
+
+    Raises
+    ------
+    ValueError : when the sizes differ or there are no images.
+    """
+    options = options or PlateOptions()
+    if images.ndim != 4 or len(images) == 0:
+        raise ValueError(f"expected images of shape (n, h, w, 3), got {images.shape}")
+    if still is not None and still.shape != images.shape[1:]:
+        raise ValueError(f"expected a still of shape {images.shape[1:]}, got {still.shape}")
+    median, share = _median_and_share(images, options.tolerance)
+    if still is None:
+        return Plate(median, share >= options.min_share)
+    # Edges of things flicker by themselves; whoever moves leaves a wide trace.
+    disk = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (options.min_width_px,) * 2)
+    moving = cv2.morphologyEx((share < options.min_share).astype(np.uint8), cv2.MORPH_OPEN, disk)
+    # Uniform clothes of somebody who hardly moves look like background: what motion encloses is not known either.
+    moving = cv2.morphologyEx(cv2.dilate(moving, disk), cv2.MORPH_CLOSE, np.ones((3 * options.min_width_px,) * 2, dtype=np.uint8))
+    outlines, _ = cv2.findContours(moving, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(moving, outlines, -1, 1, cv2.FILLED)
+    known = moving == 0
+    matched = _exposed_like(still, median)
+    return Plate(np.where(known[..., None], median, np.round(matched).astype(np.uint8)), known)
+
+
+def spread_images(source: str | Path, n_images: int = 25) -> np.ndarray:
+    """Images (n, h, w, 3) spread evenly over a recording.
+
+    Raises
+    ------
+    SourceError : when the recording cannot be read.
+    """
+    opened = open_source(source)
+    n_images = min(n_images, opened.n_images)
+    wanted = {int((i + 0.5) * opened.n_images / n_images) for i in range(n_images)}
+    found = [image for i, (_, image) in enumerate(opened) if i in wanted]
+    if not found:
+        raise SourceError(source, "no image could be read")
+    return np.array(found)
+
+
+def write_image(path: Path, image: np.ndarray) -> None:
+    """Write a PNG, making its folder.
+
+    Raises
+    ------
+    SourceError : when it cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(cv2.imencode(".png", image)[1].tobytes())
+    except OSError as error:
+        raise SourceError(path, f"cannot be written: {error.strerror}") from error
+
+
+def _median_and_share(images: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Per pixel the median color (h, w, 3) uint8, and the share (h, w) of the images that agree with it."""
+    median = np.empty(images.shape[1:], dtype=np.uint8)
+    share = np.empty(images.shape[1:3], dtype=np.float32)
+    middle = len(images) // 2
+    for top in range(0, images.shape[1], 64):  # in strips, to keep copies small
+        strip = images[:, top : top + 64]
+        median[top : top + 64] = np.partition(strip, middle, axis=0)[middle]
+        near = np.zeros(strip.shape[1:3], dtype=np.float32)
+        for image in strip:
+            near += np.max(cv2.absdiff(image, median[top : top + 64]), axis=-1) <= tolerance
+        share[top : top + 64] = near / len(images)
+    return median, share
+
+
+def _exposed_like(still: np.ndarray, median: np.ndarray, n_rounds: int = 8) -> np.ndarray:
+    """The still (float32) with a gain and an offset per channel, fitted where it shows the same as the recording."""
+    result = np.empty(still.shape, dtype=np.float32)
+    for channel in range(still.shape[2]):
+        x = still[::4, ::4, channel].ravel().astype(np.float64)
+        y = median[::4, ::4, channel].ravel().astype(np.float64)
+        inside = (x > 5) & (x < 250) & (y > 5) & (y < 250)
+        gain, offset = 1.0, 0.0
+        for _ in range(n_rounds):
+            error = np.abs(gain * x + offset - y)
+            keep = inside & (error <= max(6.0, 2.0 * float(np.median(error[inside])) if inside.any() else 6.0))
+            if np.count_nonzero(keep) < 100 or np.ptp(x[keep]) < 10.0:
+                break
+            gain, offset = np.polyfit(x[keep], y[keep], 1)
+        result[..., channel] = np.clip(gain * still[..., channel].astype(np.float32) + offset, 0.0, 255.0)
+    return result
