@@ -67,6 +67,16 @@ def test_the_lag_is_found(lag):
     assert moved.positions_m[both] == pytest.approx(estimate.positions_m[both], abs=1e-3)
 
 
+def test_an_offset_along_the_path_is_no_lag():
+    images = np.arange(60) * PERIOD_NS
+    truth = wave(images)
+    positions = truth.positions_m.copy()
+    positions += np.linspace(0.0, 1.0, 60)[:, None, None]  # moves one way ...
+    truth = Trajectories(truth.names, images, positions, truth.valid)
+    estimate = Trajectories(truth.names, images, positions + 0.05, truth.valid)  # ... and is seen ahead of itself
+    assert estimate_lag(estimate, truth, PERIOD_NS) == pytest.approx(0.0, abs=0.011)
+
+
 def test_without_common_sets_the_lag_is_zero():
     images = np.arange(3) * PERIOD_NS
     assert estimate_lag(wave(images), wave(images), PERIOD_NS) == 0.0

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .metrics import joint_errors, mean_error
+from .metrics import mean_error, offset_free_errors
 
 LAG_RANGE_IMAGES = (-2.0, 2.0)
 LAG_STEP_IMAGES = 0.01
@@ -85,11 +85,14 @@ def truth_at(truth: Trajectories, stamps_ns: np.ndarray, lag_images: float, peri
     return Trajectories(truth.names, stamps_ns, *truth.at(stamps_ns, lag_images * period_ns))
 
 
-def estimate_lag(estimate: Trajectories, truth: Trajectories, period_ns: float) -> float:
-    """The constant lag, in images, that makes the mean joint error smallest.
+def estimate_lag(
+    estimate: Trajectories, truth: Trajectories, period_ns: float, rotations: np.ndarray | None = None
+) -> float:
+    """The constant lag, in images, that makes the mean offset-free joint error smallest.
 
+    Constant offsets are left out of the search: while a body moves one way, an offset along its path looks like a lag.
     Searched over `LAG_RANGE_IMAGES` on the sets that have truth at both ends of the range, so that every lag is judged on
-    the same sets. 0 when there are none.
+    the same sets; 0 when there are none. ``rotations`` as for `metrics.offset_free_errors`.
     """
     ends = [truth_at(truth, estimate.stamps_ns, lag, period_ns).valid for lag in LAG_RANGE_IMAGES]
     judged = estimate.valid & ends[0] & ends[1]
@@ -100,7 +103,8 @@ def estimate_lag(estimate: Trajectories, truth: Trajectories, period_ns: float) 
         moved = truth_at(truth, estimate.stamps_ns, float(lag), period_ns)
         both = judged & moved.valid
         if both.any():
-            costs[i] = mean_error(joint_errors(estimate.positions_m, moved.positions_m), both)
+            errors, _ = offset_free_errors(estimate.positions_m - moved.positions_m, both, rotations)
+            costs[i] = mean_error(errors, both)
     if not np.isfinite(costs).any():
         return 0.0
     return round(float(lags[int(np.argmin(costs))]), 6)

@@ -149,7 +149,9 @@ def evaluate(
     truth = aligned(truth.select(joints), run.stamps_ns, options.align, truth_is_trc)
     estimate, rotations, frames = _tracked_joints(run, model, joints)
     period_ns = image_period_ns(run.stamps_ns if len(run) > 1 else truth.stamps_ns)
-    lag = estimate_lag(estimate, truth, period_ns) if options.lag_images is None else options.lag_images
+    lag = options.lag_images
+    if lag is None:
+        lag = estimate_lag(estimate, truth, period_ns, rotations)
     at_sets = truth_at(truth, run.stamps_ns, lag, period_ns)
     if not at_sets.valid.any():
         expected = f"times within those of the run, {_span(run.stamps_ns)}"
