@@ -156,7 +156,9 @@ class KinematicChain:
             axes.extend(joint.axes)
         names = [axis.name for axis in axes]
         if len(set(names)) != len(names):
-            raise ModelError(f"degree-of-freedom names must be unique; repeated: {sorted({x for x in names if names.count(x) > 1})}")
+            raise ModelError(
+                f"degree-of-freedom names must be unique; repeated: {sorted({x for x in names if names.count(x) > 1})}"
+            )
         link_moved_by = np.zeros((n, N_ROOT_DOF + len(axes)), dtype=np.bool_)
         for i, dofs in enumerate(moved):
             link_moved_by[i, sorted(dofs)] = True

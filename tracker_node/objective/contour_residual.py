@@ -18,11 +18,11 @@ import numpy as np
 from ..camera.camera_model import project_point
 from ..render.contour import (
     HIDDEN,
-    M,
     N_COLUMNS,
     NORMAL,
     OUTER,
     SLIDE,
+    M,
     P,
     classify_sample,
     nearby_shapes,

@@ -62,7 +62,9 @@ class Observer:
         plates = [] if plate is None else ([plate] if isinstance(plate, np.ndarray) else list(plate))
         for image in plates:
             if image.shape[:2] != (height, width):
-                raise ValueError(f"camera '{camera}': expected a plate of {width}x{height}, got {image.shape[1]}x{image.shape[0]}")
+                raise ValueError(
+                    f"camera '{camera}': expected a plate of {width}x{height}, got {image.shape[1]}x{image.shape[0]}"
+                )
         kind = options.silhouette
         if kind == "auto":
             kind = "plate" if plates else "both"

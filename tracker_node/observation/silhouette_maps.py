@@ -17,7 +17,9 @@ def signed_distance(mask: np.ndarray, truncation: float) -> np.ndarray:
     return np.clip(distance, -truncation, truncation)
 
 
-def edge_distance(gray: np.ndarray, mask: np.ndarray, low: float, high: float, truncation: float) -> tuple[np.ndarray, np.ndarray]:
+def edge_distance(
+    gray: np.ndarray, mask: np.ndarray, low: float, high: float, truncation: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Distance (float32) to the nearest Canny edge inside the silhouette, truncated; and the edges (uint8)."""
     edges = cv2.Canny(gray, low, high)
     edges[cv2.dilate(mask, _CROSS) == 0] = 0

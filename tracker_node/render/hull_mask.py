@@ -29,7 +29,10 @@ def _hull_points(primitive: Primitive) -> np.ndarray:
             rims.append(np.column_stack([circle * [primitive.a * scale, primitive.b * scale], np.full(_RIM, z)]))
         return np.concatenate(rims)
     if isinstance(primitive, Ellipsoid):
-        rings = [np.column_stack([circle * np.cos(e), np.full(_RIM, np.sin(e))]) for e in np.radians([-67.5, -45, -22.5, 0, 22.5, 45, 67.5])]
+        rings = [
+            np.column_stack([circle * np.cos(e), np.full(_RIM, np.sin(e))])
+            for e in np.radians([-67.5, -45, -22.5, 0, 22.5, 45, 67.5])
+        ]
         return np.concatenate([*rings, [[0, 0, 1], [0, 0, -1]]]) * np.array(primitive.radii)
     if isinstance(primitive, Box):
         corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
@@ -50,7 +53,9 @@ class HullMask:
         self._points = np.concatenate(points)
         self._links = np.repeat(model.shape_links, [len(cloud) for cloud in clouds])
 
-    def project(self, configuration: Configuration, camera: CameraModel, T_cam_world: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def project(
+        self, configuration: Configuration, camera: CameraModel, T_cam_world: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Pixels (n, 2) and validity (n,) of all hull points."""
         T = configuration.Ts_world_link[self._links]
         world = np.einsum("nij,nj->ni", T[:, :3, :3], self._points) + T[:, :3, 3]

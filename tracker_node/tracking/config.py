@@ -40,10 +40,14 @@ class EvidenceConfig:
         choices=("split", "sum"),
     )  # fmt: skip
     scene_sigma: float = parameter(8.0, "least standard deviation of a scene pixel", "grey levels", 0.5, 100)
-    shadow: float = parameter(0.75, "darkest shadow, as a fraction of the scene's brightness; 1 switches shadows off", "1", 0.1, 1.0)
+    shadow: float = parameter(
+        0.75, "darkest shadow, as a fraction of the scene's brightness; 1 switches shadows off", "1", 0.1, 1.0
+    )
     threshold: float = parameter(0.0, "log-odds above which a pixel is body", "1", -20, 20)
     smoothing_px: int = parameter(3, "width of the box that the log-odds are averaged over (odd)", "px", 1, 31)
-    scene_rate: float = parameter(0.05, "share of the newest image in the scene model, where the body is not; 0 keeps plates fixed", "1", 0, 1)
+    scene_rate: float = parameter(
+        0.05, "share of the newest image in the scene model, where the body is not; 0 keeps plates fixed", "1", 0, 1
+    )
     color_rate: float = parameter(0.05, "share of the newest image in the color histograms", "1", 0, 1)
     body_margin_px: int = parameter(12, "width around the fitted body that is not learnt as scene", "px", 1, 200)
     reach_px: int = parameter(40, "silhouettes farther than this from the predicted body are not looked at", "px", 4, 1000)
@@ -75,7 +79,9 @@ class MotionConfig:
     velocity_decay: float = parameter(0.9, "share of the velocity of joint angles that is kept in the prediction", "1", 0.0, 1.0)
     stay_position: float = parameter(0.0, "pull to the predicted root position", "px^2/m^2", 0.0, 1e12)
     stay_angle: float = parameter(200.0, "pull to the predicted angles", "px^2/rad^2", 0.0, 1e12)
-    neutral_angle: float = parameter(1.0, "multiplies the stiffness of the model's axes (pull to their neutral angles)", "px^2", 0.0, 1e12)
+    neutral_angle: float = parameter(
+        1.0, "multiplies the stiffness of the model's axes (pull to their neutral angles)", "px^2", 0.0, 1e12
+    )
 
 
 @dataclass(frozen=True)
@@ -84,9 +90,13 @@ class StatusConfig:
 
     degraded_residual_px: float = parameter(6.0, "rms residual above which the status is DEGRADED", "px", 0, 1000)
     lost_residual_px: float = parameter(15.0, "rms residual above which the status is LOST", "px", 0, 1000)
-    degraded_support: float = parameter(0.5, "share of seen contour samples with a boundary near, below which it is DEGRADED", "1", 0, 1)
+    degraded_support: float = parameter(
+        0.5, "share of seen contour samples with a boundary near, below which it is DEGRADED", "1", 0, 1
+    )
     lost_support: float = parameter(0.25, "the same for LOST", "1", 0, 1)
-    residual_sigma_px: float = parameter(1.5, "least standard deviation of one contour sample, for the covariance", "px", 0.01, 100)
+    residual_sigma_px: float = parameter(
+        1.5, "least standard deviation of one contour sample, for the covariance", "px", 0.01, 100
+    )
     correlation: float = parameter(8.0, "how many neighbouring samples share one error, for the covariance", "", 1, 1000)
 
 

@@ -58,7 +58,11 @@ def covariance_of(
 
 
 def judge(
-    slots: Sequence[CameraSlot], observations: Sequence[Observation | None], image_set: ImageSet, waiting: bool, config: StatusConfig
+    slots: Sequence[CameraSlot],
+    observations: Sequence[Observation | None],
+    image_set: ImageSet,
+    waiting: bool,
+    config: StatusConfig,
 ) -> tuple[Status, str]:
     """Status and the reason for it ("" when TRACKING)."""
     if waiting:

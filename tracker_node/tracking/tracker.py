@@ -79,7 +79,8 @@ class Tracker:
         """Back to the initial state, with nothing learnt."""
         evidence = self.config.evidence
         self._observers = [
-            Observer(camera.name, camera.model.width, camera.model.height, evidence, self._plates.get(camera.name)) for camera in self.rig
+            Observer(camera.name, camera.model.width, camera.model.height, evidence, self._plates.get(camera.name))
+            for camera in self.rig
         ]
         self._motion = MotionModel(self.model.n_dof, self.config.motion)
         self._start = self._initial_state
@@ -174,7 +175,8 @@ class Tracker:
 
     def _objective(self, observations: list[Observation | None], predicted: State) -> ContourObjective:
         maps = [
-            None if o is None or o.empty else EvidenceMaps(o.region[:2], o.silhouette_distance, o.edge_distance) for o in observations
+            None if o is None or o.empty else EvidenceMaps(o.region[:2], o.silhouette_distance, o.edge_distance)
+            for o in observations
         ]
         motion, axes = self.config.motion, self.model.chain.axes
         stay = np.full(self.model.n_dof, motion.stay_angle)
