@@ -1,12 +1,21 @@
-"""A small body for tests of the ROS edge: three links, a ball joint, a weld, one of each shape."""
+"""A small body for tests of the ROS edge (a ball joint, a weld, one of each shape), and recordings of it."""
 
+from pathlib import Path
+
+import cv2
 import numpy as np
 
+from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.camera_rig import Camera, CameraRig
 from tracker_node.geometry import se3, so3
+from tracker_node.loaders.model_yaml import dump_model
+from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
+from tracker_node.loaders.state_yaml import dump_state
 from tracker_node.model.articulated_model import ArticulatedModel, Landmark, Shape
-from tracker_node.model.configuration import State
+from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 from tracker_node.model.primitives import Box, Ellipsoid, Mesh, TruncatedCone
+from tracker_node.render.raycaster import render_view
 from tracker_node.tracking.estimate import CameraReport, Status, Timings, TrackEstimate
 
 
@@ -60,3 +69,55 @@ def some_estimate(model: ArticulatedModel, stamp_ns: int = 1_234_567_890_123) ->
         evaluations=6,
         timings=Timings(1.25, 2.5, 4.0),
     )
+
+
+def look_at(eye, target) -> np.ndarray:
+    """T_world_cam of a camera at ``eye`` with the world's z up in the image."""
+    forward = np.subtract(target, eye) / np.linalg.norm(np.subtract(target, eye))
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    return se3.from_rotation_translation(np.column_stack([right, np.cross(forward, right), forward]), np.array(eye, float))
+
+
+def small_rig(folder: Path, n_cameras: int = 3, width: int = 160, height: int = 120) -> CameraRig:
+    """Cameras around the world's origin; sources and plates are files of ``folder``."""
+    K = np.array([[1.1 * width, 0.0, (width - 1) / 2], [0.0, 1.1 * width, (height - 1) / 2], [0.0, 0.0, 1.0]])
+    cameras = []
+    for i in range(n_cameras):
+        angle = 2.0 * np.pi * i / n_cameras
+        T = look_at((2.2 * np.cos(angle), 2.2 * np.sin(angle), 0.8), (0.1, 0.1, 0.3))
+        name = f"cam{i + 1}"
+        source, plate = str(folder / name), str(folder / f"{name}_plate.png")
+        cameras.append(Camera(name, CameraModel(width, height, K), T, source=source, plate=plate))
+    return CameraRig(tuple(cameras))
+
+
+def moving_state(model: ArticulatedModel, i: int) -> State:
+    """Where the body of `write_recording` is in image ``i``."""
+    phase = 0.08 * i
+    angles = np.zeros(model.chain.n_axes)
+    angles[:4] = 0.3 * np.sin(phase), 0.2 * np.cos(phase), 0.1 * phase, 0.6 + 0.3 * np.sin(2.0 * phase)
+    return State(placed(0.05 * np.sin(phase), 0.0, 0.2, (0.0, 0.0, 0.1 * phase)), angles)
+
+
+def write_recording(folder: Path, n_images: int, n_cameras: int = 3) -> CameraRig:
+    """A moving `arm` in front of a plain wall, as image folders with rig.yaml, model.yaml and state.yaml."""
+    model, random = arm(), np.random.default_rng(0)
+    rig = small_rig(folder, n_cameras)
+    folder.mkdir(parents=True, exist_ok=True)
+    colors = np.array([(90, 110, 100), *(shape.color_rgb[::-1] for shape in model.shapes)], np.uint8)
+    for camera in rig:
+        Path(str(camera.source)).mkdir()
+        empty = np.full((camera.model.height, camera.model.width), 0, np.uint8)
+        cv2.imwrite(str(camera.plate), _noisy(colors[empty], random))
+        for i in range(n_images):
+            labels = render_view(Configuration(model, moving_state(model, i)), camera).labels
+            cv2.imwrite(f"{camera.source}/{i:04}.png", _noisy(colors[labels], random))
+    write_rig_file(rig_file_of(rig), folder / "rig.yaml")
+    dump_model(model, folder / "model.yaml")
+    dump_state(moving_state(model, 0), model, folder / "state.yaml")
+    return rig
+
+
+def _noisy(bgr: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    return np.clip(bgr + random.normal(0.0, 2.0, bgr.shape), 0, 255).astype(np.uint8)

@@ -44,14 +44,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    from ..errors import TrackerError
     from ..loaders.image_source import SourceOptions
     from ..loaders.rig_yaml import load_rig
     from ..ros.camera_ingest_node import CameraIngestNode, IngestOptions, open_sources
     from ..ros.executor import ros_process, spin
 
     rig = load_rig(args.rig)
+    try:
+        source_options = SourceOptions(args.start, args.end, args.loop, args.rate, args.resize)
+    except ValueError as error:
+        raise TrackerError(f"--start, --end, --rate, --resize: {error}") from None
     options = IngestOptions(
-        source=SourceOptions(args.start, args.end, args.loop, args.rate, args.resize),
+        source=source_options,
         live_stamps=args.stamps == "live" if args.stamps else not args.as_fast_as_consumed,
         as_fast_as_consumed=args.as_fast_as_consumed,
         consumer=args.consumer,

@@ -58,11 +58,11 @@ def main(argv: list[str] | None = None) -> int:
         print(f"tracker_node: unknown verb '{verb}'; valid: {', '.join(verbs())}", file=sys.stderr)
         return 2
     module = importlib.import_module(f"tracker_node.cli.{verb}")
-    if verb in NODES:  # nodes take ROS arguments (--ros-args ...) after their own
-        args, ros_args = _parser_of(verb, module).parse_known_args(rest)
-        args.ros_args = ros_args
-    else:
-        args = _parser_of(verb, module).parse_args(rest)
+    # Nodes take ROS arguments after their own; argparse must not see them, it would take `-p` or `-r` for ours.
+    split = rest.index("--ros-args") if verb in NODES and "--ros-args" in rest else len(rest)
+    args = _parser_of(verb, module).parse_args(rest[:split])
+    if verb in NODES:
+        args.ros_args = rest[split:]
     try:
         return int(module.run(args) or 0)
     except TrackerError as error:

@@ -62,7 +62,7 @@ class Diagnostics:
         text = f"{part}: {message}"
         if level == OK:
             logger.info(text)
-        elif level == WARN:
+        elif level in (WARN, STALE):
             logger.warning(text)
         else:
             logger.error(text)

@@ -1,0 +1,63 @@
+"""``tracker_node tracker``: the tracker as a ROS node."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+SUMMARY = "track a body in the images of ROS cameras"
+EXAMPLE = "tracker_node tracker --rig rig.yaml --model person.yaml --initial-state start.yaml"
+
+
+def add_body_arguments(parser: argparse.ArgumentParser) -> None:
+    """What is tracked, from where, and how; shared with ``pipeline``."""
+    parser.add_argument("--rig", required=True, metavar="FILE", help="rig.yaml: places and lenses of the cameras")
+    parser.add_argument("--model", required=True, metavar="FILE", help="model.yaml: the body to track")
+    parser.add_argument("--config", metavar="FILE", help="tracker parameters (default: built in)")
+    parser.add_argument("--initial-state", metavar="FILE", help="state.yaml: where the body is in the first images")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_body_arguments(parser)
+    parser.add_argument("--cameras", nargs="+", metavar="NAME", help="only these cameras of the rig")
+    parser.add_argument(
+        "--calibration",
+        choices=("rig", "camera_info"),
+        default="rig",
+        help="where the lenses are taken from; camera_info suits resampled images (default: rig)",
+    )
+    parser.add_argument("--lossless", action="store_true", help="track every image set in order, however long it takes")
+    parser.add_argument("--compressed", action="store_true", help="subscribe to <cam>/image_raw/compressed")
+
+
+def run(args: argparse.Namespace) -> int:
+    from ..loaders.config_yaml import load_config
+    from ..loaders.model_yaml import load_model
+    from ..loaders.rig_yaml import load_rig
+    from ..loaders.state_yaml import load_state
+    from ..ros.executor import ros_process, spin
+    from ..ros.image_inbox import InboxOptions
+    from ..ros.tracker_node import TrackerNode, TrackerOptions
+    from ..tracking.config import TrackerConfig
+
+    rig, model = load_rig(args.rig), load_model(args.model)
+    options = TrackerOptions(
+        rig=rig.subset(args.cameras) if args.cameras else rig,
+        model=model,
+        config=load_config(args.config) if args.config else TrackerConfig(),
+        initial_state=load_state(args.initial_state, model) if args.initial_state else None,
+        inbox=InboxOptions(lossless=args.lossless, compressed=args.compressed),
+        calibration_from_topics=args.calibration == "camera_info",
+    )
+    with ros_process(args.ros_args) as stop:
+        node = TrackerNode(options)
+        node.start()
+        try:
+            spin(node, stop, lambda: node.fatal is not None)
+        finally:
+            node.close()
+            fatal = node.fatal
+            node.destroy_node()
+    if fatal is not None:
+        print(f"tracker_node tracker: error: {fatal}", file=sys.stderr)
+    return 2 if fatal is not None else 0

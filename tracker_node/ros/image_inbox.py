@@ -1,0 +1,127 @@
+"""The receiving end of the cameras: callbacks only enqueue, one thread of the node's own takes."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+
+from ..observation.image_set import CameraImage
+from .conversions import bgr_of_compressed, decode_raw_image
+from .qos import images_subscribed
+
+
+@dataclass(frozen=True)
+class Received:
+    """An image as it came: serialized, or compressed."""
+
+    camera: str
+    content: bytes | CompressedImage
+
+    def decode(self) -> CameraImage:
+        """The pixels; of a raw image a view. Raises SourceError when they cannot be used."""
+        if isinstance(self.content, CompressedImage):
+            return bgr_of_compressed(self.camera, self.content)
+        return decode_raw_image(self.camera, self.content)
+
+
+@dataclass(frozen=True)
+class InboxOptions:
+    """How images are subscribed to.
+
+    Parameters
+    ----------
+    lossless : reliable, and nothing is ever thrown away here; otherwise the newest images as they come.
+    compressed : JPEG images instead of raw ones.
+    capacity : images per camera that may wait, unless lossless.
+    """
+
+    lossless: bool = False
+    compressed: bool = False
+    capacity: int = 30
+
+
+class ImageInbox:
+    """Subscriptions to ``<cam>/image_raw`` and ``<cam>/camera_info`` and the images that wait.
+
+    Parameters
+    ----------
+    on_problem : called with camera and text when a publisher offers what we cannot take.
+
+    Attributes
+    ----------
+    overflowed : camera -> images thrown away because too many waited.
+    infos : camera -> its latest calibration message.
+    last_arrival_s : camera -> steady time of its latest image.
+    """
+
+    def __init__(self, node: Node, cameras: Sequence[str], options: InboxOptions, on_problem: Callable[[str, str], None]):
+        self._options, self._on_problem = options, on_problem
+        self._condition = threading.Condition()
+        self._waiting: deque[Received] = deque()
+        self._n_waiting = dict.fromkeys(cameras, 0)
+        self._subscriptions: list = []
+        self.overflowed = dict.fromkeys(cameras, 0)
+        self.infos: dict[str, CameraInfo] = {}
+        self.last_arrival_s: dict[str, float] = {}
+        for camera in cameras:
+            self._subscribe(node, camera)
+
+    def _subscribe(self, node: Node, camera: str) -> None:
+        def refused(event) -> None:
+            self._on_problem(camera, f"a publisher's quality of service does not match ours (policy {event.last_policy_kind})")
+
+        def enqueue(content) -> None:
+            self._enqueue(Received(camera, content))
+
+        def remember(info: CameraInfo) -> None:
+            with self._condition:
+                self.infos[camera] = info
+                self._condition.notify()
+
+        qos, events = images_subscribed(self._options.lossless), SubscriptionEventCallbacks(incompatible_qos=refused)
+        if self._options.compressed:
+            topic = f"{camera}/image_raw/compressed"
+            images = node.create_subscription(CompressedImage, topic, enqueue, qos, event_callbacks=events)
+        else:
+            topic = f"{camera}/image_raw"
+            images = node.create_subscription(Image, topic, enqueue, qos, event_callbacks=events, raw=True)
+        infos = node.create_subscription(CameraInfo, f"{camera}/camera_info", remember, qos)
+        self._subscriptions += [images, infos]
+
+    def _enqueue(self, received: Received) -> None:
+        camera = received.camera
+        with self._condition:
+            self.last_arrival_s[camera] = time.monotonic()
+            if not self._options.lossless and self._n_waiting[camera] >= self._options.capacity:
+                self._drop_oldest(camera)
+            self._waiting.append(received)
+            self._n_waiting[camera] += 1
+            self._condition.notify()
+
+    def _drop_oldest(self, camera: str) -> None:
+        oldest = next(i for i, received in enumerate(self._waiting) if received.camera == camera)
+        del self._waiting[oldest]
+        self._n_waiting[camera] -= 1
+        self.overflowed[camera] += 1
+
+    def take(self, timeout_s: float) -> list[Received]:
+        """All images that wait, in the order of their arrival; waits for one if there is none."""
+        with self._condition:
+            if not self._waiting:
+                self._condition.wait(timeout=timeout_s)
+            taken = list(self._waiting)
+            self._waiting.clear()
+            self._n_waiting = dict.fromkeys(self._n_waiting, 0)
+            return taken
+
+    def wake(self) -> None:
+        """Let `take` return at once."""
+        with self._condition:
+            self._condition.notify()

@@ -1,0 +1,206 @@
+"""Topics into a bag, bytes as they are.
+
+Subscriptions are made as topics appear, with the quality of service that their publishers offer. Callbacks only enqueue; a
+thread of its own writes.
+"""
+
+from __future__ import annotations
+
+import re
+import time
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from ..errors import TrackerError
+from ..loaders.bag_images import COMPRESSED, RAW
+from ..loaders.bag_metadata import OfferedQos
+from ..loaders.bag_queue import BagQueue
+from ..loaders.message_types import MessageType, UnknownMessageTypeError, message_type
+from .diagnostics import ERROR, OK, WARN, Diagnostics
+from .message_classes import message_class, offered_qos, qos_profile
+
+DISCOVERY_S = 0.1
+DEPTH = 100  # messages of a topic that may wait for the event loop
+IMAGE_CHOICES = {"all": (RAW, COMPRESSED), "raw": (RAW,), "compressed": (COMPRESSED,), "none": ()}
+
+
+@dataclass(frozen=True)
+class TopicSelection:
+    """Which topics are recorded.
+
+    Parameters
+    ----------
+    names : full topic names; those with a type are subscribed to before anybody publishes them.
+    patterns : regular expressions that a whole topic name matches.
+    exclude : regular expressions of topics to leave out, whatever else asks for them.
+    images : a key of `IMAGE_CHOICES`.
+    """
+
+    names: dict[str, str | None] = field(default_factory=dict)
+    patterns: tuple[re.Pattern[str], ...] = ()
+    exclude: tuple[re.Pattern[str], ...] = ()
+    images: str = "all"
+
+    def wants(self, topic: str, type_name: str) -> bool:
+        """Whether a topic of this type is recorded; hidden ones (a part begins with ``_``) only by their full name."""
+        if type_name in (RAW, COMPRESSED) and type_name not in IMAGE_CHOICES[self.images]:
+            return False
+        if any(pattern.fullmatch(topic) for pattern in self.exclude):
+            return False
+        return topic in self.names or (
+            "/_" not in topic and any(pattern.fullmatch(topic) for pattern in self.patterns)
+        )
+
+
+@dataclass
+class _Recorded:
+    """One topic that is being recorded."""
+
+    type_name: str
+    qos: OfferedQos
+    subscription: Subscription
+    announced: bool = False
+    last_sequence: int = 0
+
+
+class RecorderNode(Node):
+    """Records the selected topics.
+
+    Attributes
+    ----------
+    lost : topic -> messages that the middleware did not deliver.
+    problems : topic -> why it is not recorded.
+    """
+
+    def __init__(self, selection: TopicSelection, bag: BagQueue):
+        super().__init__("recorder")
+        self._selection, self._bag = selection, bag
+        self._topics: dict[str, _Recorded] = {}
+        self.lost: Counter[str] = Counter()
+        self.problems: dict[str, str] = {}
+        self.last_message_s = time.monotonic()
+        self._sim_time = bool(self.get_parameter("use_sim_time").value)
+        self._diagnostics = Diagnostics(self, "recorder")
+        for topic, type_name in selection.names.items():
+            if type_name and selection.wants(topic, type_name):
+                self._subscribe(topic, type_name, OfferedQos())
+        self._discovery = self.create_timer(DISCOVERY_S, self.discover)
+        self._reporting = self.create_timer(1.0, self._report)
+        self.discover()
+
+    @property
+    def topics(self) -> dict[str, str]:
+        """Topic -> type of everything that is subscribed to."""
+        return {topic: recorded.type_name for topic, recorded in self._topics.items()}
+
+    @property
+    def bag_problem(self) -> str:
+        """Why the bag cannot be written any more; empty if it can."""
+        return self._bag.problem
+
+    def discover(self) -> None:
+        """Subscribe to what has appeared since the last time."""
+        for topic, type_names in self.get_topic_names_and_types():
+            if topic in self._topics or topic in self.problems or not self._selection.wants(topic, type_names[0]):
+                continue
+            publishers = self.get_publishers_info_by_topic(topic)
+            if not publishers:
+                continue
+            if len(type_names) > 1:
+                self._refuse(topic, f"several types on one topic: {', '.join(type_names)}")
+                continue
+            self._subscribe(topic, type_names[0], offered_qos([p.qos_profile for p in publishers]))
+
+    def _subscribe(self, topic: str, type_name: str, qos: OfferedQos) -> None:
+        try:
+            class_ = message_class(type_name)
+        except TrackerError as error:
+            self._refuse(topic, str(error))
+            return
+        wanted = OfferedQos(qos.reliability, qos.durability, "keep_last", DEPTH)
+        events = SubscriptionEventCallbacks(
+            message_lost=lambda status: self._on_lost(topic, status.total_count_change),
+            incompatible_qos=lambda status: self._on_incompatible(topic),
+            use_default_callbacks=False,
+        )
+
+        def on_message(data: bytes, info: dict[str, Any]) -> None:
+            self._on_message(topic, data, info)
+
+        subscription = self.create_subscription(
+            class_, topic, on_message, qos_profile(wanted), event_callbacks=events, raw=True
+        )
+        self._topics[topic] = _Recorded(type_name, qos, subscription)
+
+    def _refuse(self, topic: str, problem: str) -> None:
+        self.problems[topic] = problem
+        self.get_logger().error(f"{topic} is not recorded: {problem}")
+
+    def _on_message(self, topic: str, data: bytes, info: dict[str, Any]) -> None:
+        self.last_message_s = time.monotonic()
+        recorded = self._topics[topic]
+        if not recorded.announced:
+            self._announce(topic, recorded)
+        sequence = info.get("publication_sequence_number") or 0
+        if recorded.last_sequence and sequence > recorded.last_sequence + 1 and self.count_publishers(topic) == 1:
+            self.lost[topic] += sequence - recorded.last_sequence - 1
+        recorded.last_sequence = sequence
+        stamp_ns = self.get_clock().now().nanoseconds if self._sim_time else info["received_timestamp"]
+        self._bag.put(topic, stamp_ns, data, info["source_timestamp"] or None)
+
+    def _announce(self, topic: str, recorded: _Recorded) -> None:
+        """To the bag, with what the publishers say of themselves."""
+        publishers = self.get_publishers_info_by_topic(topic)
+        qos = offered_qos([p.qos_profile for p in publishers]) if publishers else recorded.qos
+        self._bag.add_topic(topic, recorded.type_name, qos, _definition(recorded.type_name, publishers))
+        recorded.announced = True
+
+    def _on_lost(self, topic: str, count: int) -> None:
+        if not self._topics[topic].last_sequence:  # else the gap in the numbers is counted
+            self.lost[topic] += count
+
+    def _on_incompatible(self, topic: str) -> None:
+        """Somebody publishes with less than we asked for before we knew: ask for that."""
+        recorded = self._topics.get(topic)
+        publishers = self.get_publishers_info_by_topic(topic)
+        if recorded is None or not publishers:
+            return
+        weakest = offered_qos([p.qos_profile for p in publishers])
+        if (weakest.reliability, weakest.durability) != (recorded.qos.reliability, recorded.qos.durability):
+            self.destroy_subscription(recorded.subscription)
+            del self._topics[topic]
+            self._subscribe(topic, recorded.type_name, weakest)
+
+    def _report(self) -> None:
+        dropped, lost = sum(self._bag.dropped.values()), sum(self.lost.values())
+        values = {
+            "topics": len(self._topics),
+            "messages": sum(self._bag.written.values()),
+            "waiting_mb": self._bag.waiting_bytes / 2**20,
+            "dropped": dropped,
+            "lost": lost,
+        }
+        if self._bag.problem:
+            self._diagnostics.report("bag", ERROR, self._bag.problem, values)
+        elif dropped:
+            self._diagnostics.report("bag", WARN, "the disk is too slow: messages are dropped", values)
+        elif lost:
+            self._diagnostics.report("bag", WARN, "messages did not arrive", values)
+        else:
+            self._diagnostics.report("bag", OK, "recording", values)
+
+
+def _definition(type_name: str, publishers: Iterable[TopicEndpointInfo]) -> MessageType:
+    """What the bag says of a type; without its text, if that is nowhere, but with the publishers' hash."""
+    try:
+        return message_type(type_name)
+    except UnknownMessageTypeError:
+        announced = next((str(p.topic_type_hash) for p in publishers), "")
+        return MessageType(type_name, "", announced)

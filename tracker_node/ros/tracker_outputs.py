@@ -1,0 +1,107 @@
+"""What the tracker tells the graph about each image set. Called from the tracking thread."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from rclpy.duration import Duration
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from sensor_msgs.msg import CompressedImage, Image, JointState
+from std_msgs.msg import String
+from tracker_msgs.msg import TrackedState
+from visualization_msgs.msg import MarkerArray
+
+from ..camera.camera_rig import CameraRig
+from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import Configuration
+from ..observation.image_set import ImageSet
+from ..render.raycaster import render_mask
+from ..tracking.estimate import Status, TrackEstimate
+from .conversions import (
+    ImageBuffer,
+    MarkerBuffer,
+    compressed_message,
+    joint_state_message,
+    pose_message,
+    tf_message,
+    tracked_state_message,
+    urdf_of,
+)
+from .qos import LATCHED, RESULT
+
+try:
+    from tf2_msgs.msg import TFMessage
+except ImportError:  # not among the ROS packages on PyPI
+    TFMessage = None
+
+
+class TrackerOutputs:
+    """Publishers of a tracker node. Images and markers are made only while somebody listens.
+
+    The state is published last: whoever has seen it may rely on the rest being on its way.
+    """
+
+    def __init__(self, node: Node, rig: CameraRig, model: ArticulatedModel, on_problem: Callable[[str, str], None]):
+        self._node, self._model, self._frame_id = node, model, rig.world_frame
+        self._on_problem = on_problem
+        self._pose = self._publisher(PoseWithCovarianceStamped, "~/pose")
+        self._joints = self._publisher(JointState, "~/joint_states")
+        self._state = self._publisher(TrackedState, "~/state")
+        self._markers = self._publisher(MarkerArray, "~/markers")
+        self._masks = {camera.name: self._publisher(Image, f"~/{camera.name}/mask") for camera in rig}
+        self._overlays = {camera.name: self._publisher(CompressedImage, f"~/{camera.name}/overlay") for camera in rig}
+        self._marker_buffer = MarkerBuffer(model, self._frame_id)
+        self._mask_buffers: dict[str, ImageBuffer] = {}
+        self._description = self._publisher(String, "robot_description", LATCHED)
+        self._description.publish(String(data=urdf_of(model)))
+        self._tf = node.create_publisher(TFMessage, "/tf", 100) if TFMessage is not None else None
+        if TFMessage is not None:
+            self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
+            frames = [(self._frame_id, camera.frame_id, camera.T_world_cam) for camera in rig]
+            self._tf_static.publish(TFMessage(transforms=tf_message(0, frames)))
+
+    def _publisher(self, message_type, topic: str, qos=RESULT) -> Publisher:
+        def refused(event) -> None:
+            self._on_problem(topic, f"a subscriber's quality of service does not match ours (policy {event.last_policy_kind})")
+
+        events = PublisherEventCallbacks(incompatible_qos=refused)
+        return self._node.create_publisher(message_type, topic, qos, event_callbacks=events)
+
+    def publish(self, estimate: TrackEstimate, image_set: ImageSet, rig: CameraRig) -> None:
+        """Everything about one estimate; ``rig`` has the lenses of the images."""
+        configuration = Configuration(self._model, estimate.state)
+        for camera in rig:
+            self._publish_images(estimate, image_set, configuration, rig, camera.name)
+        if self._markers.get_subscription_count():
+            self._markers.publish(self._marker_buffer.fill(estimate, configuration))
+        if self._tf is not None and estimate.status != Status.LOST:
+            root = (self._frame_id, self._model.chain.links[0], estimate.state.T_world_root)
+            self._tf.publish(TFMessage(transforms=tf_message(estimate.stamp_ns, [root])))
+        self._pose.publish(pose_message(estimate, self._frame_id))
+        self._joints.publish(joint_state_message(estimate, self._model, self._frame_id))
+        self._state.publish(tracked_state_message(estimate, self._model, self._frame_id))
+
+    def _publish_images(
+        self, estimate: TrackEstimate, image_set: ImageSet, configuration: Configuration, rig: CameraRig, name: str
+    ) -> None:
+        camera = rig[name]
+        image = image_set.get(name)
+        stamp_ns = estimate.stamp_ns if image is None else image.stamp_ns
+        if self._masks[name].get_subscription_count():
+            mask = render_mask(configuration, camera)
+            if name not in self._mask_buffers:
+                self._mask_buffers[name] = ImageBuffer(camera.frame_id, mask.shape[1], mask.shape[0], "mono8")
+            self._masks[name].publish(self._mask_buffers[name].fill(stamp_ns, mask))
+        if image is not None and self._overlays[name].get_subscription_count():
+            from ..render.overlay import draw_overlay
+
+            drawn = draw_overlay(image.bgr, configuration, camera)
+            self._overlays[name].publish(compressed_message(stamp_ns, camera.frame_id, drawn))
+
+    def wait_until_delivered(self, timeout_s: float = 10.0) -> None:
+        """Until every subscriber has everything."""
+        for publisher in (self._pose, self._joints, self._state, *self._masks.values(), *self._overlays.values()):
+            publisher.wait_for_all_acked(Duration(seconds=timeout_s))
