@@ -199,10 +199,10 @@ def _limb_shapes(m: HumanMeasures, side: _Side) -> list[Shape]:
     arm, forearm, thigh, shank = m.upper_arm_radii, m.forearm_radii, m.thigh_radii, m.shank_radii
     rows: tuple[tuple[str, Primitive, np.ndarray], ...] = (
         ("clavicle", girdle, sideways),
-        ("upper_arm", _limb(arm, m.elbow_scale, m.upper_arm_length, 1.4 * overlap, 0.5 * overlap), np.eye(4)),
+        ("upper_arm", _limb(arm, m.elbow_scale, m.upper_arm_length, 1.2 * overlap, 0.5 * overlap), np.eye(4)),
         ("forearm", _limb(forearm, m.wrist_scale, m.forearm_length, 0.5 * overlap, 0.5 * overlap), np.eye(4)),
         ("hand", Ellipsoid(m.hand_radii), _at(0.0, 0.0, -0.80 * m.hand_radii[2])),
-        ("thigh", _limb(thigh, m.knee_scale, m.thigh_length, 2.0 * overlap, 0.7 * overlap), np.eye(4)),
+        ("thigh", _limb(thigh, m.knee_scale, m.thigh_length, 1.2 * overlap, 0.7 * overlap), np.eye(4)),
         ("shank", _limb(shank, m.ankle_scale, m.shank_length, 0.7 * overlap, 0.5 * overlap), np.eye(4)),
         ("foot", Ellipsoid(m.foot_radii), _at(m.foot_radii[0] - m.heel_behind_ankle, 0.0, m.foot_radii[2] - m.ankle_height)),
     )

@@ -1,0 +1,290 @@
+"""A body scaled to a person: segment lengths from the joints of a static trial, girths from the person's size.
+
+Joints that a detector finds are off by a centimetre or two, the same way in every image, and so are the lengths between them. A
+measured length is therefore weighed against the one that a person of this size has on average.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..errors import ModelError, TrackerError
+from ..geometry import se3
+from ..loaders.trc import MarkerTrajectories
+from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import Configuration, State
+from ..model.landmark_names import known_landmarks, mirrored_name
+from ..model.scaling import LinkScale, scaled_by_link, scaled_uniformly, with_landmarks
+from .pose import PoseOptions, fit_state_to_landmarks
+
+SIDES = ("left", "right")
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A length between two (means of) landmarks, and what it stretches.
+
+    ``links`` are stretched along ``axis`` (0, 1, 2), in places and sizes; those in ``places_only`` only in places.
+    """
+
+    name: str
+    start: tuple[str, ...]
+    end: tuple[str, ...]
+    links: tuple[str, ...]
+    axis: int = 2
+    places_only: tuple[str, ...] = ()
+
+
+_HIPS, _SHOULDERS = ("left_hip", "right_hip"), ("left_shoulder", "right_shoulder")
+SEGMENTS: tuple[Segment, ...] = (
+    Segment("trunk", _HIPS, _SHOULDERS, ("pelvis", "abdomen", "torso")),
+    Segment("shoulders to head", _SHOULDERS, ("head",), ()),
+    Segment("shoulder breadth", _SHOULDERS[:1], _SHOULDERS[1:], ("left_clavicle", "right_clavicle"), 1, ("torso",)),
+    Segment("hip breadth", _HIPS[:1], _HIPS[1:], (), 1, ("pelvis",)),
+    *(
+        Segment(f"{side}_{link}", (f"{side}_{start}",), (f"{side}_{end}",), (f"{side}_{link}",))
+        for side in SIDES
+        for link, start, end in (
+            ("upper_arm", "shoulder", "elbow"),
+            ("forearm", "elbow", "wrist"),
+            ("thigh", "hip", "knee"),
+            ("shank", "knee", "ankle"),
+        )
+    ),
+)
+# Lengths that add up to the stature, so that what a detector takes from one of them and gives to the next cancels.
+_SIZE_SEGMENTS = ("trunk", "shoulders to head", "left_thigh", "right_thigh", "left_shank", "right_shank")
+
+
+@dataclass(frozen=True)
+class ScalingOptions:
+    """``joint_sigma_m``: systematic error of a measured length (0: trust it wholly); ``variation``: standard deviation of a
+    segment's length among people of one size, as a share; ``symmetric``: make left and right equal; ``stature_m``: if known."""
+
+    joint_sigma_m: float = 0.015
+    variation: float = 0.05
+    symmetric: bool = True
+    stature_m: float | None = None
+
+
+@dataclass(frozen=True)
+class SegmentFit:
+    """Metres: what the joints say, what a person of this size has on average, and what the body was given."""
+
+    name: str
+    measured_m: float
+    expected_m: float
+    used_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class BodyFit:
+    """A scaled body and how it came about; ``size`` is the person's size as a multiple of the model's."""
+
+    model: ArticulatedModel
+    size: float
+    segments: tuple[SegmentFit, ...]
+    residual_m: float = 0.0
+    states: tuple[State, ...] = field(default=(), repr=False)
+
+
+def model_stature(model: ArticulatedModel) -> float:
+    """Height of the highest over the lowest point of the body's outline in neutral, metres.
+
+    Raises
+    ------
+    ModelError : a body without shapes.
+    """
+    if not model.shapes:
+        raise ModelError(f"model '{model.name}' has no shapes to take a stature from")
+    configuration = Configuration(model, State.neutral(model))
+    tops, bottoms = [], []
+    for shape, transform in zip(model.shapes, configuration.Ts_world_shape, strict=True):
+        low, high = vertical_extent(shape.primitive, transform)
+        bottoms.append(low)
+        tops.append(high)
+    return max(tops) - min(bottoms)
+
+
+def vertical_extent(primitive, T_world_shape: np.ndarray) -> tuple[float, float]:
+    """Lowest and highest z of a shape."""
+    up, height = T_world_shape[2, :3], T_world_shape[2, 3]  # the shape's axes, seen along the world's z
+    if hasattr(primitive, "radii"):
+        reach = float(np.linalg.norm(up * primitive.radii))
+        return height - reach, height + reach
+    if hasattr(primitive, "size"):
+        reach = float(0.5 * np.abs(up) @ primitive.size)
+        return height - reach, height + reach
+    if hasattr(primitive, "vertices"):
+        z = primitive.vertices @ up + height
+        return float(z.min()), float(z.max())
+    ends = []
+    for z in (primitive.z1, primitive.z2):
+        reach = (1.0 + primitive.k * z) * float(np.hypot(primitive.a * up[0], primitive.b * up[1]))
+        ends += [height + up[2] * z - reach, height + up[2] * z + reach]
+    return float(min(ends)), float(max(ends))
+
+
+def scale_to_stature(model: ArticulatedModel, stature_m: float) -> ArticulatedModel:
+    """The body as a whole scaled to a stature (metres)."""
+    return scaled_uniformly(model, stature_m / model_stature(model))
+
+
+def scale_to_trial(model: ArticulatedModel, markers: MarkerTrajectories, options: ScalingOptions | None = None) -> BodyFit:
+    """The body scaled to the joints of a static trial, its landmarks put where the trial has them.
+
+    Raises
+    ------
+    TrackerError : the trial has none of the joints that lengths are taken from.
+    """
+    options = options or ScalingOptions()
+    size, fits = _fit_lengths(model, markers, options)
+    scales = _link_scales(model, size, fits)
+    fit = BodyFit(scaled_by_link(model, scales), size, tuple(fits[segment.name] for segment in SEGMENTS if segment.name in fits))
+    states = pose_trial(fit.model, markers)
+    scaled = place_landmarks(fit.model, states, [targets_of(fit.model, markers, row) for row in range(len(markers))], options)
+    residuals = [
+        np.mean(np.linalg.norm(_offsets(scaled, state, targets_of(scaled, markers, row)), axis=1))
+        for row, state in enumerate(states)
+    ]
+    return BodyFit(scaled, size, fit.segments, float(np.median(residuals)), tuple(states))
+
+
+def targets_of(model: ArticulatedModel, markers: MarkerTrajectories, row: int) -> dict[str, np.ndarray]:
+    """Landmark -> world position (3,) of the markers that are valid in a row and that the model knows."""
+    pairs = known_landmarks(markers.names, model.landmark_names)
+    columns = {landmark: markers.index(marker) for marker, landmark in pairs.items()}
+    return {name: markers.positions_m[row, column] for name, column in columns.items() if markers.valid[row, column]}
+
+
+def pose_trial(model: ArticulatedModel, markers: MarkerTrajectories, options: PoseOptions | None = None) -> list[State]:
+    """The body posed to every row of a trial, each from the row before.
+
+    Raises
+    ------
+    TrackerError : a row has fewer than three of the model's landmarks at the start.
+    """
+    states: list[State] = []
+    for row in range(len(markers)):
+        targets = targets_of(model, markers, row)
+        if not states and len(targets) < 3:
+            raise TrackerError(
+                f"row {row + 1}: expected at least 3 markers that are landmarks of '{model.name}', got {len(targets)}"
+            )
+        states.append(fit_state_to_landmarks(model, targets, states[-1] if states else None, options=options).state)
+    return states
+
+
+def place_landmarks(
+    model: ArticulatedModel,
+    states: Sequence[State],
+    targets: Sequence[Mapping[str, np.ndarray]],
+    options: ScalingOptions | None = None,
+) -> ArticulatedModel:
+    """Each landmark moved to the mean place, in its link, of the points that it was measured at.
+
+    A landmark on its link's own long axis (an elbow on the upper arm) stays on that axis: a static trial shows how far down it
+    is, but not how the link is turned about that axis.
+
+    Parameters
+    ----------
+    states, targets : one of each per image; a target is name -> world position (3,).
+    """
+    options = options or ScalingOptions()
+    collected: dict[str, list[np.ndarray]] = {}
+    for state, points in zip(states, targets, strict=True):
+        configuration = Configuration(model, state)
+        for name, point in points.items():
+            link = model.landmark_links[model.landmark_index(name)]
+            collected.setdefault(name, []).append(se3.apply(se3.inverse(configuration.Ts_world_link[link]), point))
+    positions = {name: robust_mean(np.array(places)) for name, places in collected.items()}
+    nominal = {landmark.name: np.array(landmark.position) for landmark in model.landmarks}
+    for name, position in positions.items():
+        direction = nominal[name]
+        if np.linalg.norm(direction) > 0.1 and np.count_nonzero(np.abs(direction) > 1e-6) == 1:
+            axis = direction / np.linalg.norm(direction)
+            positions[name] = axis * (axis @ position)
+    if options.symmetric:
+        mirror = np.array([1.0, -1.0, 1.0])
+        twins = {name: positions.get(mirrored_name(name), position) for name, position in positions.items()}
+        positions = {name: 0.5 * (position + mirror * twins[name]) for name, position in positions.items()}
+    return with_landmarks(model, positions)
+
+
+def robust_mean(values: np.ndarray, cut: float = 3.5) -> np.ndarray:
+    """Mean over the first axis of the rows that are no outliers: within ``cut`` robust standard deviations of the median."""
+    values = np.asarray(values, dtype=np.float64)
+    distance = np.abs(values - np.median(values, axis=0))
+    if values.ndim > 1:
+        distance = np.linalg.norm(distance.reshape(len(values), -1), axis=1)
+    spread = 1.4826 * np.median(distance)
+    return values[distance <= cut * spread + 1e-12].mean(axis=0)
+
+
+def _offsets(model: ArticulatedModel, state: State, targets: Mapping[str, np.ndarray]) -> np.ndarray:
+    landmarks = Configuration(model, state).landmarks_world
+    return np.array([landmarks[model.landmark_index(name)] - point for name, point in targets.items()]).reshape(-1, 3)
+
+
+def _length(points: Mapping[str, np.ndarray], segment: Segment) -> float:
+    ends = [np.mean([points[name] for name in names], axis=0) for names in (segment.start, segment.end)]
+    return float(np.linalg.norm(ends[1] - ends[0]))
+
+
+def _fit_lengths(
+    model: ArticulatedModel, markers: MarkerTrajectories, options: ScalingOptions
+) -> tuple[float, dict[str, SegmentFit]]:
+    neutral = dict(zip(model.landmark_names, Configuration(model, State.neutral(model)).landmarks_world, strict=True))
+    rows = [targets_of(model, markers, row) for row in range(len(markers))]
+    measured: dict[str, float] = {}
+    for segment in SEGMENTS:
+        needed = segment.start + segment.end
+        lengths = [_length(points, segment) for points in rows if all(name in points for name in needed)]
+        if lengths:
+            measured[segment.name] = float(robust_mean(np.array(lengths)))
+    if not measured:
+        joints = sorted({name for segment in SEGMENTS for name in segment.start + segment.end})
+        raise TrackerError(
+            f"the trial has no length to scale by; of these joints it must have two neighbors: {', '.join(joints)}"
+        )
+    if options.symmetric:
+        measured = {name: 0.5 * (length + measured.get(mirrored_name(name), length)) for name, length in measured.items()}
+    reference = {segment.name: _length(neutral, segment) for segment in SEGMENTS if segment.name in measured}
+    if options.stature_m is not None:
+        size = options.stature_m / model_stature(model)
+    else:
+        used = [name for name in _SIZE_SEGMENTS if name in measured] or list(measured)
+        # A leg counts half where both are there, so that legs and trunk weigh as they do in the stature.
+        weight = {name: 0.5 if mirrored_name(name) in used and mirrored_name(name) != name else 1.0 for name in used}
+        size = sum(weight[n] * measured[n] for n in used) / sum(weight[n] * reference[n] for n in used)
+    fits = {}
+    for name, length in measured.items():
+        expected = size * reference[name]
+        trust = 1.0 / (1.0 + (options.joint_sigma_m / (options.variation * expected)) ** 2)
+        fits[name] = SegmentFit(name, length, expected, trust * length + (1.0 - trust) * expected)
+    return size, fits
+
+
+def _link_scales(model: ArticulatedModel, size: float, fits: Mapping[str, SegmentFit]) -> dict[str, LinkScale]:
+    places = {link: [size] * 3 for link in model.chain.links}
+    sizes = {link: [size] * 3 for link in model.chain.links}
+    for segment in SEGMENTS:
+        if segment.name not in fits:
+            continue
+        fit = fits[segment.name]
+        factor = size * fit.used_m / fit.expected_m
+        for link in segment.links + segment.places_only:
+            if link in places:
+                places[link][segment.axis] = factor
+        for link in segment.links:
+            if link in sizes:
+                sizes[link][segment.axis] = factor
+    return {link: LinkScale(_triple(places[link]), _triple(sizes[link])) for link in places}
+
+
+def _triple(values: Sequence[float]) -> tuple[float, float, float]:
+    x, y, z = values
+    return x, y, z
