@@ -74,3 +74,12 @@ def render(configuration, camera):
         nearer = valid & (t < depth)
         depth[nearer], labels[nearer] = t[nearer], i + 1
     return labels.reshape(model.height, model.width), depth.reshape(model.height, model.width)
+
+
+def distance_to(mask, truncation):
+    """Distance of every pixel to the nearest one of the mask, by comparing all pairs."""
+    rows, columns = np.indices(mask.shape)
+    distance = np.full(mask.shape, float(truncation))
+    for v, u in np.argwhere(mask):
+        distance = np.minimum(distance, np.hypot(rows - v, columns - u))
+    return distance
