@@ -107,14 +107,17 @@ class BagWriter:
     def write(self, topic: str, stamp_ns: int, data: bytes | memoryview, publish_ns: int | None = None) -> None:
         """One serialized message, with its CDR header.
 
-        ``stamp_ns`` is when it was received, ``publish_ns`` when it was sent (the same if not given).
+        ``stamp_ns`` is when it was received, ``publish_ns`` when it was sent (the same if not given); the format has no
+        times before 1970, they become 0.
         """
         channel = self._channels.get(topic)
         if channel is None:
             raise ValueError(f"expected a topic of {sorted(self._channels)}, got {topic!r}")
         sequence = self._sequence[topic] = self._sequence[topic] + 1
+        stamp_ns = max(0, stamp_ns)
+        publish_ns = stamp_ns if publish_ns is None else max(0, publish_ns)
         # The writer only copies the bytes; its annotation is narrower than what it takes.
-        self._writer.add_message(channel, stamp_ns, data, stamp_ns if publish_ns is None else publish_ns, sequence)  # type: ignore[arg-type]
+        self._writer.add_message(channel, stamp_ns, data, publish_ns, sequence)  # type: ignore[arg-type]
         self._topics[topic].message_count += 1
         self.span.add(stamp_ns)
 

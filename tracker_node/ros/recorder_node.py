@@ -11,7 +11,6 @@ import time
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -54,9 +53,7 @@ class TopicSelection:
             return False
         if any(pattern.fullmatch(topic) for pattern in self.exclude):
             return False
-        return topic in self.names or (
-            "/_" not in topic and any(pattern.fullmatch(topic) for pattern in self.patterns)
-        )
+        return topic in self.names or ("/_" not in topic and any(pattern.fullmatch(topic) for pattern in self.patterns))
 
 
 @dataclass
@@ -67,7 +64,6 @@ class _Recorded:
     qos: OfferedQos
     subscription: Subscription
     announced: bool = False
-    last_sequence: int = 0
 
 
 class RecorderNode(Node):
@@ -131,29 +127,24 @@ class RecorderNode(Node):
             use_default_callbacks=False,
         )
 
-        def on_message(data: bytes, info: dict[str, Any]) -> None:
-            self._on_message(topic, data, info)
+        # Not with message info, which would tell when it was sent: the events executor cannot deliver that.
+        def on_message(data: bytes) -> None:
+            self._on_message(topic, data)
 
-        subscription = self.create_subscription(
-            class_, topic, on_message, qos_profile(wanted), event_callbacks=events, raw=True
-        )
+        subscription = self.create_subscription(class_, topic, on_message, qos_profile(wanted), event_callbacks=events, raw=True)
         self._topics[topic] = _Recorded(type_name, qos, subscription)
 
     def _refuse(self, topic: str, problem: str) -> None:
         self.problems[topic] = problem
         self.get_logger().error(f"{topic} is not recorded: {problem}")
 
-    def _on_message(self, topic: str, data: bytes, info: dict[str, Any]) -> None:
+    def _on_message(self, topic: str, data: bytes) -> None:
         self.last_message_s = time.monotonic()
         recorded = self._topics[topic]
         if not recorded.announced:
             self._announce(topic, recorded)
-        sequence = info.get("publication_sequence_number") or 0
-        if recorded.last_sequence and sequence > recorded.last_sequence + 1 and self.count_publishers(topic) == 1:
-            self.lost[topic] += sequence - recorded.last_sequence - 1
-        recorded.last_sequence = sequence
-        stamp_ns = self.get_clock().now().nanoseconds if self._sim_time else info["received_timestamp"]
-        self._bag.put(topic, stamp_ns, data, info["source_timestamp"] or None)
+        stamp_ns = self.get_clock().now().nanoseconds if self._sim_time else time.time_ns()
+        self._bag.put(topic, stamp_ns, data)
 
     def _announce(self, topic: str, recorded: _Recorded) -> None:
         """To the bag, with what the publishers say of themselves."""
@@ -163,8 +154,7 @@ class RecorderNode(Node):
         recorded.announced = True
 
     def _on_lost(self, topic: str, count: int) -> None:
-        if not self._topics[topic].last_sequence:  # else the gap in the numbers is counted
-            self.lost[topic] += count
+        self.lost[topic] += count
 
     def _on_incompatible(self, topic: str) -> None:
         """Somebody publishes with less than we asked for before we knew: ask for that."""

@@ -1,0 +1,121 @@
+"""``tracker_node recorder``: topics into a bag."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+import threading
+import time
+from pathlib import Path
+
+SUMMARY = "record topics to a rosbag2 bag (MCAP) that ros2 bag, Foxglove and PlotJuggler open"
+EXAMPLE = "tracker_node recorder --output out/run1 --regex '/(cam0[1-4]|tracker)/.*' --images none"
+
+READY = "recorder: ready"
+"""Start of the line on stdout that says that messages are recorded from now on."""
+QUIET_S = 0.3  # after a signal, messages on their way are still taken until there was none for this long
+DRAIN_S = 5.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="the bag; must not exist")
+    what = parser.add_argument_group("what is recorded (at least one)")
+    what.add_argument(
+        "--topics",
+        nargs="+",
+        default=[],
+        metavar="NAME[:TYPE]",
+        help="topics; with a type (/tracker/state:tracker_msgs/msg/TrackedState) nothing is missed when they appear",
+    )
+    what.add_argument("--all", action="store_true", help="every topic that is not hidden")
+    what.add_argument("--namespace", nargs="+", default=[], metavar="NS", help="every topic below these names")
+    what.add_argument("--regex", nargs="+", default=[], metavar="RE", help="every topic whose whole name matches")
+    parser.add_argument("--exclude", nargs="+", default=[], metavar="RE", help="but not those whose whole name matches")
+    parser.add_argument(
+        "--images",
+        choices=("all", "raw", "compressed", "none"),
+        default="all",
+        help="which image topics to take among those asked for (default: all)",
+    )
+    parser.add_argument("--queue-mb", type=int, default=512, metavar="MB", help="memory for messages that wait for the disk")
+
+
+def run(args: argparse.Namespace) -> int:
+    from ..errors import TrackerError
+    from ..loaders.bag_queue import BagQueue
+    from ..loaders.bag_writer import BagWriter
+    from ..ros.executor import ros_process, spin
+    from ..ros.recorder_node import RecorderNode
+
+    selection = selection_of(args)
+    bag = BagQueue(BagWriter(args.output), args.queue_mb * 2**20)
+    failed = False
+    try:
+        with ros_process(args.ros_args) as stop:
+            node = RecorderNode(selection, bag)
+            print(f"{READY}, {len(node.topics)} topics so far, writing to {args.output}", flush=True)
+            spin(node, stop, lambda: bool(node.bag_problem))
+            until_s = time.monotonic() + DRAIN_S
+            spin(node, threading.Event(), lambda: _quiet(node.last_message_s, until_s))
+            lost, problems, topics = dict(node.lost), dict(node.problems), node.topics
+            node.destroy_node()
+    finally:
+        try:
+            bag.close()
+        except TrackerError as error:
+            failed = True
+            print(f"tracker_node recorder: error: {error}", file=sys.stderr)
+    _report(bag, topics, lost, problems)
+    return 1 if failed else 0
+
+
+def selection_of(args: argparse.Namespace):
+    """`TopicSelection` of the command line.
+
+    Raises
+    ------
+    TrackerError : nothing is asked for, or a regular expression is wrong.
+    """
+    from ..errors import TrackerError
+    from ..ros.recorder_node import TopicSelection
+
+    patterns = [_compiled(text) for text in args.regex]
+    patterns += [re.compile(rf"{re.escape('/' + name.strip('/'))}/.+") for name in args.namespace]
+    if args.all:
+        patterns.append(re.compile(r".*"))
+    names = {}
+    for text in args.topics:
+        name, _, type_name = text.partition(":")
+        names["/" + name.lstrip("/")] = type_name or None
+    if not names and not patterns:
+        raise TrackerError("nothing to record: give --topics, --namespace, --regex or --all")
+    return TopicSelection(names, tuple(patterns), tuple(_compiled(text) for text in args.exclude), args.images)
+
+
+def _compiled(text: str) -> re.Pattern[str]:
+    from ..errors import TrackerError
+
+    try:
+        return re.compile(text)
+    except re.error as error:
+        raise TrackerError(f"regular expression '{text}': {error}") from None
+
+
+def _quiet(last_message_s: float, until_s: float) -> bool:
+    now = time.monotonic()
+    return now - last_message_s > QUIET_S or now > until_s
+
+
+def _report(bag, topics: dict[str, str], lost: dict[str, int], problems: dict[str, str]) -> None:
+    total = sum(bag.written.values())
+    print(f"recorder: {total} messages of {len(bag.written)} topics in {bag.path}")
+    silent = sorted(set(topics) - set(bag.written))
+    if silent:
+        print(f"recorder: no message on {', '.join(silent)}")
+    for topic, problem in sorted(problems.items()):
+        print(f"recorder: {topic} was not recorded: {problem}", file=sys.stderr)
+    for what, counts in (("lost on their way", lost), ("dropped because the disk was too slow", bag.dropped)):
+        for topic, count in sorted(counts.items()):
+            if count:
+                print(f"recorder: {topic}: {count} messages {what}", file=sys.stderr)
