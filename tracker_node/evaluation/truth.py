@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from ..errors import FileFormatError
 from ..loaders.trajectory_file import read_joints
 from ..loaders.trc import load_trc
+from ..model.landmark_names import landmark_of_marker
 from .association import Trajectories
 
 
@@ -36,12 +36,4 @@ def load_truth(path: str | Path, y_up: bool = True) -> Trajectories:
         raise FileFormatError(path, "(name)", "a .trc or a .csv file", path.suffix or path.name)
     if not len(stamps):
         raise FileFormatError(path, "(content)", "at least one row", "none")
-    return Trajectories(tuple(landmark_name(name) for name in names), stamps, positions, valid)
-
-
-def landmark_name(marker: str) -> str:
-    """Name of a marker in the way of the body models: ``RBigToe`` -> ``right_big_toe``, ``Neck`` -> ``neck``."""
-    sided = re.fullmatch(r"([RL])([A-Z].*)", marker)
-    rest = sided[2] if sided else marker
-    snake = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", rest).replace(" ", "_").lower()
-    return f"{'right' if sided[1] == 'R' else 'left'}_{snake}" if sided else snake
+    return Trajectories(tuple(landmark_of_marker(name) for name in names), stamps, positions, valid)
