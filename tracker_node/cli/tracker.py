@@ -27,7 +27,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="where the lenses are taken from; camera_info suits resampled images (default: rig)",
     )
     parser.add_argument("--lossless", action="store_true", help="track every image set in order, however long it takes")
+    parser.add_argument(
+        "--wait-for",
+        nargs="+",
+        default=[],
+        type=listeners,
+        metavar="TOPIC=N",
+        help="begin when these outputs have N subscribers: state, pose, joint_states, mask or overlay (of every camera)",
+    )
     parser.add_argument("--compressed", action="store_true", help="subscribe to <cam>/image_raw/compressed")
+
+
+def listeners(text: str) -> tuple[str, int]:
+    """``mask=1`` -> ("mask", 1)."""
+    topic, _, count = text.partition("=")
+    if topic not in ("state", "pose", "joint_states", "mask", "overlay") or not count.isdigit():
+        raise argparse.ArgumentTypeError(f"expected state=N, pose=N, joint_states=N, mask=N or overlay=N, got '{text}'")
+    return topic, int(count)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -51,8 +67,9 @@ def run(args: argparse.Namespace) -> int:
     )
     with ros_process(args.ros_args) as stop:
         node = TrackerNode(options)
-        node.start()
         try:
+            spin(node, stop, lambda: node.has_subscribers(dict(args.wait_for)))
+            node.start()
             spin(node, stop, lambda: node.fatal is not None)
         finally:
             node.close()

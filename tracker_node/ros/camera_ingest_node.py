@@ -23,6 +23,7 @@ from .conversions import ImageBuffer, camera_info_message, compressed_message
 from .diagnostics import ERROR, OK, WARN, Diagnostics
 from .qos import images_published
 
+_DELIVERY_S = 4.0
 _SETTLE_S = 0.3  # between the discovery of a subscriber here and ours there
 
 
@@ -171,9 +172,10 @@ class CameraIngestNode(Node):
         try:
             if self._wait_for_subscribers():
                 with ImageFeed(self._sources) as self._feed:
-                    self._publish_all(self._feed)
-                for outlet in self._outlets.values():
-                    outlet.wait_until_delivered(10.0)
+                    answered = self._publish_all(self._feed)
+                if not answered:  # a writer may take seconds to learn that everything has arrived
+                    for outlet in self._outlets.values():
+                        outlet.wait_until_delivered(_DELIVERY_S)
         finally:
             self.finished.set()
 
@@ -189,14 +191,15 @@ class CameraIngestNode(Node):
             self._stop.wait(0.02)
         return not self._stop.is_set()
 
-    def _publish_all(self, feed: ImageFeed) -> None:
+    def _publish_all(self, feed: ImageFeed) -> bool:
+        """Until the sources end or we are stopped; True if the consumer has answered for everything."""
         clock = _Pace()
         for instant in feed:
             if self._stop.is_set():
-                return
+                return False
             if self._window is not None:
                 if not self._window.wait():
-                    return
+                    return False
                 self._window.sent(instant.stamp_ns)
                 self._publish(instant)
                 continue
@@ -207,8 +210,7 @@ class CameraIngestNode(Node):
                     self.counts[image.camera].dropped += 1
             elif not self._stop.is_set():
                 self._publish(instant, shift_ns, late=lateness_s > 0.5 * feed.period_s)
-        if self._window is not None:
-            self._window.wait_for_all()
+        return self._window is not None and self._window.wait_for_all()
 
     def _publish(self, instant: Instant, shift_ns: int = 0, late: bool = False) -> None:
         for image in instant.images:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import cv2
@@ -90,6 +90,10 @@ class TrackerNode(Node):
     def start(self) -> None:
         """Begin to track, in a thread."""
         self._worker.start()
+
+    def has_subscribers(self, wanted: Mapping[str, int]) -> bool:
+        """Whether outputs (state, pose, joint_states, mask, overlay) have at least so many subscribers."""
+        return all(self._outputs.subscriber_count(topic) >= count for topic, count in wanted.items())
 
     @property
     def fatal(self) -> Exception | None:

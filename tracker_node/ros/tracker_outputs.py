@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -101,7 +102,19 @@ class TrackerOutputs:
             drawn = draw_overlay(image.bgr, configuration, camera)
             self._overlays[name].publish(compressed_message(stamp_ns, camera.frame_id, drawn))
 
-    def wait_until_delivered(self, timeout_s: float = 10.0) -> None:
-        """Until every subscriber has everything."""
+    def subscriber_count(self, output: str) -> int:
+        """Subscribers of state, pose, joint_states, or the fewest that any camera's mask or overlay has."""
+        publishers = {
+            "state": [self._state],
+            "pose": [self._pose],
+            "joint_states": [self._joints],
+            "mask": list(self._masks.values()),
+            "overlay": list(self._overlays.values()),
+        }
+        return min(publisher.get_subscription_count() for publisher in publishers[output])
+
+    def wait_until_delivered(self, timeout_s: float = 5.0) -> None:
+        """Until every subscriber has said that it has everything; that alone can take the writer's heartbeat of 3 s."""
+        until_s = time.monotonic() + timeout_s
         for publisher in (self._pose, self._joints, self._state, *self._masks.values(), *self._overlays.values()):
-            publisher.wait_for_all_acked(Duration(seconds=timeout_s))
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, until_s - time.monotonic())))

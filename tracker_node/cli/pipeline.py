@@ -1,0 +1,101 @@
+"""``tracker_node pipeline``: ingest, tracker and recorder in one command."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from .camera_ingest import add_source_arguments
+from .tracker import add_body_arguments
+
+SUMMARY = "run camera_ingest, tracker and recorder together, from recorded cameras to a bag"
+EXAMPLE = "tracker_node pipeline --rig rig.yaml --model person.yaml --initial-state start.yaml --bag out/run1/bag --masks"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_body_arguments(parser)
+    add_source_arguments(parser)
+    parser.add_argument("--bag", type=Path, metavar="FOLDER", help="record states, poses, joints and calibrations to this bag")
+    parser.add_argument("--masks", action="store_true", help="record the model's silhouettes too")
+    parser.add_argument("--overlays", action="store_true", help="record images with the model drawn over them too")
+    parser.add_argument("--images", action="store_true", help="record the cameras' images too")
+    parser.add_argument("--loop", action="store_true", help="begin again at the end, until Ctrl-C")
+    parser.add_argument(
+        "--real-time",
+        action="store_true",
+        help="publish at the images' rate and track the newest; otherwise every image set is tracked, as fast as possible",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    from ..errors import TrackerError
+    from ..loaders.rig_yaml import load_rig
+    from ..ros.pipeline import PipelineOptions, run_pipeline
+
+    rig = load_rig(args.rig)
+    if args.bag is None and (args.masks or args.overlays or args.images):
+        raise TrackerError("--masks, --overlays and --images say what is recorded: give --bag too")
+    if args.bag is not None and args.bag.exists():
+        raise TrackerError(f"--bag {args.bag}: there is something already")
+    options = PipelineOptions(
+        body=_body_options(args),
+        source=_source_options(args),
+        cameras=tuple(args.cameras) if args.cameras else rig.names,
+        bag=args.bag,
+        masks=args.masks,
+        overlays=args.overlays,
+        images=args.images,
+        lossless=not args.real_time,
+        n_expected=None if args.loop else _count(rig, args),
+        ros_args=args.ros_args,
+    )
+    status, progress = run_pipeline(options)
+    counts = ", ".join(f"{n} {status.name}" for status, n in sorted(progress.statuses.items()))
+    print(f"{progress.sets} image sets: {counts or 'none'}" + (f"; bag {args.bag}" if args.bag else ""))
+    return status
+
+
+def _body_options(args: argparse.Namespace) -> list[str]:
+    result = ["--rig", args.rig, "--model", args.model]
+    for name in ("config", "initial_state"):
+        if getattr(args, name):
+            result += [f"--{name.replace('_', '-')}", getattr(args, name)]
+    if args.cameras:
+        result += ["--cameras", *args.cameras]
+    if args.resize:
+        result += ["--calibration", "camera_info"]
+    return result
+
+
+def _source_options(args: argparse.Namespace) -> list[str]:
+    result = ["--rig", args.rig, "--start", str(args.start)]
+    if args.end is not None:
+        result += ["--end", str(args.end)]
+    if args.rate is not None:
+        result += ["--rate", str(args.rate)]
+    if args.resize:
+        result += ["--resize", "{}x{}".format(*args.resize)]
+    if args.cameras:
+        result += ["--cameras", *args.cameras]
+    return result + [flag for name, flag in (("compressed", "--compressed"), ("loop", "--loop")) if getattr(args, name)]
+
+
+def _count(rig, args: argparse.Namespace) -> int | None:
+    """Image sets to expect, also the early check that there is something to track."""
+    from ..errors import TrackerError
+    from ..loaders.image_source import SourceOptions, open_camera_source
+
+    try:
+        options = SourceOptions(args.start, args.end, rate_hz=args.rate)
+    except ValueError as error:
+        raise TrackerError(f"--start, --end, --rate: {error}") from None
+    counts: list[int] = []
+    problems: list[TrackerError] = []
+    for camera in rig.subset(args.cameras) if args.cameras else rig:
+        try:
+            counts.append(open_camera_source(camera, options).n_images)
+        except TrackerError as error:
+            problems.append(error)  # the ingest will say so too, and go on with the others
+    if not counts:
+        raise problems[0]
+    return max(counts)

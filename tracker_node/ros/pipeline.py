@@ -1,0 +1,216 @@
+"""Ingest, tracker and recorder as processes of one command.
+
+They are started from the receiving end, so nothing is sent before everybody listens, and ended from the sending end, so nothing
+that was sent is missed.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rclpy.node import Node
+from tracker_msgs.msg import TrackedState
+
+from ..tracking.estimate import Status
+from .child_process import Child
+from .executor import ros_process, spin
+from .qos import RESULT
+
+RECORDER_READY = "recorder: ready"
+_READY_S = 60.0
+_END_S = 60.0  # a tracker may still have image sets to track, a recorder messages to write
+_N_LISTENERS = 2  # to the state: the ingest (its flow control) and this process; with a recorder one more
+
+
+@dataclass(frozen=True)
+class PipelineOptions:
+    """What runs.
+
+    Parameters
+    ----------
+    body : options of ``tracker_node tracker``.
+    source : options of ``tracker_node camera_ingest``.
+    cameras : names, for the topics.
+    bag : folder to record to, or None.
+    masks, overlays, images : record these too.
+    lossless : every image set is tracked, as fast as the tracker can; otherwise in real time, the newest wins.
+    n_expected : image sets, for the progress; None if not known.
+    ros_args : given to every process.
+    """
+
+    body: list[str]
+    source: list[str]
+    cameras: tuple[str, ...]
+    bag: Path | None = None
+    masks: bool = False
+    overlays: bool = False
+    images: bool = False
+    lossless: bool = True
+    n_expected: int | None = None
+    ros_args: list[str] = field(default_factory=list)
+
+    def recorded_topics(self) -> list[str]:
+        """``name:type`` of everything that goes into the bag."""
+        topics = [
+            "tracker/state:tracker_msgs/msg/TrackedState",
+            "tracker/pose:geometry_msgs/msg/PoseWithCovarianceStamped",
+            "tracker/joint_states:sensor_msgs/msg/JointState",
+            "robot_description",  # latched: recorded when its publisher is there and has said so
+        ]
+        for camera in self.cameras:
+            topics.append(f"{camera}/camera_info:sensor_msgs/msg/CameraInfo")
+            if self.images:
+                topics.append(f"{camera}/image_raw:sensor_msgs/msg/Image")
+            if self.masks:
+                topics.append(f"tracker/{camera}/mask:sensor_msgs/msg/Image")
+            if self.overlays:
+                topics.append(f"tracker/{camera}/overlay:sensor_msgs/msg/CompressedImage")
+        return topics
+
+
+@dataclass
+class Progress:
+    """What the states have said so far."""
+
+    began_s: float = field(default_factory=time.monotonic)
+    sets: int = 0
+    status: Status = Status.INITIALISING
+    residual_px: float = 0.0
+    statuses: Counter = field(default_factory=Counter)
+    first_s: float = 0.0
+
+    def add(self, message: TrackedState) -> None:
+        self.sets += 1
+        self.first_s = self.first_s or time.monotonic()
+        self.status, self.residual_px = Status(message.status), message.residual_px
+        self.statuses[self.status] += 1
+
+    def line(self, n_expected: int | None) -> str:
+        elapsed_s = time.monotonic() - self.first_s if self.first_s else 0.0
+        rate = (self.sets - 1) / elapsed_s if elapsed_s > 0 else 0.0
+        total = f"/{n_expected}" if n_expected else ""
+        return f"{self.sets}{total} image sets, {rate:.1f} a second, {self.status.name}, {self.residual_px:.1f} px"
+
+
+class Pipeline:
+    """The three processes, and what is known of them; use `run_pipeline`."""
+
+    def __init__(self, options: PipelineOptions, node: Node, stop: threading.Event):
+        self._options, self._node, self._stop = options, node, stop
+        self._children: dict[str, Child] = {}
+        self.progress = Progress()
+        self._shown_s = 0.0
+        self._recorder_ready = threading.Event()
+        self._subscription = node.create_subscription(TrackedState, "tracker/state", self.progress.add, RESULT)
+
+    def run(self) -> int:
+        """Until the sources have ended, or something or somebody ends it; returns the exit status."""
+        try:
+            if self._start():
+                self._spin(lambda: any(child.returncode is not None for child in self._children.values()))
+        finally:
+            status = self._end()
+        return status
+
+    def _start(self) -> bool:
+        options = self._options
+        if options.bag is not None:
+            topics = [self._resolved(topic) for topic in options.recorded_topics()]
+            arguments = ["recorder", "--output", str(options.bag), "--topics", *topics, *options.ros_args]
+            self._children["recorder"] = Child(arguments, self._on_recorder_line)
+            if not self._wait_for("the recorder", self._recorder_ready.is_set):
+                return False
+        listeners = [f"state={_N_LISTENERS - (not options.lossless) + (options.bag is not None)}"]
+        if options.bag is not None:
+            listeners += ["pose=1", "joint_states=1", *["mask=1"] * options.masks, *["overlay=1"] * options.overlays]
+        lossless = ["--lossless"] if options.lossless else []
+        self._children["tracker"] = Child(
+            ["tracker", *options.body, *lossless, "--wait-for", *listeners, *options.ros_args]
+        )
+        # The images' own subscribers: the tracker, and the recorder if it takes them.
+        listeners_of_images = 1 + (options.bag is not None and options.images)
+        pace = ["--as-fast-as-consumed", "--consumer", "tracker"] if options.lossless else []
+        arguments = ["camera_ingest", *options.source, *pace, "--wait-for-subscribers", str(listeners_of_images)]
+        self._children["camera_ingest"] = Child([*arguments, *options.ros_args], lambda line: None)
+        return True
+
+    def _resolved(self, topic: str) -> str:
+        name, colon, type_name = topic.partition(":")
+        return self._node.resolve_topic_name(name) + colon + type_name
+
+    def _on_recorder_line(self, line: str) -> None:
+        if line.startswith(RECORDER_READY):
+            self._recorder_ready.set()
+        else:
+            self._say(line)
+
+    def _wait_for(self, what: str, ready: Callable[[], bool]) -> bool:
+        until_s = time.monotonic() + _READY_S
+
+        def over() -> bool:
+            ended = any(child.returncode is not None for child in self._children.values())
+            return ready() or ended or time.monotonic() > until_s
+
+        self._spin(over)
+        if not ready() and not self._stop.is_set():
+            self._say(f"{what} did not start")
+        return ready()
+
+    def _spin(self, done: Callable[[], bool]) -> None:
+        def done_with_progress() -> bool:
+            self._show()
+            return done()
+
+        spin(self._node, self._stop, done_with_progress)
+
+    def _show(self, last: bool = False) -> None:
+        now, terminal = time.monotonic(), sys.stderr.isatty()
+        if not self.progress.sets or (not last and now - self._shown_s < (0.2 if terminal else 5.0)):
+            return
+        self._shown_s = now
+        end = "\r" if terminal and not last else "\n"
+        print(f"pipeline: {self.progress.line(self._options.n_expected):<75}", end=end, file=sys.stderr, flush=True)
+
+    @staticmethod
+    def _say(text: str) -> None:
+        print(text if text.startswith("recorder:") else f"pipeline: {text}", file=sys.stderr, flush=True)
+
+    def _end(self) -> int:
+        """From the sending end to the receiving end; each gets time to pass on what it has."""
+        status = 0
+        for verb in ("camera_ingest", "tracker", "recorder"):
+            child = self._children.get(verb)
+            if child is None:
+                continue
+            unasked = child.returncode is not None and verb != "camera_ingest" and not self._stop.is_set()
+            code = child.end(_END_S)
+            if code or unasked:
+                self._say(f"{verb} ended {'by itself ' if unasked else ''}with status {code}")
+                status = status or code or 1
+            if verb == "tracker":  # its last states are still on their way to us
+                self._take_the_rest()
+        self._show(last=True)
+        return status
+
+
+    def _take_the_rest(self) -> None:
+        until_s = time.monotonic() + 0.3
+        spin(self._node, threading.Event(), lambda: time.monotonic() > until_s)
+
+
+def run_pipeline(options: PipelineOptions) -> tuple[int, Progress]:
+    """Run it to its end; returns the exit status and what the states have said."""
+    with ros_process(options.ros_args) as stop:
+        node = Node("pipeline")
+        try:
+            pipeline = Pipeline(options, node, stop)
+            status = pipeline.run()
+        finally:
+            node.destroy_node()
+    return status, pipeline.progress
