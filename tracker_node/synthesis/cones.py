@@ -7,11 +7,16 @@ import numpy as np
 from ..geometry import se3, so3
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..model.kinematic_chain import N_ROOT_DOF
+from ..model.kinematic_chain import N_ROOT_DOF, Axis
 from ..model.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
 from .rasterizer import ColoredMesh
 
-_AROUND = 96  # a circle of 15 cm is then true to 0.04 mm in the mean
+_AROUND = 96  # a circle of 15 cm radius is then true to 0.1 mm
+
+# About what angles (degrees, by the end of the axis' name) joints swing, so that limbs stay off the trunk and each other.
+_MIDDLES_DEG = {
+    "shoulder_elevation_front": 45.0, "elbow_flexion": 40.0, "hip_flexion": 20.0, "hip_abduction": 12.0, "knee_flexion": 35.0,
+}  # fmt: skip
 
 
 class ModelSubject:
@@ -115,7 +120,7 @@ def _flat(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def waves(model: ArticulatedModel, rate_hz: float, n_images: int, seed: int = 1, amplitude_rad: float = 0.35) -> list[State]:
-    """A smooth motion of every degree of freedom: each joint swings about its neutral angle with a frequency of its own.
+    """A smooth motion of every degree of freedom: each joint swings about a middle angle with a frequency of its own.
 
     Every angle stays inside its limits. The root sways by some centimetres and degrees; its height is that of a standing body
     (the lowest shape of the first image touches the floor z = 0).
@@ -123,11 +128,10 @@ def waves(model: ArticulatedModel, rate_hz: float, n_images: int, seed: int = 1,
     rng = np.random.default_rng(seed)
     chain = model.chain
     lower, upper = chain.lower, chain.upper
-    middle = np.array([axis.neutral for axis in chain.axes])
+    middle = np.array([_middle(axis) for axis in chain.axes])
     room = 0.45 * (upper - lower)
     amplitude = np.minimum(amplitude_rad, room) * rng.uniform(0.5, 1.0, chain.n_axes)
     middle = np.clip(middle, lower + amplitude, upper - amplitude)
-    # With free axes about as fast as a brisk gesture: up to 2 rad/s.
     frequency_hz, phase = rng.uniform(0.3, 0.7, chain.n_axes), rng.uniform(0.0, 2.0 * np.pi, chain.n_axes)
     t = np.arange(n_images) / rate_hz
     joints = middle + amplitude * np.sin(2.0 * np.pi * frequency_hz * t[:, None] + phase)
@@ -139,6 +143,10 @@ def waves(model: ArticulatedModel, rate_hz: float, n_images: int, seed: int = 1,
         pose = se3.from_rotation_translation(rotation, curves[i, 0] * [0.25, 0.25, 0.03])
         states.append(State(pose, joints[i]))
     return standing(model, states)
+
+
+def _middle(axis: Axis) -> float:
+    return next((np.radians(deg) for ending, deg in _MIDDLES_DEG.items() if axis.name.endswith(ending)), axis.neutral)
 
 
 def standing(model: ArticulatedModel, states: list[State]) -> list[State]:
