@@ -30,6 +30,9 @@ class ContourOptions:
     outward_px: float = 3.0
     inner_weight: float = 0.3
     alignment: float = 0.6
+    boundary_weight: float = 0.3
+    boundary_scale_px: float = 20.0
+    reach_px: float = 40.0
 
     def packed(self) -> np.ndarray:
         options = np.zeros(kernel.N_OPTIONS)
@@ -39,6 +42,9 @@ class ContourOptions:
         options[kernel.OUTWARD_PX] = self.outward_px
         options[kernel.INNER_WEIGHT] = self.inner_weight
         options[kernel.ALIGNMENT] = self.alignment
+        options[kernel.BOUNDARY_WEIGHT] = 0.0 if self.sum_of_maps else self.boundary_weight
+        options[kernel.BOUNDARY_SCALE] = self.boundary_scale_px
+        options[kernel.REACH] = self.reach_px
         return options
 
 
@@ -47,12 +53,14 @@ class EvidenceMaps:
     """Distances around the predicted body in one camera, on a crop whose first pixel is ``origin`` (u, v).
 
     ``silhouette`` float32, signed distance to the silhouette's boundary (positive outside), ``edges`` float32, distance to the
-    nearest image edge inside the silhouette; both in pixels and truncated.
+    nearest image edge inside the silhouette; both in pixels and truncated. ``boundary`` (n, 4) float32: points of the silhouette's
+    boundary on the crop and their outward normals.
     """
 
     origin: tuple[int, int]
     silhouette: np.ndarray
     edges: np.ndarray
+    boundary: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,9 +96,15 @@ class CameraSlot:
             np.ascontiguousarray(camera.center),
         )
         self.flags = np.zeros((len(model.shapes), 2 * samples_per_line), dtype=np.uint8)
+        self.samples = np.zeros((self.flags.size, kernel.N_SAMPLE_COLUMNS))
         self.normal = np.zeros((n_links, 6, 6))
         self.gradient = np.zeros((n_links, 6))
         self.stats = np.zeros(kernel.N_STATISTICS)
+
+    @property
+    def work(self) -> tuple[np.ndarray, ...]:
+        """The arrays that the kernel fills."""
+        return self.flags, self.samples, self.normal, self.gradient, self.stats
 
 
 class ContourObjective:
@@ -132,9 +146,16 @@ class ContourObjective:
             slot, maps = self.slots[index], self.maps[index]
             assert maps is not None
             kernel.linearize_camera(
-                self.arrays.kinds, self.arrays.dims, self.arrays.links, Ts, self._spheres, slot.camera, maps.silhouette, maps.edges,
-                maps.origin, self._packed, self.options.samples_per_line, refresh, slot.flags, slot.normal, slot.gradient, slot.stats,
-            )  # fmt: skip
+                (self.arrays.kinds, self.arrays.dims, self.arrays.links),
+                Ts,
+                self._spheres,
+                slot.camera,
+                (maps.silhouette, maps.edges, maps.origin, maps.boundary),
+                self._packed,
+                self.options.samples_per_line,
+                refresh,
+                slot.work,
+            )
 
         active = [i for i, maps in enumerate(self.maps) if maps is not None]
         list(self._map(run, active))

@@ -30,11 +30,12 @@ from ..render.contour import (
 )
 
 # Indices of the option array
-ROBUST_SCALE, SLIDING, SUM_OF_MAPS, OUTWARD_PX, INNER_WEIGHT, ALIGNMENT = 0, 1, 2, 3, 4, 5
-N_OPTIONS = 6
+ROBUST_SCALE, SLIDING, SUM_OF_MAPS, OUTWARD_PX, INNER_WEIGHT, ALIGNMENT, BOUNDARY_WEIGHT, BOUNDARY_SCALE, REACH = range(9)
+N_OPTIONS = 9
 # Indices of the statistics array
-COST, SQUARES, COUNT, WEIGHT, N_OUTER, N_CANDIDATES = 0, 1, 2, 3, 4, 5
+COST, SQUARES, COUNT, WEIGHT, N_CANDIDATES, N_UNEXPLAINED = range(6)
 N_STATISTICS = 6
+N_SAMPLE_COLUMNS = 11  # of an outline sample: u, v, nu, nv, link, twist row (6)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -88,87 +89,137 @@ def _read_maps(silhouette, edges, u, v, nu, nv, outer, options):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def linearize_camera(
-    kinds, dims, links, Ts, spheres, camera, silhouette, edges, origin, options, n_samples, refresh, flags, normal, gradient, stats
-):  # fmt: skip
+def _twist_row(row, R, center, jacobian, gu, gv, sliding, g):
+    """Fill ``g`` (6,) with the derivative by the twist of gu * u + gv * v of a contour sample."""
+    hx = gu * jacobian[0] + gv * jacobian[3]
+    hy = gu * jacobian[1] + gv * jacobian[4]
+    hz = gu * jacobian[2] + gv * jacobian[5]
+    h0 = R[0, 0] * hx + R[1, 0] * hy + R[2, 0] * hz
+    h1 = R[0, 1] * hx + R[1, 1] * hy + R[2, 1] * hz
+    h2 = R[0, 2] * hx + R[1, 2] * hy + R[2, 2] * hz
+    g[0], g[1], g[2] = h0, h1, h2
+    g[3] = row[P + 1] * h2 - row[P + 2] * h1
+    g[4] = row[P + 2] * h0 - row[P] * h2
+    g[5] = row[P] * h1 - row[P + 1] * h0
+    if sliding:
+        slide = h0 * row[SLIDE] + h1 * row[SLIDE + 1] + h2 * row[SLIDE + 2]
+        m0, m1, m2 = slide * row[M], slide * row[M + 1], slide * row[M + 2]
+        g[0] += m0
+        g[1] += m1
+        g[2] += m2
+        g[3] += center[1] * m2 - center[2] * m1
+        g[4] += center[2] * m0 - center[0] * m2
+        g[5] += center[0] * m1 - center[1] * m0
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _add(g, r, weight, scale_sq, normal, gradient, stats):
+    """Add one residual with the Geman-McClure kernel: cost s^2 r^2 / (s^2 + r^2), weight (s^2 / (s^2 + r^2))^2."""
+    ratio = scale_sq / (scale_sq + r * r)
+    w = weight * ratio * ratio
+    for a in range(6):
+        wa = w * g[a]
+        gradient[a] += wa * r
+        for b in range(a, 6):
+            normal[a, b] += wa * g[b]
+    stats[COST] += weight * ratio * r * r
+    return w
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _project_sample(params, R, t, row, jacobian):
+    """(valid, u, v, depth, nu, nv): pixel of a sample and the image direction (unit) of its outward normal."""
+    x = R[0, 0] * row[P] + R[0, 1] * row[P + 1] + R[0, 2] * row[P + 2] + t[0]
+    y = R[1, 0] * row[P] + R[1, 1] * row[P + 1] + R[1, 2] * row[P + 2] + t[1]
+    z = R[2, 0] * row[P] + R[2, 1] * row[P + 1] + R[2, 2] * row[P + 2] + t[2]
+    ok, u, v, ux, uy, uz, vx, vy, vz = project_point(params, x, y, z)
+    if not ok:
+        return False, 0.0, 0.0, 0.0, 0.0, 0.0
+    jacobian[0], jacobian[1], jacobian[2], jacobian[3], jacobian[4], jacobian[5] = ux, uy, uz, vx, vy, vz
+    nx = R[0, 0] * row[NORMAL] + R[0, 1] * row[NORMAL + 1] + R[0, 2] * row[NORMAL + 2]
+    ny = R[1, 0] * row[NORMAL] + R[1, 1] * row[NORMAL + 1] + R[1, 2] * row[NORMAL + 2]
+    nz = R[2, 0] * row[NORMAL] + R[2, 1] * row[NORMAL + 1] + R[2, 2] * row[NORMAL + 2]
+    nu, nv = ux * nx + uy * ny + uz * nz, vx * nx + vy * ny + vz * nz
+    norm = math.sqrt(nu * nu + nv * nv)
+    return True, u, v, z, nu / norm, nv / norm
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _attract_to_boundary(boundary, samples, n_samples, options, normal, gradient, stats):
+    """Residuals of the other direction: each boundary point of the silhouette pulls the nearest outline sample to itself.
+
+    ``boundary`` (n, 4) float32: u, v and outward normal on the crop. ``samples`` rows: u, v, nu, nv, link, twist row of the normal
+    displacement (6). Point to line: r = n . (sample - point).
+    """
+    reach_sq, scale_sq, alignment = options[REACH] ** 2, options[BOUNDARY_SCALE] ** 2, options[ALIGNMENT]
+    for i in range(boundary.shape[0]):
+        u, v, nu, nv = boundary[i, 0], boundary[i, 1], boundary[i, 2], boundary[i, 3]
+        best, nearest = reach_sq, -1
+        for j in range(n_samples):
+            du, dv = samples[j, 0] - u, samples[j, 1] - v
+            distance = du * du + dv * dv
+            if distance < best and samples[j, 2] * nu + samples[j, 3] * nv > alignment:
+                best, nearest = distance, j
+        if nearest < 0:
+            stats[N_UNEXPLAINED] += 1.0
+            continue
+        row = samples[nearest]
+        r = row[2] * (row[0] - u) + row[3] * (row[1] - v)
+        link = int(row[4])
+        _add(row[5:11], r, options[BOUNDARY_WEIGHT], scale_sq, normal[link], gradient[link], stats)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def linearize_camera(shapes, Ts, spheres, camera, maps, options, n_samples, refresh, work):
     """Add one camera's contour residuals to per-link normal matrices.
 
-    ``camera`` is (params, R_cam_world, t_cam_world, center). ``flags`` (n_shapes, 2 n_samples) holds each sample's class; it is
+    ``shapes`` is (kinds, dims, links), ``camera`` (params, R_cam_world, t_cam_world, center), ``maps`` (silhouette, edges, origin,
+    boundary), ``work`` (flags, samples, normal, gradient, stats). ``flags`` (n_shapes, 2 n_samples) holds each sample's class; it is
     filled when ``refresh``, else used as it is. ``normal`` (n_links, 6, 6), ``gradient`` (n_links, 6) and ``stats`` are overwritten.
     """
+    kinds, dims, links = shapes
     params, R, t, center = camera
+    silhouette, edges, origin, boundary = maps
+    flags, samples, normal, gradient, stats = work
     normal[:] = 0.0
     gradient[:] = 0.0
     stats[:] = 0.0
     rows = np.empty((2 * n_samples, N_COLUMNS))
     nearby = np.empty(kinds.shape[0], dtype=np.int64)
-    g = np.empty(6)
-    scale_sq = options[ROBUST_SCALE] ** 2
+    g, jacobian = np.empty(6), np.empty(6)
+    sliding, scale_sq = options[SLIDING] > 0.5, options[ROBUST_SCALE] ** 2
+    n_outline = 0
     for shape in range(kinds.shape[0]):
         count = shape_contour(kinds[shape], dims[shape], Ts[shape], center, n_samples, rows)
-        if count == 0:
-            continue
-        n_nearby = nearby_shapes(spheres, center, shape, nearby) if refresh else 0
+        n_nearby = nearby_shapes(spheres, center, shape, nearby) if refresh and count > 0 else 0
         link = links[shape]
         for j in range(count):
             row = rows[j]
-            x = R[0, 0] * row[P] + R[0, 1] * row[P + 1] + R[0, 2] * row[P + 2] + t[0]
-            y = R[1, 0] * row[P] + R[1, 1] * row[P + 1] + R[1, 2] * row[P + 2] + t[1]
-            z = R[2, 0] * row[P] + R[2, 1] * row[P + 1] + R[2, 2] * row[P + 2] + t[2]
-            ok, u, v, ux, uy, uz, vx, vy, vz = project_point(params, x, y, z)
-            if not ok:
-                if refresh:
-                    flags[shape, j] = HIDDEN
-                continue
+            ok, u, v, depth, nu, nv = _project_sample(params, R, t, row, jacobian)
             if refresh:
-                outward = options[OUTWARD_PX] * z / params[0]
-                flags[shape, j] = classify_sample(kinds, dims, Ts, spheres, nearby, n_nearby, center, row, outward)
-            if flags[shape, j] == HIDDEN:
+                flags[shape, j] = HIDDEN
+                if ok:
+                    outward = options[OUTWARD_PX] * depth / params[0]
+                    flags[shape, j] = classify_sample(kinds, dims, Ts, spheres, nearby, n_nearby, center, row, outward)
+            if not ok or flags[shape, j] == HIDDEN:
                 continue
             stats[N_CANDIDATES] += 1.0
-            # Image direction of the outward normal
-            nx = R[0, 0] * row[NORMAL] + R[0, 1] * row[NORMAL + 1] + R[0, 2] * row[NORMAL + 2]
-            ny = R[1, 0] * row[NORMAL] + R[1, 1] * row[NORMAL + 1] + R[1, 2] * row[NORMAL + 2]
-            nz = R[2, 0] * row[NORMAL] + R[2, 1] * row[NORMAL + 1] + R[2, 2] * row[NORMAL + 2]
-            nu, nv = ux * nx + uy * ny + uz * nz, vx * nx + vy * ny + vz * nz
-            norm = math.sqrt(nu * nu + nv * nv)
             outer = flags[shape, j] == OUTER
-            ok, r, gu, gv, weight = _read_maps(
-                silhouette, edges, u - origin[0], v - origin[1], nu / norm, nv / norm, outer, options
-            )
+            if outer:
+                sample = samples[n_outline]
+                sample[0], sample[1], sample[2], sample[3], sample[4] = u - origin[0], v - origin[1], nu, nv, link
+                _twist_row(row, R, center, jacobian, nu, nv, sliding, sample[5:11])
+                n_outline += 1
+            ok, r, gu, gv, weight = _read_maps(silhouette, edges, u - origin[0], v - origin[1], nu, nv, outer, options)
             if not ok:
                 continue
-            hx, hy, hz = gu * ux + gv * vx, gu * uy + gv * vy, gu * uz + gv * vz
-            h0 = R[0, 0] * hx + R[1, 0] * hy + R[2, 0] * hz
-            h1 = R[0, 1] * hx + R[1, 1] * hy + R[2, 1] * hz
-            h2 = R[0, 2] * hx + R[1, 2] * hy + R[2, 2] * hz
-            g[0], g[1], g[2] = h0, h1, h2
-            g[3] = row[P + 1] * h2 - row[P + 2] * h1
-            g[4] = row[P + 2] * h0 - row[P] * h2
-            g[5] = row[P] * h1 - row[P + 1] * h0
-            if options[SLIDING] > 0.5:
-                slide = h0 * row[SLIDE] + h1 * row[SLIDE + 1] + h2 * row[SLIDE + 2]
-                m0, m1, m2 = slide * row[M], slide * row[M + 1], slide * row[M + 2]
-                g[0] += m0
-                g[1] += m1
-                g[2] += m2
-                g[3] += center[1] * m2 - center[2] * m1
-                g[4] += center[2] * m0 - center[0] * m2
-                g[5] += center[0] * m1 - center[1] * m0
-            # Geman-McClure: cost s^2 r^2 / (s^2 + r^2), weight (s^2 / (s^2 + r^2))^2
-            ratio = scale_sq / (scale_sq + r * r)
-            w = weight * ratio * ratio
-            for a in range(6):
-                wa = w * g[a]
-                gradient[link, a] += wa * r
-                for b in range(a, 6):
-                    normal[link, a, b] += wa * g[b]
-            stats[COST] += weight * ratio * r * r
+            _twist_row(row, R, center, jacobian, gu, gv, sliding, g)
+            w = _add(g, r, weight, scale_sq, normal[link], gradient[link], stats)
             stats[SQUARES] += w * r * r
             stats[WEIGHT] += w
             stats[COUNT] += 1.0
-            if outer:
-                stats[N_OUTER] += 1.0
+    if options[BOUNDARY_WEIGHT] > 0.0:
+        _attract_to_boundary(boundary, samples, n_outline, options, normal, gradient, stats)
     for link in range(normal.shape[0]):
         for a in range(6):
             for b in range(a):

@@ -10,7 +10,7 @@ import numpy as np
 
 from .appearance import ColorModel, SceneModel, body_log_odds
 from .body_region import Region, grown, shrunk
-from .silhouette_maps import edge_distance, signed_distance
+from .silhouette_maps import boundary_points, edge_distance, signed_distance
 
 
 class EvidenceOptions(Protocol):
@@ -26,6 +26,7 @@ class EvidenceOptions(Protocol):
     body_margin_px: int
     reach_px: int
     truncation_px: float
+    boundary_step_px: int
     canny_low: float
     canny_high: float
 
@@ -35,7 +36,7 @@ class Observation:
     """Evidence of one image on the crop ``region`` (u0, v0, u1, v1).
 
     ``silhouette`` uint8 (0 or 1), ``edges`` uint8 (0 or 255), ``silhouette_distance`` float32 signed (positive outside) and
-    ``edge_distance`` float32, pixels, truncated. ``empty`` when no pixel is body.
+    ``edge_distance`` float32, pixels, truncated. ``boundary`` (n, 4) points of the silhouette's boundary and normals. ``empty`` when no pixel is body.
     """
 
     camera: str
@@ -44,6 +45,7 @@ class Observation:
     edges: np.ndarray
     silhouette_distance: np.ndarray
     edge_distance: np.ndarray
+    boundary: np.ndarray
     empty: bool
 
 
@@ -105,8 +107,14 @@ class Observer:
         if options.smoothing_px > 1:
             odds = cv2.blur(odds, (options.smoothing_px, options.smoothing_px))
         silhouette = (odds > options.threshold).view(np.uint8)
-        silhouette &= grown(predicted, options.reach_px)
+        near = grown(predicted, options.reach_px)
+        silhouette &= near
         gray = cv2.cvtColor(bgr[v0:v1, u0:u1], cv2.COLOR_BGR2GRAY)
         to_edge, edges = edge_distance(gray, silhouette, options.canny_low, options.canny_high, options.truncation_px)
         to_silhouette = signed_distance(silhouette, options.truncation_px)
-        return Observation(self.camera, region, silhouette, edges, to_silhouette, to_edge, not silhouette.any())
+        trusted = cv2.erode(near, _SQUARE)  # where the silhouette is cut off by the reach, there is no boundary
+        boundary = boundary_points(silhouette, to_silhouette, trusted, options.boundary_step_px)
+        return Observation(self.camera, region, silhouette, edges, to_silhouette, to_edge, boundary, not silhouette.any())
+
+
+_SQUARE = np.ones((7, 7), dtype=np.uint8)

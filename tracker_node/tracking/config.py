@@ -52,6 +52,7 @@ class EvidenceConfig:
     body_margin_px: int = parameter(12, "width around the fitted body that is not learnt as scene", "px", 1, 200)
     reach_px: int = parameter(40, "silhouettes farther than this from the predicted body are not looked at", "px", 4, 1000)
     truncation_px: float = parameter(40.0, "distances are truncated here", "px", 2, 1000)
+    boundary_step_px: int = parameter(4, "distance between the points taken from the silhouette's boundary", "px", 1, 100)
     canny_low: float = parameter(40.0, "lower hysteresis threshold of the edge detector", "grey levels", 0, 1000)
     canny_high: float = parameter(100.0, "upper hysteresis threshold of the edge detector", "grey levels", 0, 1000)
     margin_px: int = parameter(24, "border around the predicted body that is looked at", "px", 4, 1000)
@@ -69,6 +70,8 @@ class OptimizerConfig:
     sliding: bool = parameter(True, "include the sliding of the contour generator in the Jacobian")
     inner_weight: float = parameter(0.2, "weight of contours within the body's outline", "1", 0, 10)
     alignment: float = parameter(0.6, "least cosine between an image boundary's normal and the contour's", "1", 0, 1)
+    boundary_weight: float = parameter(0.3, "weight of the boundary points' pull on the nearest outline; 0 switches it off", "1", 0, 10)
+    boundary_scale_px: float = parameter(20.0, "scale of the robust kernel of that pull", "px", 0.1, 1000)
 
 
 @dataclass(frozen=True)

@@ -71,6 +71,9 @@ class Tracker:
             sum_of_maps=config.evidence.distances == "sum",
             inner_weight=config.optimizer.inner_weight,
             alignment=config.optimizer.alignment,
+            boundary_weight=config.optimizer.boundary_weight,
+            boundary_scale_px=config.optimizer.boundary_scale_px,
+            reach_px=float(config.evidence.reach_px),
         )
         self._executor = ThreadPoolExecutor(config.threads) if config.threads > 1 else None
         self.reset()
@@ -175,7 +178,7 @@ class Tracker:
 
     def _objective(self, observations: list[Observation | None], predicted: State) -> ContourObjective:
         maps = [
-            None if o is None or o.empty else EvidenceMaps(o.region[:2], o.silhouette_distance, o.edge_distance)
+            None if o is None or o.empty else EvidenceMaps(o.region[:2], o.silhouette_distance, o.edge_distance, o.boundary)
             for o in observations
         ]
         motion, axes = self.config.motion, self.model.chain.axes
