@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
 
 SUMMARY = "fetch a sample recording (real videos, calibration, reference) and make it ready to be tracked"
@@ -17,30 +18,44 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     folder = Path(args.output or args.name)
-    prepare(folder, args.fresh)
-    print(f"{folder} is ready. Track it with")
-    print(
-        f"  tracker_node track_offline --rig {folder}/rig_refined.yaml --model {folder}/person.yaml"
-        f" --initial-state {folder}/initial_state.yaml --output out/{args.name}"
-    )
-    return 0
+    status = prepare(folder, args.fresh)
+    if status == 0:
+        print(f"{folder} is ready. Track it with")
+        print(
+            f"  tracker_node track_offline --rig {folder}/rig_refined.yaml --model {folder}/person.yaml"
+            f" --initial-state {folder}/initial_state.yaml --output out/{args.name}"
+        )
+    return status
 
 
-def prepare(folder: Path, fresh: bool = False) -> None:
+def prepare(folder: Path, fresh: bool = False) -> int:
     """Fetch and prepare the Balancing clip in ``folder``, saying what happens; what is there already is kept."""
     from ..calibration import balancing
     from ..loaders.sample_data import fetch_sample
     from ._calibrate_refine import print_table
     from ._progress import ByteProgress
 
-    print("Balancing clip (Pose2Sim, BSD 3-Clause), from wheels on the package index; kept in the cache")
+    print("Balancing clip (Pose2Sim, BSD 3-Clause), from wheels on the package index; kept in the cache", flush=True)
     balancing.copy_files(fetch_sample("balancing", ByteProgress()), folder)
     if fresh or not (folder / "rig_refined.yaml").exists():
-        print("Refining the places of the cameras on the 2D joints")
+        print("Refining the places of the cameras on the 2D joints", flush=True)
         print_table(balancing.write_rigs(folder))
     if fresh or not balancing.has_plates(folder):
         print("Making pictures of the empty scene from the videos and the stills", flush=True)
         balancing.write_plates(folder)
-    if fresh or not (folder / "initial_state.yaml").exists():
-        print("Scaling the body to the static trial, posing it by the first row of the reference", flush=True)
-        balancing.write_person(folder)
+    person, state = folder / "person.yaml", folder / "initial_state.yaml"
+    status = 0
+    if fresh or not person.exists():
+        status = run_verb("calibrate", "body", "--trc", folder / "static.trc", "-o", person)
+    if status == 0 and (fresh or not state.exists()):
+        status = run_verb("calibrate", "pose", "--model", person, "--trc", folder / "truth.trc", "--row", "0", "-o", state)
+    return status
+
+
+def run_verb(*arguments: str | Path) -> int:
+    """Run another verb here, showing the command as a user would give it."""
+    from .main import main
+
+    argv = [str(argument) for argument in arguments]
+    print(f"$ tracker_node {shlex.join(argv)}", flush=True)
+    return main(argv)
