@@ -118,9 +118,11 @@ def _scene(args: argparse.Namespace) -> SceneConfig:
 
 
 def show_progress(done: int, total: int) -> None:
-    """A counter on standard error."""
-    end = "\n" if done == total else ""
-    print(f"\rrendering: image set {done} of {total}", end=end, file=sys.stderr, flush=True)
+    """Counts image sets on standard error: one line that rewrites itself, or a line every tenth when that is a file."""
+    if sys.stderr.isatty():
+        print(f"\rrendering: image set {done} of {total}", end="\n" if done == total else "", file=sys.stderr, flush=True)
+    elif 10 * done // total > 10 * (done - 1) // total:
+        print(f"rendering: image set {done} of {total}", file=sys.stderr, flush=True)
 
 
 def produce(request: Request, folder: str | Path, force: bool = False, progress=lambda done, total: None) -> bool:
