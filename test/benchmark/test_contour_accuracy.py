@@ -1,0 +1,45 @@
+"""The accuracy benchmark's machinery, on a recording of three image sets."""
+
+import importlib.util
+import sys
+
+import numpy as np
+import pytest
+
+from tracker_node.cli.synthesize import Request, produce
+from tracker_node.synthesis.scenes import SceneConfig
+from tracker_node.tracking.config import TrackerConfig
+
+
+@pytest.fixture(scope="module")
+def benchmark(repository):
+    spec = importlib.util.spec_from_file_location("contour_accuracy", repository / "benchmark" / "contour_accuracy.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_a_recording_is_tracked_and_judged(benchmark, tmp_path):
+    scene = SceneConfig(n_cameras=3, width=320, height=240, focal_px=290.0)
+    produce(Request(subject="model", motion="waves", n_images=3, scene=scene), tmp_path)
+    result = benchmark.track(tmp_path, "cones", TrackerConfig())
+    figures = benchmark._cone_figures(result) | benchmark._sliding_figures(TrackerConfig(), result, result)
+    assert figures["cones.sets"] == 3 and figures["cones.lost_sets"] == 0
+    assert 0.0 < figures["cones.joint_error_mm"] < 50.0
+    assert figures["cones.joint_error_mm"] == figures["sliding.error_with_mm"] == pytest.approx(result.raw.errors_m.mean() * 1e3)
+    mannequin = benchmark._mannequin_figures(result)
+    assert mannequin["cones.lost_limbs"] == 0 and np.isfinite(list(mannequin.values())).all()
+    # An offset that is constant in a segment explains at least as much as none.
+    assert mannequin["cones.mpjpe_mm"] <= mannequin["cones.mpjpe_raw_mm"]
+
+
+def test_without_the_clips_it_says_what_is_not_measured(benchmark, capsys):
+    jobs = benchmark._jobs("full", None)
+    assert [job.name for job in jobs] == ["cones", "mannequin_swing"]
+    message = capsys.readouterr().err
+    assert "NOT MEASURED: mannequin_walk, mannequin_cartwheel, mannequin_spinkick" in message and "--motions" in message
+
+
+def test_with_the_clips_all_targets_are_measured(benchmark):
+    assert [job.name for job in benchmark._jobs("quick", "clips")] == ["cones", "mannequin_walk", "mannequin_spinkick"]
