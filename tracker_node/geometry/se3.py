@@ -52,8 +52,8 @@ def log(transform: np.ndarray) -> np.ndarray:
     angle = np.sqrt(angle_sq)
     if angle < 1e-4:
         d = 1.0 / 12.0 + angle_sq / 720.0
-    else:
-        d = 1.0 / angle_sq - (1.0 + np.cos(angle)) / (2.0 * angle * np.sin(angle)) if np.pi - angle > 1e-7 else 1.0 / angle_sq
+    else:  # (1 + cos) / sin = 1 / tan(angle / 2), which is as good at pi as elsewhere
+        d = 1.0 / angle_sq - 0.5 / (angle * np.tan(0.5 * angle))
     k = so3.hat(w)
     v = (np.eye(3) - 0.5 * k + d * (k @ k)) @ transform[:3, 3]
     return np.concatenate([v, w])

@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+
+from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.errors import UnknownNameError
+from tracker_node.geometry import se3
+
+MODEL = CameraModel(640, 480, np.array([[600.0, 0, 320], [0, 600, 240], [0, 0, 1]]))
+
+
+def camera(name, twist=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)):
+    return Camera(name, MODEL, se3.exp(np.array(twist)))
+
+
+def test_world_points_go_through_the_inverse_of_the_pose():
+    there = camera("a", (0.3, -0.2, -2.0, 0.2, -0.1, 0.4))
+    point = np.array([0.1, 0.2, 0.3])
+    pixel, valid = there.project(point)
+    expected, _ = MODEL.project(se3.inverse(there.T_world_cam)[:3] @ np.append(point, 1.0))
+    assert valid
+    assert np.allclose(pixel, expected)
+    assert np.allclose(se3.apply(there.T_cam_world, there.center), 0.0)
+    assert there.frame_id == "a_optical_frame"
+
+
+def test_order_and_names():
+    rig = CameraRig((camera("a"), camera("b"), camera("c")))
+    assert rig.names == ("a", "b", "c")
+    assert rig.subset(["c", "a"]).names == ("c", "a")
+    assert rig["b"] is rig.cameras[1]
+    with pytest.raises(UnknownNameError, match="'d'; valid: a, b, c"):
+        rig["d"]
+    with pytest.raises(ValueError, match="unique"):
+        CameraRig((camera("a"), camera("a")))
+
+
+def test_a_pose_must_be_rigid_and_cannot_be_changed():
+    with pytest.raises(ValueError, match="rigid"):
+        Camera("a", MODEL, np.diag([1.0, 1.0, -1.0, 1.0]))
+    with pytest.raises(ValueError, match="read-only"):
+        camera("a").T_world_cam[0, 0] = 2.0

@@ -1,0 +1,60 @@
+import numpy as np
+from finite_difference import assert_jacobian
+from hypothesis import given
+from rotations import twists
+from scipy.linalg import expm
+
+from tracker_node.geometry import se3, so3
+
+
+def hat(twist):
+    matrix = np.zeros((4, 4))
+    matrix[:3, :3], matrix[:3, 3] = so3.hat(twist[3:]), twist[:3]
+    return matrix
+
+
+@given(twists)
+def test_exp_is_the_matrix_exponential(twist):
+    transform = se3.exp(twist)
+    assert se3.is_rigid(transform, 1e-12)
+    assert np.allclose(transform, expm(hat(twist)), atol=1e-12)
+
+
+@given(twists)
+def test_log_inverts_exp(twist):
+    back = se3.log(se3.exp(twist))
+    if np.linalg.norm(twist[3:]) < np.pi - 1e-9:
+        assert np.allclose(back, twist, rtol=1e-9, atol=1e-9)
+    assert np.allclose(se3.exp(back), se3.exp(twist), atol=1e-8)
+
+
+@given(twists, twists)
+def test_group_laws(a, b):
+    A, B = se3.exp(a), se3.exp(b)
+    assert np.allclose(se3.inverse(A) @ A, np.eye(4), atol=1e-13)
+    assert np.allclose(se3.inverse(A @ B), se3.inverse(B) @ se3.inverse(A), atol=1e-12)
+    assert np.allclose(se3.exp(-a), se3.inverse(A), atol=1e-12)
+
+
+@given(twists, twists)
+def test_adjoint_carries_a_twist_through_a_transform(a, b):
+    A = se3.exp(a)
+    assert np.allclose(se3.exp(se3.adjoint(A) @ b), A @ se3.exp(b) @ se3.inverse(A), atol=1e-9)
+
+
+@given(twists)
+def test_a_twist_is_the_velocity_of_a_point(twist):
+    transform, point = se3.exp(twist), np.array([0.3, -0.7, 1.1])
+    moved = se3.apply(transform, point)
+    analytic = np.hstack([np.eye(3), -so3.hat(moved)])  # v + omega x p
+    assert_jacobian(analytic, lambda d: se3.apply(se3.exp(d) @ transform, point), step=1e-3)
+
+
+def test_stacks_and_bad_matrices():
+    transforms = np.array([se3.exp(np.arange(6) * 0.1), np.eye(4)])
+    assert np.allclose(se3.inverse(transforms) @ transforms, np.eye(4))
+    reflection = np.diag([1.0, 1.0, -1.0, 1.0])
+    sheared = np.eye(4)
+    sheared[0, 1] = 1e-3
+    for bad in (reflection, sheared, np.full((4, 4), np.nan), np.eye(3)):
+        assert not se3.is_rigid(bad)
