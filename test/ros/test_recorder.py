@@ -1,15 +1,13 @@
 """The recorder as a process of its own, on a real graph."""
 
 import signal
-import subprocess
-import sys
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from ros_processes import send, wait_until
 
 rclpy = pytest.importorskip("rclpy", reason="ROS is not installed")
 
@@ -29,44 +27,6 @@ BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-class Process:
-    """A command of this package whose output is kept as it comes."""
-
-    def __init__(self, *arguments: str):
-        command = [sys.executable, "-m", "tracker_node.cli.main", *arguments]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-        self.lines: list[str] = []
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
-
-    def _read(self) -> None:
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
-            self.lines.append(line)
-
-    @property
-    def text(self) -> str:
-        return "".join(self.lines)
-
-    def wait_for(self, text: str, timeout_s: float = 30.0) -> None:
-        wait_until(lambda: text in self.text or self.process.poll() is not None, timeout_s, lambda: self.text)
-        assert text in self.text, self.text
-
-    def end(self, number: int = signal.SIGINT, timeout_s: float = 30.0) -> int:
-        """Send a signal, wait for the end; the exit status."""
-        self.process.send_signal(number)
-        status = self.process.wait(timeout_s)
-        self._reader.join(5.0)
-        return status
-
-
-def wait_until(predicate, timeout_s: float = 30.0, explain=lambda: "") -> None:
-    deadline = time.monotonic() + timeout_s
-    while not predicate():
-        assert time.monotonic() < deadline, explain()
-        time.sleep(0.01)
-
-
 @pytest.fixture
 def node() -> Iterator[Node]:
     context = Context()
@@ -77,17 +37,8 @@ def node() -> Iterator[Node]:
     context.try_shutdown()
 
 
-def send(node: Node, publisher, messages) -> None:
-    wait_until(lambda: publisher.get_subscription_count() > 0)
-    time.sleep(0.2)  # the other side must have found us too, and there is no way to ask
-    for message in messages:
-        publisher.publish(message)
-        time.sleep(0.002)
-    publisher.wait_for_all_acked()
-
-
-def test_topics_are_recorded_as_they_appear_and_sigint_finishes_the_bag(node: Node, tmp_path: Path) -> None:
-    recorder = Process("recorder", "--output", str(tmp_path / "run"), "--namespace", "test", "--exclude", "/test/secret")
+def test_topics_are_recorded_as_they_appear_and_sigint_finishes_the_bag(node: Node, tmp_path: Path, start) -> None:
+    recorder = start("recorder", "--output", str(tmp_path / "run"), "--namespace", "test", "--exclude", "/test/secret")
     recorder.wait_for("recorder: ready")
     reliable = node.create_publisher(String, "/test/reliable", 10)
     hurried = node.create_publisher(String, "/test/hurried", BEST_EFFORT)
@@ -97,8 +48,8 @@ def test_topics_are_recorded_as_they_appear_and_sigint_finishes_the_bag(node: No
     latched.publish(String(data="said before you came"))
     secret.publish(String(data="secret"))
     elsewhere.publish(String(data="elsewhere"))
-    send(node, reliable, [String(data=f"r{i}") for i in range(50)])
-    send(node, hurried, [String(data=f"h{i}") for i in range(50)])
+    send(reliable, [String(data=f"r{i}") for i in range(50)])
+    send(hurried, [String(data=f"h{i}") for i in range(50)])
     assert recorder.end() == 0, recorder.text
     assert "101 messages of 3 topics" in recorder.text
 
@@ -116,9 +67,9 @@ def test_topics_are_recorded_as_they_appear_and_sigint_finishes_the_bag(node: No
         assert own.topic("/test/reliable").qos.reliability == "reliable"
 
 
-def test_images_by_choice_and_sigterm(node: Node, tmp_path: Path) -> None:
+def test_images_by_choice_and_sigterm(node: Node, tmp_path: Path, start) -> None:
     recorders = {
-        choice: Process("recorder", "--output", str(tmp_path / choice), "--regex", "/pic/.*", "--images", choice)
+        choice: start("recorder", "--output", str(tmp_path / choice), "--regex", "/pic/.*", "--images", choice)
         for choice in ("all", "none")
     }
     for recorder in recorders.values():
@@ -128,8 +79,8 @@ def test_images_by_choice_and_sigterm(node: Node, tmp_path: Path) -> None:
     rng = np.random.default_rng(2)
     pixels = [rng.integers(0, 256, (480, 640, 3), dtype=np.uint8) for _ in range(8)]
     wait_until(lambda: texts.get_subscription_count() == 2)
-    send(node, images, [image_message(i, "cam01_optical_frame", p) for i, p in enumerate(pixels)])
-    send(node, texts, [String(data="note")])
+    send(images, [image_message(i, "cam01_optical_frame", p) for i, p in enumerate(pixels)])
+    send(texts, [String(data="note")])
     for recorder in recorders.values():
         assert recorder.end(signal.SIGTERM) == 0, recorder.text
     with BagReader(tmp_path / "all") as reader:
@@ -140,17 +91,18 @@ def test_images_by_choice_and_sigterm(node: Node, tmp_path: Path) -> None:
         assert set(reader.topics) == {"/pic/note"}
 
 
-def test_a_topic_with_its_type_is_subscribed_before_it_exists(node: Node, tmp_path: Path) -> None:
+def test_a_topic_with_its_type_is_subscribed_before_it_exists(node: Node, tmp_path: Path, start) -> None:
     """Whoever waits for one subscriber can publish at once and misses nothing, whatever quality of service it offers."""
-    recorder = Process(
+    recorder = start(
         "recorder", "--output", str(tmp_path / "run"),
-        "--topics", "/early:std_msgs/msg/String", "hurried:std_msgs/msg/String", "/never:std_msgs/msg/String", "/x:zoo_msgs/msg/X",
+        "--topics", "/early:std_msgs/msg/String", "hurried:std_msgs/msg/String", "/never:std_msgs/msg/String",
+        "/x:zoo_msgs/msg/X",
     )  # fmt: skip
     recorder.wait_for("recorder: ready, 3 topics")
     early = node.create_publisher(String, "/early", 10)
     hurried = node.create_publisher(String, "/hurried", BEST_EFFORT)
-    send(node, early, [String(data=str(i)) for i in range(20)])
-    send(node, hurried, [String(data=str(i)) for i in range(20)])
+    send(early, [String(data=str(i)) for i in range(20)])
+    send(hurried, [String(data=str(i)) for i in range(20)])
     assert recorder.end() == 0, recorder.text
     with BagReader(tmp_path / "run") as reader:
         assert [message.data for _, message in reader.decoded("/early")] == [str(i) for i in range(20)]
@@ -161,15 +113,15 @@ def test_a_topic_with_its_type_is_subscribed_before_it_exists(node: Node, tmp_pa
     assert "/x was not recorded: message type 'zoo_msgs/msg/X' cannot be used here" in recorder.text
 
 
-def test_a_killed_recorder_leaves_what_it_had_flushed(node: Node, tmp_path: Path) -> None:
-    recorder = Process("recorder", "--output", str(tmp_path / "run"), "--topics", "/early:std_msgs/msg/String")
+def test_a_killed_recorder_leaves_what_it_had_flushed(node: Node, tmp_path: Path, start) -> None:
+    recorder = start("recorder", "--output", str(tmp_path / "run"), "--topics", "/early:std_msgs/msg/String")
     recorder.wait_for("recorder: ready")
     states: list[dict[str, str]] = []
     node.create_subscription(
         DiagnosticArray, "/diagnostics", lambda m: states.extend({v.key: v.value for v in s.values} for s in m.status), 10
     )
     early = node.create_publisher(String, "/early", 10)
-    send(node, early, [String(data=str(i)) for i in range(20)])
+    send(early, [String(data=str(i)) for i in range(20)])
     executor = rclpy.executors.SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
     deadline = time.monotonic() + 20.0

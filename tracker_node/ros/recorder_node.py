@@ -122,7 +122,7 @@ class RecorderNode(Node):
             return
         wanted = OfferedQos(qos.reliability, qos.durability, "keep_last", DEPTH)
         events = SubscriptionEventCallbacks(
-            message_lost=lambda status: self._on_lost(topic, status.total_count_change),
+            message_lost=lambda status: self._on_lost(topic, status.total_count_change),  # type: ignore[attr-defined]
             incompatible_qos=lambda status: self._on_incompatible(topic),
             use_default_callbacks=False,
         )

@@ -1,0 +1,174 @@
+"""The player: what was recorded comes out again, at its times, on a real graph."""
+
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import bag_samples
+import pytest
+from ros_processes import wait_until
+
+rclpy = pytest.importorskip("rclpy", reason="ROS is not installed")
+
+from rclpy.context import Context  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
+from rosgraph_msgs.msg import Clock  # noqa: E402
+from std_msgs.msg import String  # noqa: E402
+from std_srvs.srv import SetBool  # noqa: E402
+
+from tracker_node.cli.main import main  # noqa: E402
+from tracker_node.loaders.bag_reader import BagReader  # noqa: E402
+from tracker_node.loaders.bag_writer import BagWriter  # noqa: E402
+from tracker_node.ros.conversions import stamp_ns_of  # noqa: E402
+from tracker_node.ros.player_node import BagTime  # noqa: E402
+
+RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Listener:
+    """What arrives on some topics, with the time of its arrival."""
+
+    def __init__(self):
+        self.context = Context()
+        rclpy.init(context=self.context)
+        self.node = Node("listener", context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.heard: dict[str, list[tuple[float, object]]] = {}
+
+    def listen(self, topic: str, class_, qos=RELIABLE) -> None:
+        self.heard[topic] = []
+        self.node.create_subscription(class_, topic, lambda m: self.heard[topic].append((time.monotonic(), m)), qos)
+
+    def texts(self, topic: str) -> list[str]:
+        return [message.data for _, message in self.heard[topic]]
+
+    def until(self, predicate, timeout_s: float = 30.0) -> None:
+        def step() -> bool:
+            self.executor.spin_once(timeout_sec=0.05)
+            return predicate()
+
+        wait_until(step, timeout_s, lambda: str({topic: len(messages) for topic, messages in self.heard.items()}))
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+
+@pytest.fixture
+def listener() -> Iterator[Listener]:
+    listener = Listener()
+    yield listener
+    listener.close()
+
+
+def text_bag(path: Path, n: int = 21, period_s: float = 0.05) -> Path:
+    with BagWriter(path) as writer:
+        for i in range(n):
+            writer.write_message("/a", bag_samples.START_NS + round(i * period_s * 1e9), bag_samples.text(f"a{i}"))
+            writer.write_message("/b", bag_samples.START_NS + round(i * period_s * 1e9), bag_samples.text(f"b{i}"))
+    return path
+
+
+def test_messages_come_at_their_times_with_the_clock(listener: Listener, tmp_path: Path, start) -> None:
+    listener.listen("/a", String)
+    listener.listen("/clock", Clock)
+    player = start("player", str(text_bag(tmp_path / "bag", 41)), "--topics", "a", "--wait-for-subscribers", "1", "--rate", "4")
+    listener.until(lambda: len(listener.heard["/a"]) == 41)
+    assert listener.texts("/a") == [f"a{i}" for i in range(41)]
+    times = [at for at, _ in listener.heard["/a"]]
+    assert 0.4 < times[-1] - times[0] < 1.6  # two seconds of bag at four times the speed
+    clock = [stamp_ns_of(message.clock) for _, message in listener.heard["/clock"]]
+    assert clock == sorted(clock)
+    assert len(clock) > 10
+    assert bag_samples.START_NS <= clock[0] <= clock[-1] <= bag_samples.START_NS + 2 * 10**9
+    wait_until(lambda: player.process.poll() is not None)
+    assert player.end(0) == 0
+    assert "player: 41 messages published" in player.text
+
+
+def test_part_of_a_bag_in_a_loop_until_sigint(listener: Listener, tmp_path: Path, start) -> None:
+    listener.listen("/a", String)
+    listener.listen("/b", String)
+    player = start(
+        "player", str(text_bag(tmp_path / "bag")), "--start", "0.8", "--duration", "0.12", "--loop", "--exclude", "/b",
+        "--wait-for-subscribers", "1",
+    )  # fmt: skip
+    listener.until(lambda: len(listener.heard["/a"]) >= 9)
+    assert listener.texts("/a")[:9] == ["a16", "a17", "a18"] * 3
+    assert listener.heard["/b"] == []
+    assert player.end(signal.SIGINT) == 0, player.text
+
+
+def test_pause(listener: Listener, tmp_path: Path, start) -> None:
+    listener.listen("/a", String)
+    player = start("player", str(text_bag(tmp_path / "bag")), "--topics", "a", "--paused", "--wait-for-subscribers", "1")
+    client = listener.node.create_client(SetBool, "/player/pause")
+    listener.until(client.service_is_ready)
+    listener.until(lambda: listener.node.count_publishers("/a") == 1)
+    assert listener.heard["/a"] == []
+    answer = client.call_async(SetBool.Request(data=False))
+    listener.until(answer.done)
+    assert answer.result().message == "playing"
+    listener.until(lambda: len(listener.heard["/a"]) >= 3)
+    answer = client.call_async(SetBool.Request(data=True))
+    listener.until(answer.done)
+    count, deadline = len(listener.heard["/a"]), time.monotonic() + 0.5
+    listener.until(lambda: time.monotonic() > deadline)
+    assert len(listener.heard["/a"]) <= count + 1
+    answer = client.call_async(SetBool.Request(data=False))
+    listener.until(lambda: len(listener.heard["/a"]) == 21)
+    assert player.process.wait(20) == 0
+
+
+def test_recording_what_is_played_gives_the_same_bytes(tmp_path: Path, start) -> None:
+    """Player to recorder: topics, types, bytes and quality of service survive, also those of an unfinished bag."""
+    bag = bag_samples.write_bag(tmp_path / "bag", 20)
+    recorder = start("recorder", "--output", str(tmp_path / "copy"), "--all", "--exclude", "/clock|/rosout|/parameter_events")
+    recorder.wait_for("recorder: ready")
+    player = start("player", str(bag), "--wait-for-subscribers", "1")
+    assert player.process.wait(40) == 0, player.text
+    assert recorder.end() == 0, recorder.text
+    with BagReader(bag) as before, BagReader(tmp_path / "copy") as after:
+        names = set(before.topics)
+        assert names <= set(after.topics)
+        for name in names:
+            old, new = before.topic(name), after.topic(name)
+            assert (old.type_name, old.definition, old.type_hash) == (new.type_name, new.definition, new.type_hash)
+            assert (old.qos.reliability, old.qos.durability) == (new.qos.reliability, new.qos.durability)
+            pairs = zip(before.messages([name]), after.messages([name]), strict=True)
+            assert all(_same_but_for_padding(sent.data, received.data) for sent, received in pairs)
+
+
+def _same_but_for_padding(sent: bytes, received: bytes) -> bool:
+    """The middleware fills messages up to a multiple of four bytes."""
+    return received[: len(sent)] == sent and len(received) - len(sent) < 4 and not any(received[len(sent) :])
+
+
+def test_mistakes_are_named(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    bag = text_bag(tmp_path / "bag", 2)
+    assert main(["player", str(tmp_path / "missing")]) == 2
+    assert "missing" in capsys.readouterr().err
+    assert main(["player", str(bag), "--topics", "/c"]) == 2
+    assert "valid: /a, /b" in capsys.readouterr().err
+    assert main(["player", str(bag), "--rate", "0"]) == 2
+    assert "positive" in capsys.readouterr().err
+
+
+def test_bag_time_runs_at_its_rate_and_stands_still_when_paused() -> None:
+    clock = BagTime(rate=100.0)
+    clock.begin(1000)
+    time.sleep(0.02)
+    clock.pause(True)
+    stopped = clock.now_ns()
+    assert stopped > 1000 + 100 * 0.02 * 1e9 * 0.9
+    time.sleep(0.01)
+    assert clock.now_ns() == stopped
+    clock.pause(False)
+    clock.sleep(stopped + 10**8, 5.0)
+    assert clock.now_ns() >= stopped + 10**8
