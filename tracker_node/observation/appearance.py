@@ -19,12 +19,14 @@ BINS = 32  # per channel: 8 grey levels wide
 _SHIFT = 3
 _LOG_UNIFORM = -3.0 * math.log(256.0)  # density of a color about which nothing is known
 _LOG_GAUSS = -1.5 * math.log(2.0 * math.pi)
+# One pixel in five in shadow, of a brightness anywhere in some 75 grey levels, and a Gaussian across
+_LOG_SHADOW = math.log(0.2 / 75.0) - math.log(2.0 * math.pi)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _log_odds(bgr, mean, variance, known, log_body, log_scene, options, out):
-    """Log-odds of body against scene. ``options``: (darkest shadow, outlier log weight, reach)."""
-    darkest, log_outlier, reach = options[0], options[1], options[2]
+    """Log-odds of body against scene. ``options``: (darkest shadow, outlier log weight, reach, log density of shadows)."""
+    darkest, log_outlier, reach, log_shadow = options[0], options[1], options[2], options[3]
     for i in range(bgr.shape[0]):
         for j in range(bgr.shape[1]):
             b, g, r = bgr[i, j, 0], bgr[i, j, 1], bgr[i, j, 2]
@@ -33,10 +35,16 @@ def _log_odds(bgr, mean, variance, known, log_body, log_scene, options, out):
                 x, y, z = np.float32(b), np.float32(g), np.float32(r)
                 mx, my, mz = mean[i, j, 0], mean[i, j, 1], mean[i, j, 2]
                 gain = (x * mx + y * my + z * mz) / (mx * mx + my * my + mz * mz + np.float32(1.0))
-                gain = min(np.float32(1.0), max(gain, darkest))
-                dx, dy, dz = x - gain * mx, y - gain * my, z - gain * mz
+                dx, dy, dz = x - mx, y - my, z - mz
                 distance = (dx * dx + dy * dy + dz * dz) / variance[i, j]
-                log_background = np.float32(_LOG_GAUSS) - np.float32(1.5) * math.log(variance[i, j]) - np.float32(0.5) * distance
+                log_variance = math.log(variance[i, j])
+                log_background = np.float32(_LOG_GAUSS) - np.float32(1.5) * log_variance - np.float32(0.5) * distance
+                if darkest < gain < np.float32(1.0):
+                    # A shadow: free to be anywhere along the line to black, so its density is that of the two axes across it
+                    dx, dy, dz = x - gain * mx, y - gain * my, z - gain * mz
+                    distance = (dx * dx + dy * dy + dz * dz) / variance[i, j]
+                    log_shaded = log_shadow - log_variance - np.float32(0.5) * distance
+                    log_background = max(log_background, log_shaded)
                 log_background = max(log_background, log_outlier + log_scene[index])
             else:
                 log_background = log_scene[index]
@@ -144,11 +152,14 @@ class SceneModel:
         return model
 
     def learn_first(self, bgr: np.ndarray, body: np.ndarray) -> None:
-        """Believe an image (as large as the model) wherever ``body`` (uint8) is zero: it replaces what a plate says there.
+        """Take in the first image (as large as the model) wherever ``body`` (uint8) is zero.
 
-        A still of the scene may show people or things that are gone since; this image does not.
+        It fills pixels that no plate knows, and replaces a plate where that is plainly something else: a still of the scene may
+        show people or things that are gone since.
         """
-        free = body == 0
+        difference = np.abs(bgr.astype(np.float32) - self.mean).max(axis=2)
+        other = (self.known == 0) | (difference > 6.0 * np.sqrt(self.variance))
+        free = (body == 0) & other
         self.mean[free] = bgr[free]
         self.variance[free] = self.floor
         self.known[free] = 1
@@ -181,7 +192,7 @@ def body_log_odds(
         variance, known = np.broadcast_to(variance, out.shape), np.broadcast_to(known, out.shape)
     else:
         mean, variance, known = scene.mean[v0:v1, u0:u1], scene.variance[v0:v1, u0:u1], scene.known[v0:v1, u0:u1]
-    options = np.array([shadow, math.log(0.02), reach], dtype=np.float32)
+    options = np.array([shadow, math.log(0.02), reach, _LOG_SHADOW], dtype=np.float32)
     _log_odds(crop, mean, variance, known, colors.log_body, colors.log_scene, options, out)
     return out
 

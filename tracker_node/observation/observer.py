@@ -68,8 +68,6 @@ class Observer:
                     f"camera '{camera}': expected a plate of {width}x{height}, got {image.shape[1]}x{image.shape[0]}"
                 )
         kind = options.silhouette
-        if kind == "auto":
-            kind = "plate" if plates else "both"
         if kind == "plate" and not plates:
             raise ValueError(f"camera '{camera}': silhouette 'plate' needs an image of the empty scene")
         self.uses_color = kind in ("color", "both")

@@ -32,14 +32,14 @@ class EvidenceConfig:
     """From images to silhouettes, edges and distances."""
 
     silhouette: str = parameter(
-        "auto", "plate: empty-scene model only; color: color histograms only; both: combined; auto: plate if there is one, else both",
-        choices=("auto", "plate", "color", "both"),
+        "both", "plate: empty-scene model only; color: color histograms only; both: combined",
+        choices=("plate", "color", "both"),
     )  # fmt: skip
     distances: str = parameter(
         "split", "split: outline against the signed silhouette distance, inner contours against edges; sum: the paper's sum of both",
         choices=("split", "sum"),
     )  # fmt: skip
-    scene_sigma: float = parameter(8.0, "least standard deviation of a scene pixel", "grey levels", 0.5, 100)
+    scene_sigma: float = parameter(4.0, "least standard deviation of a scene pixel", "grey levels", 0.5, 100)
     shadow: float = parameter(
         0.75, "darkest shadow, as a fraction of the scene's brightness; 1 switches shadows off", "1", 0.1, 1.0
     )
@@ -70,7 +70,7 @@ class OptimizerConfig:
     sliding: bool = parameter(True, "include the sliding of the contour generator in the Jacobian")
     inner_weight: float = parameter(0.2, "weight of contours within the body's outline", "1", 0, 10)
     alignment: float = parameter(0.6, "least cosine between an image boundary's normal and the contour's", "1", 0, 1)
-    boundary_weight: float = parameter(0.3, "weight of the boundary points' pull on the nearest outline; 0 switches it off", "1", 0, 10)
+    boundary_weight: float = parameter(1.0, "weight of the boundary points' pull on the nearest outline; 0 switches it off", "1", 0, 10)
     boundary_scale_px: float = parameter(20.0, "scale of the robust kernel of that pull", "px", 0.1, 1000)
 
 
