@@ -1,6 +1,7 @@
 """Slow and obvious versions of what the package does fast."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from tracker_node.model.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 
@@ -83,3 +84,23 @@ def distance_to(mask, truncation):
     for v, u in np.argwhere(mask):
         distance = np.minimum(distance, np.hypot(rows - v, columns - u))
     return distance
+
+
+def link_transforms(model, state):
+    """Link name -> T_world_link, by walking from each link up to the root."""
+    chain = model.chain
+    joint_of = {joint.child: joint for joint in chain.joints}
+    angle_of = dict(zip((axis.name for axis in chain.axes), state.joint_positions, strict=True))
+
+    def transform(link):
+        if link not in joint_of:
+            return state.T_world_root
+        joint = joint_of[link]
+        result = transform(joint.parent) @ joint.T_parent_joint
+        for axis in joint.axes:
+            turn = np.eye(4)
+            turn[:3, :3] = Rotation.from_rotvec(np.array(axis.direction) * angle_of[axis.name]).as_matrix()
+            result = result @ turn
+        return result
+
+    return {link: transform(link) for link in chain.links}

@@ -178,7 +178,7 @@ def _trunk_shapes(m: HumanMeasures) -> list[Shape]:
     pelvis = _cone(m.buttock_radii, m.waist_radii[1] / m.buttock_radii[1], -m.crotch_depth, m.pelvis_length + overlap)
     abdomen = _cone(m.waist_radii, m.chest_base_radii[1] / m.waist_radii[1], -overlap, m.abdomen_length + overlap)
     torso = _cone(m.chest_base_radii, m.chest_radii[1] / m.chest_base_radii[1], -overlap, m.chest_top)
-    neck = TruncatedCone(m.neck_radius, m.neck_radius, -0.6, -0.05 * m.scale, m.head_top - 1.5 * m.head_radii[2])
+    neck = TruncatedCone(m.neck_radius, m.neck_radius, m.neck_taper / m.scale, -m.neck_depth, m.head_top - 1.5 * m.head_radii[2])
     head = Ellipsoid(m.head_radii)
     tilt = np.arctan2(m.head_x, m.head_top - m.head_radii[2])
     neck_place = se3.from_rotation_translation(so3.exp([0.0, float(tilt), 0.0]), np.zeros(3))

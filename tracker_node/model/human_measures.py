@@ -63,7 +63,9 @@ class HumanMeasures:
     # Shoulder girdle at the breast bone (forward, upward), and what of it is left at the shoulder
     clavicle_radii: tuple[float, float] = (0.070, 0.055)
     deltoid_scale: float = 0.80
-    neck_radius: float = _radius(0.379)
+    neck_radius: float = _radius(0.379)  # at C7
+    neck_taper: float = -0.6  # per metre at the reference stature
+    neck_depth: float = 0.095  # how far the neck reaches into the chest
     head_radii: tuple[float, float, float] = (_surveyed(0.197 / 2), _surveyed(0.152 / 2), _share(0.130 / 2))
     # Limb sections at their upper joint, and the share left at the lower one
     upper_arm_radii: tuple[float, float] = (_radius(0.345), _radius(0.320))
@@ -96,7 +98,7 @@ class HumanMeasures:
         scaled: dict[str, object] = {}
         for field in fields(cls):
             value = getattr(reference, field.name)
-            if field.name.endswith("_scale"):
+            if field.name.endswith(("_scale", "_taper")):
                 continue
             scaled[field.name] = tuple(scale * v for v in value) if isinstance(value, tuple) else scale * value
         return replace(reference, **scaled)  # type: ignore[arg-type]

@@ -1,0 +1,50 @@
+"""Small bodies for tests."""
+
+import numpy as np
+
+from tracker_node.geometry import se3
+from tracker_node.model.articulated_model import ArticulatedModel, Landmark, Shape
+from tracker_node.model.configuration import State
+from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
+from tracker_node.model.primitives import Box, Ellipsoid, Mesh, TruncatedCone
+
+
+def tetrahedron() -> Mesh:
+    return Mesh(0.1 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.1]]), [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+
+
+def crane() -> ArticulatedModel:
+    """A base with an arm of two links, a hook welded to it and a second short arm; every kind of shape."""
+    joints = (
+        Joint(
+            "shoulder", "base", "arm", se3.exp(np.array([0.1, 0.2, 0.3, 0.4, -0.3, 0.2])),
+            (Axis("yaw", (0.0, 0.0, 1.0), -2.0, 2.0), Axis("pitch", (0.0, 1.0, 0.0), -1.5, 1.5, 0.2, 5.0)),
+        ),
+        Joint(
+            "elbow", "arm", "forearm", se3.exp(np.array([0.0, 0.0, 0.5, 0.1, 0.0, 0.0])),
+            (Axis("bend", (0.6, 0.8, 0.0), -0.1, 2.5),),
+        ),
+        Joint("weld", "forearm", "hook", se3.exp(np.array([0.0, 0.1, 0.4, 0.0, 1.2, 0.0]))),
+        Joint("mast", "base", "flag", se3.exp(np.array([-0.2, 0.0, 0.3, 0.0, 0.0, 0.0])), (Axis("turn", (0.0, 0.0, -1.0)),)),
+    )  # fmt: skip
+    shapes = (
+        Shape("foundation", "base", Box((0.5, 0.4, 0.2)), np.eye(4), (10, 20, 30)),
+        Shape("boom", "arm", TruncatedCone(0.06, 0.05, -0.5, -0.05, 0.5), se3.exp(np.array([0.0, 0.0, 0.0, 0.1, 0.2, 0.3]))),
+        Shape("counterweight", "arm", Ellipsoid((0.1, 0.2, 0.15)), se3.exp(np.array([0.0, -0.1, 0.0, 0.0, 0.0, 0.0]))),
+        Shape("tip", "forearm", TruncatedCone(0.04, 0.04, 0.0, 0.0, 0.4)),
+        Shape("plate", "flag", tetrahedron()),
+    )
+    landmarks = (
+        Landmark("elbow", "arm", (0.0, 0.0, 0.5)),
+        Landmark("end", "hook", (0.1, 0.02, 0.3)),
+        Landmark("corner", "base", (0.25, 0.2, 0.1)),
+        Landmark("mast_top", "flag", (0.0, 0.1, 0.3)),
+    )
+    return ArticulatedModel("crane", KinematicChain(("base", "arm", "forearm", "hook", "flag"), joints), shapes, landmarks)
+
+
+def random_state(model: ArticulatedModel, rng: np.random.Generator, share: float = 0.9) -> State:
+    """A root pose anywhere, and joint angles within ``share`` of their limits."""
+    middle, half = 0.5 * (model.chain.upper + model.chain.lower), 0.5 * (model.chain.upper - model.chain.lower)
+    angles = middle + share * half * rng.uniform(-1.0, 1.0, model.chain.n_axes)
+    return State(se3.exp(rng.normal(size=6)), angles)

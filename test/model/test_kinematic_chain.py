@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+
+from tracker_node.errors import ModelError, UnknownNameError
+from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
+
+
+def joint(parent, child, *axes):
+    return Joint(f"{parent}_{child}", parent, child, np.eye(4), tuple(Axis(name, (1.0, 0.0, 0.0)) for name in axes))
+
+
+def test_links_come_before_their_children_whatever_the_order_given():
+    chain = KinematicChain(("tip", "middle", "base"), (joint("middle", "tip", "c"), joint("base", "middle", "a", "b")))
+    assert chain.links == ("base", "middle", "tip")
+    assert chain.parents.tolist() == [-1, 0, 1]
+    assert chain.dof_names[6:] == ("a", "b", "c")
+    assert chain.link_moved_by.sum(axis=1).tolist() == [6, 8, 9]
+    assert chain.axis_index("c") == 2
+
+
+@pytest.mark.parametrize(("links", "joints", "message"), [
+    (("a", "b", "c"), (joint("a", "b"), joint("c", "b")), "two parents"),
+    (("a", "b"), (joint("a", "b"), joint("b", "a")), "cycle"),
+    (("a", "b", "c"), (joint("b", "c"), joint("c", "b")), "cycle"),
+    (("a", "b"), (), "one root"),
+    (("a", "a"), (), "unique"),
+    (("a", "b", "c"), (joint("a", "b", "q"), joint("b", "c", "q")), "degree-of-freedom names"),
+])  # fmt: skip
+def test_what_is_no_tree_is_refused(links, joints, message):
+    with pytest.raises(ModelError, match=message):
+        KinematicChain(links, joints)
+
+
+def test_unknown_names_list_the_valid_ones():
+    with pytest.raises(UnknownNameError, match="'x'; valid: a, b"):
+        KinematicChain(("a", "b"), (joint("a", "x"),))
+    chain = KinematicChain(("a", "b"), (joint("a", "b", "q"),))
+    with pytest.raises(UnknownNameError, match="link 'x'"):
+        chain.link_index("x")
+    with pytest.raises(UnknownNameError, match="axis 'x'; valid: q"):
+        chain.axis_index("x")
+
+
+@pytest.mark.parametrize(("values", "message"), [
+    ({"direction": (1.0, 1.0, 0.0)}, "unit direction"),
+    ({"lower": 1.0, "upper": 1.0}, "lower < upper"),
+    ({"lower": 0.5, "upper": 1.0}, "neutral"),
+])  # fmt: skip
+def test_bad_axes_are_refused(values, message):
+    with pytest.raises(ValueError, match=message):
+        Axis(**{"name": "q", "direction": (1.0, 0.0, 0.0), **values})
