@@ -16,7 +16,7 @@ def seen(camera, joints, confidence=0.8):
 
 def test_the_same_person_is_chosen_in_any_order():
     rig = disturbed(circle_rig(), distance=0.02, angle=0.01)
-    other = JOINTS[::-1] + [0.8, 0.5, 0.0]
+    other = JOINTS[::-1] + np.array([0.8, 0.5, 0.0])
     people = []
     for index, camera in enumerate(circle_rig()):
         pair = [seen(camera, JOINTS), seen(camera, other)]
@@ -30,7 +30,7 @@ def test_the_same_person_is_chosen_in_any_order():
 def test_a_camera_that_sees_somebody_else_stays_out():
     rig = circle_rig()
     people = [np.array([seen(camera, JOINTS)]) for camera in rig]
-    people[1] = np.array([seen(rig.cameras[1], JOINTS + [1.2, 0.0, 0.0])])
+    people[1] = np.array([seen(rig.cameras[1], JOINTS + np.array([1.2, 0.0, 0.0]))])
     joints, n_cameras = associate_people(rig, people)
     assert n_cameras == 3
     assert not joints[1].any() and joints[0].any()

@@ -31,7 +31,7 @@ def seen_people(rig, joints: np.ndarray, noise_px: float = 1.0, lag: int = 0) ->
             shown = joints[max(i - lag, 0)] if index == 2 else joints[i]
             pixels, visible = camera.project(shown)
             found = np.column_stack([pixels + rng.normal(size=pixels.shape) * noise_px, 0.7 * visible])
-            other = found + [150.0, -40.0 * index, 0.0]
+            other = found + np.array([150.0, -40.0 * index, 0.0])
             images.append(np.array([other, found] if index < 2 else [found]))
         people.append(images)
     return people

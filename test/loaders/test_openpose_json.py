@@ -21,7 +21,9 @@ def folder(tmp_path):
         (tmp_path / "pose" / camera).mkdir(parents=True)
         for i in (9, 10, 11):
             people = [person(i)] * (i - 9)
-            (tmp_path / "pose" / camera / f"{camera[:4]}_{i}_keypoints.json").write_text(json.dumps({"version": 1.3, "people": people}))
+            (tmp_path / "pose" / camera / f"{camera[:4]}_{i}_keypoints.json").write_text(
+                json.dumps({"version": 1.3, "people": people})
+            )
     return tmp_path / "pose"
 
 

@@ -81,7 +81,7 @@ def test_an_uncalibrated_camera_is_named(tmp_path):
 
 
 def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(FileFormatError, match="none.toml"):
+    with pytest.raises(FileFormatError, match=r"none\.toml"):
         load_pose2sim(tmp_path / "none.toml")
 
 

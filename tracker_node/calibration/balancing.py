@@ -6,6 +6,7 @@ resampled to 1080 pixels a row with black bars above and below, while calibratio
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Mapping
 from dataclasses import replace
@@ -98,9 +99,29 @@ def write_plates(folder: Path) -> None:
         image = cv2.imread(str(folder / "stills" / f"{name}.png"))
         if image is None:
             raise FileFormatError(folder / "stills" / f"{name}.png", "(file)", "an image", "something else")
-        if entry.pixel_map is not None:
+        if entry.pixel_map is not None and entry.file_image_size is not None:
             # WARP_INVERSE_MAP: the map says where a pixel of the result comes from, which is what the pixel map does.
             flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
             image = cv2.warpAffine(image, np.array(entry.pixel_map), entry.file_image_size, flags=flags)
         images = spread_images(folder / "videos" / f"{name}.mp4")
         write_image(folder / "plates" / f"{name}.png", build_plate(images, image).image)
+
+
+def write_masks(folder: Path, drawn: Path | None = None) -> Path:
+    """Write masks.json: reference silhouettes of cam03 and cam04, by difference to their stills.
+
+    On these, nobody stands behind the man.
+
+    Parameters
+    ----------
+    drawn : masks.json with outlines drawn by hand for other cameras, taken over.
+    """
+    cameras: dict[str, object] = {}
+    if drawn is not None:
+        cameras |= json.loads(drawn.read_text(encoding="utf-8"))["cameras"]
+    for name, entry in rig_file(named_rig(folder / "calibration.toml"), "videos").cameras.items():
+        if name in ("cam03", "cam04"):
+            cameras[name] = {"image_size": list(entry.image_size), "still": f"stills/{name}.png"}
+    path = folder / "masks.json"
+    path.write_text(json.dumps({"cameras": cameras}, indent=1) + "\n", encoding="utf-8")
+    return path

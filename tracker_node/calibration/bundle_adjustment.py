@@ -2,8 +2,8 @@
 
 Levenberg-Marquardt on SE(3) and R^3 with analytic derivatives; the points are eliminated (Schur complement), so a step costs one
 small system whatever their number (Triggs et al., "Bundle adjustment: a modern synthesis", 2000, section 6). A robust loss and a
-prior that holds each camera near its given place make it fit for two-dimensional joints found by a network, which are neither exact
-nor free of confusions; the prior also fixes the scale, which images alone do not tell.
+prior that holds each camera near its given place make it fit for two-dimensional joints found by a network, which are
+neither exact nor free of confusions; the prior also fixes the scale, which images alone do not tell.
 """
 
 from __future__ import annotations
@@ -158,7 +158,7 @@ class _Problem:
         return residuals, derivatives, seen
 
     def prior_twists(self, transforms) -> np.ndarray:
-        """(c, 6): each camera's twist from its given pose, in the camera's frame: the linear part is how far its center has moved."""
+        """(c, 6): each camera's twist from its given pose, in its own frame; the linear part is its center's move."""
         given = self.given_Ts_cam_world
         return np.array([se3.log(T @ se3.inverse(G)) for T, G in zip(transforms, given, strict=True)])
 

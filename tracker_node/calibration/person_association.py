@@ -12,9 +12,7 @@ from .triangulation import reproject, triangulate
 MIN_JOINTS = 6  # fewer joints in common say too little about who is who
 
 
-def associate_people(
-    rig: CameraRig, people: list[np.ndarray], threshold_px: float = 60.0
-) -> tuple[np.ndarray, int]:
+def associate_people(rig: CameraRig, people: list[np.ndarray], threshold_px: float = 60.0) -> tuple[np.ndarray, int]:
     """The person whom most cameras agree on, in one image set.
 
     Every pair of people in two cameras proposes one: their joints are triangulated, and each other camera joins with whoever lies
@@ -72,7 +70,7 @@ def _points(rig, joints):
 
 
 def _distances(rig, joints) -> np.ndarray | None:
-    """(n_cameras, n_joints) distances of the joints from the projections of their own triangulation, NaN-free; None when too few."""
+    """(n_cameras, n_joints) px from the projections of the joints' own triangulation (infinite without); None if too few."""
     points, valid = _points(rig, joints)
     if valid.sum() < MIN_JOINTS:
         return None

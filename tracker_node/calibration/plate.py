@@ -1,8 +1,8 @@
-"""A picture of the empty scene, from a recording in which somebody always stands somewhere and a still in which somebody else does.
+"""A picture of the empty scene, from a recording in which somebody always stands somewhere, and a still.
 
-A pixel of a static scene comes back to the same color whenever nobody stands before it. Where nearly all images of the recording agree,
-theirs is the color of the background, whatever the still shows; elsewhere, where somebody moves, it is the still's, brought to the
-recording's exposure.
+A pixel of a static scene comes back to the same color whenever nobody stands before it. Where nearly all images of the
+recording agree, theirs is the color of the background, whatever the still shows; elsewhere, where somebody moves, it is the
+still's, brought to the recording's exposure.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ class PlateOptions:
     Parameters
     ----------
     tolerance : color levels (of 255) within which two images agree about a pixel.
-    min_share : share of the images that must agree before the recording is believed against the still. Uniform clothes of somebody who
-        hardly moves agree in many images too: keep it high.
+    min_share : share of the images that must agree before the recording is believed against the still. Uniform clothes of
+        somebody who hardly moves agree in many images too: keep it high.
     min_width_px : what changes in a place narrower than this is noise, not somebody who moves.
     """
 

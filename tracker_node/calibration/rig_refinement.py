@@ -92,8 +92,9 @@ def refine_rig(
 ) -> Refinement:
     """Camera poses that agree with the joints, in the world frame of the given rig.
 
-    The bundle adjustment holds the first camera; the result as a whole is then moved, without change of scale, so that the joints lie
-    as near as can be to where the given rig puts them. The world frame, to which recorded data may refer, so stays what it was.
+    The bundle adjustment holds the first camera; the result as a whole is then moved, without change of scale, so that the
+    joints lie as near as can be to where the given rig puts them. The world frame, to which recorded data may refer, so
+    stays what it was.
 
     Parameters
     ----------
@@ -158,9 +159,16 @@ def _figures(old, new, confidence, before: Adjustment, after: Adjustment, lags) 
         distances = [np.linalg.norm(x.residuals_px[used[:, i], i], axis=-1) for x in (before, after)]
         rms = [float(np.sqrt(np.mean(d**2))) if d.size else 0.0 for d in distances]
         medians = [float(np.median(d)) if d.size else 0.0 for d in distances]
-        turned = float(np.linalg.norm(so3.log(a.T_world_cam[:3, :3].T @ b.T_world_cam[:3, :3])))
-        moved = float(np.linalg.norm(a.center - b.center))
-        result[a.name] = CameraFigures(*rms, *medians, moved, turned, lags[i], int(used[:, i].sum()))
+        result[a.name] = CameraFigures(
+            rms_before_px=rms[0],
+            rms_after_px=rms[1],
+            median_before_px=medians[0],
+            median_after_px=medians[1],
+            moved_m=float(np.linalg.norm(a.center - b.center)),
+            turned_rad=float(np.linalg.norm(so3.log(a.T_world_cam[:3, :3].T @ b.T_world_cam[:3, :3]))),
+            lag_images=lags[i],
+            n_points=int(used[:, i].sum()),
+        )
     return result
 
 

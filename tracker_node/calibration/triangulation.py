@@ -50,9 +50,7 @@ def triangulate(
     return points, valid
 
 
-def reproject(
-    models: Sequence[CameraModel], Ts_world_cam: np.ndarray, points: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def reproject(models: Sequence[CameraModel], Ts_world_cam: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Pixels (n_points, n_cameras, 2) of world points (n_points, 3), and a validity mask (n_points, n_cameras)."""
     pixels = np.zeros((len(points), len(models), 2))
     valid = np.zeros((len(points), len(models)), dtype=bool)

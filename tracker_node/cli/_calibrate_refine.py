@@ -24,11 +24,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=("file", "calibration"),
         help="the pixels that the joints are in, where the rig has a pixel_map: those of the image files, or of the calibration",
     )
-    parser.add_argument("--min-confidence", type=float, default=0.3, metavar="C", help="leave out joints below it (default: %(default)s)")
-    parser.add_argument("--robust-px", type=float, default=8.0, metavar="PX", help="scale of the robust loss (default: %(default)s)")
     parser.add_argument(
-        "--report", metavar="FILE", help="where to write the figures as JSON (default: beside the output, .json)"
+        "--min-confidence", type=float, default=0.3, metavar="C", help="leave out joints below it (default: %(default)s)"
     )
+    parser.add_argument(
+        "--robust-px", type=float, default=8.0, metavar="PX", help="scale of the robust loss (default: %(default)s)"
+    )
+    parser.add_argument("--report", metavar="FILE", help="where to write the figures as JSON (default: beside the output, .json)")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -42,7 +44,9 @@ def run(args: argparse.Namespace) -> int:
     rig_file = read_rig_file(args.rig)
     mapped = [name for name, entry in rig_file.cameras.items() if entry.pixel_map is not None]
     if mapped and args.pixels is None:
-        raise CalibrationError(mapped[0], "has a pixel_map: say with --pixels whether the joints are in file or calibration pixels")
+        raise CalibrationError(
+            mapped[0], "has a pixel_map: say with --pixels whether the joints are in file or calibration pixels"
+        )
     rig = build_rig(rig_file.in_calibration_pixels() if args.pixels == "calibration" else rig_file, ".")
     groups = match_cameras(load_openpose(args.points2d), rig.names)
     joints = collect_joints(rig, [list(groups[name].people) for name in rig.names])
@@ -91,5 +95,7 @@ def print_table(refinement) -> None:
         moves = f"{1000 * camera.moved_m:6.1f} mm {math.degrees(camera.turned_rad):5.2f} deg {camera.lag_images:5.2f} images"
         print(f"{name:12} {camera.n_points:7d} {rms} {median} {moves}")
     overall = figures(refinement)
-    print(f"all cameras: rms {overall['refine.rms_before_px']:.2f} -> {overall['refine.rms_after_px']:.2f} px; the joints move by")
+    print(
+        f"all cameras: rms {overall['refine.rms_before_px']:.2f} -> {overall['refine.rms_after_px']:.2f} px; the joints move by"
+    )
     print(f"{overall['refine.joint_shift_mm']:.1f} mm (rms), the world frame stays ({refinement.iterations} iterations)")

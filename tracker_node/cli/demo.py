@@ -30,8 +30,10 @@ def run(args: argparse.Namespace) -> int:
         if status != 0:
             print(f"tracker_node demo: stopped at '{title}' with status {status}", file=sys.stderr)
             return status
-    print(f"\nDone in {time.monotonic() - began:.0f} s. Open {folder / 'report.html'} in a browser; figures: {folder / 'report.json'};")
-    print(f"the bag, for ros2 bag, PlotJuggler or Foxglove: {folder / 'bag'}")
+    print(f"\nDone in {time.monotonic() - began:.0f} s.")
+    print(f"  {folder / 'report.html'}: open it in a browser")
+    print(f"  {folder / 'report.json'}: the figures")
+    print(f"  {folder / 'bag'}: for ros2 bag, PlotJuggler or Foxglove")
     return 0
 
 
@@ -47,7 +49,7 @@ def _track(folder: Path, fresh: bool) -> int:
     bag, sample = folder / "bag", folder / "sample"
     if (bag / "metadata.yaml").exists() or (bag.is_dir() and list(bag.glob("*.mcap"))):
         shutil.rmtree(bag)  # of an earlier demo
-    arguments = ["--rig", sample / "rig_refined.yaml", "--model", sample / "person.yaml"]
+    arguments: list[str | Path] = ["--rig", sample / "rig_refined.yaml", "--model", sample / "person.yaml"]
     arguments += ["--initial-state", sample / "initial_state.yaml", *_config()]
     return run_verb("pipeline", *arguments, "--bag", bag, "--masks")
 
@@ -56,7 +58,14 @@ def _evaluate(folder: Path, fresh: bool) -> int:
     from .sample import run_verb
 
     sample = folder / "sample"
-    arguments = ["--truth", sample / "truth.trc", "--model", sample / "person.yaml", "--rig", sample / "rig_refined.yaml"]
+    arguments: list[str | Path] = [
+        "--truth",
+        sample / "truth.trc",
+        "--model",
+        sample / "person.yaml",
+        "--rig",
+        sample / "rig_refined.yaml",
+    ]
     arguments += ["--name", "balancing", "--image-sets", str(N_IMAGE_SETS), *_masks(sample), "--output", folder]
     for target in TARGETS:
         arguments += ["--target", target]
@@ -70,9 +79,13 @@ def _config() -> list[str | Path]:
 
 
 def _masks(sample: Path) -> list[str | Path]:
-    """Reference masks, put beside the stills that they are made from."""
+    """Reference masks: from the stills, and those drawn by hand that come with the package."""
+    from ..calibration.balancing import write_masks
+    from ..errors import SourceError
     from ..loaders.data_files import data_file
 
-    target = sample / "masks.json"
-    shutil.copyfile(data_file(MASKS), target)
-    return ["--masks", target]
+    try:
+        drawn = data_file(MASKS)
+    except SourceError:  # figures of two cameras are better than none
+        drawn = None
+    return ["--masks", write_masks(sample, drawn)]

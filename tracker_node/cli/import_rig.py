@@ -18,12 +18,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--like",
         metavar="RIG",
-        help="with --camera-info: take each camera's place from this rig.yaml; without it all cameras stand at the world's origin",
+        help="with --camera-info: take the cameras' places from this rig.yaml; without it all stand at the world's origin",
     )
     parser.add_argument(
         "--sources",
         metavar="PATTERN",
-        help="video or image folder of each camera; {name} is its name, {number} its place in the file from 1: 'videos/{name}.mp4'",
+        help="video or image folder of each camera; {name} is its name, {number} counts from 1, as in 'videos/{name}.mp4'",
     )
     parser.add_argument("-o", "--output", default="rig.yaml", metavar="FILE", help="file to write (default: %(default)s)")
 

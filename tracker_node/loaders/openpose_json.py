@@ -44,7 +44,8 @@ def load_openpose(path: str | Path) -> dict[str, ImagePoints]:
 
     Returns
     -------
-    One `ImagePoints` per folder that holds JSON files, keyed by the folder's name (its path below ``path`` where a name occurs twice).
+    One `ImagePoints` per folder that holds JSON files, keyed by the folder's name (its path below ``path`` where a name
+    occurs twice).
 
     Raises
     ------

@@ -1,7 +1,8 @@
 """Camera calibrations in the TOML that Pose2Sim, aniposelib and Caliscope share.
 
-One table per camera: ``size`` [width, height], ``matrix`` (3 x 3), ``distortions`` (4 or 5 coefficients; 4 of the equidistant model
-with ``fisheye = true``), ``rotation`` (Rodrigues vector, radians) and ``translation`` (metres), both from the world to the camera.
+One table per camera: ``size`` [width, height], ``matrix`` (3 x 3), ``distortions`` (4 or 5 coefficients; 4 of the
+equidistant model with ``fisheye = true``), ``rotation`` (Rodrigues vector, radians) and ``translation`` (metres), both from
+the world to the camera.
 """
 
 from __future__ import annotations

