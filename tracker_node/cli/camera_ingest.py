@@ -39,7 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--consumer", default="tracker", metavar="NODE", help="node whose state topic answers (default tracker)")
     parser.add_argument("--stamps", choices=("live", "file"), help="of the clock, or of the files (default: live when paced)")
     parser.add_argument("--no-frame-skip", action="store_true", help="publish late images instead of skipping them")
-    parser.add_argument("--wait-for-subscribers", type=int, default=0, metavar="N", help="wait for N subscribers to every camera")
+    parser.add_argument("--wait-for-subscribers", type=int, default=0, metavar="N", help="wait for N subscribers to the images")
+    parser.add_argument("--wait-for-info-subscribers", type=int, default=0, metavar="N", help="and to the calibrations")
     parser.add_argument("--preload", action="store_true", help="decode all images first (short clips at high rates)")
 
 
@@ -62,6 +63,7 @@ def run(args: argparse.Namespace) -> int:
         consumer=args.consumer,
         frame_skip=not args.no_frame_skip,
         wait_for_subscribers=args.wait_for_subscribers,
+        wait_for_info_subscribers=args.wait_for_info_subscribers,
         compressed=args.compressed,
         preload=args.preload,
     )

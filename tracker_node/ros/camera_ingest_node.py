@@ -38,7 +38,8 @@ class IngestOptions:
     as_fast_as_consumed : the next instant goes out when the consumer has answered for an earlier one; nothing is skipped.
     consumer : node whose ``state`` topic answers.
     frame_skip : skip instants that cannot go out in time, when a later one is ready.
-    wait_for_subscribers : how many of them every image topic must have before the first image.
+    wait_for_subscribers, wait_for_info_subscribers : how many of them every camera's images and calibration must have before
+        the first image.
     compressed : offer ``image_raw/compressed`` too (encoded only while somebody listens).
     preload : decode all images before the first goes out.
     """
@@ -49,6 +50,7 @@ class IngestOptions:
     consumer: str = "tracker"
     frame_skip: bool = True
     wait_for_subscribers: int = 0
+    wait_for_info_subscribers: int = 0
     compressed: bool = False
     preload: bool = False
 
@@ -91,6 +93,9 @@ class _Outlet:
         self.images.publish(message)
         if self.compressed is not None and self.compressed.get_subscription_count():
             self.compressed.publish(compressed_message(stamp_ns, self.frame_id, image.bgr))
+
+    def has_subscribers(self, to_images: int, to_infos: int) -> bool:
+        return self.images.get_subscription_count() >= to_images and self.infos.get_subscription_count() >= to_infos
 
     def wait_until_delivered(self, timeout_s: float) -> None:
         for publisher in (self.images, self.infos):
@@ -180,14 +185,15 @@ class CameraIngestNode(Node):
             self.finished.set()
 
     def _wait_for_subscribers(self) -> bool:
-        wanted, asked = self._options.wait_for_subscribers, time.monotonic()
-        while not self._stop.is_set() and wanted:
-            lacking = [name for name, outlet in self._outlets.items() if outlet.images.get_subscription_count() < wanted]
+        images, infos = self._options.wait_for_subscribers, self._options.wait_for_info_subscribers
+        asked = time.monotonic()
+        while not self._stop.is_set() and (images or infos):
+            lacking = [name for name, outlet in self._outlets.items() if not outlet.has_subscribers(images, infos)]
             if not lacking:
                 return not self._stop.wait(_SETTLE_S)
             if time.monotonic() - asked > 5.0:
                 asked = time.monotonic()
-                self.get_logger().info(f"waiting for {wanted} subscriber(s) to the images of {', '.join(lacking)}")
+                self.get_logger().info(f"waiting for subscribers to {', '.join(lacking)}")
             self._stop.wait(0.02)
         return not self._stop.is_set()
 

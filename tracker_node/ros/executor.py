@@ -22,6 +22,8 @@ from .qos import use_fastdds_profile
 PARENT_VARIABLE = "TRACKER_NODE_PARENT_PID"  # set by the pipeline for its children: end when it is gone
 LOOP_S = 0.1  # how long a signal may go unnoticed
 
+_executors: dict[Node, Executor] = {}
+
 
 def make_executor() -> Executor:
     """The events executor: a fifth of the processor time of the default one with many cameras."""
@@ -47,16 +49,22 @@ def ros_process(ros_args: list[str] | None = None) -> Iterator[threading.Event]:
     try:
         yield stop
     finally:
+        _end_executors()
         rclpy.try_shutdown()
         for number, handler in previous.items():
             signal.signal(number, handler)
 
 
 def spin(node: Node, stop: threading.Event, done: Callable[[], bool] = lambda: False) -> None:
-    """Run callbacks until ``stop`` is set, ``done`` says so, or the parent process is gone."""
+    """Run callbacks until ``stop`` is set, ``done`` says so, or the parent process is gone; may be called again.
+
+    A node keeps its executor from one call to the next: messages that arrive between two executors can go unnoticed.
+    """
     parent = int(os.environ.get(PARENT_VARIABLE, "0"))
-    executor = make_executor()
-    executor.add_node(node)
+    if node not in _executors:
+        _executors[node] = make_executor()
+        _executors[node].add_node(node)
+    executor = _executors[node]
     try:
         while rclpy.ok() and not stop.is_set() and not done():
             executor.spin_once(timeout_sec=LOOP_S)
@@ -64,6 +72,9 @@ def spin(node: Node, stop: threading.Event, done: Callable[[], bool] = lambda: F
                 stop.set()
     except ExternalShutdownException:
         pass
-    finally:
-        executor.remove_node(node)
+
+
+def _end_executors() -> None:
+    while _executors:
+        _, executor = _executors.popitem()
         executor.shutdown()

@@ -133,10 +133,11 @@ class Pipeline:
         self._children["tracker"] = Child(
             ["tracker", *options.body, *lossless, "--wait-for", *listeners, *options.ros_args]
         )
-        # The images' own subscribers: the tracker, and the recorder if it takes them.
-        listeners_of_images = 1 + (options.bag is not None and options.images)
+        recorded = options.bag is not None
         pace = ["--as-fast-as-consumed", "--consumer", "tracker"] if options.lossless else []
-        arguments = ["camera_ingest", *options.source, *pace, "--wait-for-subscribers", str(listeners_of_images)]
+        waits = ["--wait-for-subscribers", str(1 + (recorded and options.images))]
+        waits += ["--wait-for-info-subscribers", str(1 + recorded)]
+        arguments = ["camera_ingest", *options.source, *pace, *waits]
         self._children["camera_ingest"] = Child([*arguments, *options.ros_args], lambda line: None)
         return True
 
