@@ -6,6 +6,7 @@ added), its cameras look along -z with y up, and its platform is chosen before i
 
 from __future__ import annotations
 
+import ctypes
 import os
 from dataclasses import dataclass
 
@@ -20,6 +21,7 @@ LIGHTS = (((0.25, 0.35, -1.0), 2.3), ((0.8, -0.5, -0.35), 0.9), ((-0.7, -0.6, -0
 KEY_DIRECTION = np.array(LIGHTS[0][0]) / np.linalg.norm(LIGHTS[0][0])
 _NEAR, _FAR = 0.05, 40.0
 _OPTICAL_FROM_GL = np.diag([1.0, -1.0, -1.0, 1.0])
+_INSTALL = "install a software renderer: sudo apt-get install libegl1 libgl1-mesa-dri libgl1"
 _CROP_STEP = 32  # crops are rounded up to this, so that few framebuffer sizes occur
 
 
@@ -73,16 +75,26 @@ class Pinhole:
         return uvw[:, :2] / uvw[:, 2:]
 
 
+def _platform() -> str:
+    """PyOpenGL's name of the platform to draw on without a display: what the environment says, else what is installed."""
+    if "PYOPENGL_PLATFORM" in os.environ:
+        return os.environ["PYOPENGL_PLATFORM"]
+    for name, libraries in (("egl", ("libEGL.so.1",)), ("osmesa", ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so"))):
+        for library in libraries:
+            try:
+                ctypes.CDLL(library)
+            except OSError:
+                continue
+            return name
+    return "egl"
+
+
 def _import_pyrender():
-    if "PYOPENGL_PLATFORM" not in os.environ:
-        os.environ["PYOPENGL_PLATFORM"] = "egl"
+    os.environ["PYOPENGL_PLATFORM"] = platform = _platform()
     try:
         import pyrender
     except (ImportError, AttributeError, OSError) as error:
-        raise RendererError(
-            f"pyrender cannot start with PYOPENGL_PLATFORM={os.environ['PYOPENGL_PLATFORM']} ({error}); "
-            "install it: sudo apt-get install libegl1 libgl1-mesa-dri"
-        ) from None
+        raise RendererError(f"pyrender cannot start with PYOPENGL_PLATFORM={platform} ({error}); {_INSTALL}") from None
     return pyrender
 
 
@@ -94,10 +106,7 @@ class Rasterizer:
         try:
             self._renderer = pyrender.OffscreenRenderer(64, 64)
         except Exception as error:  # pyrender and PyOpenGL raise many kinds, and all mean the same to a user
-            raise RendererError(
-                f"no OpenGL context ({type(error).__name__}: {error}); "
-                "install a software renderer: sudo apt-get install libegl1 libgl1-mesa-dri"
-            ) from None
+            raise RendererError(f"no OpenGL context ({type(error).__name__}: {error}); {_INSTALL}") from None
         self._scene = pyrender.Scene(bg_color=[0.0, 0.0, 0.0, 0.0], ambient_light=[AMBIENT] * 3)
         for direction, intensity in LIGHTS:
             light = pyrender.DirectionalLight(color=[1.0, 0.98, 0.95], intensity=intensity)
