@@ -85,7 +85,7 @@ def has_plates(folder: Path) -> bool:
     return all((folder / f"plates/{still.stem}.png").exists() for still in (folder / "stills").glob("*.png"))
 
 
-def write_plates(folder: Path) -> None:
+def write_plates(folder: Path, names: tuple[str, ...] = ()) -> None:
     """Write plates/camNN.png in the pixels of the videos, from the videos and the stills.
 
     The stills alone will not do: their exposure differs, and on those of cam01 and cam02 a person stands in mid-scene.
@@ -95,7 +95,9 @@ def write_plates(folder: Path) -> None:
     FileFormatError : for a still that is no image.
     SourceError : for a video that cannot be read.
     """
-    for name, entry in rig_file(named_rig(folder / "calibration.toml"), "videos").cameras.items():
+    cameras = rig_file(named_rig(folder / "calibration.toml"), "videos").cameras
+    for name in names or tuple(cameras):
+        entry = cameras[name]
         image = cv2.imread(str(folder / "stills" / f"{name}.png"))
         if image is None:
             raise FileFormatError(folder / "stills" / f"{name}.png", "(file)", "an image", "something else")

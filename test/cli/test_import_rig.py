@@ -1,0 +1,72 @@
+"""``import_rig``: other programs' calibrations become a rig.yaml that loads."""
+
+import numpy as np
+import pytest
+from camera_rigs import circle_rig
+
+from tracker_node.cli.main import main
+from tracker_node.geometry import so3
+from tracker_node.loaders.camera_info_yaml import dump_camera_info
+from tracker_node.loaders.rig_yaml import load_rig, rig_file_of, write_rig_file
+
+
+def write_toml(path, rig) -> None:
+    lines = []
+    for i, camera in enumerate(rig):
+        T = camera.T_cam_world
+        lines += [
+            f"[cam_{i}]",
+            f'name = "{camera.name}"',
+            f"size = [{camera.model.width}.0, {camera.model.height}.0]",
+            f"matrix = {camera.model.K.tolist()}",
+            f"distortions = {camera.model.distortion.tolist()}",
+            f"rotation = {so3.log(T[:3, :3]).tolist()}",
+            f"translation = {T[:3, 3].tolist()}",
+        ]
+    path.write_text("\n".join(lines) + "\n[metadata]\nerror = 0.0\n")
+
+
+def test_a_pose2sim_rig_there_and_back(tmp_path, capsys):
+    rig = circle_rig(3)
+    write_toml(tmp_path / "calib.toml", rig)
+    output = tmp_path / "out" / "rig.yaml"
+    sources = str(tmp_path / "videos" / "{name}_{number:02}.mp4")
+    assert main(["import_rig", "--pose2sim", str(tmp_path / "calib.toml"), "--sources", sources, "-o", str(output)]) == 0
+    imported = load_rig(output)
+    assert imported.names == rig.names
+    assert imported["cam02"].source == str(tmp_path / "videos" / "cam02_02.mp4")
+    points = np.random.default_rng(0).uniform(-0.5, 0.5, (30, 3)) + [0.0, 0.0, 1.0]
+    for camera in rig:
+        np.testing.assert_allclose(imported[camera.name].project(points)[0], camera.project(points)[0], atol=1e-9)
+    assert "does not exist" in capsys.readouterr().out
+
+
+def test_lenses_of_ros_with_the_places_of_another_rig(tmp_path, capsys):
+    rig = circle_rig(2)
+    for camera in rig:
+        dump_camera_info(camera.name, camera.model, tmp_path / f"{camera.name}.yaml")
+    write_rig_file(rig_file_of(rig), tmp_path / "places.yaml")
+    files = [str(tmp_path / f"{camera.name}.yaml") for camera in rig]
+    output = str(tmp_path / "rig.yaml")
+    assert main(["import_rig", "--camera-info", *files, "--like", str(tmp_path / "places.yaml"), "-o", output]) == 0
+    np.testing.assert_allclose(load_rig(output)["cam02"].T_world_cam, rig["cam02"].T_world_cam, atol=1e-12)
+    assert main(["import_rig", "--camera-info", *files, "-o", output]) == 0
+    np.testing.assert_array_equal(load_rig(output)["cam02"].T_world_cam, np.eye(4))
+    assert "places are not known" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--pose2sim", "none.toml"], "none.toml: field '(file)'"),
+        (["--camera-info", "{tmp}/cam01.yaml", "{tmp}/cam01.yaml"], "a different name for each camera"),
+        (["--camera-info", "{tmp}/cam01.yaml", "--sources", "{{nam}}.mp4"], "expected a pattern with {name} or {number}"),
+    ],
+)
+def test_what_is_wrong_is_one_line(tmp_path, capsys, arguments, said):
+    dump_camera_info("cam01", circle_rig(1).cameras[0].model, tmp_path / "cam01.yaml")
+    arguments = [argument.format(tmp=tmp_path) for argument in arguments]
+    assert main(["import_rig", *arguments, "-o", str(tmp_path / "rig.yaml")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and said in error
+    assert not (tmp_path / "rig.yaml").exists()
