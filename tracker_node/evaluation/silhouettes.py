@@ -12,6 +12,7 @@ from ..camera.camera_rig import Camera, CameraRig
 from ..errors import TrackerError
 from ..loaders.image_source import SourceOptions, open_camera_source
 from ..model.articulated_model import ArticulatedModel
+from ..render.overlay import draw_overlay
 from ..render.raycaster import render_mask
 from .evaluate import SilhouetteScores, image_numbers
 from .metrics import intersection_over_union
@@ -96,8 +97,6 @@ def _review_camera(
             numbers.append(number)
             ious.append(intersection_over_union(render_mask(configuration, camera), reference))
         if number in shown:
-            from ..render.overlay import draw_overlay
-
             picture = draw_overlay(image, configuration, camera)
             width = round(picture.shape[1] * options.height_px / picture.shape[0])
             small = cv2.resize(picture, (width, options.height_px), interpolation=cv2.INTER_AREA)
