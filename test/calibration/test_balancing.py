@@ -1,4 +1,4 @@
-"""The Balancing sample: its rigs from the real files, and what the refinement does for a part of the images that it does not see."""
+"""The Balancing sample: its rigs from the real files, and what the refinement does for a blob that it does not see."""
 
 import shutil
 

@@ -35,7 +35,7 @@ def test_a_pose2sim_rig_there_and_back(tmp_path, capsys):
     imported = load_rig(output)
     assert imported.names == rig.names
     assert imported["cam02"].source == str(tmp_path / "videos" / "cam02_02.mp4")
-    points = np.random.default_rng(0).uniform(-0.5, 0.5, (30, 3)) + [0.0, 0.0, 1.0]
+    points = np.random.default_rng(0).uniform(-0.5, 0.5, (30, 3)) + np.array([0.0, 0.0, 1.0])
     for camera in rig:
         np.testing.assert_allclose(imported[camera.name].project(points)[0], camera.project(points)[0], atol=1e-9)
     assert "does not exist" in capsys.readouterr().out
