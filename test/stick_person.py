@@ -5,12 +5,21 @@ from pathlib import Path
 
 import numpy as np
 
+from tracker_node.evaluation.estimate_messages import tracked_state_message
 from tracker_node.geometry import se3, so3
-from tracker_node.loaders.trajectory_file import StateRow, StateTrajectory, write_states
+from tracker_node.loaders.bag_writer import BagWriter
+from tracker_node.loaders.trajectory_file import (
+    JointTrajectory,
+    StateRow,
+    StateTrajectory,
+    write_joints,
+    write_states,
+)
 from tracker_node.model.articulated_model import ArticulatedModel, Landmark, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 from tracker_node.model.primitives import Ellipsoid, TruncatedCone
+from tracker_node.tracking.estimate import CameraReport, Status, Timings, TrackEstimate
 
 PERIOD_NS = 16_666_667
 ALL_AXES = (("x", (1.0, 0.0, 0.0)), ("y", (0.0, 1.0, 0.0)), ("z", (0.0, 0.0, 1.0)))
@@ -85,3 +94,26 @@ def write_run(folder: Path, tracked: Motion, status: list[str] | None = None) ->
         rows.append(StateRow(int(stamp), said, "", state.to_values(), 1.0, 2.0 + i % 2, 3 + i % 3, 4))
     write_states(folder / "states.csv", StateTrajectory(tracked.model.chain.dof_names, tuple(rows)))
     return folder
+
+
+def write_state_bag(path: Path, tracked: Motion, cameras: tuple[str, ...] = ("cam01", "cam02")) -> Path:
+    """A bag of tracked states as the live recorder leaves it, stamps in another order than recorded."""
+    with BagWriter(path) as writer:
+        for i in np.random.default_rng(1).permutation(len(tracked.states)):
+            stamp = int(tracked.stamps_ns[i])
+            reports = tuple(CameraReport(name, stamp, 2.0 + k + i % 2, 25) for k, name in enumerate(cameras))
+            zeros = np.zeros(tracked.model.chain.n_dof)
+            estimate = TrackEstimate(
+                stamp, Status.TRACKING, "", tracked.states[i], zeros, np.diag(zeros), 1.0, 2.5, reports, 4, 5,
+                Timings(1.0, 2.0, 3.0),
+            )  # fmt: skip
+            writer.write_message("/person/state", stamp, tracked_state_message(estimate, tracked.model, "world"))
+    return path
+
+
+def write_truth(path: Path, tracked: Motion, moved_m: float = 0.0) -> Path:
+    """Truth as CSV, every landmark moved along x."""
+    positions = tracked.landmarks_m + np.array([moved_m, 0.0, 0.0])
+    valid = np.ones(positions.shape[:2], dtype=bool)
+    write_joints(path, JointTrajectory(tracked.model.landmark_names, tracked.stamps_ns, positions, valid))
+    return path

@@ -58,9 +58,9 @@ class RunData:
     def check_model(self, model: ArticulatedModel, model_path: str | Path) -> None:
         """Raises FileFormatError when ``model`` has other degrees of freedom than the run."""
         if self.dof_names != model.chain.dof_names:
-            only_run = sorted(set(self.dof_names) - set(model.chain.dof_names))
-            only_model = sorted(set(model.chain.dof_names) - set(self.dof_names))
-            problem = f"{len(model.chain.dof_names)}; only in the run: {only_run}; only in the model: {only_model}"
+            only_run = sorted(set(self.dof_names) - set(model.chain.dof_names))[:2]
+            only_model = sorted(set(model.chain.dof_names) - set(self.dof_names))[:2]
+            problem = f"{len(model.chain.dof_names)}, e.g. {only_model or 'another order'} and not {only_run}"
             expected = f"the {len(self.dof_names)} degrees of freedom of {self.path}"
             raise FileFormatError(model_path, "joints", expected, problem)
 

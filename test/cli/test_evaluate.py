@@ -1,0 +1,147 @@
+"""The command: a fabricated run of known error, images and masks that the model fits exactly."""
+
+import json
+import re
+import xml.etree.ElementTree as ElementTree
+from base64 import b64decode
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from render_scenes import look_at
+from stick_person import Motion, motion, write_run, write_state_bag, write_truth
+
+from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.cli.main import main
+from tracker_node.loaders.model_yaml import dump_model
+from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
+from tracker_node.model.configuration import Configuration
+from tracker_node.render.raycaster import render_mask
+
+N = 8
+RATE_HZ = 60.0
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory) -> Path:
+    """Run, truth 30 mm beside it, model, rig with images and stills, masks by hand and by difference."""
+    folder, tracked = tmp_path_factory.mktemp("files"), motion(N)
+    write_run(folder / "run", tracked)
+    write_state_bag(folder / "run" / "bag", tracked)
+    write_state_bag(folder / "live", tracked)
+    write_truth(folder / "truth.csv", tracked, moved_m=0.03)
+    dump_model(tracked.model, folder / "model.yaml")
+    rig = _rig()
+    write_rig_file(rig_file_of(rig), folder / "rig.yaml")
+    _write_images(folder, tracked, rig)
+    whole = [0, 0, 479, 0, 479, 359, 0, 359]  # the whole image: the IoU is the share that the body covers
+    masks = {
+        "cam01": {"image_size": [480, 360], "polygons": {"2": [whole], "5": [whole], "99": [whole]}},
+        "cam02": {"image_size": [480, 360], "still": ""},
+    }
+    (folder / "masks.json").write_text(json.dumps({"cameras": masks}))
+    return folder
+
+
+def _rig() -> CameraRig:
+    lens = CameraModel(480, 360, np.array([[300.0, 0.0, 239.5], [0.0, 300.0, 179.5], [0.0, 0.0, 1.0]]))
+    cameras = []
+    for name, eye in (("cam01", (2.5, 0.5, 1.2)), ("cam02", (-0.5, 2.6, 1.0))):
+        place = look_at(eye, (0.05, 0.0, 0.9), lens, name).T_world_cam
+        cameras.append(Camera(name, lens, place, source=name, plate=f"{name}_still.png"))
+    return CameraRig(tuple(cameras))
+
+
+def _write_images(folder: Path, tracked: Motion, rig: CameraRig) -> None:
+    scene = cv2.GaussianBlur(np.random.default_rng(0).uniform(60, 230, (360, 480, 3)), (0, 0), 9).astype(np.uint8)
+    for camera in rig:
+        (folder / camera.name).mkdir()
+        cv2.imwrite(str(folder / f"{camera.name}_still.png"), scene)
+        for i, state in enumerate(tracked.states):
+            image = scene.copy()
+            image[render_mask(Configuration(tracked.model, state), camera) > 0] = (20, 20, 220)
+            cv2.imwrite(str(folder / camera.name / f"{i:03d}.png"), image)
+
+
+def evaluate(files: Path, run: str, output: Path, *more: str) -> int:
+    arguments = ["evaluate", str(files / run), "--truth", str(files / "truth.csv"), "--model", str(files / "model.yaml")]
+    return main([*arguments, "--rig", str(files / "rig.yaml"), "--name", "stick", "--output", str(output), *more])
+
+
+def figures_of(output: Path) -> dict:
+    return json.loads((output / "report.json").read_text())["metrics"]
+
+
+@pytest.mark.parametrize("run", ["run", "live"])
+def test_a_run_and_a_live_recording_give_the_same_figures(files, tmp_path, run, capsys):
+    assert evaluate(files, run, tmp_path, "--lag", "0", "--masks", str(files / "masks.json")) == 0
+    figures = figures_of(tmp_path)
+    assert figures["stick.mpjpe_mm"] == pytest.approx(30.0)
+    assert figures["stick.mpjpe_no_lag_correction_mm"] == pytest.approx(30.0)
+    assert figures["stick.mpjpe_offset_free_world_mm"] == pytest.approx(0.0, abs=1e-6)
+    assert 0.0 < figures["stick.mpjpe_offset_free_mm"] < 5.0  # the segments turn, the offset does not
+    assert (figures["stick.lost_sets"], figures["stick.lost_limbs"], figures["stick.image_sets"]) == (0, 0, N)
+    assert figures["stick.residual_px_cam02"] == pytest.approx(3.5)
+    assert figures["stick.landmark_mm.left_wrist"] == pytest.approx(30.0)
+    tracked, cameras = motion(N), _rig()
+    covered = [np.mean(render_mask(tracked.configurations[i], cameras["cam01"]) > 0) for i in (2, 5)]
+    assert figures["stick.iou_cam01"] == pytest.approx(np.mean(covered))
+    assert figures["stick.iou_cam02"] > 0.8
+    assert "stick.mpjpe_mm" in capsys.readouterr().out
+
+
+def test_the_report_holds_everything_itself(files, tmp_path):
+    targets = ["--target", "mpjpe_mm<=60", "--target", "lost_sets>=1"]
+    assert evaluate(files, "run", tmp_path, "--masks", str(files / "masks.json"), "--pictures", "3", *targets) == 0
+    page = (tmp_path / "report.html").read_text()
+    assert not re.search(r"""(src|href)=["'](?!data:)""", page)
+    plots = re.findall(r'src="data:image/svg\+xml;base64,([^"]+)"', page)
+    assert len(plots) == 8
+    for plot in plots:
+        ElementTree.fromstring(b64decode(plot))
+    pictures = re.findall(r'src="data:image/jpeg;base64,([^"]+)"', page)
+    assert len(pictures) == 3 * 2
+    assert cv2.imdecode(np.frombuffer(b64decode(pictures[0]), np.uint8), cv2.IMREAD_COLOR).shape[0] == 420
+    assert page.count('class="light good"') == 1 and page.count('class="light bad"') == 1
+    assert "stick.mpjpe_offset_free_mm" in page
+
+
+def test_without_a_rig_the_joints_are_judged_all_the_same(files, tmp_path):
+    arguments = ["evaluate", str(files / "run"), "--truth", str(files / "truth.csv"), "--model", str(files / "model.yaml")]
+    assert main([*arguments, "--output", str(tmp_path)]) == 0
+    assert "run.mpjpe_mm" in figures_of(tmp_path)
+    assert "Without a rig" in (tmp_path / "report.html").read_text()
+
+
+def test_a_camera_whose_images_are_gone_is_named_and_the_others_go_on(files, tmp_path):
+    rig = _rig()
+    gone = Camera("cam01", rig["cam01"].model, rig["cam01"].T_world_cam, source=str(tmp_path / "gone.mp4"))
+    there = Camera("cam02", rig["cam02"].model, rig["cam02"].T_world_cam, source=str(files / "cam02"))
+    write_rig_file(rig_file_of(CameraRig((gone, there))), tmp_path / "rig.yaml")
+    assert evaluate(files, "run", tmp_path, "--rig", str(tmp_path / "rig.yaml"), "--pictures", "2") == 0
+    page = (tmp_path / "report.html").read_text()
+    assert "gone.mp4" in page and "cam02, image 0" in page
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (["--lag", "late"], "--lag"),
+        (["--target", "mpjpe_mm=60"], "--target"),
+        (["--truth", "nowhere.trc"], "nowhere.trc"),
+        (["--masks", "nowhere.json"], "nowhere.json"),
+        (["--rig", "nowhere.yaml"], "nowhere.yaml"),
+    ],
+)
+def test_mistakes_are_one_line(files, tmp_path, capsys, more, message):
+    assert evaluate(files, "run", tmp_path, *more) == 2
+    errors = capsys.readouterr().err.strip().splitlines()
+    assert message in errors[-1] and "error" in errors[-1]
+    assert not (tmp_path / "report.json").exists()
+
+
+def test_without_a_model_it_asks_for_one(files, tmp_path, capsys):
+    assert main(["evaluate", str(files / "run"), "--truth", str(files / "truth.csv")]) == 2
+    assert "--model" in capsys.readouterr().err

@@ -1,0 +1,37 @@
+"""Truth from TRC and CSV."""
+
+import numpy as np
+import pytest
+from stick_person import motion, write_truth
+
+from tracker_node.errors import FileFormatError
+from tracker_node.evaluation.truth import load_truth
+from tracker_node.loaders.trc import MarkerTrajectories, dump_trc
+
+
+def test_trc_with_the_names_of_openpose(tmp_path):
+    positions = np.random.default_rng(0).normal(size=(4, 2, 3))
+    valid = np.array([[True, True], [True, False], [True, True], [True, True]])
+    positions[~valid] = 0.0
+    times = 0.5 + np.arange(4) / 60.0
+    dump_trc(MarkerTrajectories(("RShoulder", "Neck"), times, positions, 60.0, valid), tmp_path / "a.trc", y_up=True)
+    truth = load_truth(tmp_path / "a.trc")
+    assert truth.names == ("right_shoulder", "neck")
+    assert truth.stamps_ns.tolist() == [0, 16_666_667, 33_333_333, 50_000_000]
+    assert truth.positions_m == pytest.approx(positions)
+    assert truth.valid.tolist() == valid.tolist()
+
+
+def test_csv(tmp_path):
+    tracked = motion(3)
+    truth = load_truth(write_truth(tmp_path / "truth.csv", tracked))
+    assert truth.names == tracked.model.landmark_names
+    assert truth.positions_m == pytest.approx(tracked.landmarks_m, abs=0)
+
+
+def test_other_files_are_refused(tmp_path):
+    with pytest.raises(FileFormatError, match=r"\.trc or a \.csv"):
+        load_truth(tmp_path / "truth.txt")
+    (tmp_path / "empty.csv").write_text("stamp_ns,landmark,x,y,z\n")
+    with pytest.raises(FileFormatError, match="at least one row"):
+        load_truth(tmp_path / "empty.csv")
