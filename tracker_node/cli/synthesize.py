@@ -15,6 +15,7 @@ EXAMPLE = (
     "tracker_node synthesize --motion swing --output out/synthetic/swing\n"
     "  tracker_node synthesize --motion walk --motions clips/ --cameras 6 --output out/synthetic/walk\n"
     "  tracker_node track_offline --rig out/synthetic/swing/rig.yaml --model out/synthetic/swing/person.yaml"
+    " --initial-state out/synthetic/swing/state.yaml --output out/swing"
 )
 SUBJECTS = ("mannequin", "model")
 WAVES = "waves"
@@ -52,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--motions",
         metavar="FOLDER",
         default=default_motions(),
-        help="folder of captured clips, humanoid3d_<name>.txt (default: %(default)s)",
+        help="captured clips, humanoid3d_<name>.txt (default: bullet_motions in the folder that TRACKER_SHARED_DATA names)",
     )
     parser.add_argument("--model", metavar="FILE", help="the tracker's model (default: the human that is shipped)")
     parser.add_argument("--images", type=int, metavar="N", help="images per camera (default: the whole clip)")
