@@ -21,6 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--config", type=Path, help="tracker parameters, the same file as for the node (default: built in)")
     parser.add_argument("--initial-state", type=Path, help="where the body is in the first images")
     parser.add_argument("--output", type=Path, required=True, help="folder for bag, states.csv, joints.csv, poses.csv, run.json")
+    parser.add_argument("--cameras", nargs="+", metavar="NAME", help="only these cameras of the rig")
     images = parser.add_argument_group("images")
     bags = images.add_mutually_exclusive_group()
     bags.add_argument("--bag", type=Path, help="take the images from this bag instead of the sources of the rig")
@@ -48,10 +49,10 @@ def run(args: argparse.Namespace) -> int:
     from ..loaders.state_yaml import load_state
     from ..tracking.config import TrackerConfig
 
-    model = load_model(args.model)
+    rig, model = load_rig(args.rig), load_model(args.model)
     summary = run_offline(
         OfflineRun(
-            rig=load_rig(args.rig),
+            rig=rig.subset(args.cameras) if args.cameras else rig,
             model=model,
             config=load_config(args.config) if args.config else TrackerConfig(),
             initial_state=load_state(args.initial_state, model) if args.initial_state else None,

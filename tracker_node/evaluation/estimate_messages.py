@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from ..camera.camera_model import CameraModel
 from ..camera.camera_rig import Camera
+from ..errors import CalibrationError, TrackerError
 from ..geometry import quaternion
 from ..loaders.bag_images import NS_PER_S, stamp_ns_of
 from ..loaders.message_types import TRACKED_STATE, typestore
@@ -134,6 +136,26 @@ def camera_info_message(stamp_ns: int, camera: Camera) -> Any:
         binning_y=0,
         roi=types["sensor_msgs/msg/RegionOfInterest"](x_offset=0, y_offset=0, height=0, width=0, do_rectify=False),
     )
+
+
+def lens_of(camera: str, message: Any) -> CameraModel:
+    """Lens in a sensor_msgs/CameraInfo read from a bag; coefficients that are all zero are no distortion.
+
+    Raises
+    ------
+    CalibrationError : uncalibrated, or a lens that is not known.
+    """
+    K = np.array(message.k, dtype=np.float64).reshape(3, 3)
+    if K[0, 0] == 0.0:
+        raise CalibrationError(camera, "uncalibrated: camera_info has K[0] = 0")
+    name = {"fisheye": "equidistant", "": "none"}.get(message.distortion_model, message.distortion_model)
+    coefficients = np.array(message.d, dtype=np.float64)
+    if not coefficients.any() and name in ("none", "plumb_bob", "rational_polynomial"):
+        name, coefficients = "none", np.zeros(0)
+    try:
+        return CameraModel(int(message.width), int(message.height), K, name, coefficients)
+    except (ValueError, TrackerError) as error:
+        raise CalibrationError(camera, f"camera_info: {error}") from None
 
 
 def image_message(stamp_ns: int, frame_id: str, pixels: np.ndarray, encoding: str) -> Any:

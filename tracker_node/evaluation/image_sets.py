@@ -23,6 +23,9 @@ from ..loaders.message_types import TRACKED_STATE
 from ..observation.image_set import CameraImage, ImageSet
 from ..observation.image_synchronizer import ImageSynchronizer
 from ..tracking.config import SynchronizerConfig
+from .estimate_messages import lens_of
+
+CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
 
 def make_synchronizer(cameras: tuple[str, ...], config: SynchronizerConfig) -> ImageSynchronizer:
@@ -290,7 +293,7 @@ class RecordedRunStream(ImageSetStream):
     def _announced_bases(self, sources: dict[str, ImageSource]) -> Iterator[int]:
         """Candidates from the first camera_info of each camera, which an image of the run had."""
         for camera, source in sources.items():
-            for topic in self._reader.topics_of_type("sensor_msgs/msg/CameraInfo"):
+            for topic in self._reader.topics_of_type(CAMERA_INFO):
                 first = next(self._reader.decoded(topic), None)
                 if f"/{topic}".endswith(f"/{camera}/camera_info") and first is not None:
                     start_ns = source.stamp_ns(source.options.start)
@@ -352,6 +355,25 @@ def _read_to_the_end(camera: str, source: ImageSource, errors: list[str]) -> Ite
 def _stamps(source: ImageSource) -> set[int]:
     first = source.options.start
     return {source.stamp_ns(i) for i in range(first, first + source.n_images)}
+
+
+def rig_of_bag(rig: CameraRig, reader: BagReader) -> CameraRig:
+    """The rig for the images of a bag: lenses from its camera_info where that tells of another image size than the rig.
+
+    So a run with resampled images can be made again with the rig file that it was made with.
+
+    Raises
+    ------
+    CalibrationError : a camera_info that cannot be used.
+    """
+    cameras = []
+    for camera in rig:
+        for topic in reader.topics_of_type(CAMERA_INFO):
+            first = next(reader.decoded(topic), None) if f"/{topic}".endswith(f"/{camera.name}/camera_info") else None
+            if first is not None and (first[1].width, first[1].height) != (camera.model.width, camera.model.height):
+                camera = replace(camera, model=lens_of(camera.name, first[1]))
+        cameras.append(camera)
+    return CameraRig(tuple(cameras), rig.world_frame)
 
 
 def _topics_with_images(reader: BagReader, rig: CameraRig) -> dict[str, str]:

@@ -17,13 +17,13 @@ from ..errors import TrackerError
 from ..loaders.bag_images import image_topics
 from ..loaders.bag_reader import BagReader
 from ..loaders.image_source import SourceOptions
-from ..loaders.plate_file import load_plates
+from ..loaders.plate_file import load_plates, resized_plates
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from ..tracking.config import TrackerConfig, flatten
 from ..tracking.estimate import Status, TrackEstimate
 from ..tracking.tracker import Tracker
-from .image_sets import BagStream, ImageSetStream, RecordedRunStream, SourceStream
+from .image_sets import BagStream, ImageSetStream, RecordedRunStream, SourceStream, rig_of_bag
 from .metrics_file import command_line, cpu, versions
 from .run_writer import RunWriter
 
@@ -70,10 +70,11 @@ def run_offline(run: OfflineRun, output: str | Path, progress: Progress | None =
     """
     with ExitStack() as stack:
         reader = stack.enter_context(BagReader(run.bag)) if run.bag else None
-        stream = _stream_of(run, reader)
-        plates = load_plates(run.rig)
-        tracker = Tracker(run.rig, run.model, run.config, plates, run.initial_state)
-        writer = stack.enter_context(RunWriter(output, run.rig, run.model, masks=run.masks))
+        rig = run.rig if reader is None else rig_of_bag(run.rig, reader)
+        stream = _stream_of(run, rig, reader)
+        plates = resized_plates(load_plates(run.rig), rig)
+        tracker = Tracker(rig, run.model, run.config, plates, run.initial_state)
+        writer = stack.enter_context(RunWriter(output, rig, run.model, masks=run.masks))
         record = _Record()
         try:
             _track(run, tracker, stream, writer, record, progress)
@@ -85,13 +86,13 @@ def run_offline(run: OfflineRun, output: str | Path, progress: Progress | None =
     return summary
 
 
-def _stream_of(run: OfflineRun, reader: BagReader | None) -> ImageSetStream:
+def _stream_of(run: OfflineRun, rig: CameraRig, reader: BagReader | None) -> ImageSetStream:
     if reader is None:
-        return SourceStream(run.rig, run.config.synchronizer, run.source_options)
+        return SourceStream(rig, run.config.synchronizer, run.source_options)
     if run.from_run:
-        recorded = bool(image_topics(reader, run.rig.names))
-        return RecordedRunStream(run.rig, reader, None if recorded else run.source_options)
-    return BagStream(run.rig, run.config.synchronizer, reader)
+        recorded = bool(image_topics(reader, rig.names))
+        return RecordedRunStream(rig, reader, None if recorded else run.source_options)
+    return BagStream(rig, run.config.synchronizer, reader)
 
 
 @dataclass

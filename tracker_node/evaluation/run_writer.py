@@ -93,12 +93,15 @@ class RunWriter:
 
     def _write_messages(self, estimate: TrackEstimate, image_set: ImageSet, configuration: Configuration) -> None:
         stamp_ns, frame_id, prefix = estimate.stamp_ns, self._rig.world_frame, self._prefix
-        for image in image_set.images:
-            camera = self._rig[image.camera]
-            info = messages.camera_info_message(image.stamp_ns, camera)
-            self.bag.write_message(f"/{camera.name}/camera_info", stamp_ns, info)
+        for camera in self._rig:
+            image = image_set.get(camera.name)
+            if image is not None:
+                info = messages.camera_info_message(image.stamp_ns, camera)
+                self.bag.write_message(f"/{camera.name}/camera_info", stamp_ns, info)
             if self._masks:
-                mask = messages.image_message(image.stamp_ns, camera.frame_id, render_mask(configuration, camera), "mono8")
+                pixels = render_mask(configuration, camera)
+                mask_stamp_ns = stamp_ns if image is None else image.stamp_ns
+                mask = messages.image_message(mask_stamp_ns, camera.frame_id, pixels, "mono8")
                 self.bag.write_message(f"{prefix}/{camera.name}/mask", stamp_ns, mask)
         self.bag.write_message(f"{prefix}/state", stamp_ns, messages.tracked_state_message(estimate, self._model, frame_id))
         self.bag.write_message(f"{prefix}/pose", stamp_ns, messages.pose_message(estimate, frame_id))

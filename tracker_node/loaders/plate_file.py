@@ -30,3 +30,13 @@ def load_plates(rig: CameraRig) -> dict[str, np.ndarray]:
             raise CalibrationError(camera.name, f"{problem} in {camera.plate}")
         plates[camera.name] = plate
     return plates
+
+
+def resized_plates(plates: dict[str, np.ndarray], rig: CameraRig) -> dict[str, np.ndarray]:
+    """The plates in the size of the images of ``rig``, for cameras whose images are published resampled."""
+    result = {}
+    for name, plate in plates.items():
+        size = (rig[name].model.width, rig[name].model.height)
+        same = plate.shape[1::-1] == size
+        result[name] = plate if same else cv2.resize(plate, size, interpolation=cv2.INTER_AREA)
+    return result

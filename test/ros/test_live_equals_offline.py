@@ -1,0 +1,110 @@
+"""The real graph (processes, DDS, bag) and the offline run give the same states, bit for bit."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ros_processes import Process
+from small_clip import Clip, make_clip
+
+pytest.importorskip("rclpy", reason="ROS is not installed")
+
+from tracker_node.cli.main import main
+from tracker_node.loaders.bag_images import stamp_ns_of
+from tracker_node.loaders.bag_reader import BagReader
+from tracker_node.loaders.trajectory_file import read_states
+
+N_IMAGES = 12
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Clip:
+    return make_clip(tmp_path_factory.mktemp("clip"), N_IMAGES)
+
+
+@pytest.fixture(scope="module")
+def live(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The bag of a lossless run with everything in it."""
+    bag = tmp_path_factory.mktemp("live") / "bag"
+    run_pipeline(Process, clip, bag, "--images", "--masks")
+    return bag
+
+
+def run_pipeline(start, clip: Clip, bag: Path, *options: str) -> None:
+    pipeline = start("pipeline", *clip.arguments(), "--bag", str(bag), *options)
+    assert pipeline.process.wait(120) == 0, pipeline.text
+
+
+def track_again(clip: Clip, output: Path, *options: str) -> None:
+    assert main(["track_offline", *clip.arguments(), "--output", str(output), "--quiet", *options]) == 0
+
+
+def decoded(bag: Path, topic: str) -> list:
+    with BagReader(bag) as reader:
+        return [message for _, message in reader.decoded(topic)]
+
+
+FIELDS = ("values", "velocities", "covariance", "score", "residual_px", "camera_residuals_px", "camera_samples")
+
+
+def assert_same_states(live: Path, offline: Path) -> None:
+    """Everything but wall-clock times and, where the two runs had other clocks, stamps."""
+    before, after = decoded(live, "/tracker/state"), decoded(offline, "/tracker/state")
+    assert len(before) == len(after)
+    for old, new in zip(before, after, strict=True):
+        for name in FIELDS:
+            assert np.array(getattr(old, name)).tobytes() == np.array(getattr(new, name)).tobytes(), name
+        assert (old.status, old.status_reason, old.model) == (new.status, new.status_reason, new.model)
+        assert (old.iterations, old.evaluations) == (new.iterations, new.evaluations)
+        assert (old.dof_names, old.cameras) == (new.dof_names, new.cameras)
+        assert repr(old.root_pose) == repr(new.root_pose)
+
+
+def test_a_recorded_run_is_reproduced_bit_for_bit(clip: Clip, live: Path, tmp_path: Path) -> None:
+    track_again(clip, tmp_path / "again", "--from-run-bag", str(live), "--masks")
+    offline = tmp_path / "again/bag"
+    assert len(decoded(live, "/tracker/state")) == N_IMAGES
+    assert_same_states(live, offline)
+    with BagReader(live) as before, BagReader(offline) as after:
+        for name in after.topics:
+            old, new = before.topic(name), after.topic(name)
+            assert (old.type_name, old.type_hash, old.definition) == (new.type_name, new.type_hash, new.definition)
+            assert old.message_count == new.message_count
+            assert (old.qos.reliability, old.qos.durability) == (new.qos.reliability, new.qos.durability)
+        extra = set(before.topics) - set(after.topics) - {"/robot_description"}
+        assert {name.rpartition("/")[2] for name in extra} == {"image_raw"}
+    for topic in ("/tracker/pose", "/tracker/joint_states", "/tracker/cam02/mask", "/cam01/camera_info"):
+        for old, new in zip(decoded(live, topic), decoded(offline, topic), strict=True):
+            assert repr(old.header) == repr(new.header)
+            assert_same_arrays(old, new)
+
+
+def assert_same_arrays(old, new) -> None:
+    for name in ("position", "velocity", "data", "d", "k", "r", "p"):
+        assert np.array_equal(getattr(old, name, 0), getattr(new, name, 0)), name
+
+
+def test_files_and_bags_without_the_graph_give_the_states_of_the_graph(clip: Clip, live: Path, tmp_path: Path) -> None:
+    """Not from the recorded sets: from the rig's sources or all recorded images, through the same synchronizer and tracker."""
+    track_again(clip, tmp_path / "files")
+    assert_same_states(live, tmp_path / "files/bag")
+    track_again(clip, tmp_path / "images", "--bag", str(live))
+    assert_same_states(live, tmp_path / "images/bag")
+
+
+def test_a_run_in_real_time_is_reproduced_from_the_files(clip: Clip, tmp_path: Path, start) -> None:
+    """Stamps of the clock, perhaps sets left out, no images in the bag: the stamps in the states say which images to read."""
+    live = tmp_path / "live"
+    run_pipeline(start, clip, live, "--real-time")
+    track_again(clip, tmp_path / "again", "--from-run-bag", str(live))
+    assert_same_states(live, tmp_path / "again/bag")
+    stamps = [stamp_ns_of(message.header.stamp) for message in decoded(live, "/tracker/state")]
+    assert stamps[0] > 10**18
+    assert read_states(tmp_path / "again/states.csv").stamps_ns.tolist() == stamps
+
+
+def test_resampled_images_are_tracked_with_the_recorded_calibration(clip: Clip, tmp_path: Path, start) -> None:
+    live = tmp_path / "live"
+    run_pipeline(start, clip, live, "--images", "--resize", "120x90", "--cameras", "cam01", "cam03")
+    track_again(clip, tmp_path / "again", "--from-run-bag", str(live), "--cameras", "cam01", "cam03")
+    assert_same_states(live, tmp_path / "again/bag")
