@@ -59,5 +59,5 @@ def test_another_body_is_refused(tmp_path):
     from small_clip import body
 
     run = load_run(write_run(tmp_path / "run", motion(2)))
-    with pytest.raises(FileFormatError, match="elbow_flexion.*and not"):
+    with pytest.raises(FileFormatError, match=r"elbow_flexion.*and not"):
         run.check_model(body(), "arm.yaml")
