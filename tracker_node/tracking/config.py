@@ -153,14 +153,22 @@ def _nested(values: dict[str, Any], source: str) -> dict[str, Any]:
     for key, value in values.items():
         *path, last = str(key).split(".")
         here = result
-        for part in path:
-            here = here.setdefault(part, {})
+        for i, part in enumerate(path):
+            here = _group(here, part, source, ".".join(path[: i + 1]))
         if isinstance(value, dict):
-            value = _nested(value, source)
-            here.setdefault(last, {}).update(value)
+            _group(here, last, source, str(key)).update(_nested(value, source))
+        elif isinstance(here.get(last), dict):
+            raise FileFormatError(source, str(key), "a mapping", value)
         else:
             here[last] = value
     return result
+
+
+def _group(values: dict[str, Any], name: str, source: str, field: str) -> dict[str, Any]:
+    group = values.setdefault(name, {})
+    if not isinstance(group, dict):
+        raise FileFormatError(source, field, "a mapping", group)
+    return group
 
 
 def _build(cls: type, values: dict[str, Any], source: str, prefix: str):
