@@ -15,12 +15,18 @@ import math
 import numba as nb
 import numpy as np
 
-BINS = 32  # per channel: 8 grey levels wide
-_SHIFT = 3
+BINS = 16  # per channel
+_SHIFT = 4  # a bin is 16 grey levels wide
+_BIN_VOLUME = float(1 << _SHIFT) ** 3
 _LOG_UNIFORM = -3.0 * math.log(256.0)  # density of a color about which nothing is known
 _LOG_GAUSS = -1.5 * math.log(2.0 * math.pi)
 # One pixel in five in shadow, of a brightness anywhere in some 75 grey levels, and a Gaussian across
 _LOG_SHADOW = math.log(0.2 / 75.0) - math.log(2.0 * math.pi)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _bin(b, g, r):
+    return (np.int64(b >> _SHIFT) * BINS + np.int64(g >> _SHIFT)) * BINS + np.int64(r >> _SHIFT)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -30,7 +36,7 @@ def _log_odds(bgr, mean, variance, known, log_body, log_scene, options, out):
     for i in range(bgr.shape[0]):
         for j in range(bgr.shape[1]):
             b, g, r = bgr[i, j, 0], bgr[i, j, 1], bgr[i, j, 2]
-            index = (np.int64(b >> 3) * 32 + np.int64(g >> 3)) * 32 + np.int64(r >> 3)
+            index = _bin(b, g, r)
             if known[i, j]:
                 x, y, z = np.float32(b), np.float32(g), np.float32(r)
                 mx, my, mz = mean[i, j, 0], mean[i, j, 1], mean[i, j, 2]
@@ -77,56 +83,79 @@ def _update_scene(bgr, body, mean, variance, known, rate, floor):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _count_colors(bgr, inside, around, body_counts, scene_counts):
+def _count_colors(bgr, labels, around, body_counts, scene_counts):
     for i in range(bgr.shape[0]):
         for j in range(bgr.shape[1]):
-            index = (np.int64(bgr[i, j, 0] >> 3) * 32 + np.int64(bgr[i, j, 1] >> 3)) * 32 + np.int64(bgr[i, j, 2] >> 3)
-            if inside[i, j]:
-                body_counts[index] += np.float32(1.0)
+            index = _bin(bgr[i, j, 0], bgr[i, j, 1], bgr[i, j, 2])
+            if labels[i, j]:
+                body_counts[labels[i, j] - 1, index] += np.float32(1.0)
             elif around[i, j]:
                 scene_counts[index] += np.float32(1.0)
 
 
-class ColorModel:
-    """Color histograms of body and surroundings, as log densities per grey level cubed."""
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _spread(density, out):
+    """Add a histogram to ``out``, shared with neighbouring bins: colors drift with light, and counts are sparse."""
+    for b in range(BINS):
+        for g in range(BINS):
+            for r in range(BINS):
+                center = density[(b * BINS + g) * BINS + r]
+                if center == 0.0:
+                    continue
+                for db in range(-1, 2):
+                    for dg in range(-1, 2):
+                        for dr in range(-1, 2):
+                            x, y, z = b + db, g + dg, r + dr
+                            if 0 <= x < BINS and 0 <= y < BINS and 0 <= z < BINS:
+                                share = np.float32(0.125 * 0.5 ** (abs(db) + abs(dg) + abs(dr)))
+                                out[(x * BINS + y) * BINS + z] += share * center
 
-    def __init__(self, smoothing: float = 1.0):
-        self._body = np.zeros(BINS**3, dtype=np.float32)
+
+class ColorModel:
+    """Color histograms of every body part and of the surroundings, as log densities per grey level cubed.
+
+    The density of the body is the largest of its parts': a small part in a color of its own counts as much as the trunk.
+    """
+
+    def __init__(self):
+        self._parts = np.zeros((0, BINS**3), dtype=np.float32)
         self._scene = np.zeros(BINS**3, dtype=np.float32)
-        self._smoothing = smoothing
         self.log_body = np.full(BINS**3, _LOG_UNIFORM, dtype=np.float32)
         self.log_scene = np.full(BINS**3, _LOG_UNIFORM, dtype=np.float32)
 
-    @property
-    def learnt(self) -> bool:
-        return bool(self._body.sum() > 0)
-
-    def learn(self, bgr: np.ndarray, inside: np.ndarray, around: np.ndarray, rate: float) -> None:
-        """Mix in the colors of one crop: body under ``inside``, surroundings under ``around`` (uint8 masks)."""
-        body, scene = np.zeros_like(self._body), np.zeros_like(self._scene)
-        _count_colors(bgr, inside, around, body, scene)
-        self._body = _mixed(self._body, body, rate)
+    def learn(self, bgr: np.ndarray, labels: np.ndarray, around: np.ndarray, rate: float) -> None:
+        """Mix in the colors of one crop: part i where ``labels`` is i + 1 (uint8), surroundings where ``around`` (bool)."""
+        n_parts = max(int(labels.max(initial=0)), len(self._parts))
+        if n_parts > len(self._parts):
+            self._parts = np.concatenate([self._parts, np.zeros((n_parts - len(self._parts), BINS**3), dtype=np.float32)])
+        parts, scene = np.zeros_like(self._parts), np.zeros_like(self._scene)
+        _count_colors(bgr, labels, around, parts, scene)
+        for part in range(n_parts):
+            self._parts[part] = _mixed(self._parts[part], parts[part], rate)
         self._scene = _mixed(self._scene, scene, rate)
-        self.log_body = self._log_density(self._body)
-        self.log_scene = self._log_density(self._scene)
+        densest, spread = np.zeros(BINS**3, dtype=np.float32), np.empty(BINS**3, dtype=np.float32)
+        for part in range(n_parts):
+            spread[:] = 0.0
+            _spread(self._parts[part], spread)
+            np.maximum(densest, spread, out=densest)
+        self.log_body = _log_density(densest)
+        spread[:] = 0.0
+        _spread(self._scene, spread)
+        self.log_scene = _log_density(spread)
 
-    def _log_density(self, counts: np.ndarray) -> np.ndarray:
-        # Neighbouring bins share: colors drift with light, and 32^3 bins are sparse for a few thousand pixels.
-        cube = counts.reshape(BINS, BINS, BINS)
-        for axis in range(3):
-            padded = np.concatenate([cube.take([0], axis), cube, cube.take([-1], axis)], axis)
-            cube = 0.25 * padded.take(range(BINS), axis) + 0.5 * cube + 0.25 * padded.take(range(2, BINS + 2), axis)
-        density = cube.ravel() / max(float(cube.sum()), 1e-6) / 8.0**3
-        mix = 0.02  # a little of every color: no color is impossible
-        return np.log((1.0 - mix) * density + mix * math.exp(_LOG_UNIFORM)).astype(np.float32)
+
+def _log_density(density: np.ndarray) -> np.ndarray:
+    mix = 0.02  # a little of every color: no color is impossible
+    return np.log((1.0 - mix) * density / _BIN_VOLUME + mix * math.exp(_LOG_UNIFORM)).astype(np.float32)
 
 
 def _mixed(old: np.ndarray, new: np.ndarray, rate: float) -> np.ndarray:
+    """Normalized histogram after mixing in the counts ``new``; few counts are not believed."""
     total = float(new.sum())
-    if total < 1.0:
+    if total < 20.0:
         return old
     new = new / np.float32(total)
-    if float(old.sum()) == 0.0:
+    if not old.any():
         return new
     return ((1.0 - rate) * old + rate * new).astype(np.float32)
 

@@ -23,14 +23,16 @@ def region_around(pixels: np.ndarray, valid: np.ndarray, margin: int, width: int
 def grown(mask: np.ndarray, reach: int) -> np.ndarray:
     """Mask (uint8, 0 or 1) of the pixels within about ``reach`` of ``mask``; computed at a quarter of the size."""
     height, width = mask.shape
-    small = cv2.resize(mask, (max(1, width // 4), max(1, height // 4)), interpolation=cv2.INTER_AREA)
+    small = cv2.resize((mask > 0).view(np.uint8) * np.uint8(255), (max(1, width // 4), max(1, height // 4)), interpolation=cv2.INTER_AREA)
     step = max(1, round(reach / 4))
     size = 2 * step + 1
     small = cv2.dilate((small > 0).astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)))
     return cv2.resize(small, (width, height), interpolation=cv2.INTER_NEAREST)
 
 
-def shrunk(mask: np.ndarray, depth: int) -> np.ndarray:
-    """Mask (uint8) of the pixels deeper than ``depth`` within ``mask``."""
+def shrunk(labels: np.ndarray, depth: int) -> np.ndarray:
+    """Part labels (uint8) without the pixels within ``depth`` of the outside of the body."""
     size = 2 * depth + 1
-    return cv2.erode(mask, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)), borderValue=0)
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    inside = cv2.erode((labels > 0).astype(np.uint8), kernel, borderValue=0)
+    return labels * inside

@@ -80,15 +80,15 @@ class Observer:
             )
 
     def learn(self, bgr: np.ndarray, region: Region, body: np.ndarray, first: bool = False) -> None:
-        """Learn colors and scene from an image whose ``body`` mask (uint8, on ``region``) is taken as known."""
+        """Learn colors and scene from an image whose ``body`` labels (uint8, 0 outside, on ``region``) are taken as
+        known."""
         options = self._options
         if not self.uses_color:
             return
         u0, v0, u1, v1 = region
         crop = bgr[v0:v1, u0:u1]
         near = grown(body, options.body_margin_px)
-        around = near == 0
-        self._colors.learn(crop, shrunk(body, 2), around.view(np.uint8), 1.0 if first else options.color_rate)
+        self._colors.learn(crop, shrunk(body, 2), near == 0, 1.0 if first else options.color_rate)
         if self.learns_scene and self._scene is not None and (first or options.scene_rate > 0):
             if first:
                 whole = np.zeros(bgr.shape[:2], dtype=np.uint8)
@@ -98,7 +98,7 @@ class Observer:
                 self._scene.update(bgr, near, options.scene_rate, region)
 
     def observe(self, bgr: np.ndarray, region: Region, predicted: np.ndarray) -> Observation:
-        """Evidence on ``region`` given the ``predicted`` body mask there (uint8)."""
+        """Evidence on ``region`` given the ``predicted`` part labels there (uint8, 0 outside the body)."""
         options = self._options
         u0, v0, u1, v1 = region
         odds = body_log_odds(bgr, region, self._scene, self._colors, options.shadow)

@@ -55,18 +55,24 @@ class HullMask:
 
     def project(
         self, configuration: Configuration, camera: CameraModel, T_cam_world: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Pixels (n, 2) and validity (n,) of all hull points."""
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Pixels (n, 2), validity (n,) and depth (n,) in metres of all hull points."""
         T = configuration.Ts_world_link[self._links]
         world = np.einsum("nij,nj->ni", T[:, :3, :3], self._points) + T[:, :3, 3]
-        return camera.project(se3.apply(T_cam_world, world))
+        points = se3.apply(T_cam_world, world)
+        return *camera.project(points), points[:, 2]
 
-    def fill(self, pixels: np.ndarray, valid: np.ndarray, region: tuple[int, int, int, int]) -> np.ndarray:
-        """Mask (uint8, 0 or 255) of the body on the crop ``region`` (u0, v0, u1, v1) from the result of `project`."""
+    def fill(self, pixels: np.ndarray, valid: np.ndarray, depths: np.ndarray, region: tuple[int, int, int, int]) -> np.ndarray:
+        """Labels (uint8: 0 outside, i + 1 for shape i) on the crop ``region`` (u0, v0, u1, v1) from the result of `project`.
+
+        Nearer parts are painted over farther ones, by the mean depth of their points.
+        """
         u0, v0, u1, v1 = region
-        mask = np.zeros((v1 - v0, u1 - u0), dtype=np.uint8)
+        labels = np.zeros((v1 - v0, u1 - u0), dtype=np.uint8)
         scaled = np.round((pixels - [u0, v0]) * (1 << _FRACTION_BITS)).clip(-(2**28), 2**28).astype(np.int32)
-        for part in self._slices:
+        far_to_near = np.argsort([-depths[part].mean() for part in self._slices], kind="stable")
+        for index in far_to_near:
+            part = self._slices[index]
             if valid[part].all():
-                cv2.fillConvexPoly(mask, cv2.convexHull(scaled[part]), 255, shift=_FRACTION_BITS)
-        return mask
+                cv2.fillConvexPoly(labels, cv2.convexHull(scaled[part]), int(index) + 1, shift=_FRACTION_BITS)
+        return labels

@@ -40,8 +40,7 @@ class EvidenceConfig:
         choices=("split", "sum"),
     )  # fmt: skip
     scene_sigma: float = parameter(4.0, "least standard deviation of a scene pixel", "grey levels", 0.5, 100)
-    shadow: float = parameter(
-        0.75, "darkest shadow, as a fraction of the scene's brightness; 1 switches shadows off", "1", 0.1, 1.0
+    shadow: float = parameter(0.6, "darkest shadow, as a fraction of the scene's brightness; 1 switches shadows off", "1", 0.1, 1.0
     )
     threshold: float = parameter(0.0, "log-odds above which a pixel is body", "1", -20, 20)
     smoothing_px: int = parameter(3, "width of the box that the log-odds are averaged over (odd)", "px", 1, 31)

@@ -30,10 +30,10 @@ from .motion_model import MotionModel
 
 @dataclass(frozen=True, eq=False)
 class _Sight:
-    """Where the body is expected in one camera: its region and predicted mask there."""
+    """Where the body is expected in one camera: its region and predicted part labels there (0 outside the body)."""
 
     region: Region
-    mask: np.ndarray
+    labels: np.ndarray
 
 
 class Tracker:
@@ -151,9 +151,9 @@ class Tracker:
         configuration = Configuration(self.model, state)
 
         def look(camera: Camera) -> _Sight | None:
-            pixels, valid = self._hull.project(configuration, camera.model, camera.T_cam_world)
+            pixels, valid, depths = self._hull.project(configuration, camera.model, camera.T_cam_world)
             region = region_around(pixels, valid, self.config.evidence.margin_px, camera.model.width, camera.model.height)
-            return None if region is None else _Sight(region, self._hull.fill(pixels, valid, region))
+            return None if region is None else _Sight(region, self._hull.fill(pixels, valid, depths, region))
 
         return [look(camera) for camera in self.rig]
 
@@ -165,12 +165,12 @@ class Tracker:
 
     def _learn(self, images, sights, first: bool) -> None:
         self._parallel(
-            lambda i: self._observers[i].learn(images[i], sights[i].region, sights[i].mask, first), self._seen(images, sights)
+            lambda i: self._observers[i].learn(images[i], sights[i].region, sights[i].labels, first), self._seen(images, sights)
         )
 
     def _observe(self, images, sights) -> list[Observation | None]:
         seen = self._seen(images, sights)
-        found = self._parallel(lambda i: self._observers[i].observe(images[i], sights[i].region, sights[i].mask), seen)
+        found = self._parallel(lambda i: self._observers[i].observe(images[i], sights[i].region, sights[i].labels), seen)
         result: list[Observation | None] = [None] * len(self.rig)
         for i, observation in zip(seen, found, strict=True):
             result[i] = observation
