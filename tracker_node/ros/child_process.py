@@ -7,13 +7,13 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from .executor import PARENT_VARIABLE
 
 
 class Child:
-    """A running ``tracker_node <verb>``.
+    """A running ``tracker_node <verb>``, or another program.
 
     It is in a session of its own, so that Ctrl-C reaches only us and the children are ended in the right order; should this
     process vanish, it ends by itself.
@@ -22,12 +22,17 @@ class Child:
     ----------
     arguments : the verb and its options.
     on_line : called (in a thread) with each line that the child prints; None leaves its output alone.
+    program : what Python runs instead of the console command.
     """
 
-    def __init__(self, arguments: list[str], on_line: Callable[[str], None] | None = None):
-        self.verb = arguments[0]
+    def __init__(
+        self,
+        arguments: list[str],
+        on_line: Callable[[str], None] | None = None,
+        program: Sequence[str] = ("-m", "tracker_node.cli.main"),
+    ):
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "tracker_node.cli.main", *arguments],
+            [sys.executable, *program, *arguments],
             env={**os.environ, PARENT_VARIABLE: str(os.getpid())},
             stdin=subprocess.DEVNULL,
             stdout=None if on_line is None else subprocess.PIPE,
@@ -43,6 +48,11 @@ class Child:
         assert self._process.stdout is not None
         for line in self._process.stdout:
             on_line(line.rstrip("\n"))
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._process.pid
 
     @property
     def returncode(self) -> int | None:

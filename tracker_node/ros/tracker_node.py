@@ -100,6 +100,15 @@ class TrackerNode(Node):
         """Why the tracking thread has ended by itself."""
         return self._worker.fatal
 
+    def counters(self) -> dict[str, dict[str, int]]:
+        """Per camera, what became of its images."""
+        return self._worker.synchronizer.counters
+
+    @property
+    def superseded(self) -> int:
+        """Image sets that were not tracked since a newer one was there."""
+        return self._worker.counts.superseded
+
     def close(self) -> None:
         """End the thread; what has been said is delivered first."""
         self._worker.stop()
@@ -246,7 +255,9 @@ class TrackerNode(Node):
         # While we are at work, a source that waits for our answers is rightly silent.
         if silent_s < _SILENT_S or (self._worker.busy and not others_send):
             return OK, "waiting for the first image" if last_s is None else "receiving"
-        return ERROR, "has sent no image yet" if last_s is None else "has stopped sending images"
+        if last_s is None:
+            return (ERROR if others_send else WARN), "has sent no image yet"
+        return ERROR, "has stopped sending images"
 
 
 def _said(estimate: TrackEstimate) -> str:

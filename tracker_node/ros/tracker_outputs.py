@@ -17,7 +17,7 @@ from visualization_msgs.msg import MarkerArray
 
 from ..camera.camera_rig import CameraRig
 from ..model.articulated_model import ArticulatedModel
-from ..model.configuration import Configuration
+from ..model.configuration import Configuration, State
 from ..observation.image_set import ImageSet
 from ..render.raycaster import render_mask
 from ..tracking.estimate import Status, TrackEstimate
@@ -54,6 +54,7 @@ class TrackerOutputs:
         self._markers = self._publisher(MarkerArray, "~/markers")
         self._masks = {camera.name: self._publisher(Image, f"~/{camera.name}/mask") for camera in rig}
         self._overlays = {camera.name: self._publisher(CompressedImage, f"~/{camera.name}/overlay") for camera in rig}
+        Configuration(model, State.neutral(model))  # compiled code is loaded now, not at the first image set
         self._marker_buffer = MarkerBuffer(model, self._frame_id)
         self._mask_buffers: dict[str, ImageBuffer] = {}
         self._description = self._publisher(String, "robot_description", LATCHED)
