@@ -1,5 +1,47 @@
-"""Fixtures of the tests on a real graph."""
+"""Fixtures of the tests with a real ROS graph."""
 
-from ros_processes import start
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
-__all__ = ["start"]
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS is not installed")
+pytest.importorskip("tracker_msgs", reason="the interface package is not installed")
+
+from ros_graph import NodeProcess, Probe, ros_context
+from ros_samples import write_recording
+
+
+@pytest.fixture(scope="session")
+def ros(ros_domain_id: int) -> Iterator[None]:
+    with ros_context():
+        yield
+
+
+@pytest.fixture
+def probe(ros: None) -> Iterator[Probe]:
+    probe = Probe()
+    yield probe
+    probe.close()
+
+
+@pytest.fixture
+def launch(ros_domain_id: int) -> Iterator[Callable[..., NodeProcess]]:
+    """Starts ``tracker_node`` processes; those left at the end are killed."""
+    started: list[NodeProcess] = []
+
+    def start(*arguments: str | Path, env: dict[str, str] | None = None) -> NodeProcess:
+        started.append(NodeProcess(*arguments, env=env))
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.close()
+
+
+@pytest.fixture(scope="session")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with 12 image sets of three cameras, rig.yaml, model.yaml and state.yaml; not to be changed."""
+    folder = tmp_path_factory.mktemp("recording") / "arm"
+    write_recording(folder, 12)
+    return folder

@@ -1,0 +1,135 @@
+"""A real ROS graph for tests: a probe in this process, and the nodes as processes of their own. Nothing sleeps."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from tracker_node.ros.conversions import stamp_ns_of
+from tracker_node.ros.executor import make_executor
+from tracker_node.ros.qos import images_published, use_fastdds_profile
+
+TIMEOUT_S = 60.0  # generous: compiled code may have to be made first
+
+
+class Probe:
+    """A node that subscribes, asks and waits."""
+
+    def __init__(self) -> None:
+        self.node = Node("probe")
+        self._executor = make_executor()
+        self._executor.add_node(self.node)
+        self.received: dict[str, list] = {}
+        self.diagnostics: dict[str, object] = {}
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 100)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        self.diagnostics.update({status.name: status for status in message.status})
+
+    def add_node(self, node: Node) -> None:
+        """Serve another node of this process too."""
+        self._executor.add_node(node)
+
+    def listen(self, message_type, topic: str, qos=None) -> list:
+        """The list that all messages of a topic will be in."""
+        messages = self.received.setdefault(topic, [])
+        self.node.create_subscription(message_type, topic, messages.append, qos or images_published(1000))
+        return messages
+
+    def spin_until(self, predicate: Callable[[], bool], what: str = "", timeout_s: float = TIMEOUT_S) -> None:
+        """Serve until the predicate holds; an AssertionError says what did not happen."""
+        until_s = time.monotonic() + timeout_s
+        while not predicate():
+            assert time.monotonic() < until_s, f"did not happen within {timeout_s:g} s: {what or predicate}"
+            self._executor.spin_once(timeout_sec=0.05)
+
+    def ask(self, service_type, name: str, request):
+        """The answer of a service."""
+        client = self.node.create_client(service_type, name)
+        self.spin_until(client.service_is_ready, f"service {name}")
+        future = client.call_async(request)
+        self.spin_until(future.done, f"answer of {name}")
+        return future.result()
+
+    def close(self) -> None:
+        self.node.destroy_node()
+        self._executor.shutdown()
+
+
+@contextmanager
+def ros_context() -> Iterator[None]:
+    """rclpy in this process, with the transport that the nodes use."""
+    use_fastdds_profile()
+    rclpy.init(args=["test"], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        yield
+    finally:
+        rclpy.try_shutdown()
+
+
+class NodeProcess:
+    """``tracker_node <verb>`` as a process; its output is kept."""
+
+    def __init__(self, *arguments: str | Path, env: dict[str, str] | None = None):
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "tracker_node.cli.main", *map(str, arguments)],
+            env={**os.environ, **(env or {})},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        self._parts: dict[str, list[str]] = {"out": [], "err": []}
+        self._readers = [
+            threading.Thread(target=self._read, args=(self._process.stdout, "out"), daemon=True),
+            threading.Thread(target=self._read, args=(self._process.stderr, "err"), daemon=True),
+        ]
+        for reader in self._readers:
+            reader.start()
+
+    def _read(self, stream, which: str) -> None:
+        for line in stream:
+            self._parts[which].append(line)
+
+    @property
+    def out(self) -> str:
+        return "".join(self._parts["out"])
+
+    @property
+    def err(self) -> str:
+        return "".join(self._parts["err"])
+
+    @property
+    def ended(self) -> bool:
+        return self._process.poll() is not None
+
+    def interrupt(self, number: int = signal.SIGINT) -> None:
+        self._process.send_signal(number)
+
+    def wait(self, timeout_s: float = TIMEOUT_S) -> int:
+        """Exit status; fails when it does not end."""
+        code = self._process.wait(timeout=timeout_s)
+        for reader in self._readers:
+            reader.join(timeout=5.0)
+        return code
+
+    def close(self) -> None:
+        """For the end of a test: whatever is left goes, children too."""
+        if not self.ended:
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self.wait()
+
+
+def stamps(messages: list) -> list[int]:
+    """Header stamps in nanoseconds."""
+    return [stamp_ns_of(message.header.stamp) for message in messages]
