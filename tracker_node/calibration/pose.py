@@ -137,7 +137,7 @@ def _solve(problem: _Problem, state: State, options: PoseOptions, max_iterations
         if not improved:
             break
         gain, state, cost, damping = cost - trial_cost, trial, trial_cost, max(damping / 5.0, 1e-9)
-        if gain <= options.tolerance * cost:
+        if gain <= options.tolerance * (1.0 + cost):
             break
     distances = np.linalg.norm(problem.offsets(state), axis=1)
     residuals = {name: float(d) for name, d in zip(problem.names, distances, strict=True)}

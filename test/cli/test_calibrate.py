@@ -1,0 +1,93 @@
+"""The commands ``calibrate body`` and ``calibrate pose``, from files to files."""
+
+import numpy as np
+import pytest
+
+from tracker_node.calibration.body import model_stature
+from tracker_node.cli.main import main
+from tracker_node.geometry import se3
+from tracker_node.loaders.model_yaml import load_model
+from tracker_node.loaders.state_yaml import load_state
+from tracker_node.loaders.trajectory_file import StateRow, StateTrajectory, write_states
+from tracker_node.loaders.trc import MarkerTrajectories, dump_trc
+from tracker_node.model.configuration import Configuration, State
+from tracker_node.model.human import human_model
+from tracker_node.model.human_measures import HumanMeasures
+from tracker_node.model.landmark_names import MARKER_OF_LANDMARK
+
+PERSON = human_model(HumanMeasures.of_stature(1.82))
+STATE = State.neutral(PERSON, se3.exp(np.array([1.0, 0.5, 0.95, 0.0, 0.0, 1.0])))
+
+
+@pytest.fixture
+def trc_path(tmp_path):
+    points = np.array([Configuration(PERSON, STATE).landmarks_world] * 3)
+    names = tuple(MARKER_OF_LANDMARK[name] for name in PERSON.landmark_names)
+    dump_trc(MarkerTrajectories(names, np.arange(3) / 60, points, 60.0, np.ones(points.shape[:2], bool)), tmp_path / "static.trc")
+    return tmp_path / "static.trc"
+
+
+def test_body_then_pose(trc_path, tmp_path, capsys):
+    subject, start = tmp_path / "subject.yaml", tmp_path / "start.yaml"
+    assert main(["calibrate", "body", "--trc", str(trc_path), "--y-up", "-o", str(subject)]) == 0
+    said = capsys.readouterr().out
+    assert "left_thigh" in said and "stature 1.8" in said
+    model = load_model(subject)
+    assert np.isclose(model_stature(model), 1.82, atol=0.01)
+    assert main(["calibrate", "pose", "--model", str(subject), "--trc", str(trc_path), "--row", "2", "-o", str(start)]) == 0
+    assert "21 landmarks" in capsys.readouterr().out
+    state = load_state(start, model)
+    assert np.allclose(Configuration(model, state).landmarks_world, Configuration(PERSON, STATE).landmarks_world, atol=0.01)
+
+
+def test_body_from_stature(tmp_path):
+    subject = tmp_path / "subject.yaml"
+    assert main(["calibrate", "body", "--stature", "1.6", "-o", str(subject)]) == 0
+    assert np.isclose(model_stature(load_model(subject)), 1.6)
+
+
+def test_landmarks_from_a_tracked_trial(trc_path, tmp_path):
+    """The body was seen 3 cm below the joints: its landmarks go up by 3 cm, its size stays."""
+    base, states, placed = (tmp_path / name for name in ("base.yaml", "states.csv", "placed.yaml"))
+    main(["calibrate", "body", "--stature", "1.82", "-o", str(base)])
+    model = load_model(base)
+    lower = STATE.retract(np.array([0, 0, -0.03] + [0.0] * 37))
+    rows = tuple(StateRow(int(i * 1e9 / 60), "TRACKING", "", lower.to_values()) for i in range(3))
+    write_states(states, StateTrajectory(model.chain.dof_names, rows))
+    arguments = ["--model", str(base), "--trc", str(trc_path), "--states", str(states), "-o", str(placed)]
+    assert main(["calibrate", "body", *arguments]) == 0
+    moved = load_model(placed).landmark_positions - model.landmark_positions
+    assert np.allclose(moved[:, 2], 0.03, atol=1e-3)
+    assert np.allclose(load_model(placed).chain.offsets, model.chain.offsets)
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["body"], "--trc"),
+    (["body", "--stature", "18"], "0.4 to 3 metres"),
+    (["body", "--stature", "1.8", "--joint-sigma-mm", "-1"], "--joint-sigma-mm"),
+    (["body", "--trc", "none.trc"], "none.trc"),
+    (["body", "--trc", "TRC", "--states", "s.csv"], "--states"),
+    (["pose", "--model", "none.yaml", "--trc", "TRC"], "none.yaml"),
+    (["pose", "--model", "MODEL", "--trc", "TRC", "--row", "9"], "0 to 2"),
+])  # fmt: skip
+def test_mistakes_are_one_line_and_status_two(trc_path, tmp_path, repository, monkeypatch, capsys, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    places = {"TRC": str(trc_path), "MODEL": str(repository / "config" / "models" / "human.yaml")}
+    assert main(["calibrate", *(places.get(argument, argument) for argument in arguments)]) == 2
+    said = capsys.readouterr().err
+    assert message in said and said.count("\n") == 1
+
+
+def test_markers_that_are_not_the_bodys_are_named(tmp_path, capsys):
+    points = np.ones((2, 2, 3))
+    dump_trc(MarkerTrajectories(("A", "B"), np.arange(2) / 60, points, 60.0, np.ones((2, 2), bool)), tmp_path / "x.trc")
+    assert main(["calibrate", "body", "--trc", str(tmp_path / "x.trc")]) == 2
+    assert "x.trc" in capsys.readouterr().err
+
+
+def test_help_has_an_example(capsys):
+    for verb in (["calibrate"], ["calibrate", "body"], ["calibrate", "pose"]):
+        with pytest.raises(SystemExit) as exit_:
+            main([*verb, "--help"])
+        assert exit_.value.code == 0
+        assert "example:" in capsys.readouterr().out
