@@ -15,11 +15,12 @@ import math
 import numba as nb
 import numpy as np
 
+from .appearance_kernels import log_odds, update_scene
+
 BINS = 16  # per channel
 _SHIFT = 4  # a bin is 16 grey levels wide
 _BIN_VOLUME = float(1 << _SHIFT) ** 3
 _LOG_UNIFORM = -3.0 * math.log(256.0)  # density of a color about which nothing is known
-_LOG_GAUSS = -1.5 * math.log(2.0 * math.pi)
 # One pixel in five in shadow, of a brightness anywhere in some 75 grey levels, and a Gaussian across
 _LOG_SHADOW = math.log(0.2 / 75.0) - math.log(2.0 * math.pi)
 
@@ -27,59 +28,6 @@ _LOG_SHADOW = math.log(0.2 / 75.0) - math.log(2.0 * math.pi)
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _bin(b, g, r):
     return (np.int64(b >> _SHIFT) * BINS + np.int64(g >> _SHIFT)) * BINS + np.int64(r >> _SHIFT)
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _log_odds(bgr, mean, variance, known, log_body, log_scene, options, out):
-    """Log-odds of body against scene. ``options``: (darkest shadow, outlier log weight, reach, log density of shadows)."""
-    darkest, log_outlier, reach, log_shadow = options[0], options[1], options[2], options[3]
-    for i in range(bgr.shape[0]):
-        for j in range(bgr.shape[1]):
-            b, g, r = bgr[i, j, 0], bgr[i, j, 1], bgr[i, j, 2]
-            index = _bin(b, g, r)
-            if known[i, j]:
-                x, y, z = np.float32(b), np.float32(g), np.float32(r)
-                mx, my, mz = mean[i, j, 0], mean[i, j, 1], mean[i, j, 2]
-                gain = (x * mx + y * my + z * mz) / (mx * mx + my * my + mz * mz + np.float32(1.0))
-                dx, dy, dz = x - mx, y - my, z - mz
-                distance = (dx * dx + dy * dy + dz * dz) / variance[i, j]
-                log_variance = math.log(variance[i, j])
-                log_background = np.float32(_LOG_GAUSS) - np.float32(1.5) * log_variance - np.float32(0.5) * distance
-                if darkest < gain < np.float32(1.0):
-                    # A shadow: free to be anywhere along the line to black, so its density is that of the two axes across it
-                    dx, dy, dz = x - gain * mx, y - gain * my, z - gain * mz
-                    distance = (dx * dx + dy * dy + dz * dz) / variance[i, j]
-                    log_shaded = log_shadow - log_variance - np.float32(0.5) * distance
-                    log_background = max(log_background, log_shaded)
-                log_background = max(log_background, log_outlier + log_scene[index])
-            else:
-                log_background = log_scene[index]
-            value = log_body[index] - log_background
-            out[i, j] = min(max(value, -reach), reach)
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _update_scene(bgr, body, mean, variance, known, rate, floor):
-    """Running mean and variance of pixels that the (dilated) body mask leaves free; unseen pixels start from this image."""
-    for i in range(bgr.shape[0]):
-        for j in range(bgr.shape[1]):
-            if body[i, j]:
-                continue
-            if not known[i, j]:
-                known[i, j] = 1
-                for c in range(3):
-                    mean[i, j, c] = bgr[i, j, c]
-                variance[i, j] = np.float32(4.0) * floor
-                continue
-            total = np.float32(0.0)
-            for c in range(3):
-                d = np.float32(bgr[i, j, c]) - mean[i, j, c]
-                total += d * d
-            if total > np.float32(12.0) * variance[i, j] * np.float32(3.0):
-                continue  # something passes by: not the scene
-            for c in range(3):
-                mean[i, j, c] += rate * (np.float32(bgr[i, j, c]) - mean[i, j, c])
-            variance[i, j] = max(floor, variance[i, j] + rate * (total / np.float32(3.0) - variance[i, j]))
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -195,9 +143,9 @@ class SceneModel:
 
     def update(self, bgr: np.ndarray, body: np.ndarray, rate: float, region: tuple[int, int, int, int]) -> None:
         """Learn from the crop ``region`` (u0, v0, u1, v1) of an image where ``body`` (uint8, on the crop) is zero."""
-        u0, v0, u1, v1 = region
-        part = slice(v0, v1), slice(u0, u1)
-        _update_scene(bgr[part], body, self.mean[part], self.variance[part], self.known[part], np.float32(rate), self.floor)
+        pixels, mean = _interleaved(bgr, region), self.mean.reshape(len(bgr), -1)
+        body = np.ascontiguousarray(body)
+        update_scene(pixels, region[:2], body, mean, self.variance, self.known, np.float32(rate), np.float32(self.floor))
 
 
 def body_log_odds(
@@ -213,17 +161,23 @@ def body_log_odds(
     ``shadow`` is how dark a shadow may be, as a fraction of the scene's brightness.
     """
     u0, v0, u1, v1 = region
-    crop = bgr[v0:v1, u0:u1]
-    out = np.empty(crop.shape[:2], dtype=np.float32)
+    height, width = bgr.shape[:2]
+    out = np.empty((v1 - v0, u1 - u0), dtype=np.float32)
     if scene is None:
-        mean, variance, known = _NOTHING
-        mean = np.broadcast_to(mean, crop.shape)
-        variance, known = np.broadcast_to(variance, out.shape), np.broadcast_to(known, out.shape)
+        mean, variance, known = np.zeros((1, 3), np.float32), np.ones((1, 1), np.float32), np.zeros((1, width), np.uint8)
     else:
-        mean, variance, known = scene.mean[v0:v1, u0:u1], scene.variance[v0:v1, u0:u1], scene.known[v0:v1, u0:u1]
+        mean, variance, known = scene.mean.reshape(height, -1), scene.variance, scene.known
+    pixels = _interleaved(bgr, region)
+    pairs = np.stack([colors.log_body, colors.log_scene], axis=1).ravel()
     options = np.array([shadow, math.log(0.02), reach, _LOG_SHADOW], dtype=np.float32)
-    _log_odds(crop, mean, variance, known, colors.log_body, colors.log_scene, options, out)
+    log_odds(pixels, (u0, v0), mean, variance, known, scene is not None, _SHIFT, pairs, options, out)
     return out
 
 
-_NOTHING = (np.zeros((1, 1, 3), np.float32), np.ones((1, 1), np.float32), np.zeros((1, 1), np.uint8))
+def _interleaved(bgr: np.ndarray, region: tuple[int, int, int, int]) -> np.ndarray:
+    """An image as rows of interleaved colors (height, 3 width), once its ``region`` is known to lie within it."""
+    height, width = bgr.shape[:2]
+    u0, v0, u1, v1 = region
+    if not (0 <= u0 < u1 <= width and 0 <= v0 < v1 <= height):
+        raise ValueError(f"expected a region (u0, v0, u1, v1) within {width} x {height}, got {tuple(region)}")
+    return np.ascontiguousarray(bgr).reshape(height, -1)

@@ -1,0 +1,120 @@
+"""Pixel loops of the appearance model, so written that the compiler makes vector instructions of them.
+
+What that takes: whole rows of interleaved colors, indices that are unsigned (a signed one might be negative, which is checked),
+no branches, float32 throughout, and a logarithm of our own.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+import numpy as np
+
+_LOG_GAUSS = np.float32(-1.5 * math.log(2.0 * math.pi))
+_LOG_2 = np.float32(math.log(2.0))
+_ONE, _HALF = np.float32(1.0), np.float32(0.5)
+_G, _R = np.uint64(1), np.uint64(2)  # places of green and red after blue
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _log(x):
+    """Natural logarithm of a positive, normal float32, to 3e-6: exponent, and the artanh series of the mantissa."""
+    bits = np.float32(x).view(np.int32)
+    exponent = np.float32((bits >> np.int32(23)) - np.int32(127))
+    mantissa = np.int32((bits & np.int32(0x7FFFFF)) | np.int32(0x3F800000)).view(np.float32)
+    t = (mantissa - _ONE) / (mantissa + _ONE)
+    s = t * t
+    series = _ONE + s * (np.float32(1 / 3) + s * (np.float32(1 / 5) + s * (np.float32(1 / 7) + s * np.float32(1 / 9))))
+    return exponent * _LOG_2 + np.float32(2.0) * t * series
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _scene_row(bgr, mean, variance, darkest, log_shadow, out):
+    """Log density of a row of colors if it shows the scene, lit or in shadow."""
+    for j in range(np.uint64(out.size)):
+        b = np.uint64(3) * j
+        x, y, z = np.float32(bgr[b]), np.float32(bgr[b + _G]), np.float32(bgr[b + _R])
+        mx, my, mz = mean[b], mean[b + _G], mean[b + _R]
+        half_precision, log_variance = _HALF / variance[j], _log(variance[j])
+        dx, dy, dz = x - mx, y - my, z - mz
+        lit = _LOG_GAUSS - np.float32(1.5) * log_variance - half_precision * (dx * dx + dy * dy + dz * dz)
+        # A shadow: free to be anywhere along the line to black, so its density is that of the two axes across it
+        gain = (x * mx + y * my + z * mz) / (mx * mx + my * my + mz * mz + _ONE)
+        dx, dy, dz = x - gain * mx, y - gain * my, z - gain * mz
+        shaded = log_shadow - log_variance - half_precision * (dx * dx + dy * dy + dz * dz)
+        shaded = shaded if (gain > darkest) & (gain < _ONE) else lit
+        out[j] = lit if lit > shaded else shaded
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _odds_row(bgr, known, has_scene, shift, log_pairs, log_outlier, reach, out):
+    """From the scene's log densities in ``out`` to the log-odds of body against surroundings."""
+    down, width = np.uint32(shift), np.uint32(8 - shift)
+    for j in range(np.uint64(out.size)):
+        at = np.uint64(3) * j
+        b, g, r = np.uint32(bgr[at]) >> down, np.uint32(bgr[at + _G]) >> down, np.uint32(bgr[at + _R]) >> down
+        pair = np.uint64(2) * np.uint64((((b << width) | g) << width) | r)
+        body, scene = log_pairs[pair], log_pairs[pair + np.uint64(1)]
+        background = log_outlier + scene
+        background = background if background > out[j] else out[j]
+        background = background if (known[j] != 0) & has_scene else scene
+        value = body - background
+        value = value if value < reach else reach
+        out[j] = value if value > -reach else -reach
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def log_odds(bgr, corner, mean, variance, known, has_scene, shift, log_pairs, options, out):
+    """Log-odds (h, w) float32 of body against surroundings in the region of ``out``'s size at ``corner`` (u0, v0).
+
+    ``bgr`` uint8 and ``mean`` float32 (height, 3 width) are interleaved; ``variance`` float32, ``known`` uint8 (height, width).
+    ``log_pairs`` holds, per color bin (``shift`` bits coarser than a level), the log densities of body and surroundings.
+    ``options``: (darkest shadow, outlier log weight, reach, log density of shadows), float32.
+    """
+    u0, v0 = corner
+    u1 = u0 + out.shape[1]
+    for i in range(out.shape[0]):
+        v = v0 + i
+        row = bgr[v, 3 * u0 : 3 * u1]
+        if has_scene:
+            _scene_row(row, mean[v, 3 * u0 : 3 * u1], variance[v, u0:u1], options[0], options[3], out[i])
+            _odds_row(row, known[v, u0:u1], True, shift, log_pairs, options[1], options[2], out[i])
+        else:
+            _odds_row(row, known[0, : u1 - u0], False, shift, log_pairs, options[1], options[2], out[i])
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _update_row(bgr, body, mean, variance, known, rate, floor):
+    for j in range(np.uint64(body.size)):
+        at = np.uint64(3) * j
+        x, y, z = np.float32(bgr[at]), np.float32(bgr[at + _G]), np.float32(bgr[at + _R])
+        mx, my, mz, old = mean[at], mean[at + _G], mean[at + _R], variance[j]
+        dx, dy, dz = x - mx, y - my, z - mz
+        total = dx * dx + dy * dy + dz * dz
+        free, seen = body[j] == 0, known[j] != 0
+        # A known pixel far off its mean shows something that passes by: not the scene. An unknown one is believed at once.
+        steady = total <= np.float32(36.0) * old
+        weight = (rate if steady else np.float32(0.0)) if seen else _ONE
+        weight = weight if free else np.float32(0.0)
+        mean[at], mean[at + _G], mean[at + _R] = mx + weight * dx, my + weight * dy, mz + weight * dz
+        followed = old + weight * (total * np.float32(1.0 / 3.0) - old)
+        followed = followed if followed > floor else floor
+        followed = followed if seen else np.float32(4.0) * floor
+        variance[j] = followed if weight > np.float32(0.0) else old
+        known[j] = np.uint8(1) if free | seen else np.uint8(0)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def update_scene(bgr, corner, body, mean, variance, known, rate, floor):
+    """Running mean and variance of the region of ``body``'s size at ``corner`` (u0, v0), where ``body`` (uint8) is zero.
+
+    Arrays as in `log_odds`; pixels not ``known`` start from this image.
+    """
+    u0, v0 = corner
+    u1 = u0 + body.shape[1]
+    for i in range(body.shape[0]):
+        v = v0 + i
+        _update_row(
+            bgr[v, 3 * u0 : 3 * u1], body[i], mean[v, 3 * u0 : 3 * u1], variance[v, u0:u1], known[v, u0:u1], rate, floor
+        )  # fmt: skip
