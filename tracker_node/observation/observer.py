@@ -10,7 +10,8 @@ import numpy as np
 
 from .appearance import ColorModel, SceneModel, body_log_odds
 from .body_region import Region, grown, shrunk
-from .silhouette_maps import boundary_points, edge_distance, signed_distance
+from .distance_transform import signed_distance
+from .silhouette_maps import boundary_points, edge_distance
 
 
 class EvidenceOptions(Protocol):
