@@ -12,11 +12,11 @@ from types import TracebackType
 from typing import Any
 
 import yaml
-from mcap.writer import CompressionType, Writer
 
 from .. import __version__
 from ..errors import FileFormatError, TrackerError
 from .bag_metadata import OfferedQos, TimeSpan, TopicRecord, bag_information, write_metadata
+from .mcap_writer import McapWriter
 from .message_types import MessageType, message_type, typestore
 
 CHUNK_BYTES = 256 * 1024
@@ -61,8 +61,8 @@ class BagWriter:
         self._schemas: dict[str, int] = {}
         self._sequence: dict[str, int] = {}
         self._stream = self.file.open("xb")
-        self._writer = Writer(self._stream, chunk_size=chunk_bytes, compression=CompressionType.NONE)
-        self._writer.start(profile="ros2", library=f"tracker_node {__version__}")
+        library = f"tracker_node {__version__}"
+        self._writer = McapWriter(self._stream, profile="ros2", library=library, chunk_bytes=chunk_bytes)
         self._closed = False
 
     @property
@@ -93,13 +93,9 @@ class BagWriter:
         qos = qos or OfferedQos()
         if type_name not in self._schemas:
             encoding = "ros2msg" if known.definition else ""
-            self._schemas[type_name] = self._writer.register_schema(type_name, encoding, known.definition.encode())
-        channel = self._writer.register_channel(
-            topic,
-            "cdr",
-            self._schemas[type_name],
-            {"offered_qos_profiles": qos.as_yaml(), "topic_type_hash": known.type_hash},
-        )
+            self._schemas[type_name] = self._writer.add_schema(type_name, encoding, known.definition.encode())
+        metadata = {"offered_qos_profiles": qos.as_yaml(), "topic_type_hash": known.type_hash}
+        channel = self._writer.add_channel(topic, self._schemas[type_name], metadata)
         self._channels[topic] = channel
         self._sequence[topic] = 0
         self._topics[topic] = TopicRecord(topic, type_name, known.type_hash, qos)
@@ -116,8 +112,7 @@ class BagWriter:
         sequence = self._sequence[topic] = self._sequence[topic] + 1
         stamp_ns = max(0, stamp_ns)
         publish_ns = stamp_ns if publish_ns is None else max(0, publish_ns)
-        # The writer only copies the bytes; its annotation is narrower than what it takes.
-        self._writer.add_message(channel, stamp_ns, data, publish_ns, sequence)  # type: ignore[arg-type]
+        self._writer.add_message(channel, sequence, stamp_ns, publish_ns, bytes(data))  # bytes of bytes are no copy
         self._topics[topic].message_count += 1
         self.span.add(stamp_ns)
 
@@ -129,7 +124,8 @@ class BagWriter:
 
     def flush(self) -> None:
         """Hand everything so far to the operating system: it survives when this process is killed."""
-        self._writer.flush()
+        self._writer.finish_chunk()
+        self._stream.flush()
 
     def close(self) -> None:
         """Finish the file and write ``metadata.yaml``; a second call does nothing."""
