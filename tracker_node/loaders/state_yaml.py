@@ -28,7 +28,7 @@ class RootEntry(FileModel):
     def _one_rotation(self) -> RootEntry:
         if self.quaternion_xyzw is not None and self.rpy_deg is not None:
             raise problem("either quaternion_xyzw or rpy_deg", "both", "rpy_deg")
-        if self.quaternion_xyzw is not None and abs(np.linalg.norm(self.quaternion_xyzw) - 1.0) > 1e-3:
+        if self.quaternion_xyzw is not None and abs(np.linalg.norm(self.quaternion_xyzw) - 1.0) > 1e-2:
             raise problem("a quaternion of length 1", self.quaternion_xyzw, "quaternion_xyzw")
         return self
 
