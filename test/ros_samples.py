@@ -1,5 +1,6 @@
 """A small body for tests of the ROS edge (a ball joint, a weld, one of each shape), and recordings of it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -44,6 +45,15 @@ def arm() -> ArticulatedModel:
     )
     chain = KinematicChain(("trunk", "upper", "fore", "hand"), joints)
     return ArticulatedModel("arm", chain, shapes, (Landmark("fingertip", "hand", (0.1, 0.0, 0.0)),))
+
+
+def tracked_arm() -> ArticulatedModel:
+    """The same with shapes whose contours can be fitted."""
+    model = arm()
+    trunk, upper, fore, hand = model.shapes
+    trunk = replace(trunk, primitive=TruncatedCone(0.16, 0.1, 0.3, -0.25, 0.25), color_rgb=(40, 60, 160))
+    hand = replace(hand, primitive=Ellipsoid((0.05, 0.03, 0.08)), color_rgb=(230, 230, 60))
+    return replace(model, shapes=(trunk, upper, fore, hand))
 
 
 def some_state(model: ArticulatedModel) -> State:
@@ -101,8 +111,8 @@ def moving_state(model: ArticulatedModel, i: int) -> State:
 
 
 def write_recording(folder: Path, n_images: int, n_cameras: int = 3) -> CameraRig:
-    """A moving `arm` in front of a plain wall, as image folders with rig.yaml, model.yaml and state.yaml."""
-    model, random = arm(), np.random.default_rng(0)
+    """A moving `tracked_arm` in front of a plain wall, as image folders with rig.yaml, model.yaml and state.yaml."""
+    model, random = tracked_arm(), np.random.default_rng(0)
     rig = small_rig(folder, n_cameras)
     folder.mkdir(parents=True, exist_ok=True)
     colors = np.array([(90, 110, 100), *(shape.color_rgb[::-1] for shape in model.shapes)], np.uint8)

@@ -63,6 +63,7 @@ class TrackerNode(Node):
         super().__init__("tracker")
         self._options = options
         self._rig: CameraRig | None = None
+        self._plates = load_plates(options.rig)
         self._quality_problems: dict[str, str] = {}
         self._last_report: tuple[float, int, dict[str, int]] = (time.monotonic(), 0, {})
         self._diagnostics = Diagnostics(self, options.model.name)
@@ -152,7 +153,7 @@ class TrackerNode(Node):
         state = self._options.initial_state if state is None else state
         if self._options.make_tracker is not None:
             return self._options.make_tracker(rig, self._options.model, config, state)
-        plates = load_plates(self._options.rig)
+        plates = dict(self._plates)
         for camera in rig:
             plate, size = plates.get(camera.name), (camera.model.width, camera.model.height)
             if plate is not None and plate.shape[1::-1] != size:  # the images are published resampled

@@ -145,7 +145,7 @@ class TrackingWorker(threading.Thread):
                 self._track(self._synchronizer.flush())
         except Exception as error:  # the node must know, or it would idle for ever
             self.fatal = error
-            self._on_error(f"the tracking thread has ended: {error}\n{traceback.format_exc()}")
+            self._on_error(f"the tracking thread has ended: {_described(error)}")
 
     def _obey(self) -> None:
         while True:
@@ -202,7 +202,7 @@ class TrackingWorker(threading.Thread):
             estimate = self._tracker.step(image_set)
         except Exception as error:
             self.counts.failed += 1
-            self._on_error(f"image set {image_set.stamp_ns}: {error}\n{traceback.format_exc()}")
+            self._on_error(f"image set {image_set.stamp_ns}: {_described(error)}")
             estimate = self._lost(image_set, f"{type(error).__name__}: {error}", 1e3 * (time.perf_counter() - began))
         self.counts.tracked += 1
         self.counts.lost += estimate.status == Status.LOST
@@ -233,3 +233,8 @@ class TrackingWorker(threading.Thread):
             timings=Timings(0.0, 0.0, total_ms),
         )
         return blank if self.latest is None else replace(blank, state=self.latest.state)
+
+
+def _described(error: Exception) -> str:
+    """What a user can mend in one line, the rest with where it came from."""
+    return str(error) if isinstance(error, TrackerError) else f"{error!r}\n{traceback.format_exc()}"

@@ -1,0 +1,277 @@
+"""The tracker node: in this process for what it answers, as a process for what it says of real images."""
+
+import shutil
+import signal
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from ros_graph import Probe, stamps
+from ros_samples import moving_state, placed
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+from tracker_msgs.msg import TrackedState
+from tracker_msgs.srv import SetState
+from visualization_msgs.msg import MarkerArray
+
+from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.loaders.model_yaml import load_model
+from tracker_node.loaders.plate_file import load_plates
+from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.loaders.state_yaml import load_state
+from tracker_node.model.configuration import Configuration
+from tracker_node.observation.image_set import CameraImage, ImageSet
+from tracker_node.render.raycaster import render_mask
+from tracker_node.ros.conversions import (
+    camera_image_of,
+    camera_info_message,
+    estimate_of,
+    image_message,
+    pose_of,
+    transform_of_pose,
+    urdf_of,
+)
+from tracker_node.ros.image_inbox import InboxOptions
+from tracker_node.ros.qos import LATCHED, images_published
+from tracker_node.ros.tracker_node import TrackerNode, TrackerOptions
+from tracker_node.tracking.estimate import Status
+from tracker_node.tracking.tracker import Tracker
+
+N = 12
+PERIOD_NS = round(1e9 / 30.0)
+
+
+def options_of(recording: Path, **changes) -> TrackerOptions:
+    rig, model = load_rig(recording / "rig.yaml"), load_model(recording / "model.yaml")
+    state = load_state(recording / "state.yaml", model)
+    return TrackerOptions(rig, model, initial_state=state, inbox=InboxOptions(lossless=True), **changes)
+
+
+def image_set_of(recording: Path, i: int) -> ImageSet:
+    rig = load_rig(recording / "rig.yaml")
+    stamp_ns = round(i * 1e9 / 30.0)
+    read = {name: cv2.imread(str(recording / name / f"{i:04}.png")) for name in rig.names}
+    return ImageSet(stamp_ns, tuple(CameraImage(name, stamp_ns, bgr) for name, bgr in read.items()))
+
+
+class Cameras:
+    """Publishes the recording's images from the probe."""
+
+    def __init__(self, probe: Probe, recording: Path, rig: CameraRig):
+        self._recording, self._rig = recording, rig
+        create = probe.node.create_publisher
+        self.images = {name: create(Image, f"{name}/image_raw", images_published(50)) for name in rig.names}
+        self.infos = {name: create(CameraInfo, f"{name}/camera_info", images_published(50)) for name in rig.names}
+        publishers = [*self.images.values(), *self.infos.values()]
+        probe.spin_until(lambda: all(p.get_subscription_count() for p in publishers), "subscriptions of the tracker")
+
+    def send(self, i: int, cameras: tuple[str, ...] | None = None, stamp_ns: int | None = None) -> int:
+        image_set = image_set_of(self._recording, i)
+        stamp_ns = image_set.stamp_ns if stamp_ns is None else stamp_ns
+        for image in image_set.images:
+            if cameras is None or image.camera in cameras:
+                frame_id = self._rig[image.camera].frame_id
+                self.images[image.camera].publish(image_message(stamp_ns, frame_id, image.pixels))
+        return stamp_ns
+
+
+@pytest.fixture
+def start(probe: Probe, recording: Path):
+    """A tracker in this process, its states, and cameras to feed it."""
+    nodes = []
+
+    def build(**changes):
+        options = options_of(recording, **changes)
+        node = TrackerNode(options)
+        nodes.append(node)
+        probe.add_node(node)
+        states = probe.listen(TrackedState, "tracker/state")
+        node.start()
+        return node, states, Cameras(probe, recording, options.rig)
+
+    yield build
+    for node in nodes:
+        node.close()
+        node.destroy_node()
+
+
+@pytest.mark.parametrize("checked", ["0", "1"])  # with 1, rclpy checks the type of every message field
+def test_two_processes_say_what_the_tracker_says(probe, launch, recording, checked):
+    """All topics of all image sets; the states are those of the same calls in this process, bit for bit."""
+    states, poses = probe.listen(TrackedState, "tracker/state"), probe.listen(PoseWithCovarianceStamped, "tracker/pose")
+    joints, masks = probe.listen(JointState, "tracker/joint_states"), probe.listen(Image, "tracker/cam2/mask")
+    overlays, markers = probe.listen(CompressedImage, "tracker/cam1/overlay"), probe.listen(MarkerArray, "tracker/markers")
+    description = probe.listen(String, "robot_description", LATCHED)
+    files = ["--rig", recording / "rig.yaml", "--model", recording / "model.yaml", "--initial-state", recording / "state.yaml"]
+    environment = {"ROS_PYTHON_CHECK_FIELDS": checked}
+    wait = ("--wait-for", "state=2", "pose=1", "joint_states=1")
+    tracker = launch("tracker", *files, "--lossless", *wait, env=environment)
+    consumed = ("--as-fast-as-consumed", "--wait-for-subscribers", "1")
+    ingest = launch("camera_ingest", "--rig", recording / "rig.yaml", "--rate", "30", *consumed, env=environment)
+    probe.spin_until(lambda: len(states) == N, f"{N} states")
+    assert ingest.wait() == 0, ingest.err
+    probe.spin_until(lambda: all(len(x) == N for x in (poses, joints, masks, overlays, markers)), "the other topics")
+    tracker.interrupt()
+    assert tracker.wait() == 0 and "Traceback" not in tracker.err
+    options = options_of(recording)
+    tracker_here = Tracker(options.rig, options.model, options.config, load_plates(options.rig), options.initial_state)
+    for i, message in enumerate(states):
+        expected = tracker_here.step(image_set_of(recording, i))
+        assert np.array_equal(np.array(message.values), expected.state.to_values())
+        assert np.array_equal(estimate_of(message).covariance, expected.covariance)
+        assert (message.status, message.iterations) == (expected.status, expected.iterations)
+        assert estimate_of(message).cameras == expected.cameras
+        drawn = render_mask(Configuration(options.model, expected.state), options.rig["cam2"])
+        assert np.array_equal(camera_image_of("cam2", masks[i]).pixels, drawn) and drawn.any()
+    assert stamps(states) == stamps(poses) == stamps(joints) == stamps(masks) == [round(i * 1e9 / 30.0) for i in range(N)]
+    assert [d.data for d in description] == [urdf_of(options.model)]
+
+
+def test_state_of_the_body_is_right(probe, recording, start):
+    node, states, cameras = start()
+    for i in range(4):
+        cameras.send(i)
+    probe.spin_until(lambda: len(states) == 4, "four states")
+    truth = moving_state(options_of(recording).model, 3)
+    assert np.linalg.norm(estimate_of(states[-1]).state.T_world_root[:3, 3] - truth.T_world_root[:3, 3]) < 0.02
+    assert states[-1].status == Status.TRACKING and node.fatal is None
+
+
+def test_set_state_and_reset(probe, recording, start):
+    _, states, cameras = start()
+    cameras.send(0)
+    probe.spin_until(lambda: len(states) == 1, "a state")
+    answer = probe.ask(SetState, "tracker/set_state", SetState.Request(dof_names=["elbow_flexion"], values=[0.7]))
+    assert answer.success and answer.message == ""
+    answer = probe.ask(SetState, "tracker/set_state", SetState.Request(dof_names=["knee"], values=[0.7]))
+    assert not answer.success and "knee" in answer.message and "elbow_flexion" in answer.message
+    cameras.send(1)
+    probe.spin_until(lambda: len(states) == 2, "a state after set_state")
+    assert probe.ask(Trigger, "tracker/reset", Trigger.Request()).success
+    cameras.send(0)  # an earlier time is fine after a reset, and gives what it gave at first
+    probe.spin_until(lambda: len(states) == 3, "a state after the reset")
+    assert np.array_equal(states[2].values, states[0].values)
+
+
+def test_initial_pose_moves_the_body(probe, recording, start):
+    _, states, cameras = start()
+    publisher = probe.node.create_publisher(PoseWithCovarianceStamped, "initialpose", 10)
+    probe.spin_until(lambda: publisher.get_subscription_count() > 0, "subscription to initialpose")
+    message = PoseWithCovarianceStamped()
+    message.header.frame_id = "world"
+    far = placed(5.0, 5.0, 5.0)
+    message.pose.pose = pose_of(far)
+    publisher.publish(message)
+    publisher.wait_for_all_acked()
+    cameras.send(0)
+    probe.spin_until(lambda: len(states) == 1, "a state")
+    assert np.allclose(transform_of_pose(states[0].root_pose)[:3, 3], far[:3, 3], atol=0.5)
+    assert states[0].status != Status.TRACKING  # there is no body
+
+
+def test_a_recording_that_begins_again_is_tracked_again(probe, recording, start):
+    _, states, cameras = start()
+    late_ns = 100_000_000_000
+    for i in range(2):
+        cameras.send(i, stamp_ns=late_ns + i * PERIOD_NS)
+    probe.spin_until(lambda: len(states) == 2, "two states")
+    for i in range(2):
+        cameras.send(i)
+    probe.spin_until(lambda: len(states) == 4, "two states after the jump")
+    assert stamps(states[2:]) == [0, round(1e9 / 30.0)]
+    assert np.array_equal(states[2].values, states[0].values)  # from the initial state, nothing remembered
+
+
+def test_unusable_images_are_named_and_do_no_harm(probe, recording, start):
+    _, states, cameras = start()
+    cameras.images["cam2"].publish(image_message(0, "f", np.zeros((10, 20, 3), np.uint8)))
+    status = probe.diagnostics
+    probe.spin_until(lambda: "tracker: cam2" in status and status["tracker: cam2"].level == DiagnosticStatus.ERROR, "report")
+    assert "160x120" in status["tracker: cam2"].message and "20x10" in status["tracker: cam2"].message
+    cameras.send(1)
+    probe.spin_until(lambda: len(states) == 1, "a state all the same")
+    probe.spin_until(lambda: status["tracker: cam2"].level == DiagnosticStatus.OK, "recovery")
+
+
+def test_a_camera_that_stops_is_named_and_the_others_go_on(probe, recording, start):
+    options = options_of(recording)
+    config = replace(options.config, synchronizer=replace(options.config.synchronizer, min_cameras=2, queue_s=0.1))
+    _, states, cameras = start(config=config)
+    cameras.send(0)
+    probe.spin_until(lambda: len(states) == 1, "a state")
+    sent = 1
+    status = probe.diagnostics
+
+    def named() -> bool:
+        nonlocal sent
+        cameras.send(sent % N, ("cam1", "cam3"), stamp_ns=sent * PERIOD_NS)
+        sent += 1
+        return "tracker: cam2" in status and status["tracker: cam2"].level == DiagnosticStatus.ERROR
+
+    probe.spin_until(named, "cam2 named")
+    assert "stopped" in status["tracker: cam2"].message
+    assert len(states) > 1 and states[-1].camera_samples[1] == 0
+
+
+def test_calibration_from_topics(probe, recording, start):
+    _, states, cameras = start(calibration_from_topics=True)
+    rig = load_rig(recording / "rig.yaml")
+    cameras.send(0)
+    cameras.infos["cam1"].publish(CameraInfo(width=160, height=120))  # K[0] = 0
+    status = probe.diagnostics
+    probe.spin_until(lambda: "tracker: calibration" in status, "a report")
+    assert "uncalibrated" in status["tracker: calibration"].message and "cam1" in status["tracker: calibration"].message
+    assert not states
+    for name in rig.names:
+        cameras.infos[name].publish(camera_info_message(0, rig[name].frame_id, rig[name].model))
+    probe.spin_until(lambda: len(states) == 1, "the waiting images are tracked")
+
+
+def test_parameters_change_at_run_time(probe, recording, start):
+    from rcl_interfaces.srv import DescribeParameters, SetParameters
+    from rclpy.parameter import Parameter
+
+    _, states, cameras = start()
+    cameras.send(0)
+    probe.spin_until(lambda: len(states) == 1, "a state")
+    request = SetParameters.Request(parameters=[Parameter("optimizer.max_iterations", value=1).to_parameter_msg()])
+    (result,) = probe.ask(SetParameters, "tracker/set_parameters", request).results
+    assert result.successful
+    cameras.send(1)
+    cameras.send(2)
+    probe.spin_until(lambda: len(states) == 3, "states")
+    assert states[2].iterations <= 1
+    for name, value in (("optimizer.max_iterations", 0), ("evidence.silhouette", "nonsense"), ("optimizer.nonsense", 1)):
+        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+        (result,) = probe.ask(SetParameters, "tracker/set_parameters", request).results
+        assert not result.successful and result.reason
+    request = DescribeParameters.Request(names=["optimizer.robust_scale_px"])
+    (descriptor,) = probe.ask(DescribeParameters, "tracker/describe_parameters", request).descriptors
+    assert "[px]" in descriptor.description and descriptor.floating_point_range[0].to_value == 1000.0
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ends_cleanly_on_a_signal(probe, launch, recording, number):
+    tracker = launch("tracker", "--rig", recording / "rig.yaml", "--model", recording / "model.yaml")
+    probe.spin_until(lambda: probe.node.count_publishers("/tracker/state") == 1, "the tracker")
+    tracker.interrupt(number)
+    assert tracker.wait(20.0) == 0
+    assert "Traceback" not in tracker.err
+
+
+def test_mistakes_are_one_line(launch, recording, tmp_path):
+    files = ["--rig", recording / "rig.yaml", "--model", recording / "model.yaml"]
+    broken = tmp_path / "broken"
+    shutil.copytree(recording, broken)
+    (broken / "rig.yaml").write_text((broken / "rig.yaml").read_text().replace("cam1_plate.png", "absent.png"))
+    unknown = launch("tracker", *files, "--ros-args", "-p", "optimizer.nonsense:=1")
+    out_of_range = launch("tracker", *files, "--ros-args", "-p", "optimizer.robust_scale_px:=-1.0")
+    no_plate = launch("tracker", "--rig", broken / "rig.yaml", *files[2:])
+    for process, said in ((unknown, "nonsense"), (out_of_range, "robust_scale_px"), (no_plate, "absent.png")):
+        assert process.wait() == 2
+        assert said in process.err and "Traceback" not in process.err, process.err
