@@ -5,8 +5,8 @@ import re
 
 import pytest
 
+from tracker_node.evaluation.config_file import load_config
 from tracker_node.evaluation.reference_masks import load_reference_masks
-from tracker_node.loaders.config_yaml import load_config
 from tracker_node.loaders.model_yaml import load_model
 from tracker_node.loaders.rig_yaml import load_rig, read_rig_file
 from tracker_node.loaders.state_yaml import load_state

@@ -12,11 +12,11 @@ from small_clip import Clip, make_clip
 
 from tracker_node.cli.main import main
 from tracker_node.errors import SourceError
+from tracker_node.evaluation.config_file import load_config
 from tracker_node.evaluation.estimate_messages import image_message
 from tracker_node.evaluation.run_offline import OfflineRun, run_offline
 from tracker_node.loaders.bag_reader import BagReader
 from tracker_node.loaders.bag_writer import BagExistsError, BagWriter
-from tracker_node.loaders.config_yaml import load_config
 from tracker_node.loaders.image_source import SourceOptions, open_camera_source
 from tracker_node.loaders.message_types import TRACKED_STATE
 from tracker_node.loaders.model_yaml import load_model

@@ -1,52 +1,27 @@
 import pytest
 
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.config_yaml import dump_config, load_config
-from tracker_node.tracking.config import TrackerConfig
+from tracker_node.loaders.config_yaml import dump_parameters, load_parameters
 
 
-def load(tmp_path, text):
-    (tmp_path / "tracker.yaml").write_text(text)
-    return load_config(tmp_path / "tracker.yaml")
+def test_sections_of_a_ros_file(tmp_path):
+    path = tmp_path / "p.yaml"
+    path.write_text("""
+/**: {ros__parameters: {use_sim_time: true, a: {b: 1, c: 2}}}
+other: {ros__parameters: {a: {b: 5}}}
+/tracker: {ros__parameters: {a: {c: 3}, d: [1, 2]}}
+""")
+    assert load_parameters(path) == {"a": {"b": 1, "c": 3}, "d": [1, 2]}
+    assert load_parameters(path, "other") == {"a": {"b": 5, "c": 2}}
 
 
-def test_plain_dotted_and_ros_files_say_the_same(tmp_path):
-    plain = load(tmp_path, "threads: 1\nevidence: {canny_high: 120}\n")
-    assert (plain.threads, plain.evidence.canny_high) == (1, 120.0)
-    assert plain.optimizer == TrackerConfig().optimizer
-    assert load(tmp_path, "threads: 1\nevidence.canny_high: 120\n") == plain
-    ros = """
-/**:
-  ros__parameters: {threads: 4, use_sim_time: true, evidence: {canny_high: 120.0}}
-camera_ingest:
-  ros__parameters: {rate_hz: 30}
-tracker:
-  ros__parameters: {threads: 1}
-"""
-    assert load(tmp_path, ros) == plain
+def test_dotted_names_come_back_nested(tmp_path):
+    dump_parameters({"a.b": 1, "a.c": 1e-5, "d": True}, tmp_path / "p.yaml", "two\nlines")
+    assert load_parameters(tmp_path / "p.yaml") == {"a": {"b": 1, "c": 1e-5}, "d": True}
+    assert (tmp_path / "p.yaml").read_text().startswith("# two\n# lines\n")
 
 
-def test_everything_comes_back(tmp_path):
-    config = TrackerConfig(threads=7)
-    dump_config(config, tmp_path / "c.yaml")
-    assert load_config(tmp_path / "c.yaml") == config
-
-
-@pytest.mark.parametrize(("text", "field"), [
-    ("thread: 1", "thread"),
-    ("threads: 0", "threads"),
-    ("threads: many", "threads"),
-    ("evidence: 3", "evidence"),
-    ("evidence: {canny_high: -1}", "evidence.canny_high"),
-    ("evidence: {canny_high: .nan}", "evidence.canny_high"),
-    ("evidence: {canny: 1}", "evidence.canny"),
-    ("evidence: 3\nevidence.canny_high: 5", "evidence"),
-    ("/**: {ros__parameters: {threads: 0}}", "threads"),
-    ("/**: {ros__parameters: 3}", "/**.ros__parameters"),
-    ("/**: {ros__parameters: {}}\nthreads: 3", "threads"),
-])  # fmt: skip
-def test_errors_name_file_and_parameter(tmp_path, text, field):
-    with pytest.raises(FileFormatError) as error:
-        load(tmp_path, text)
-    assert error.value.field == field
-    assert "tracker.yaml" in str(error.value)
+def test_a_section_beside_plain_parameters_is_refused(tmp_path):
+    (tmp_path / "p.yaml").write_text("/**: {ros__parameters: {}}\nthreads: 3")
+    with pytest.raises(FileFormatError, match="'threads'"):
+        load_parameters(tmp_path / "p.yaml")

@@ -42,8 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    from ..evaluation.config_file import load_config
     from ..evaluation.run_offline import OfflineRun, run_offline
-    from ..loaders.config_yaml import load_config
     from ..loaders.model_yaml import load_model
     from ..loaders.rig_yaml import load_rig
     from ..loaders.state_yaml import load_state

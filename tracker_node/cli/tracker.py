@@ -47,7 +47,7 @@ def listeners(text: str) -> tuple[str, int]:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..loaders.config_yaml import load_config
+    from ..evaluation.config_file import load_config
     from ..loaders.model_yaml import load_model
     from ..loaders.rig_yaml import load_rig
     from ..loaders.state_yaml import load_state

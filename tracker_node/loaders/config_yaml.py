@@ -1,12 +1,12 @@
-"""Tracker parameters as YAML: a plain mapping, or the parameter file of a ROS node."""
+"""Parameters as YAML: a plain mapping, or the parameter file of a ROS node. What they mean is not known here."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ..errors import FileFormatError
-from ..tracking.config import TrackerConfig, flatten, from_dict
 from .yaml_file import read_mapping, write_mapping
 
 _ROS_KEY = "ros__parameters"
@@ -14,32 +14,32 @@ _ROS_KEY = "ros__parameters"
 _ROS_OWN = ("use_sim_time", "qos_overrides", "start_type_description_service")
 
 
-def load_config(path: str | Path, node: str = "tracker") -> TrackerConfig:
-    """Tracker configuration of a file; what the file leaves out has its default.
+def load_parameters(path: str | Path, node: str = "tracker") -> dict[str, Any]:
+    """Parameters of a file, nested as they stand there.
 
     A ROS parameter file may hold sections for several nodes: those named ``/**``, ``node`` or ``/node`` are taken, a later
     one over an earlier one.
 
     Raises
     ------
-    FileFormatError : naming file and parameter, the range or the choices, and the value.
+    FileFormatError : naming file and section.
     """
     values = read_mapping(path)
     if any(isinstance(section, dict) and _ROS_KEY in section for section in values.values()):
-        values = _ros_parameters(values, path, node)
-    return from_dict(values, str(path))
+        return _ros_parameters(values, path, node)
+    return values
 
 
-def dump_config(config: TrackerConfig, path: str | Path) -> None:
-    """Write every parameter as a ROS parameter file, which `load_config` and ``--params-file`` both read."""
+def dump_parameters(parameters: Mapping[str, Any], path: str | Path, comment: str = "") -> None:
+    """Write parameters with dotted names as a ROS parameter file, which `load_parameters` and ``--params-file`` both read."""
     nested: dict[str, Any] = {}
-    for name, value in flatten(config).items():
+    for name, value in parameters.items():
         *groups, last = name.split(".")
         here = nested
         for group in groups:
             here = here.setdefault(group, {})
         here[last] = value
-    write_mapping({"/**": {_ROS_KEY: nested}}, path, "Parameters of the tracker.")
+    write_mapping({"/**": {_ROS_KEY: nested}}, path, comment)
 
 
 def _ros_parameters(values: dict[str, Any], path: str | Path, node: str) -> dict[str, Any]:
