@@ -22,7 +22,7 @@ from tracker_node.errors import TrackerError
 from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
 from tracker_node.loaders.bag_reader import BagReader
 
-SECONDS = {"quick": 8.0, "full": 60.0}
+SECONDS = {"quick": 8.0, "full": 20.0}
 
 
 def measure(folder: Path, seconds: float) -> dict[str, float]:
@@ -71,7 +71,7 @@ def wait_until(predicate, timeout_s: float = 60.0) -> None:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help=f"{SECONDS['quick']:g} s instead of {SECONDS['full']:g} s")
-    parser.add_argument("--folder", type=Path, help="where to write (up to 11 GB; default: the folder for temporary files)")
+    parser.add_argument("--folder", type=Path, help="where to write (up to 5 GB; default: the folder for temporary files)")
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     args = parser.parse_args()
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
