@@ -102,6 +102,10 @@ class NodeProcess:
             self._parts[which].append(line)
 
     @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    @property
     def out(self) -> str:
         return "".join(self._parts["out"])
 

@@ -59,6 +59,11 @@ class Child:
         """Exit status, None while it runs."""
         return self._process.poll()
 
+    def interrupt(self) -> None:
+        """Ask it to finish its work, as Ctrl-C does."""
+        if self.returncode is None:
+            self._process.send_signal(signal.SIGINT)
+
     def end(self, timeout_s: float) -> int:
         """Ask it to finish its work, insist if it does not; returns the exit status."""
         for number, patience_s in ((signal.SIGINT, timeout_s), (signal.SIGTERM, 5.0), (signal.SIGKILL, 5.0)):

@@ -12,6 +12,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from rclpy.node import Node
@@ -25,6 +26,7 @@ from .qos import RESULT
 RECORDER_READY = "recorder: ready"
 _READY_S = 60.0
 _END_S = 60.0  # a tracker may still have image sets to track, a recorder messages to write
+_LAST_STATES_S = 0.3  # on their way to us when the tracker has ended
 _N_LISTENERS = 2  # to the state: the ingest (its flow control) and this process; with a recorder one more
 
 
@@ -183,26 +185,32 @@ class Pipeline:
         print(text if text.startswith("recorder:") else f"pipeline: {text}", file=sys.stderr, flush=True)
 
     def _end(self) -> int:
-        """From the sending end to the receiving end; each gets time to pass on what it has."""
-        status = 0
+        """From the sending end to the receiving end; each gets time to pass on what it has, unless asked a second time."""
+        status, asked = 0, self._stop.is_set()
+        self._stop.clear()
         for verb in ("camera_ingest", "tracker", "recorder"):
             child = self._children.get(verb)
             if child is None:
                 continue
-            unasked = child.returncode is not None and verb != "camera_ingest" and not self._stop.is_set()
-            code = child.end(_END_S)
+            unasked = child.returncode is not None and verb != "camera_ingest" and not asked
+            child.interrupt()
+            self._spin_for(_END_S, partial(_has_ended, child))
+            code = child.end(timeout_s=0.1)
             if code or unasked:
                 self._say(f"{verb} ended {'by itself ' if unasked else ''}with status {code}")
                 status = status or code or 1
-            if verb == "tracker":  # its last states are still on their way to us
-                self._take_the_rest()
+            if verb == "tracker":
+                self._spin_for(_LAST_STATES_S, lambda: False)
         self._show(last=True)
         return status
 
+    def _spin_for(self, seconds: float, done: Callable[[], bool]) -> None:
+        until_s = time.monotonic() + seconds
+        self._spin(lambda: done() or time.monotonic() > until_s)
 
-    def _take_the_rest(self) -> None:
-        until_s = time.monotonic() + 0.3
-        spin(self._node, threading.Event(), lambda: time.monotonic() > until_s)
+
+def _has_ended(child: Child) -> bool:
+    return child.returncode is not None
 
 
 def run_pipeline(options: PipelineOptions) -> tuple[int, Progress]:
