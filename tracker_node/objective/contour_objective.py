@@ -111,7 +111,7 @@ class ContourObjective:
     """Cost of a state against the evidence of one image set.
 
     Which samples are seen is decided at the first linearization and kept, so that the cost stays comparable between
-    iterations; `refresh` decides it anew at the next one.
+    iterations; `restart` decides it anew at the next one.
     """
 
     def __init__(
@@ -131,8 +131,9 @@ class ContourObjective:
         self._spheres = np.empty((len(model.shapes), 4))
         self._refresh = True
 
-    def refresh(self) -> None:
-        """Decide the visibility of samples anew at the next linearization."""
+    def restart(self, options: ContourOptions) -> None:
+        """Go on with other ``options`` (same number of samples); visibility is decided anew at the next linearization."""
+        self.options, self._packed = options, options.packed()
         self._refresh = True
 
     def linearize(self, state: State) -> NormalEquations:

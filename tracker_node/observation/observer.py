@@ -28,6 +28,7 @@ class EvidenceOptions(Protocol):
     reach_px: int
     truncation_px: float
     boundary_step_px: int
+    boundary_offset_px: float
     canny_low: float
     canny_high: float
 
@@ -111,6 +112,8 @@ class Observer:
         gray = cv2.cvtColor(bgr[v0:v1, u0:u1], cv2.COLOR_BGR2GRAY)
         to_edge, edges = edge_distance(gray, silhouette, options.canny_low, options.canny_high, options.truncation_px)
         to_silhouette = signed_distance(silhouette, options.truncation_px)
+        # Averaging evens out the staircase of the mask; the offset undoes its growth by pixels that show both sides
+        to_silhouette = cv2.blur(to_silhouette, (3, 3)) + np.float32(options.boundary_offset_px)
         trusted = cv2.erode(near, _SQUARE)  # where the silhouette is cut off by the reach, there is no boundary
         boundary = boundary_points(silhouette, to_silhouette, trusted, options.boundary_step_px)
         return Observation(self.camera, region, silhouette, edges, to_silhouette, to_edge, boundary, not silhouette.any())

@@ -40,7 +40,7 @@ class EvidenceConfig:
         choices=("split", "sum"),
     )  # fmt: skip
     scene_sigma: float = parameter(4.0, "least standard deviation of a scene pixel", "grey levels", 0.5, 100)
-    shadow: float = parameter(0.6, "darkest shadow, as a fraction of the scene's brightness; 1 switches shadows off", "1", 0.1, 1.0
+    shadow: float = parameter(0.4, "darkest shadow, as a fraction of the scene's brightness; 1 switches shadows off", "1", 0.1, 1.0
     )
     threshold: float = parameter(0.0, "log-odds above which a pixel is body", "1", -20, 20)
     smoothing_px: int = parameter(3, "width of the box that the log-odds are averaged over (odd)", "px", 1, 31)
@@ -52,6 +52,7 @@ class EvidenceConfig:
     reach_px: int = parameter(40, "silhouettes farther than this from the predicted body are not looked at", "px", 4, 1000)
     truncation_px: float = parameter(40.0, "distances are truncated here", "px", 2, 1000)
     boundary_step_px: int = parameter(4, "distance between the points taken from the silhouette's boundary", "px", 1, 100)
+    boundary_offset_px: float = parameter(0.3, "how far the silhouette's boundary lies outside the body's", "px", -5, 5)
     canny_low: float = parameter(40.0, "lower hysteresis threshold of the edge detector", "grey levels", 0, 1000)
     canny_high: float = parameter(100.0, "upper hysteresis threshold of the edge detector", "grey levels", 0, 1000)
     margin_px: int = parameter(24, "border around the predicted body that is looked at", "px", 4, 1000)
@@ -70,7 +71,9 @@ class OptimizerConfig:
     inner_weight: float = parameter(0.2, "weight of contours within the body's outline", "1", 0, 10)
     alignment: float = parameter(0.6, "least cosine between an image boundary's normal and the contour's", "1", 0, 1)
     boundary_weight: float = parameter(1.0, "weight of the boundary points' pull on the nearest outline; 0 switches it off", "1", 0, 10)
-    boundary_scale_px: float = parameter(20.0, "scale of the robust kernel of that pull", "px", 0.1, 1000)
+    boundary_scale_px: float = parameter(20.0, "scale of the robust kernel of that pull in the coarse iterations", "px", 0.1, 1000)
+    fine_boundary_scale_px: float = parameter(5.0, "the same in the fine iterations", "px", 0.1, 1000)
+    coarse_iterations: int = parameter(3, "how many of max_iterations are coarse (far pull of the boundary)", "", 0, 200)
 
 
 @dataclass(frozen=True)

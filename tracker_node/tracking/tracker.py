@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -75,6 +75,7 @@ class Tracker:
             boundary_scale_px=config.optimizer.boundary_scale_px,
             reach_px=float(config.evidence.reach_px),
         )
+        self._fine = replace(self._options, boundary_scale_px=config.optimizer.fine_boundary_scale_px)
         self._executor = ThreadPoolExecutor(config.threads) if config.threads > 1 else None
         self.reset()
 
@@ -190,10 +191,22 @@ class Tracker:
         return ContourObjective(self.model, self._arrays, self._slots, maps, self._options, priors, self._executor)
 
     def _fit(self, objective: ContourObjective, predicted: State, first: bool) -> OptimizerResult:
+        """Coarse iterations, in which far boundaries pull, then fine ones."""
         optimizer = self.config.optimizer
-        iterations = optimizer.first_iterations if first else optimizer.max_iterations
-        options = LevenbergMarquardtOptions(max_iterations=iterations, tolerance=optimizer.tolerance)
-        return minimize(objective, predicted, self.model.chain, options)
+        total = optimizer.first_iterations if first else optimizer.max_iterations
+        n_coarse = min(total // 2 if first else optimizer.coarse_iterations, total - 1)
+        coarse: OptimizerResult | None = None
+        if n_coarse > 0:
+            coarse = self._minimize(objective, predicted, n_coarse)
+            objective.restart(self._fine)
+        fine = self._minimize(objective, predicted if coarse is None else coarse.state, total - n_coarse)
+        if coarse is None:
+            return fine
+        return replace(fine, iterations=fine.iterations + coarse.iterations, evaluations=fine.evaluations + coarse.evaluations)
+
+    def _minimize(self, objective: ContourObjective, start: State, iterations: int) -> OptimizerResult:
+        options = LevenbergMarquardtOptions(max_iterations=iterations, tolerance=self.config.optimizer.tolerance)
+        return minimize(objective, start, self.model.chain, options)
 
     def _accept(self, stamp_ns: int, state: State, images) -> None:
         self._motion.update(stamp_ns, state)
