@@ -112,4 +112,4 @@ def _report(summary: dict[str, Any], output: Path, quiet: bool) -> None:
 
 
 def _plain(value: Any) -> Any:
-    return str(value) if isinstance(value, Path) else value
+    return str(value.resolve()) if isinstance(value, Path) else value

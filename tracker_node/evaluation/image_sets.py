@@ -6,7 +6,6 @@ the others still make sets; one that merely ends earlier is matched as the confi
 
 from __future__ import annotations
 
-import heapq
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterator
@@ -18,6 +17,7 @@ from ..camera.camera_rig import CameraRig
 from ..errors import CalibrationError, SourceError, TrackerError
 from ..loaders.bag_images import image_of, image_topics, only_topic, stamp_ns_of
 from ..loaders.bag_reader import BagReader
+from ..loaders.image_feed import ImageFeed
 from ..loaders.image_source import ImageSource, SourceOptions, open_camera_source
 from ..loaders.message_types import TRACKED_STATE
 from ..observation.image_set import CameraImage, ImageSet
@@ -331,25 +331,28 @@ def _opened(rig: CameraRig, options: SourceOptions, errors: list[str]) -> dict[s
 
 
 def _merged(sources: dict[str, ImageSource], errors: list[str]) -> Iterator[CameraImage | _BrokenOff]:
-    """Images of all sources by stamp, then in the order of the rig; a source that breaks off is noted once."""
-    streams = [_read_to_the_end(camera, source, errors) for camera, source in sources.items()]
-    yield from heapq.merge(*streams, key=lambda item: item.last_stamp_ns if isinstance(item, _BrokenOff) else item.stamp_ns)
+    """Images of all sources, instant by instant in the order of the rig; a source that breaks off is noted once.
 
+    They are decoded ahead in threads; what comes, and in what order, does not depend on these.
+    """
+    last_ns = {camera: source.stamp_ns(source.options.start) - 1 for camera, source in sources.items()}
+    told: set[str] = set()
 
-def _read_to_the_end(camera: str, source: ImageSource, errors: list[str]) -> Iterator[CameraImage | _BrokenOff]:
-    last_ns = source.stamp_ns(source.options.start) - 1
-    problem = ""
-    try:
-        for stamp_ns, bgr in source:
-            last_ns = stamp_ns
-            yield CameraImage(camera, stamp_ns, bgr)
-    except TrackerError as error:
-        problem = str(error)
-    if source.counts.problems and not problem:
-        problem = f"image source '{source.path}': {'; '.join(source.counts.problems[:3])}"
-    if problem:
-        errors.append(f"camera '{camera}' after {source.counts.read} images: {problem}")
-        yield _BrokenOff(camera, last_ns)
+    def broken_off() -> Iterator[_BrokenOff]:
+        for camera, report in feed.reports.items():
+            if report.ended and report.problem and camera not in told:
+                told.add(camera)
+                what = "; ".join(report.problems[:3]) or report.problem
+                errors.append(f"camera '{camera}' after {report.read} images of '{sources[camera].path}': {what}")
+                yield _BrokenOff(camera, last_ns[camera])
+
+    with ImageFeed(sources) as feed:
+        for instant in feed:
+            yield from broken_off()
+            for image in instant.images:
+                last_ns[image.camera] = image.stamp_ns
+                yield CameraImage(image.camera, image.stamp_ns, image.bgr)
+        yield from broken_off()
 
 
 def _stamps(source: ImageSource) -> set[int]:
