@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -276,3 +278,23 @@ def test_command_reports_partial_success(own_clip: Clip, tmp_path: Path, capsys:
     assert "cam03" in printed.err
     assert printed.out == ""
     assert main(["track_offline", *own_clip.arguments(), "--output", str(tmp_path / "x"), "--start", "-3"]) == 2
+
+
+WITHOUT_ROS = """
+import sys
+class NoRos:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in ("rclpy", "sensor_msgs", "std_msgs", "tracker_msgs", "geometry_msgs"):
+            raise ImportError(f"{name} is not installed")
+sys.meta_path.insert(0, NoRos())
+from tracker_node.cli.main import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_ros_is_not_needed(clip: Clip, tmp_path: Path) -> None:
+    arguments = ["track_offline", *clip.arguments(), "--output", str(tmp_path / "run"), "--max-sets", "2", "--masks"]
+    done = subprocess.run([sys.executable, "-c", WITHOUT_ROS, *arguments], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    with BagReader(tmp_path / "run/bag") as reader:
+        assert reader.topic("/tracker/state").message_count == 2
