@@ -15,11 +15,10 @@ import numpy as np
 
 from ..camera.camera_rig import CameraRig
 from ..errors import CalibrationError, SourceError, TrackerError
-from ..loaders.bag_images import image_of, image_topics, only_topic, stamp_ns_of
+from ..loaders.bag_images import image_of, image_topics
 from ..loaders.bag_reader import BagReader
 from ..loaders.image_feed import ImageFeed
 from ..loaders.image_source import ImageSource, SourceOptions, open_camera_source
-from ..loaders.message_types import TRACKED_STATE
 from ..observation.image_set import CameraImage, ImageSet
 from ..observation.image_synchronizer import ImageSynchronizer
 from ..tracking.config import SynchronizerConfig
@@ -61,7 +60,7 @@ class ImageSetStream(ABC):
     def counters(self) -> dict[str, dict[str, int]]:
         """Camera -> what became of its images."""
 
-    def _size_problem(self, image: CameraImage) -> str:
+    def size_problem(self, image: CameraImage) -> str:
         model = self.rig[image.camera].model
         height, width = image.pixels.shape[:2]
         if (width, height) == (model.width, model.height):
@@ -123,7 +122,7 @@ class SourceStream(ImageSetStream):
 
     def __init__(self, rig: CameraRig, config: SynchronizerConfig, options: SourceOptions | None = None):
         super().__init__(rig)
-        self._sources = _opened(rig, options or SourceOptions(), self.errors)
+        self._sources = opened_sources(rig, options or SourceOptions(), self.errors)
         self._matcher = _Matcher(tuple(self._sources), config)
         self.n_expected = min(source.n_images for source in self._sources.values())
 
@@ -132,8 +131,8 @@ class SourceStream(ImageSetStream):
         return self._matcher.counters
 
     def __iter__(self) -> Iterator[ImageSet]:
-        for item in _merged(self._sources, self.errors):
-            if isinstance(item, _BrokenOff):
+        for item in merged_images(self._sources, self.errors):
+            if isinstance(item, BrokenOff):
                 self._matcher.drop(item.camera, item.last_stamp_ns)
             else:
                 yield from self._matcher.add(item)
@@ -151,7 +150,7 @@ class BagStream(ImageSetStream):
     def __init__(self, rig: CameraRig, config: SynchronizerConfig, reader: BagReader):
         super().__init__(rig)
         self._reader = reader
-        self._topics = _topics_with_images(reader, rig)
+        self._topics = topics_with_images(reader, rig)
         present = tuple(camera for camera in rig.names if camera in self._topics.values())
         self.errors += [f"camera '{c}': no images in {reader.path}" for c in rig.names if c not in present]
         if reader.recovered:
@@ -165,10 +164,10 @@ class BagStream(ImageSetStream):
 
     def __iter__(self) -> Iterator[ImageSet]:
         refused: set[str] = set()
-        for image, problem in _bag_images(self._reader, self._topics):
+        for image, problem in bag_images(self._reader, self._topics):
             if image.camera in refused:
                 continue
-            problem = problem or self._size_problem(image)
+            problem = problem or self.size_problem(image)
             if problem:
                 refused.add(image.camera)
                 self.errors.append(f"{problem}; this camera is left out from here on")
@@ -179,144 +178,12 @@ class BagStream(ImageSetStream):
 
 
 @dataclass(frozen=True)
-class RecordedSet:
-    """The images that one recorded state was made from."""
-
-    stamp_ns: int
-    images: tuple[tuple[str, int], ...]  # camera, stamp
-
-
-class RecordedRunStream(ImageSetStream):
-    """The very sets that an earlier run used, as its states list them.
-
-    Parameters
-    ----------
-    reader : bag with the states, and the images unless ``options`` are given.
-    options : take the images from the rig's sources, whose stamps must be the recorded ones.
-    tracked_state_topic : needed when the bag has states of several trackers.
-
-    Raises
-    ------
-    SourceError : no states in the bag, or no images.
-    """
-
-    AHEAD = 64  # sets that may be waiting for their images; a set that more have overtaken gets none any more
-
-    def __init__(self, rig: CameraRig, reader: BagReader, options: SourceOptions | None = None, tracked_state_topic: str = ""):
-        super().__init__(rig)
-        self._reader = reader
-        self._options: SourceOptions | None = None
-        topic = only_topic(reader, TRACKED_STATE, [tracked_state_topic] if tracked_state_topic else [])
-        self.sets = [recorded_set(message) for _, message in reader.decoded(topic)]
-        self.n_expected = len(self.sets)
-        self._needed = Counter(key for recorded in self.sets for key in recorded.images)
-        self._read: Counter[str] = Counter()
-        self._used: Counter[str] = Counter()
-        self.incomplete_sets = 0
-        if reader.recovered:
-            self.errors.append(f"bag {reader.path} is unfinished: {reader.problem}")
-        if options is None:
-            self._topics = _topics_with_images(reader, rig)
-        else:
-            self._options = replace(options, base_stamp_ns=self._base_stamp_ns(options))
-
-    @property
-    def counters(self) -> dict[str, dict[str, int]]:
-        return {camera: {"received": self._read[camera], "used": self._used[camera]} for camera in self.rig.names}
-
-    def __iter__(self) -> Iterator[ImageSet]:
-        waiting = list(reversed(self.sets))
-        images: dict[tuple[str, int], CameraImage] = {}
-        for image in self._images():
-            self._read[image.camera] += 1
-            key = (image.camera, image.stamp_ns)
-            if self._needed[key] and key not in images:
-                images[key] = image
-                yield from self._complete(waiting, images, final=False)
-        yield from self._complete(waiting, images, final=True)
-
-    def _complete(self, waiting: list[RecordedSet], images: dict, final: bool) -> Iterator[ImageSet]:
-        """Sets from the front of the queue (its end) whose images are all there."""
-        while waiting:
-            recorded = waiting[-1]
-            missing = [key for key in recorded.images if key not in images]
-            if missing and not final and len(images) <= self.AHEAD * max(len(recorded.images), 1):
-                return
-            waiting.pop()
-            if missing or not recorded.images:
-                self._note_incomplete(recorded, missing)
-            else:
-                found = tuple(images[key] for key in recorded.images)
-                self._used.update(image.camera for image in found)
-                yield ImageSet(recorded.stamp_ns, found)
-            for key in recorded.images:
-                self._needed[key] -= 1
-                if not self._needed[key]:
-                    images.pop(key, None)
-
-    def _note_incomplete(self, recorded: RecordedSet, missing: list[tuple[str, int]]) -> None:
-        self.incomplete_sets += 1
-        if self.incomplete_sets == 1:
-            what = ", ".join(f"{camera} at {stamp_ns} ns" for camera, stamp_ns in missing) or "it names no image"
-            self.errors.append(
-                f"the set at {recorded.stamp_ns} ns of {self._reader.path} cannot be made again, images are missing: {what};"
-                " states from here on may differ from the recorded ones"
-            )
-
-    def _images(self) -> Iterator[CameraImage]:
-        if self._options is not None:
-            merged = _merged(_opened(self.rig, self._options, self.errors), self.errors)
-            yield from (item for item in merged if isinstance(item, CameraImage))
-            return
-        for image, problem in _bag_images(self._reader, self._topics):
-            problem = problem or self._size_problem(image)
-            if problem and problem not in self.errors:
-                self.errors.append(problem)
-            if not problem:
-                yield image
-
-    def _base_stamp_ns(self, options: SourceOptions) -> int:
-        """Stamp of image 0 that makes every recorded stamp one of the sources' stamps."""
-        wanted: dict[str, set[int]] = {}
-        for camera, stamp_ns in self._needed:
-            wanted.setdefault(camera, set()).add(stamp_ns)
-        sources = _opened(self.rig, options, [])
-        for base_ns in [options.base_stamp_ns, *self._announced_bases(sources)]:
-            shift = base_ns - options.base_stamp_ns
-            if all(wanted[c] <= {s + shift for s in _stamps(source)} for c, source in sources.items() if c in wanted):
-                return base_ns
-        raise SourceError(
-            self._reader.path,
-            "its stamps are not those of the rig's sources; give the stamp of image 0 that the run had, and its rate and start",
-        )
-
-    def _announced_bases(self, sources: dict[str, ImageSource]) -> Iterator[int]:
-        """Candidates from the first camera_info of each camera, which an image of the run had."""
-        for camera, source in sources.items():
-            for topic in self._reader.topics_of_type(CAMERA_INFO):
-                first = next(self._reader.decoded(topic), None)
-                if f"/{topic}".endswith(f"/{camera}/camera_info") and first is not None:
-                    start_ns = source.stamp_ns(source.options.start)
-                    yield stamp_ns_of(first[1].header.stamp) - start_ns + source.options.base_stamp_ns
-
-
-def recorded_set(message) -> RecordedSet:
-    """The set that a TrackedState was made from.
-
-    Stamp 0 says that the camera gave no image, except in a set whose own stamp is 0 or earlier.
-    """
-    stamp_ns = stamp_ns_of(message.header.stamp)
-    pairs = [(camera, stamp_ns_of(stamp)) for camera, stamp in zip(message.cameras, message.camera_stamps, strict=True)]
-    return RecordedSet(stamp_ns, tuple((camera, ns) for camera, ns in pairs if ns or stamp_ns <= 0))
-
-
-@dataclass(frozen=True)
-class _BrokenOff:
+class BrokenOff:
     camera: str
     last_stamp_ns: int
 
 
-def _opened(rig: CameraRig, options: SourceOptions, errors: list[str]) -> dict[str, ImageSource]:
+def opened_sources(rig: CameraRig, options: SourceOptions, errors: list[str]) -> dict[str, ImageSource]:
     """Sources by camera; those that cannot be opened are noted."""
     sources = {}
     for camera in rig:
@@ -330,7 +197,7 @@ def _opened(rig: CameraRig, options: SourceOptions, errors: list[str]) -> dict[s
     return sources
 
 
-def _merged(sources: dict[str, ImageSource], errors: list[str]) -> Iterator[CameraImage | _BrokenOff]:
+def merged_images(sources: dict[str, ImageSource], errors: list[str]) -> Iterator[CameraImage | BrokenOff]:
     """Images of all sources, instant by instant in the order of the rig; a source that breaks off is noted once.
 
     They are decoded ahead in threads; what comes, and in what order, does not depend on these.
@@ -338,13 +205,13 @@ def _merged(sources: dict[str, ImageSource], errors: list[str]) -> Iterator[Came
     last_ns = {camera: source.stamp_ns(source.options.start) - 1 for camera, source in sources.items()}
     told: set[str] = set()
 
-    def broken_off() -> Iterator[_BrokenOff]:
+    def broken_off() -> Iterator[BrokenOff]:
         for camera, report in feed.reports.items():
             if report.ended and report.problem and camera not in told:
                 told.add(camera)
                 what = "; ".join(report.problems[:3]) or report.problem
                 errors.append(f"camera '{camera}' after {report.read} images of '{sources[camera].path}': {what}")
-                yield _BrokenOff(camera, last_ns[camera])
+                yield BrokenOff(camera, last_ns[camera])
 
     with ImageFeed(sources) as feed:
         for instant in feed:
@@ -353,11 +220,6 @@ def _merged(sources: dict[str, ImageSource], errors: list[str]) -> Iterator[Came
                 last_ns[image.camera] = image.stamp_ns
                 yield CameraImage(image.camera, image.stamp_ns, image.bgr)
         yield from broken_off()
-
-
-def _stamps(source: ImageSource) -> set[int]:
-    first = source.options.start
-    return {source.stamp_ns(i) for i in range(first, first + source.n_images)}
 
 
 def rig_of_bag(rig: CameraRig, reader: BagReader) -> CameraRig:
@@ -379,7 +241,7 @@ def rig_of_bag(rig: CameraRig, reader: BagReader) -> CameraRig:
     return CameraRig(tuple(cameras), rig.world_frame)
 
 
-def _topics_with_images(reader: BagReader, rig: CameraRig) -> dict[str, str]:
+def topics_with_images(reader: BagReader, rig: CameraRig) -> dict[str, str]:
     topics = image_topics(reader, rig.names)
     if not topics:
         cameras = ", ".join(rig.names)
@@ -387,7 +249,7 @@ def _topics_with_images(reader: BagReader, rig: CameraRig) -> dict[str, str]:
     return topics
 
 
-def _bag_images(reader: BagReader, topics: dict[str, str]) -> Iterator[tuple[CameraImage, str]]:
+def bag_images(reader: BagReader, topics: dict[str, str]) -> Iterator[tuple[CameraImage, str]]:
     """Images and, for one that cannot be used, an empty one with the problem."""
     for message in reader.messages(topics):
         camera = topics[message.topic]

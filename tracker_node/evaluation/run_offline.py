@@ -23,8 +23,9 @@ from ..model.configuration import State
 from ..tracking.config import TrackerConfig, flatten
 from ..tracking.estimate import Status, TrackEstimate
 from ..tracking.tracker import Tracker
-from .image_sets import BagStream, ImageSetStream, RecordedRunStream, SourceStream, rig_of_bag
+from .image_sets import BagStream, ImageSetStream, SourceStream, rig_of_bag
 from .metrics_file import command_line, cpu, versions
+from .recorded_sets import RecordedRunStream
 from .run_writer import RunWriter
 
 Progress = Callable[[int, int | None, TrackEstimate], None]

@@ -7,20 +7,16 @@ power cut is in the file.
 
 from __future__ import annotations
 
-import csv
-import io
-import os
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Any
 
 import numpy as np
 
 from ..errors import FileFormatError
 from ..geometry import quaternion, se3
 from ..model.kinematic_chain import N_ROOT_DOF
+from .csv_file import CsvTable, CsvWriter, exact
 
 LEADING_COLUMNS = ("stamp_ns", "status", "reason")
 TRAILING_COLUMNS = ("score", "residual_px", "iterations", "evaluations")
@@ -99,33 +95,7 @@ class PoseTrajectory:
         return np.array([se3.from_rotation_translation(r, t) for r, t in pairs]).reshape(-1, 4, 4)
 
 
-class _CsvFile:
-    """Rows to a CSV file, each handed to the operating system at once; usable in a ``with`` statement."""
-
-    def __init__(self, path: str | Path, header: Sequence[str]):
-        self.path = Path(path)
-        self._stream = self.path.open("w", newline="", encoding="utf-8")
-        self._writer = csv.writer(self._stream, lineterminator="\n")
-        self._write([header])
-
-    def _write(self, rows: Sequence[Sequence[Any]]) -> None:
-        self._writer.writerows(rows)
-        self._stream.flush()
-
-    def close(self) -> None:
-        if not self._stream.closed:
-            self._stream.flush()
-            os.fsync(self._stream.fileno())
-            self._stream.close()
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.close()
-
-
-class StatesWriter(_CsvFile):
+class StatesWriter(CsvWriter):
     """Writes ``states.csv``."""
 
     def __init__(self, path: str | Path, dof_names: Sequence[str]):
@@ -135,12 +105,12 @@ class StatesWriter(_CsvFile):
     def append(self, row: StateRow) -> None:
         if len(row.values) != len(self.dof_names):
             raise ValueError(f"expected {len(self.dof_names)} values, got {len(row.values)}")
-        numbers = [_exact(value) for value in row.values]
-        tail = [_exact(row.score), _exact(row.residual_px), int(row.iterations), int(row.evaluations)]
-        self._write([[int(row.stamp_ns), row.status, row.reason, *numbers, *tail]])
+        numbers = [exact(value) for value in row.values]
+        tail = [exact(row.score), exact(row.residual_px), int(row.iterations), int(row.evaluations)]
+        self.write_rows([[int(row.stamp_ns), row.status, row.reason, *numbers, *tail]])
 
 
-class JointsWriter(_CsvFile):
+class JointsWriter(CsvWriter):
     """Writes ``joints.csv``."""
 
     def __init__(self, path: str | Path, landmark_names: Sequence[str]):
@@ -153,10 +123,10 @@ class JointsWriter(_CsvFile):
         if points.shape != (len(self.landmark_names), 3):
             raise ValueError(f"expected positions ({len(self.landmark_names)}, 3), got {points.shape}")
         pairs = zip(self.landmark_names, points, strict=True)
-        self._write([[int(stamp_ns), name, *map(_exact, point)] for name, point in pairs])
+        self.write_rows([[int(stamp_ns), name, *map(exact, point)] for name, point in pairs])
 
 
-class PosesWriter(_CsvFile):
+class PosesWriter(CsvWriter):
     """Writes ``poses.csv``."""
 
     def __init__(self, path: str | Path):
@@ -165,7 +135,7 @@ class PosesWriter(_CsvFile):
     def append(self, stamp_ns: int, T_world_root: np.ndarray) -> None:
         """One instant: ``T_world_root`` (4, 4)."""
         q_xyzw = quaternion.xyzw_from_matrix(T_world_root[:3, :3])
-        self._write([[int(stamp_ns), *map(_exact, T_world_root[:3, 3]), *map(_exact, q_xyzw)]])
+        self.write_rows([[int(stamp_ns), *map(exact, T_world_root[:3, 3]), *map(exact, q_xyzw)]])
 
 
 def dof_columns(dof_names: Sequence[str]) -> tuple[str, ...]:
@@ -187,7 +157,7 @@ def read_states(path: str | Path) -> StateTrajectory:
     ------
     FileFormatError : naming line and column.
     """
-    table = _Table(path)
+    table = CsvTable(path)
     table.expect_prefix(LEADING_COLUMNS)
     if table.header[-len(TRAILING_COLUMNS) :] != TRAILING_COLUMNS:
         raise FileFormatError(path, "header", f"last columns {', '.join(TRAILING_COLUMNS)}", table.header)
@@ -216,10 +186,10 @@ def read_states(path: str | Path) -> StateTrajectory:
 
 def write_joints(path: str | Path, trajectory: JointTrajectory) -> None:
     """The whole of ``joints.csv`` at once; positions that are not valid get no row."""
-    with _CsvFile(path, JOINT_COLUMNS) as writer:
+    with CsvWriter(path, JOINT_COLUMNS) as writer:
         for stamp_ns, points, valid in zip(trajectory.stamps_ns, trajectory.positions_m, trajectory.valid, strict=True):
             pairs = zip(trajectory.names, points, valid, strict=True)
-            writer._write([[int(stamp_ns), name, *map(_exact, point)] for name, point, good in pairs if good])
+            writer.write_rows([[int(stamp_ns), name, *map(exact, point)] for name, point, good in pairs if good])
 
 
 def read_joints(path: str | Path) -> JointTrajectory:
@@ -229,7 +199,7 @@ def read_joints(path: str | Path) -> JointTrajectory:
     ------
     FileFormatError : naming line and column.
     """
-    table = _Table(path)
+    table = CsvTable(path)
     table.expect_prefix(JOINT_COLUMNS)
     names: dict[str, int] = {}
     instants: dict[int, dict[str, np.ndarray]] = {}
@@ -252,9 +222,9 @@ def read_joints(path: str | Path) -> JointTrajectory:
 
 def write_poses(path: str | Path, trajectory: PoseTrajectory) -> None:
     """The whole of ``poses.csv`` at once."""
-    with _CsvFile(path, POSE_COLUMNS) as writer:
+    with CsvWriter(path, POSE_COLUMNS) as writer:
         for stamp_ns, p, q in zip(trajectory.stamps_ns, trajectory.positions_m, trajectory.quaternions_xyzw, strict=True):
-            writer._write([[int(stamp_ns), *map(_exact, p), *map(_exact, q)]])
+            writer.write_rows([[int(stamp_ns), *map(exact, p), *map(exact, q)]])
 
 
 def read_poses(path: str | Path) -> PoseTrajectory:
@@ -264,69 +234,8 @@ def read_poses(path: str | Path) -> PoseTrajectory:
     ------
     FileFormatError : naming line and column.
     """
-    table = _Table(path)
+    table = CsvTable(path)
     table.expect_prefix(POSE_COLUMNS)
     rows = [(cells.integer(0), cells.numbers(1, 8)) for cells in table.rows()]
     numbers = np.array([row for _, row in rows]).reshape(-1, 7)
     return PoseTrajectory(np.array([stamp for stamp, _ in rows], dtype=np.int64), numbers[:, :3], numbers[:, 3:])
-
-
-@dataclass(frozen=True)
-class _Cells:
-    """One line of a file, with what an error message needs."""
-
-    path: Path
-    line: int
-    header: tuple[str, ...]
-    text: list[str] = field(repr=False)
-
-    def _error(self, column: int, expected: str) -> FileFormatError:
-        return FileFormatError(self.path, f"line {self.line}, column '{self.header[column]}'", expected, self.text[column])
-
-    def integer(self, column: int) -> int:
-        try:
-            return int(self.text[column])
-        except ValueError:
-            raise self._error(column, "an integer") from None
-
-    def number(self, column: int) -> float:
-        try:
-            value = float(self.text[column])
-        except ValueError:
-            raise self._error(column, "a number") from None
-        if not np.isfinite(value):
-            raise self._error(column, "a finite number")
-        return value
-
-    def numbers(self, first: int, last: int) -> np.ndarray:
-        return np.array([self.number(column) for column in range(first, last)])
-
-
-class _Table:
-    """A CSV file whose header has been read."""
-
-    def __init__(self, path: str | Path):
-        self.path = Path(path)
-        try:
-            text = self.path.read_bytes().decode("utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise FileFormatError(path, "(file)", "a readable CSV file", str(error)) from None
-        self._lines = csv.reader(io.StringIO(text, newline=""))
-        self.header: tuple[str, ...] = tuple(next(self._lines, []))
-
-    def expect_prefix(self, columns: Sequence[str]) -> None:
-        if self.header[: len(columns)] != tuple(columns):
-            raise FileFormatError(self.path, "header", f"columns starting with {','.join(columns)}", ",".join(self.header))
-
-    def rows(self) -> Iterator[_Cells]:
-        for text in self._lines:
-            if not text:
-                continue
-            if len(text) != len(self.header):
-                line = self._lines.line_num
-                raise FileFormatError(self.path, f"line {line}", f"{len(self.header)} columns", f"{len(text)} columns")
-            yield _Cells(self.path, self._lines.line_num, self.header, text)
-
-
-def _exact(value: float) -> str:
-    return format(float(value), ".17g")

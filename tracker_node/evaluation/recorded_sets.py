@@ -1,0 +1,153 @@
+"""The very image sets of an earlier run: its states list the stamps of the images that were used."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from ..camera.camera_rig import CameraRig
+from ..errors import SourceError
+from ..loaders.bag_images import only_topic, stamp_ns_of
+from ..loaders.bag_reader import BagReader
+from ..loaders.image_source import ImageSource, SourceOptions
+from ..loaders.message_types import TRACKED_STATE
+from ..observation.image_set import CameraImage, ImageSet
+from .image_sets import CAMERA_INFO, ImageSetStream, bag_images, merged_images, opened_sources, topics_with_images
+
+
+@dataclass(frozen=True)
+class RecordedSet:
+    """The images that one recorded state was made from."""
+
+    stamp_ns: int
+    images: tuple[tuple[str, int], ...]  # camera, stamp
+
+
+class RecordedRunStream(ImageSetStream):
+    """The very sets that an earlier run used, as its states list them.
+
+    Parameters
+    ----------
+    reader : bag with the states, and the images unless ``options`` are given.
+    options : take the images from the rig's sources, whose stamps must be the recorded ones.
+    tracked_state_topic : needed when the bag has states of several trackers.
+
+    Raises
+    ------
+    SourceError : no states in the bag, or no images.
+    """
+
+    AHEAD = 64  # sets that may be waiting for their images; a set that more have overtaken gets none any more
+
+    def __init__(self, rig: CameraRig, reader: BagReader, options: SourceOptions | None = None, tracked_state_topic: str = ""):
+        super().__init__(rig)
+        self._reader = reader
+        self._options: SourceOptions | None = None
+        topic = only_topic(reader, TRACKED_STATE, [tracked_state_topic] if tracked_state_topic else [])
+        self.sets = [recorded_set(message) for _, message in reader.decoded(topic)]
+        self.n_expected = len(self.sets)
+        self._needed = Counter(key for recorded in self.sets for key in recorded.images)
+        self._read: Counter[str] = Counter()
+        self._used: Counter[str] = Counter()
+        self.incomplete_sets = 0
+        if reader.recovered:
+            self.errors.append(f"bag {reader.path} is unfinished: {reader.problem}")
+        if options is None:
+            self._topics = topics_with_images(reader, rig)
+        else:
+            self._options = replace(options, base_stamp_ns=self._base_stamp_ns(options))
+
+    @property
+    def counters(self) -> dict[str, dict[str, int]]:
+        return {camera: {"received": self._read[camera], "used": self._used[camera]} for camera in self.rig.names}
+
+    def __iter__(self) -> Iterator[ImageSet]:
+        waiting = list(reversed(self.sets))
+        images: dict[tuple[str, int], CameraImage] = {}
+        for image in self._images():
+            self._read[image.camera] += 1
+            key = (image.camera, image.stamp_ns)
+            if self._needed[key] and key not in images:
+                images[key] = image
+                yield from self._complete(waiting, images, final=False)
+        yield from self._complete(waiting, images, final=True)
+
+    def _complete(self, waiting: list[RecordedSet], images: dict, final: bool) -> Iterator[ImageSet]:
+        """Sets from the front of the queue (its end) whose images are all there."""
+        while waiting:
+            recorded = waiting[-1]
+            missing = [key for key in recorded.images if key not in images]
+            if missing and not final and len(images) <= self.AHEAD * max(len(recorded.images), 1):
+                return
+            waiting.pop()
+            if missing or not recorded.images:
+                self._note_incomplete(recorded, missing)
+            else:
+                found = tuple(images[key] for key in recorded.images)
+                self._used.update(image.camera for image in found)
+                yield ImageSet(recorded.stamp_ns, found)
+            for key in recorded.images:
+                self._needed[key] -= 1
+                if not self._needed[key]:
+                    images.pop(key, None)
+
+    def _note_incomplete(self, recorded: RecordedSet, missing: list[tuple[str, int]]) -> None:
+        self.incomplete_sets += 1
+        if self.incomplete_sets == 1:
+            what = ", ".join(f"{camera} at {stamp_ns} ns" for camera, stamp_ns in missing) or "it names no image"
+            self.errors.append(
+                f"the set at {recorded.stamp_ns} ns of {self._reader.path} cannot be made again, images are missing: {what};"
+                " states from here on may differ from the recorded ones"
+            )
+
+    def _images(self) -> Iterator[CameraImage]:
+        if self._options is not None:
+            merged = merged_images(opened_sources(self.rig, self._options, self.errors), self.errors)
+            yield from (item for item in merged if isinstance(item, CameraImage))
+            return
+        for image, problem in bag_images(self._reader, self._topics):
+            problem = problem or self.size_problem(image)
+            if problem and problem not in self.errors:
+                self.errors.append(problem)
+            if not problem:
+                yield image
+
+    def _base_stamp_ns(self, options: SourceOptions) -> int:
+        """Stamp of image 0 that makes every recorded stamp one of the sources' stamps."""
+        wanted: dict[str, set[int]] = {}
+        for camera, stamp_ns in self._needed:
+            wanted.setdefault(camera, set()).add(stamp_ns)
+        sources = opened_sources(self.rig, options, [])
+        for base_ns in [options.base_stamp_ns, *self._announced_bases(sources)]:
+            shift = base_ns - options.base_stamp_ns
+            if all(wanted[c] <= {s + shift for s in _stamps(source)} for c, source in sources.items() if c in wanted):
+                return base_ns
+        raise SourceError(
+            self._reader.path,
+            "its stamps are not those of the rig's sources; give the stamp of image 0 that the run had, and its rate and start",
+        )
+
+    def _announced_bases(self, sources: dict[str, ImageSource]) -> Iterator[int]:
+        """Candidates from the first camera_info of each camera, which an image of the run had."""
+        for camera, source in sources.items():
+            for topic in self._reader.topics_of_type(CAMERA_INFO):
+                first = next(self._reader.decoded(topic), None)
+                if f"/{topic}".endswith(f"/{camera}/camera_info") and first is not None:
+                    start_ns = source.stamp_ns(source.options.start)
+                    yield stamp_ns_of(first[1].header.stamp) - start_ns + source.options.base_stamp_ns
+
+
+def recorded_set(message) -> RecordedSet:
+    """The set that a TrackedState was made from.
+
+    Stamp 0 says that the camera gave no image, except in a set whose own stamp is 0 or earlier.
+    """
+    stamp_ns = stamp_ns_of(message.header.stamp)
+    pairs = [(camera, stamp_ns_of(stamp)) for camera, stamp in zip(message.cameras, message.camera_stamps, strict=True)]
+    return RecordedSet(stamp_ns, tuple((camera, ns) for camera, ns in pairs if ns or stamp_ns <= 0))
+
+
+def _stamps(source: ImageSource) -> set[int]:
+    first = source.options.start
+    return {source.stamp_ns(i) for i in range(first, first + source.n_images)}

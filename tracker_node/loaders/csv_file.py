@@ -1,0 +1,103 @@
+"""CSV files whose numbers come back bit for bit, and whose errors name line and column."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from ..errors import FileFormatError
+
+
+class CsvWriter:
+    """Rows to a CSV file, each handed to the operating system at once; usable in a ``with`` statement."""
+
+    def __init__(self, path: str | Path, header: Sequence[str]):
+        self.path = Path(path)
+        self._stream = self.path.open("w", newline="", encoding="utf-8")
+        self._writer = csv.writer(self._stream, lineterminator="\n")
+        self.write_rows([header])
+
+    def write_rows(self, rows: Sequence[Sequence[Any]]) -> None:
+        self._writer.writerows(rows)
+        self._stream.flush()
+
+    def close(self) -> None:
+        if not self._stream.closed:
+            self._stream.flush()
+            os.fsync(self._stream.fileno())
+            self._stream.close()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+
+@dataclass(frozen=True)
+class CsvCells:
+    """One line of a file, with what an error message needs."""
+
+    path: Path
+    line: int
+    header: tuple[str, ...]
+    text: list[str] = field(repr=False)
+
+    def _error(self, column: int, expected: str) -> FileFormatError:
+        return FileFormatError(self.path, f"line {self.line}, column '{self.header[column]}'", expected, self.text[column])
+
+    def integer(self, column: int) -> int:
+        try:
+            return int(self.text[column])
+        except ValueError:
+            raise self._error(column, "an integer") from None
+
+    def number(self, column: int) -> float:
+        try:
+            value = float(self.text[column])
+        except ValueError:
+            raise self._error(column, "a number") from None
+        if not np.isfinite(value):
+            raise self._error(column, "a finite number")
+        return value
+
+    def numbers(self, first: int, last: int) -> np.ndarray:
+        return np.array([self.number(column) for column in range(first, last)])
+
+
+class CsvTable:
+    """A CSV file whose header has been read."""
+
+    def __init__(self, path: str | Path):
+        self.path = Path(path)
+        try:
+            text = self.path.read_bytes().decode("utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise FileFormatError(path, "(file)", "a readable CSV file", str(error)) from None
+        self._lines = csv.reader(io.StringIO(text, newline=""))
+        self.header: tuple[str, ...] = tuple(next(self._lines, []))
+
+    def expect_prefix(self, columns: Sequence[str]) -> None:
+        if self.header[: len(columns)] != tuple(columns):
+            raise FileFormatError(self.path, "header", f"columns starting with {','.join(columns)}", ",".join(self.header))
+
+    def rows(self) -> Iterator[CsvCells]:
+        for text in self._lines:
+            if not text:
+                continue
+            if len(text) != len(self.header):
+                line = self._lines.line_num
+                raise FileFormatError(self.path, f"line {line}", f"{len(self.header)} columns", f"{len(text)} columns")
+            yield CsvCells(self.path, self._lines.line_num, self.header, text)
+
+
+def exact(value: float) -> str:
+    return format(float(value), ".17g")
