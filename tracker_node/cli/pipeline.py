@@ -33,6 +33,7 @@ def run(args: argparse.Namespace) -> int:
     from ..ros.pipeline import PipelineOptions, run_pipeline
 
     rig = load_rig(args.rig)
+    _check_files(rig, args)
     if args.bag is None and (args.masks or args.overlays or args.images):
         raise TrackerError("--masks, --overlays and --images say what is recorded: give --bag too")
     if args.bag is not None and args.bag.exists():
@@ -53,6 +54,21 @@ def run(args: argparse.Namespace) -> int:
     counts = ", ".join(f"{n} {status.name}" for status, n in sorted(progress.statuses.items()))
     print(f"{progress.sets} image sets: {counts or 'none'}" + (f"; bag {args.bag}" if args.bag else ""))
     return status
+
+
+def _check_files(rig, args: argparse.Namespace) -> None:
+    """Mistakes in files are said before anything is started."""
+    from ..evaluation.config_file import load_config
+    from ..loaders.model_yaml import load_model
+    from ..loaders.plate_file import load_plates
+    from ..loaders.state_yaml import load_state
+
+    model = load_model(args.model)
+    if args.config:
+        load_config(args.config)
+    if args.initial_state:
+        load_state(args.initial_state, model)
+    load_plates(rig.subset(args.cameras) if args.cameras else rig)
 
 
 def _body_options(args: argparse.Namespace) -> list[str]:
