@@ -84,6 +84,14 @@ def test_too_little_is_said_by_name():
         refine_rig(rig, np.zeros((3, 4, 4, 3)))
 
 
+def test_detectors_with_different_joints_do_not_mix():
+    rig = circle_rig()
+    people = seen_people(rig, walk())
+    people[2] = [group[:, :-2] for group in people[2]]
+    with pytest.raises(CalibrationError, match="camera 'cam03': its people have 10 joints, those before them 12"):
+        collect_joints(rig, people)
+
+
 def test_rigid_alignment_ignores_far_pairs():
     rng = np.random.default_rng(4)
     points = rng.normal(size=(200, 3))

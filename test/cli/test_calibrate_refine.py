@@ -61,6 +61,11 @@ def test_joints_in_calibration_pixels_of_a_mapped_video(files, capsys):
     assert load_rig(files / "refined.yaml")["cam02"].model.width == 320
 
 
+def test_a_robust_scale_of_nothing_is_refused(files, capsys):
+    assert refine(files, "--robust-px", "0") == 2
+    assert "--robust-px" in capsys.readouterr().err
+
+
 def test_a_camera_without_points_is_named(files, capsys):
     for file in (files / "pose" / "cam03_json").iterdir():
         file.unlink()

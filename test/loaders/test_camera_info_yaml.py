@@ -78,6 +78,7 @@ def test_the_file_names_the_camera_when_nothing_else_does(tmp_path):
         ("camera_matrix:\n  rows: 3\n  cols: 3\n  data:", "camera_matrix:\n  rows: 3\n  cols: 3\n  dta:", "camera_matrix"),
         ("243.73, 0., 0., 1.]", "243.73, 0., 0.]", "camera_matrix.data"),
         ("438.78", "'a'", "camera_matrix.data"),
+        ("243.73, 0., 0., 1.]", "243.73, 0., 0., 2.]", "camera_matrix.data"),
         ("438.78", "-438.78", "camera_matrix.data"),
         ("plumb_bob", "thin_prism", "distortion_model"),
         ("-0.0006, 0.]", "0.]", "distortion_coefficients.data"),

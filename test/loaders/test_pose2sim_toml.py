@@ -55,6 +55,8 @@ def test_a_fisheye_lens_is_equidistant(tmp_path):
     ("old", "new", "field"),
     [
         ("[ 640.0, 480.0]", "[ 640.0]", "cam_0.size"),
+        ("[ 640.0, 480.0]", "[ 640.0, -480.0]", "cam_0.size"),
+        ("[ 0.0, 610.0, 240.0]", "[ 1.0, 610.0, 240.0]", "cam_0.matrix"),
         ("[ 0.0, 0.0, 1.0]]", "]", "cam_0.matrix"),
         ("[ -0.1, 0.02, 0.001, -0.002]", "[ -0.1, 0.02]", "cam_0.distortions"),
         ("rotation = [ 0.1, -0.2, 0.3]\n", "", "cam_0.rotation"),

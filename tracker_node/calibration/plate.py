@@ -7,6 +7,7 @@ still's, brought to the recording's exposure.
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -102,7 +103,7 @@ def spread_images(source: str | Path, n_images: int = 25) -> np.ndarray:
 
 
 def write_image(path: Path, image: np.ndarray) -> None:
-    """Write a PNG, making its folder.
+    """Write a PNG, whole or not at all, making its folder.
 
     Raises
     ------
@@ -110,7 +111,9 @@ def write_image(path: Path, image: np.ndarray) -> None:
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(cv2.imencode(".png", image)[1].tobytes())
+        temporary = path.with_name(f".{path.name}.{os.getpid()}")
+        temporary.write_bytes(cv2.imencode(".png", image)[1].tobytes())
+        temporary.replace(path)
     except OSError as error:
         raise SourceError(path, f"cannot be written: {error.strerror}") from error
 

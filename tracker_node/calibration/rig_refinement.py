@@ -72,10 +72,15 @@ def collect_joints(rig: CameraRig, people: list[list[np.ndarray]]) -> np.ndarray
 
     Raises
     ------
-    CalibrationError : for a camera that sees nobody the others see.
+    CalibrationError : for a camera that sees nobody the others see, or whose people have another number of joints.
     """
     n_images = min(len(images) for images in people)
-    n_joints = max((group.shape[1] for images in people for group in images), default=0)
+    n_joints = 0
+    for camera, images in zip(rig, people, strict=True):
+        for group in images:
+            if len(group) and n_joints not in (0, group.shape[1]):
+                raise CalibrationError(camera.name, f"its people have {group.shape[1]} joints, those before them {n_joints}")
+            n_joints = group.shape[1] if len(group) else n_joints
     joints = np.zeros((n_images, n_joints, len(rig), 3))
     for i in range(n_images):
         found, n_cameras = associate_people(rig, [images[i] for images in people])

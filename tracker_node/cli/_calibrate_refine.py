@@ -36,11 +36,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from ..calibration.bundle_adjustment import AdjustmentOptions
     from ..calibration.rig_refinement import collect_joints, refine_rig
-    from ..errors import CalibrationError
+    from ..errors import CalibrationError, FileFormatError
     from ..evaluation.metrics_file import write_metrics
     from ..loaders.openpose_json import load_openpose, match_cameras
     from ..loaders.rig_yaml import build_rig, read_rig_file, write_rig_file
 
+    if not 0.0 < args.robust_px < 1e6:
+        raise FileFormatError("command line", "--robust-px", "a positive number of pixels", args.robust_px)
     rig_file = read_rig_file(args.rig)
     mapped = [name for name, entry in rig_file.cameras.items() if entry.pixel_map is not None]
     if mapped and args.pixels is None:

@@ -33,6 +33,8 @@ def load_camera_info(path: str | Path) -> tuple[str, CameraModel]:
         raise FileFormatError(path, "camera_matrix.data", "9 numbers", K.tolist())
     if K[0] == 0.0:
         raise CalibrationError(name, f"uncalibrated (K[0] = 0) in {path}")
+    if K[3] or K[6] or K[7] or K[8] != 1.0:
+        raise FileFormatError(path, "camera_matrix.data", "fx, skew, cx, 0, fy, cy, 0, 0, 1", K.tolist())
     kind = values.get("distortion_model", "plumb_bob")
     coefficients = np.zeros(0)
     if kind not in ("", "none"):

@@ -53,9 +53,13 @@ def _flat(tables: Mapping) -> dict[str, dict]:
 def _camera(path: Path, key: str, table: dict) -> Camera:
     name = _identifier(str(table.get("name", key)))
     size = _numbers(path, f"{key}.size", table.get("size"), (2,))
+    if not np.all((size >= 1) & (size <= 100_000) & (size == np.round(size))):
+        raise FileFormatError(path, f"{key}.size", "width and height in whole pixels", table.get("size"))
     K = _numbers(path, f"{key}.matrix", table["matrix"], (3, 3))
     if K[0, 0] == 0.0 or K[1, 1] == 0.0:
         raise CalibrationError(name, f"uncalibrated: focal length 0 in {path}")
+    if K[1, 0] or K[2, 0] or K[2, 1] or K[2, 2] != 1.0:
+        raise FileFormatError(path, f"{key}.matrix", "[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]", K.tolist())
     coefficients = _numbers(path, f"{key}.distortions", table.get("distortions", []), None)
     fisheye = bool(table.get("fisheye", False))
     counts = (4,) if fisheye else (0, 4, 5, 8)
