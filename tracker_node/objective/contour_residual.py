@@ -36,6 +36,7 @@ N_OPTIONS = 9
 COST, SQUARES, COUNT, WEIGHT, N_CANDIDATES, N_UNEXPLAINED = range(6)
 N_STATISTICS = 6
 N_SAMPLE_COLUMNS = 11  # of an outline sample: u, v, nu, nv, link, twist row (6)
+_BLOCK = 64  # outline samples that are looked through together
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -145,26 +146,61 @@ def _project_sample(params, R, t, row, jacobian):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
+def _columns(samples, n_samples):
+    """u, v, nu, nv of the samples as float32 columns, filled up to whole blocks with samples that are never nearest."""
+    n_blocks = (n_samples + _BLOCK - 1) // _BLOCK
+    columns = np.full((4, n_blocks * _BLOCK), np.float32(1e9))
+    for j in range(n_samples):
+        for c in range(4):
+            columns[c, j] = samples[j, c]
+    return columns
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _nearest(us, vs, nus, nvs, point, alignment, reach_sq, squares):
+    """Index of the first sample nearest to ``point`` (u, v, nu, nv) whose normal is aligned with its own; -1 beyond the reach.
+
+    Squared distances are kept as the bits of their float32, which order alike: only integers have a vectorised minimum.
+    """
+    u, v, nu, nv = point[0], point[1], point[2], point[3]
+    least, far = np.float32(alignment), np.int32(0x7F000000)
+    for j in range(np.uint64(us.size)):
+        du, dv = us[j] - u, vs[j] - v
+        square = np.float32(du * du + dv * dv).view(np.int32)
+        squares[j] = square if nus[j] * nu + nvs[j] * nv > least else far
+    best, block = np.float32(reach_sq).view(np.int32), -1
+    for start in range(0, us.size, _BLOCK):
+        part = squares[start : start + _BLOCK]
+        lowest = far
+        for k in range(np.uint64(_BLOCK)):
+            lowest = part[k] if part[k] < lowest else lowest
+        if lowest < best:
+            best, block = lowest, start
+    if block < 0:
+        return -1
+    for j in range(block, block + _BLOCK):
+        if squares[j] == best:
+            return j
+    return -1
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _attract_to_boundary(boundary, samples, n_samples, options, normal, gradient, stats):
     """Residuals of the other direction: each boundary point of the silhouette pulls the nearest outline sample to itself.
 
     ``boundary`` (n, 4) float32: u, v and outward normal on the crop. ``samples`` rows: u, v, nu, nv, link, twist row of the normal
     displacement (6). Point to line: r = n . (sample - point).
     """
-    reach_sq, scale_sq, alignment = options[REACH] ** 2, options[BOUNDARY_SCALE] ** 2, options[ALIGNMENT]
+    reach_sq, scale_sq = np.float32(options[REACH] ** 2), options[BOUNDARY_SCALE] ** 2
+    columns = _columns(samples, n_samples)
+    squares = np.empty(columns.shape[1], dtype=np.int32)
     for i in range(boundary.shape[0]):
-        u, v, nu, nv = boundary[i, 0], boundary[i, 1], boundary[i, 2], boundary[i, 3]
-        best, nearest = reach_sq, -1
-        for j in range(n_samples):
-            du, dv = samples[j, 0] - u, samples[j, 1] - v
-            distance = du * du + dv * dv
-            if distance < best and samples[j, 2] * nu + samples[j, 3] * nv > alignment:
-                best, nearest = distance, j
+        nearest = _nearest(columns[0], columns[1], columns[2], columns[3], boundary[i], options[ALIGNMENT], reach_sq, squares)
         if nearest < 0:
             stats[N_UNEXPLAINED] += 1.0
             continue
         row = samples[nearest]
-        r = row[2] * (row[0] - u) + row[3] * (row[1] - v)
+        r = row[2] * (row[0] - boundary[i, 0]) + row[3] * (row[1] - boundary[i, 1])
         link = int(row[4])
         _add(row[5:11], r, options[BOUNDARY_WEIGHT], scale_sq, normal[link], gradient[link], stats)
 
