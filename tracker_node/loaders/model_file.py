@@ -8,14 +8,14 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from ..model.kinematic_chain import ROOT_DOF_NAMES
-from .yaml_file import FileModel, Number, PositiveNumber, numbers, problem
+from .yaml_file import FileModel, Number, PositiveNumber, is_number, numbers, problem
 
 Vector = numbers(3)
 
 
 def _positive_vector(value: Any) -> tuple[float, float, float]:
     ok = isinstance(value, (list, tuple)) and len(value) == 3
-    if not ok or any(isinstance(v, bool) or not isinstance(v, (int, float)) or not 0 < v < np.inf for v in value):
+    if not ok or any(not is_number(v) or not v > 0 for v in value):
         raise problem("3 positive numbers (metres)", value)
     return float(value[0]), float(value[1]), float(value[2])
 
@@ -29,7 +29,7 @@ def _color(value: Any) -> tuple[int, int, int]:
 
 def _limits(value: Any) -> tuple[float, float]:
     ok = isinstance(value, (list, tuple)) and len(value) == 2
-    ok = ok and all(isinstance(v, (int, float)) and not isinstance(v, bool) and np.isfinite(v) for v in value)
+    ok = ok and all(is_number(v) for v in value)
     if not ok or not value[0] < value[1]:
         raise problem("[lower, upper] in degrees with lower < upper", value)
     return float(value[0]), float(value[1])

@@ -15,16 +15,7 @@ from ..camera.camera_rig import Camera, CameraRig
 from ..camera.distortion import COEFFICIENT_COUNTS
 from ..errors import CalibrationError
 from ..geometry import se3
-from .yaml_file import (
-    FileModel,
-    Number,
-    PositiveNumber,
-    numbers,
-    problem,
-    read_mapping,
-    validate,
-    write_mapping,
-)
+from .yaml_file import FileModel, Number, PositiveNumber, is_number, numbers, problem, read_mapping, validate, write_mapping
 
 NS_PER_S = 1_000_000_000
 
@@ -42,7 +33,7 @@ ImageSize = Annotated[tuple[int, int], BeforeValidator(_image_size)]
 def _gain(value: Any) -> tuple[float, float, float]:
     items = [value] * 3 if isinstance(value, (int, float)) else value
     ok = isinstance(items, (list, tuple)) and len(items) == 3
-    if not ok or any(isinstance(v, bool) or not isinstance(v, (int, float)) or not 0 < v < 1e6 for v in items):
+    if not ok or any(not is_number(v) or not 0 < v < 1e6 for v in items):
         raise problem("one positive number or [r, g, b]", value)
     return float(items[0]), float(items[1]), float(items[2])
 

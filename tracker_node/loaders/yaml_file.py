@@ -6,7 +6,6 @@ mapping may hold only the fields that its format knows.
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from collections.abc import Mapping
@@ -20,6 +19,7 @@ from pydantic_core import PydanticCustomError
 
 from ..errors import FileFormatError
 
+LARGEST = 1e12  # no length, angle or pixel of a real scene is beyond
 _FLOAT = re.compile(r"^[-+]?(\d+\.?\d*([eE][-+]?\d+)?|\.\d+([eE][-+]?\d+)?|\.(inf|Inf|INF)|\.(nan|NaN|NAN))$")
 
 
@@ -139,10 +139,15 @@ def problem(expected: str, got: object, field: str = "") -> PydanticCustomError:
     return PydanticCustomError("format", "expected {expected}", context)
 
 
+def is_number(value: Any) -> bool:
+    """True for a number that a file may hold; beyond `LARGEST` squares and cosines lose their meaning."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST
+
+
 def _checked_numbers(value: Any, shape: tuple[int | None, ...], what: str) -> Any:
     array = value.tolist() if isinstance(value, np.ndarray) else value
     if not shape:
-        if isinstance(array, bool) or not isinstance(array, (int, float)) or not math.isfinite(array):
+        if not is_number(array):
             raise ValueError
         return float(array)
     if not isinstance(array, (list, tuple)) or (shape[0] is not None and len(array) != shape[0]):
@@ -172,7 +177,7 @@ PositiveNumber = Annotated[float, BeforeValidator(lambda v: _positive(v))]
 
 
 def _positive(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not (0.0 < value < math.inf):
+    if not is_number(value) or not value > 0.0:
         raise problem("a positive number", value)
     return float(value)
 
