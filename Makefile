@@ -59,7 +59,7 @@ $(PACKAGE): $(MSGS) $(PACKAGE_SOURCES) tools/link_data_files.py
 	@$(RUN) tools/link_data_files.py
 	@touch $@
 
-demo: setup check-system  ## track a synthetic body from end to end; results in out/demo
+demo: setup check-system  ## track a real recording of a person from end to end; results in out/demo
 	@$(RUN) -m tracker_node.cli.main demo --out $(OUT)/demo
 
 test: setup check-system  ## import contract, ruff and all tests
