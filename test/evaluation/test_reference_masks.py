@@ -9,12 +9,11 @@ import pytest
 from tracker_node.errors import FileFormatError, SourceError, TrackerError
 from tracker_node.evaluation.metrics import intersection_over_union
 from tracker_node.evaluation.reference_masks import (
-    channel_gains,
     load_reference_masks,
     polygon_mask,
     read_still,
-    still_difference_mask,
 )
+from tracker_node.evaluation.still_difference import channel_gains, still_difference_mask
 from tracker_node.loaders.data_files import data_file
 from tracker_node.loaders.image_source import open_source
 
@@ -67,6 +66,16 @@ def test_someone_at_the_border_of_the_still_is_not_the_body():
     still = empty.copy()
     still[100:, :120] = (200, 60, 60)  # bigger than the body, and gone since
     assert intersection_over_union(still_difference_mask(noisy(picture), noisy(still, 2)), mask) > 0.95
+
+
+def test_a_hand_may_reach_the_border():
+    empty = scene()
+    picture, mask = body(empty)
+    arm = np.zeros_like(mask)
+    cv2.rectangle(arm, (220, 90), (SIZE[0] - 1, 112), 255, -1)
+    picture[arm > 0] = (110, 140, 200)
+    whole = mask | arm
+    assert intersection_over_union(still_difference_mask(noisy(picture), noisy(empty, 2)), whole) > 0.93
 
 
 def test_an_opening_stays_open():
