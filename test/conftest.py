@@ -7,6 +7,11 @@ from pathlib import Path
 from typing import IO
 
 import pytest
+from hypothesis import settings
+
+# How long one example takes says more of what else the machine does than of the code.
+settings.register_profile("tracker_node", deadline=None)
+settings.load_profile("tracker_node")
 
 ROOT = Path(__file__).resolve().parents[1]
 DOMAIN_IDS = range(1, 102)  # those whose ports lie below the ephemeral ones on every platform
