@@ -116,7 +116,7 @@ def _people(file: str, text: str | bytes) -> np.ndarray:
             points = np.array(values, dtype=np.float64).reshape(-1, 3)
         except (TypeError, ValueError) as error:
             raise FileFormatError(file, field, "numbers u, v, confidence of every joint", values) from error
-        if len(points) == 0 or not np.all(np.isfinite(points)) or (found and len(points) != len(found[0])):
+        if len(points) == 0 or not np.all(np.abs(points) <= 1e6) or (found and len(points) != len(found[0])):
             raise FileFormatError(file, field, "finite u, v, confidence, as many joints for all people", values)
         found.append(points)
     return np.array(found) if found else np.zeros((0, 0, 3))

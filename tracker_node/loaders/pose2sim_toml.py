@@ -97,6 +97,7 @@ def _numbers(path: Path, field: str, value: object, shape: tuple[int, ...] | Non
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise FileFormatError(path, field, expected, value) from error
-    if (shape is not None and array.shape != shape) or not np.all(np.isfinite(array)):
+    # Not above a million: nothing here is, and squares must stay finite (this also refuses infinities and not-a-number).
+    if (shape is not None and array.shape != shape) or not np.all(np.abs(array) <= 1e6):
         raise FileFormatError(path, field, expected, value)
     return array
