@@ -1,13 +1,16 @@
 """Bags of any origin and in any condition."""
 
+from contextlib import suppress
 from pathlib import Path
 
 import bag_samples
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from tracker_node.errors import FileFormatError, UnknownNameError
+from tracker_node.errors import FileFormatError, TrackerError, UnknownNameError
 from tracker_node.loaders.bag_reader import BagReader
 from tracker_node.loaders.message_types import typestore
 
@@ -135,3 +138,24 @@ def test_what_is_no_bag_is_refused(tmp_path: Path) -> None:
     for name in ("notes.mcap", "notes.txt", "empty", "missing", "empty.mcap"):
         with pytest.raises(FileFormatError, match=name):
             BagReader(tmp_path / name)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_damaged_bytes_end_in_messages_or_in_a_message_about_the_file(tmp_path: Path, data: st.DataObject) -> None:
+    bag = tmp_path / "run"
+    if not bag.exists():
+        bag_samples.write_bag(bag, 4, chunk_bytes=20_000)
+        (tmp_path / "whole").write_bytes((bag / "run_0.mcap").read_bytes())
+    content = bytearray((tmp_path / "whole").read_bytes())
+    content = content[: data.draw(st.integers(1, len(content)))]
+    for _ in range(data.draw(st.integers(0, 5))):
+        content[data.draw(st.integers(0, min(len(content), 8000) - 1))] = data.draw(st.integers(0, 255))
+    (bag / "run_0.mcap").write_bytes(bytes(content))
+    try:
+        with BagReader(bag) as reader:
+            for message in reader.messages():
+                with suppress(TrackerError):
+                    reader.decode(message)
+    except TrackerError as error:
+        assert "run" in str(error)

@@ -12,7 +12,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import yaml
 from rosbags.interfaces import Connection, Qos
 from rosbags.rosbag2 import Reader, ReaderError
 from rosbags.rosbag2.metadata import parse_qos
@@ -71,7 +70,7 @@ class BagReader:
         self._damaged = _storage_files(self.path)
         try:
             self._open_finished()
-        except (ReaderError, OSError, ValueError, KeyError, IndexError, TypeError, struct.error, yaml.YAMLError) as error:
+        except Exception as error:  # what rosbags raises for damaged files has no common base
             self._open_unfinished(error)
         self._store = typestore_of({t.type_name: t.definition for t in self.topics.values()})
 
@@ -119,7 +118,7 @@ class BagReader:
             raise FileFormatError(self.path, message.topic, "a type whose definition is known", message.type_name)
         try:
             return self._store.deserialize_cdr(message.data, message.type_name)
-        except (SerdeError, struct.error, ValueError, IndexError, UnicodeDecodeError) as error:
+        except (SerdeError, struct.error, ValueError, IndexError, KeyError) as error:
             where = f"{message.topic} at {message.stamp_ns}"
             raise FileFormatError(self.path, where, f"a {message.type_name}", str(error)) from None
 
@@ -173,8 +172,8 @@ class BagReader:
                     channel.topic,
                     schema.name if schema else "",
                     count,
-                    _first_qos(parse_qos(channel.metadata.get("offered_qos_profiles", ""))),
-                    schema.data.decode() if schema else "",
+                    _qos_of_text(channel.metadata.get("offered_qos_profiles", "")),
+                    schema.data.decode(errors="replace") if schema else "",
                     channel.metadata.get("topic_type_hash", ""),
                 )
         found = [contents for _, contents in self._unfinished if contents.message_count]
@@ -190,7 +189,7 @@ class BagReader:
         try:
             for connection, stamp_ns, data in self._reader.messages(chosen, start_ns, stop_ns):
                 yield BagMessage(connection.topic, connection.msgtype, stamp_ns, data)
-        except (ReaderError, ValueError, IndexError, struct.error) as error:
+        except (ReaderError, ValueError, IndexError, TypeError, MemoryError, struct.error) as error:
             raise FileFormatError(self.path, "(messages)", "an undamaged bag", str(error)) from None
 
     def _recovered(self, wanted: set[str], start_ns: int | None, stop_ns: int | None) -> Iterator[BagMessage]:
@@ -219,6 +218,13 @@ def _storage_files(path: Path) -> list[Path]:
 
 def _offered(connection: Connection) -> OfferedQos:
     return _first_qos(getattr(connection.ext, "offered_qos_profiles", []))
+
+
+def _qos_of_text(text: str) -> OfferedQos:
+    try:
+        return _first_qos(parse_qos(text))
+    except (ReaderError, KeyError, TypeError, ValueError):
+        return OfferedQos()
 
 
 def _first_qos(profiles: list[Qos]) -> OfferedQos:

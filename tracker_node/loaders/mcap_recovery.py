@@ -7,6 +7,7 @@ messages that are there in full are read too.
 from __future__ import annotations
 
 import struct
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -25,6 +26,7 @@ MAGIC = b"\x89MCAP0\r\n"
 _RECORD_HEAD = struct.Struct("<BQ")  # opcode, length
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _CHUNK_HEAD = struct.Struct("<QQQI")  # start, end, uncompressed size, crc
+_DAMAGED_CHUNK = "a damaged chunk was left out"
 _NO_COMPRESSION = b"\0\0\0\0"  # length of its name
 
 
@@ -109,11 +111,17 @@ def _scan_records(stream: BinaryIO, size: int, contents: FileContents) -> Iterat
 
 
 def _scan_chunk(body: bytes, whole: bool, contents: FileContents) -> Iterator[RawMessage]:
+    if len(body) < _CHUNK_HEAD.size + len(_NO_COMPRESSION) + 8:
+        return
     if body[_CHUNK_HEAD.size : _CHUNK_HEAD.size + 4] != _NO_COMPRESSION:
         if whole:
             yield from _scan_compressed(body, contents)
         return
     records = memoryview(body)[_CHUNK_HEAD.size + len(_NO_COMPRESSION) + 8 :]
+    crc = _CHUNK_HEAD.unpack_from(body)[3]
+    if whole and crc and zlib.crc32(records) != crc:
+        contents.problem = _DAMAGED_CHUNK
+        return
     at = 0
     while at + _RECORD_HEAD.size <= len(records):
         opcode, length = _RECORD_HEAD.unpack_from(records, at)
@@ -127,8 +135,8 @@ def _scan_chunk(body: bytes, whole: bool, contents: FileContents) -> Iterator[Ra
 def _scan_compressed(body: bytes, contents: FileContents) -> Iterator[RawMessage]:
     try:
         records = breakup_chunk(Chunk.read(ReadDataStream(BytesIO(body))), validate_crc=True)
-    except (McapError, ValueError, RuntimeError, struct.error):
-        contents.problem = "a damaged chunk was left out"
+    except Exception:  # decompressors have their own kinds of errors
+        contents.problem = _DAMAGED_CHUNK
         return
     for record in records:
         if isinstance(record, Schema):
@@ -140,12 +148,16 @@ def _scan_compressed(body: bytes, contents: FileContents) -> Iterator[RawMessage
 
 
 def _take(opcode: int, body: memoryview, contents: FileContents) -> Iterator[RawMessage]:
-    if opcode == Opcode.SCHEMA:
-        schema = Schema.read(ReadDataStream(BytesIO(body)))
-        contents.schemas[schema.id] = schema
-    elif opcode == Opcode.CHANNEL:
-        channel = Channel.read(ReadDataStream(BytesIO(body)))
-        contents.channels[channel.id] = channel
-    elif opcode == Opcode.MESSAGE:
+    try:
+        if opcode == Opcode.SCHEMA:
+            schema = Schema.read(ReadDataStream(BytesIO(body)))
+            contents.schemas[schema.id] = schema
+        elif opcode == Opcode.CHANNEL:
+            channel = Channel.read(ReadDataStream(BytesIO(body)))
+            contents.channels[channel.id] = channel
+    except (McapError, UnicodeDecodeError, struct.error):
+        contents.problem = "a damaged record was left out"
+    if opcode == Opcode.MESSAGE and len(body) >= _MESSAGE_HEAD.size:
         channel_id, _, stamp_ns, publish_ns = _MESSAGE_HEAD.unpack_from(body)
-        yield RawMessage(channel_id, stamp_ns, publish_ns, bytes(body[_MESSAGE_HEAD.size :]))
+        if channel_id in contents.channels:
+            yield RawMessage(channel_id, stamp_ns, publish_ns, bytes(body[_MESSAGE_HEAD.size :]))

@@ -83,7 +83,7 @@ def message_type(type_name: str) -> MessageType:
 def typestore_of(definitions: dict[str, str]) -> Typestore:
     """The types of a bag, from the definitions embedded in it (type name -> ``ros2msg`` or ``ros2idl`` text).
 
-    Where a definition is missing ours is taken, and a type that we do not know either is left out.
+    Where a definition is missing ours is taken; a type that we do not know either, or cannot read, is left out.
     """
     store = get_typestore(Stores.EMPTY)
     for name, text in definitions.items():
@@ -92,8 +92,8 @@ def typestore_of(definitions: dict[str, str]) -> Typestore:
                 text = message_type(name).definition
         try:
             types = _parsed(name, text)
-        except TypesysError as error:
-            raise TrackerError(f"definition of message type '{name}' in the bag cannot be read: {error}") from None
+        except (TypesysError, KeyError, ValueError):
+            continue  # of a damaged bag: its other types can still be read
         store.register({key: fields for key, fields in types.items() if key not in store.fielddefs})
     return store
 
