@@ -60,9 +60,9 @@ class Diagnostics:
     def _log(self, part: str, level: bytes, message: str) -> None:
         logger = self._node.get_logger()
         text = f"{part}: {message}"
-        if level == OK:
+        if level in (OK, STALE):
             logger.info(text)
-        elif level in (WARN, STALE):
+        elif level == WARN:
             logger.warning(text)
         else:
             logger.error(text)

@@ -252,13 +252,12 @@ class TrackerNode(Node):
             return ERROR, problem
         last_s = self._inbox.last_arrival_s.get(name)
         silent_s = now - (self._began_s if last_s is None else last_s)
-        others_send = any(now - other_s < 0.5 * _SILENT_S for other_s in self._inbox.last_arrival_s.values())
-        # While we are at work, a source that waits for our answers is rightly silent.
-        if silent_s < _SILENT_S or (self._worker.busy and not others_send):
+        if silent_s < _SILENT_S:
             return OK, "waiting for the first image" if last_s is None else "receiving"
-        if last_s is None:
-            return (ERROR if others_send else WARN), "has sent no image yet"
-        return ERROR, "has stopped sending images"
+        if any(now - other_s < 0.5 * _SILENT_S for other_s in self._inbox.last_arrival_s.values()):
+            return ERROR, "has sent no image yet" if last_s is None else "has stopped sending images"
+        # While we are at work, a source that waits for our answers is rightly silent.
+        return (OK, "waits for the tracker") if self._worker.busy else (STALE, "no camera sends images")
 
 
 def _said(estimate: TrackEstimate) -> str:
