@@ -9,7 +9,10 @@ pytest.importorskip("rclpy", reason="ROS is not installed")
 pytest.importorskip("tracker_msgs", reason="the interface package is not installed")
 
 from ros_graph import NodeProcess, Probe, ros_context
+from ros_processes import start
 from ros_samples import write_recording
+
+__all__ = ["start"]  # a fixture too
 
 
 @pytest.fixture(scope="session")
