@@ -1,0 +1,126 @@
+"""Where the boundary of a silhouette really runs, to a fraction of a pixel.
+
+A pixel that body and scene share differs from the empty scene, and so a silhouette takes it for body although the body covers
+only some of it: silhouettes are too large, by more where the contrast is strong. What share of a pixel I the body covers is
+alpha = (I - B) (F - B) / |F - B|^2, with the body's color F taken a little inside, and the scene's B from the empty scene, as
+bright as it is a little outside (shadows). Summed along the normal it says how far off the boundary is.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numba as nb
+import numpy as np
+
+_INSIDE = (2.0, 3.0)  # pixels from the boundary where the body's color is read
+_OUTSIDE = (3.0, 4.0)
+_REACH = 2  # shares are summed from so many pixels inside to as many outside
+_LEAST_CONTRAST = 25.0  # grey levels (of all channels) between body and scene; below, a boundary is left where it is
+_BRIGHTNESS = (0.5, 1.15)  # the scene beside the body, as a multiple of the empty one
+_LARGEST_SHIFT = 1.5
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _read(image, u, v, color):
+    """Bilinear sample of (h, w, 3); the caller sees to it that (u, v) is inside."""
+    j, i = int(u), int(v)
+    a, b = u - j, v - i
+    for c in range(3):
+        top = (1.0 - a) * image[i, j, c] + a * image[i, j + 1, c]
+        bottom = (1.0 - a) * image[i + 1, j, c] + a * image[i + 1, j + 1, c]
+        color[c] = (1.0 - b) * top + b * bottom
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _shifts(image, scene, known, points, inside, outside, result):
+    height, width = image.shape[0], image.shape[1]
+    far = outside[1] + 1.0
+    body, beside, empty, pixel = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for k in range(points.shape[0]):
+        u, v, nu, nv = points[k, 0], points[k, 1], points[k, 2], points[k, 3]
+        result[k, 0], result[k, 1] = 0.0, 0.0
+        if u < far or v < far or u > width - 1 - far or v > height - 1 - far:
+            continue
+        _read(image, u - inside[0] * nu, v - inside[0] * nv, body)
+        _read(image, u - inside[1] * nu, v - inside[1] * nv, pixel)
+        body[:] = 0.5 * (body + pixel)
+        _read(image, u + outside[0] * nu, v + outside[0] * nv, beside)
+        _read(image, u + outside[1] * nu, v + outside[1] * nv, pixel)
+        beside[:] = 0.5 * (beside + pixel)
+        has_scene = known[int(v), int(u)] != 0
+        brightness = 1.0
+        if has_scene:
+            _read(scene, u + 0.5 * (outside[0] + outside[1]) * nu, v + 0.5 * (outside[0] + outside[1]) * nv, empty)
+            brightness = np.dot(beside, empty) / max(np.dot(empty, empty), 1.0)
+            brightness = min(max(brightness, _BRIGHTNESS[0]), _BRIGHTNESS[1])
+        covered, contrast = 0.0, 0.0
+        for step in range(-_REACH, _REACH + 1):
+            if has_scene:
+                _read(scene, u + step * nu, v + step * nv, empty)
+                empty *= brightness
+            else:
+                empty[:] = beside
+            _read(image, u + step * nu, v + step * nv, pixel)
+            along, square = 0.0, 0.0
+            for c in range(3):
+                difference = body[c] - empty[c]
+                along += (pixel[c] - empty[c]) * difference
+                square += difference * difference
+            covered += min(max(along / max(square, 1.0), 0.0), 1.0)
+            if step == 0:
+                contrast = square
+        if contrast >= _LEAST_CONTRAST**2:
+            shift = covered - (_REACH + 0.5)
+            result[k, 0] = min(max(shift, -_LARGEST_SHIFT), _LARGEST_SHIFT)
+            result[k, 1] = 1.0
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _scatter(points, shifts, weights, sums, total):
+    for k in range(points.shape[0]):
+        j = min(max(int(points[k, 0] + 0.5), 0), sums.shape[1] - 1)
+        i = min(max(int(points[k, 1] + 0.5), 0), sums.shape[0] - 1)
+        sums[i, j] += shifts[k] * weights[k]
+        total[i, j] += weights[k]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _divide(sums, total):
+    for i in range(sums.shape[0]):
+        for j in range(sums.shape[1]):
+            sums[i, j] = sums[i, j] / total[i, j] if total[i, j] > 0.5 else np.float32(0.0)
+
+
+def boundary_shifts(
+    bgr: np.ndarray, scene: np.ndarray | None, known: np.ndarray | None, points: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """How far each point of a silhouette's boundary is to be moved along its outward normal, pixels.
+
+    Parameters
+    ----------
+    bgr : (h, w, 3) uint8 crop of the image.
+    scene, known : the empty scene (h, w, 3) float32 on the same crop, and where it is known (h, w) uint8; or None.
+    points : (n, 4) float32 u, v and unit outward normal, in pixels of the crop.
+
+    Returns
+    -------
+    shifts (n,) and weights (n,), float32: 0 where body and scene look too much alike to tell.
+    """
+    result = np.empty((len(points), 2), dtype=np.float32)
+    if scene is None or known is None:
+        scene, known = np.zeros((1, 1, 3), dtype=np.float32), np.zeros(bgr.shape[:2], dtype=np.uint8)
+    _shifts(bgr, scene, known, np.ascontiguousarray(points, dtype=np.float32), _INSIDE, _OUTSIDE, result)
+    return result[:, 0], result[:, 1]
+
+
+def shift_map(points: np.ndarray, shifts: np.ndarray, weights: np.ndarray, shape: tuple[int, int], window: int = 9) -> np.ndarray:
+    """Shifts spread to the pixels around: (h, w) float32 mean over a ``window``, 0 where there is no boundary near.
+
+    Subtracted from a signed distance (positive outside) it moves the boundary; neighbours share their noise.
+    """
+    sums, total = np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.float32)
+    _scatter(np.ascontiguousarray(points, dtype=np.float32), shifts, weights, sums, total)
+    sums = np.asarray(cv2.boxFilter(sums, -1, (window, window), normalize=False), dtype=np.float32)
+    total = np.asarray(cv2.boxFilter(total, -1, (window, window), normalize=False), dtype=np.float32)
+    _divide(sums, total)
+    return sums
