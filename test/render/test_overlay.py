@@ -37,9 +37,9 @@ def test_outline_runs_along_the_silhouette():
     drawn = draw_overlay(GRAY, configuration, CAMERA, alpha=0.0, skeleton=False)
     changed = (drawn != GRAY).any(axis=2)
     mask = render_mask(configuration, CAMERA)
-    rim = cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)) > 0
+    rim = (cv2.dilate(mask, np.ones((3, 3), np.uint8)) > 0) & (mask == 0)
     assert changed[rim].mean() > 0.95
-    assert not changed[cv2.erode(mask, np.ones((9, 9), np.uint8)) > 0].any()
+    assert not changed[mask > 0].any()  # thin limbs are not hidden by it
     assert not changed[cv2.dilate(mask, np.ones((9, 9), np.uint8)) == 0].any()
 
 

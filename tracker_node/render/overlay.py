@@ -49,13 +49,13 @@ def draw_overlay(
     labels = render_view(configuration, camera).labels
     rows, columns = np.flatnonzero(labels.any(axis=1)), np.flatnonzero(labels.any(axis=0))
     if len(rows):
-        v0, v1, u0, u1 = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
+        margin = width + 3
+        v0, v1 = max(0, rows[0] - margin), rows[-1] + 1 + margin
+        u0, u1 = max(0, columns[0] - margin), columns[-1] + 1 + margin
         crop, parts = drawn[v0:v1, u0:u1], np.ascontiguousarray(labels[v0:v1, u0:u1])
-        colors = part_colors(configuration.model)
-        if alpha > 0:
-            _tint(crop, parts, colors, alpha)
+        cv2.copyTo(_tinted(crop, parts, part_colors(configuration.model), alpha, width if outline else 0), parts, crop)
         if outline:
-            _draw_outlines(drawn, crop, parts, (u0, v0), colors, width)
+            _draw_outline(crop, parts, width)
     if skeleton:
         _draw_skeleton(drawn, configuration, camera, width)
     return drawn
@@ -84,23 +84,28 @@ def _line_width(configuration: Configuration, camera: Camera) -> int:
     return max(1, min(by_image, round(extent / 130)))
 
 
-def _tint(crop: np.ndarray, parts: np.ndarray, colors: np.ndarray, alpha: float) -> None:
-    blended = cv2.addWeighted(crop, 1.0 - alpha, colors[parts], alpha, 0.0)
-    cv2.copyTo(blended, parts, crop)
+def _tinted(crop: np.ndarray, parts: np.ndarray, colors: np.ndarray, alpha: float, seam_width: int) -> np.ndarray:
+    """The crop with its parts tinted, and light seams between them unless ``seam_width`` is 0."""
+    tint = colors[parts]
+    tinted = cv2.addWeighted(crop, 1.0 - alpha, tint, alpha, 0.0)
+    if seam_width:
+        differs = np.zeros(parts.shape, dtype=bool)
+        differs[1:] |= (parts[1:] != parts[:-1]) & (parts[1:] > 0) & (parts[:-1] > 0)
+        differs[:, 1:] |= (parts[:, 1:] != parts[:, :-1]) & (parts[:, 1:] > 0) & (parts[:, :-1] > 0)
+        seams = cv2.dilate(differs.view(np.uint8), np.ones((max(1, seam_width - 1),) * 2, dtype=np.uint8)) > 0
+        tinted[seams] = (0.5 * tint[seams] + 127.0).astype(np.uint8)
+    return tinted
 
 
-def _draw_outlines(
-    drawn: np.ndarray, crop: np.ndarray, parts: np.ndarray, corner: tuple[int, int], colors: np.ndarray, width: int
-) -> None:
-    differs = np.zeros(parts.shape, dtype=bool)
-    differs[1:] |= (parts[1:] != parts[:-1]) & (parts[1:] > 0) & (parts[:-1] > 0)
-    differs[:, 1:] |= (parts[:, 1:] != parts[:, :-1]) & (parts[:, 1:] > 0) & (parts[:, :-1] > 0)
-    seam = cv2.dilate(differs.view(np.uint8), np.ones((max(1, width - 1),) * 2, dtype=np.uint8))
-    light = (0.5 * colors[parts] + 127.0).astype(np.uint8)
-    cv2.copyTo(light, seam, crop)
-    contours, _ = cv2.findContours((parts > 0).astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE, offset=corner)
-    cv2.drawContours(drawn, contours, -1, _DARK, width + 2, cv2.LINE_AA)
-    cv2.drawContours(drawn, contours, -1, _WHITE, width, cv2.LINE_AA)
+def _draw_outline(crop: np.ndarray, parts: np.ndarray, width: int) -> None:
+    """A white line with a dark rim around the body; outside of it, so that thin limbs are not hidden."""
+    distance = cv2.distanceTransform((parts == 0).view(np.uint8), cv2.DIST_L2, 5)
+    ring = (distance > 0) & (distance < width + 2.5)
+    away, colors = distance[ring][:, None], crop[ring].astype(np.float32)
+    for color, reach in ((_DARK, width + 1.5), (_WHITE, float(width))):
+        opacity = np.clip(reach + 0.5 - away, 0.0, 1.0)
+        colors += opacity * (np.array(color, dtype=np.float32) - colors)
+    crop[ring] = colors.astype(np.uint8)
 
 
 def _draw_skeleton(drawn: np.ndarray, configuration: Configuration, camera: Camera, width: int) -> None:
@@ -110,14 +115,15 @@ def _draw_skeleton(drawn: np.ndarray, configuration: Configuration, camera: Came
     for link, parent in enumerate(model.chain.parents):
         if parent >= 0 and joint_valid[link] and joint_valid[parent]:
             ends = _fixed(joints[parent]), _fixed(joints[link])
-            cv2.line(drawn, *ends, _DARK, width + 2, cv2.LINE_AA, _SHIFT)
+            if width > 1:
+                cv2.line(drawn, *ends, _DARK, width + 2, cv2.LINE_AA, _SHIFT)
             cv2.line(drawn, *ends, (0, 255, 255), width, cv2.LINE_AA, _SHIFT)
     if not model.landmarks and len(origins) == 1 and joint_valid[0]:
         _draw_axes(drawn, configuration.Ts_world_link[0], camera, width)
     points, valid = camera.project(configuration.landmarks_world) if model.landmarks else (joints, joint_valid)
     for point in points[valid]:
-        radius = round((1.0 + 1.25 * width) * (1 << _SHIFT))
-        cv2.circle(drawn, _fixed(point), radius + (1 << _SHIFT), _DARK, -1, cv2.LINE_AA, _SHIFT)
+        radius = round((0.6 + 1.3 * width) * (1 << _SHIFT))
+        cv2.circle(drawn, _fixed(point), radius + (12 << _SHIFT) // 16, _DARK, -1, cv2.LINE_AA, _SHIFT)
         cv2.circle(drawn, _fixed(point), radius, _WHITE, -1, cv2.LINE_AA, _SHIFT)
 
 
