@@ -185,6 +185,7 @@ def main() -> int:
     args = parser.parse_args()
     if args.receiver:
         return receive(*args.receiver)
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     seconds = SECONDS["quick" if args.quick else "full"]
     print(f"{N_CAMERAS} cameras of {WIDTH}x{HEIGHT}, {RATE_HZ:g} Hz, {seconds:g} s, between two processes")
     metrics = measure(seconds)
