@@ -159,15 +159,17 @@ def _offset_rows(e: Evaluation) -> list[tuple[str, str, list[str], str]]:
     return rows
 
 
-def _sheet(pictures: Sequence[Picture]) -> list[list[tuple[str, str]]]:
-    """(caption, data URI) in rows."""
+def _sheet(pictures: Sequence[Picture]) -> list[list[tuple[str, str, str]]]:
+    """(caption, data URI, width over height) in rows."""
     rows = []
     for row in contact_sheet(pictures):
         cells = []
         for picture in row:
             ok, data = cv2.imencode(".jpg", picture.bgr, [cv2.IMWRITE_JPEG_QUALITY, 80])
             if ok:
-                cells.append((f"{picture.camera}, image {picture.number}", _data_uri("image/jpeg", data.tobytes())))
+                aspect = f"{picture.bgr.shape[1] / picture.bgr.shape[0]:.4f}"
+                uri = _data_uri("image/jpeg", data.tobytes())
+                cells.append((f"{picture.camera}, image {picture.number}", uri, aspect))
         rows.append(cells)
     return rows
 

@@ -12,6 +12,7 @@ from ..camera.camera_rig import Camera, CameraRig
 from ..errors import TrackerError
 from ..loaders.image_source import SourceOptions, open_camera_source
 from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import Configuration
 from ..render.overlay import draw_overlay
 from ..render.raycaster import render_mask
 from .evaluate import SilhouetteScores, image_numbers
@@ -22,7 +23,7 @@ from .run_data import RunData
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """An image with the body drawn into it, (h, w, 3) BGR."""
+    """The part of an image that the body is in, with the body drawn over it, (h, w, 3) BGR."""
 
     camera: str
     number: int
@@ -89,6 +90,7 @@ def _review_camera(
 ) -> None:
     wanted = set(masks.image_numbers(max(row_of) + 1)) & set(row_of) if masks else set()
     still = _still(camera, masks) if masks else None
+    box = _box([run.configuration(model, row_of[number]) for number in sorted(shown)], camera)
     numbers, ious = [], []
     for number, image in _images(camera, wanted | shown):
         configuration = run.configuration(model, row_of[number])
@@ -97,14 +99,27 @@ def _review_camera(
             numbers.append(number)
             ious.append(intersection_over_union(render_mask(configuration, camera), reference))
         if number in shown:
-            picture = draw_overlay(image, configuration, camera)
-            width = round(picture.shape[1] * options.height_px / picture.shape[0])
+            picture = draw_overlay(image, configuration, camera)[box]
+            width = max(round(picture.shape[1] * options.height_px / picture.shape[0]), 1)
             small = cv2.resize(picture, (width, options.height_px), interpolation=cv2.INTER_AREA)
             review.pictures.append(Picture(camera.name, number, small))
     if masks is not None and numbers:
         review.scores.kind[camera.name] = "drawn by hand" if masks.still is None else "difference to a still image"
         review.scores.numbers[camera.name] = numbers
         review.scores.ious[camera.name] = ious
+
+
+def _box(configurations: Sequence[Configuration], camera: Camera) -> tuple[slice, slice]:
+    """The part of a camera's images that the body is in, in all ``configurations``, with a margin."""
+    points = np.concatenate([c.landmarks_world for c in configurations]) if configurations else np.zeros((0, 3))
+    pixels, valid = camera.project(points)
+    pixels = pixels[valid & camera.model.in_image(pixels)]
+    if len(pixels) < 2:
+        return slice(None), slice(None)
+    low, high = pixels.min(axis=0), pixels.max(axis=0)
+    margin = 0.15 * float((high - low).max()) + 1.0
+    (u0, v0), (u1, v1) = np.maximum(low - margin, 0).astype(int), np.ceil(high + margin).astype(int)
+    return slice(v0, v1 + 1), slice(u0, u1 + 1)
 
 
 def _images(camera: Camera, wanted: set[int]) -> Iterator[tuple[int, np.ndarray]]:
