@@ -104,9 +104,9 @@ class Observer:
         options = self._options
         u0, v0, u1, v1 = region
         odds = body_log_odds(bgr, region, self._scene, self._colors, options.shadow)
-        if options.smoothing_px > 1:
-            odds = cv2.blur(odds, (options.smoothing_px, options.smoothing_px))
         silhouette = (odds > options.threshold).view(np.uint8)
+        if options.smoothing_px > 1:
+            silhouette = cv2.medianBlur(silhouette, options.smoothing_px)
         near = grown(predicted, options.reach_px)
         silhouette &= near
         gray = cv2.cvtColor(bgr[v0:v1, u0:u1], cv2.COLOR_BGR2GRAY)

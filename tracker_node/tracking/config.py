@@ -51,7 +51,7 @@ class EvidenceConfig:
     body_margin_px: int = parameter(12, "width around the fitted body that is not learnt as scene", "px", 1, 200)
     reach_px: int = parameter(40, "silhouettes farther than this from the predicted body are not looked at", "px", 4, 1000)
     truncation_px: float = parameter(40.0, "distances are truncated here", "px", 2, 1000)
-    boundary_step_px: int = parameter(4, "distance between the points taken from the silhouette's boundary", "px", 1, 100)
+    boundary_step_px: int = parameter(3, "distance between the points taken from the silhouette's boundary", "px", 1, 100)
     boundary_offset_px: float = parameter(0.3, "how far the silhouette's boundary lies outside the body's", "px", -5, 5)
     canny_low: float = parameter(40.0, "lower hysteresis threshold of the edge detector", "grey levels", 0, 1000)
     canny_high: float = parameter(100.0, "upper hysteresis threshold of the edge detector", "grey levels", 0, 1000)
@@ -62,16 +62,16 @@ class EvidenceConfig:
 class OptimizerConfig:
     """Levenberg-Marquardt on the contour residuals."""
 
-    max_iterations: int = parameter(5, "iterations per image set", "", 1, 200)
+    max_iterations: int = parameter(6, "iterations per image set", "", 1, 200)
     first_iterations: int = parameter(30, "iterations on the first image set after a start or a reset", "", 1, 1000)
-    tolerance: float = parameter(2e-3, "stop when the cost falls by less than this fraction", "1", 0, 1)
+    tolerance: float = parameter(2e-2, "stop when the cost falls by less than this fraction", "1", 0, 1)
     robust_scale_px: float = parameter(8.0, "scale of the robust kernel", "px", 0.1, 1000)
     samples_per_line: int = parameter(25, "contour samples per generator line", "", 2, 1000)
     sliding: bool = parameter(True, "include the sliding of the contour generator in the Jacobian")
     inner_weight: float = parameter(0.2, "weight of contours within the body's outline", "1", 0, 10)
     alignment: float = parameter(0.6, "least cosine between an image boundary's normal and the contour's", "1", 0, 1)
     boundary_weight: float = parameter(1.0, "weight of the boundary points' pull on the nearest outline; 0 switches it off", "1", 0, 10)
-    boundary_scale_px: float = parameter(20.0, "scale of the robust kernel of that pull in the coarse iterations", "px", 0.1, 1000)
+    boundary_scale_px: float = parameter(30.0, "scale of the robust kernel of that pull in the coarse iterations", "px", 0.1, 1000)
     fine_boundary_scale_px: float = parameter(5.0, "the same in the fine iterations", "px", 0.1, 1000)
     coarse_iterations: int = parameter(3, "how many of max_iterations are coarse (far pull of the boundary)", "", 0, 200)
 
@@ -80,7 +80,7 @@ class OptimizerConfig:
 class MotionConfig:
     """Prediction between image sets, and the priors that go with it."""
 
-    velocity_gain: float = parameter(0.6, "how fast the filtered velocity follows the measured one", "1", 0.0, 1.0)
+    velocity_gain: float = parameter(0.8, "how fast the filtered velocity follows the measured one", "1", 0.0, 1.0)
     velocity_decay: float = parameter(0.9, "share of the velocity of joint angles that is kept in the prediction", "1", 0.0, 1.0)
     stay_position: float = parameter(0.0, "pull to the predicted root position", "px^2/m^2", 0.0, 1e12)
     stay_angle: float = parameter(200.0, "pull to the predicted angles", "px^2/rad^2", 0.0, 1e12)
