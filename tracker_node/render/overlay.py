@@ -100,10 +100,10 @@ def _tinted(crop: np.ndarray, parts: np.ndarray, colors: np.ndarray, alpha: floa
 def _draw_outline(crop: np.ndarray, parts: np.ndarray, width: int) -> None:
     """A white line with a dark rim around the body; outside of it, so that thin limbs are not hidden."""
     distance = cv2.distanceTransform((parts == 0).view(np.uint8), cv2.DIST_L2, 5)
-    ring = (distance > 0) & (distance < width + 2.5)
+    ring = (distance > 0) & (distance < width + 3.0)
     away, colors = distance[ring][:, None], crop[ring].astype(np.float32)
-    for color, reach in ((_DARK, width + 1.5), (_WHITE, float(width))):
-        opacity = np.clip(reach + 0.5 - away, 0.0, 1.0)
+    for color, reach in ((_DARK, width + 1.5), (_WHITE, width + 0.3)):
+        opacity = np.clip(reach + 1.0 - away, 0.0, 1.0)  # a neighbor's center is half a pixel beyond the border
         colors += opacity * (np.array(color, dtype=np.float32) - colors)
     crop[ring] = colors.astype(np.uint8)
 
