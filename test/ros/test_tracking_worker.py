@@ -1,0 +1,134 @@
+"""What the worker does when the tracker is slow or fails; the tracker here is one that a test can hold and break."""
+
+import threading
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.qos import qos_profile_sensor_data
+from ros_graph import stamps
+from ros_samples import some_estimate, tracked_arm
+from sensor_msgs.msg import Image
+from tracker_msgs.msg import TrackedState
+
+from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.ros.conversions import image_message
+from tracker_node.ros.image_inbox import InboxOptions
+from tracker_node.ros.qos import images_published
+from tracker_node.ros.tracker_node import TrackerNode, TrackerOptions
+from tracker_node.tracking.estimate import Status
+
+
+class HeldTracker:
+    """Steps only while ``go`` is set, and fails at the stamps in ``failing``."""
+
+    def __init__(self):
+        self.go, self.stepping, self.failing = threading.Event(), threading.Event(), set()
+
+    def step(self, image_set):
+        self.stepping.set()
+        assert self.go.wait(30.0)
+        if image_set.stamp_ns in self.failing:
+            raise RuntimeError("no good")
+        return some_estimate(tracked_arm(), image_set.stamp_ns)
+
+    def reset(self):
+        pass
+
+    def set_state(self, state):
+        pass
+
+
+class Bench:
+    """A node with a `HeldTracker`, and publishers of its cameras' images."""
+
+    def __init__(self, probe, recording, lossless):
+        self.probe, self.tracker = probe, HeldTracker()
+        rig = load_rig(recording / "rig.yaml")
+        inbox = InboxOptions(lossless=lossless, capacity=4)
+        self.node = TrackerNode(TrackerOptions(rig, tracked_arm(), inbox=inbox, make_tracker=lambda *_: self.tracker))
+        probe.add_node(self.node)
+        self.states = probe.listen(TrackedState, "tracker/state")
+        create = probe.node.create_publisher
+        self.cameras = [create(Image, f"{name}/image_raw", images_published(50)) for name in rig.names]
+        probe.spin_until(lambda: all(c.get_subscription_count() for c in self.cameras), "subscriptions")
+        self.node.start()
+
+    def send(self, i: int) -> None:
+        """One image set, until the node has all of it."""
+        before = dict(self.node._inbox.last_arrival_s)
+        for camera in self.cameras:
+            camera.publish(image_message(i * 33_000_000, "f", np.full((120, 160, 3), i, np.uint8)))
+        arrival = self.node._inbox.last_arrival_s
+        self.probe.spin_until(lambda: len(arrival) == 3 and all(arrival[c] != before.get(c) for c in arrival), "arrival")
+
+    def close(self):
+        self.tracker.go.set()
+        self.node.close()
+        self.node.destroy_node()
+
+
+@pytest.fixture
+def build(probe, recording):
+    benches = []
+
+    def make(lossless: bool) -> Bench:
+        benches.append(Bench(probe, recording, lossless))
+        return benches[-1]
+
+    yield make
+    for bench in benches:
+        bench.close()
+
+
+def test_the_newest_set_wins_and_the_others_are_counted(probe, build):
+    bench = build(lossless=False)
+    bench.send(0)
+    probe.spin_until(bench.tracker.stepping.is_set, "the first step")
+    for i in range(1, 5):
+        bench.send(i)
+    bench.tracker.go.set()
+    probe.spin_until(lambda: len(bench.states) == 2, "two states")
+    assert stamps(bench.states) == [0, 4 * 33_000_000]
+    assert bench.node.superseded == 3
+
+
+def test_waiting_images_are_bounded_and_the_loss_is_counted(probe, build):
+    bench = build(lossless=False)
+    bench.send(0)
+    probe.spin_until(bench.tracker.stepping.is_set, "the first step")
+    for i in range(1, 11):  # six more than may wait
+        bench.send(i)
+    bench.tracker.go.set()
+    probe.spin_until(lambda: len(bench.states) == 2, "two states")
+    assert stamps(bench.states)[-1] == 10 * 33_000_000
+    assert bench.node._inbox.overflowed == {"cam1": 6, "cam2": 6, "cam3": 6} and bench.node.superseded == 3
+
+
+def test_lossless_tracks_every_set_in_order(probe, build):
+    bench = build(lossless=True)
+    for i in range(8):
+        bench.send(i)
+    bench.tracker.go.set()
+    probe.spin_until(lambda: len(bench.states) == 8, "all states")
+    assert stamps(bench.states) == [i * 33_000_000 for i in range(8)]
+
+
+def test_a_failing_tracker_is_said_to_be_lost_and_goes_on(probe, build):
+    bench = build(lossless=True)
+    bench.tracker.failing = {33_000_000}
+    bench.tracker.go.set()
+    for i in range(3):
+        bench.send(i)
+    probe.spin_until(lambda: len(bench.states) == 3, "a state for every set")
+    assert [s.status for s in bench.states] == [Status.DEGRADED, Status.LOST, Status.DEGRADED]
+    assert "no good" in bench.states[1].status_reason
+    assert np.array_equal(bench.states[1].values, bench.states[0].values) and bench.states[1].covariance[0] > 1e3
+
+
+def test_a_publisher_that_does_not_match_is_on_the_diagnostics(probe, build):
+    build(lossless=True)  # asks for reliable images
+    probe.node.create_publisher(Image, "cam2/image_raw", qos_profile_sensor_data)
+    name = "tracker: quality of service of cam2"
+    probe.spin_until(lambda: name in probe.diagnostics, "the report")
+    assert probe.diagnostics[name].level == DiagnosticStatus.WARN
