@@ -1,5 +1,6 @@
 """The recorder as a process of its own, on a real graph."""
 
+import re
 import signal
 import time
 from collections.abc import Iterator
@@ -145,3 +146,24 @@ def test_mistakes_are_named(tmp_path: Path, capsys: pytest.CaptureFixture) -> No
     assert main(["recorder", "--output", str(tmp_path / "new"), "--regex", "("]) == 2
     assert "regular expression '('" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
+
+
+def test_what_does_not_arrive_is_counted(node: Node, tmp_path: Path, start) -> None:
+    """A recorder that stands still for a while cannot have everything, but knows how much it lacks."""
+    recorder = start("recorder", "--output", str(tmp_path / "run"), "--topics", "/large")
+    recorder.wait_for("recorder: ready")
+    large = node.create_publisher(String, "/large", BEST_EFFORT)
+    message = String(data="x" * 200_000)
+    send(large, [message] * 10)
+    recorder.process.send_signal(signal.SIGSTOP)
+    send(large, [message] * 400)
+    recorder.process.send_signal(signal.SIGCONT)
+    time.sleep(0.5)
+    send(large, [message] * 10)
+    assert recorder.end() == 0, recorder.text
+    lost = re.search(r"/large: (\d+) messages lost on their way", recorder.text)
+    assert lost, recorder.text
+    with BagReader(tmp_path / "run") as reader:
+        recorded = reader.topic("/large").message_count
+    assert int(lost[1]) + recorded == 420
+    assert recorded < 420
