@@ -53,7 +53,7 @@ def test_limits_in_the_conventions_are_those_of_the_human(repository):
     assert documented == degrees
 
 
-@pytest.mark.parametrize("page", ["formats.md", "conventions.md"])
+@pytest.mark.parametrize("page", ["formats.md", "conventions.md", "nodes.md"])
 def test_links_lead_somewhere(repository, page):
     text = (repository / "docs" / page).read_text()
     for target in re.findall(r"\]\(([^)#\s]*)(#[^)]*)?\)", text):
