@@ -122,6 +122,14 @@ def test_truth_on_another_clock(tmp_path, align, shift_s, is_trc):
     assert result.metrics()["x.mpjpe_mm"] == pytest.approx(0.0, abs=1e-6)
 
 
+def test_a_run_that_begins_later_meets_its_own_rows(tmp_path):
+    tracked = motion(30)
+    later = Motion(tracked.model, tracked.stamps_ns[8:] + 10**12, tracked.states[8:])
+    figures = judge(tmp_path, later, truth_of(tracked), lag_images=0.0, align="first", first_image=8).metrics()
+    assert figures["x.mpjpe_mm"] == pytest.approx(0.0, abs=1e-6)
+    assert figures["x.judged_sets"] == 22
+
+
 def test_truth_at_another_time_is_refused(tmp_path):
     tracked = motion(20)
     with pytest.raises(FileFormatError, match="times"):

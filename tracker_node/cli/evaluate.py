@@ -24,9 +24,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--masks", metavar="FILE", help="reference masks (masks.json) to compare silhouettes with")
     add("--lag", default="auto", metavar="auto|IMAGES", help="constant lag of the images behind the truth (default: estimated)")
     add("--align", choices=("auto", "first", "stamp"), default="auto",
-        help="first: the truth's first row belongs to the first set (for .trc); stamp: both count the same time")  # fmt: skip
+        help="first: the truth's first row belongs to image 0 (for .trc); stamp: both count the same time")  # fmt: skip
     add("--image-sets", type=int, default=0, metavar="N", help="number of sets that there should be, to count missing ones")
-    add("--first-image", type=int, default=0, metavar="N", help="number in the sources of the image that the first set shows")
+    add("--first-image", type=int, metavar="N",
+        help="number, in sources and truth, of the image that the first set shows (default: run.json, or 0)")  # fmt: skip
     add("--pictures", type=int, default=6, metavar="N", help="instants on the contact sheet (default 6; 0: none)")
     add("--target", action="append", default=[], metavar="KEY<=X", help="light for a figure, for example mpjpe_mm<=60; repeat")
     add("--topic", help="topic of the states, where a bag has several")
@@ -43,8 +44,10 @@ def run(args: argparse.Namespace) -> int:
     from ..loaders.model_yaml import load_model
 
     targets = _targets(args.target)
-    options = EvaluationOptions(args.name, _lag(args.lag), args.align, args.image_sets)
+    lag = _lag(args.lag)
     tracked = load_run(args.run, args.topic)
+    first_image = _first_image(tracked.info) if args.first_image is None else args.first_image
+    options = EvaluationOptions(args.name, lag, args.align, args.image_sets, first_image)
     model_path = args.model or _named(tracked.info, "model")
     if not model_path:
         return _complain("the run does not name its body model; give --model FILE")
@@ -54,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
     _say(f"{len(tracked)} states of {args.run}, {len(truth.stamps_ns)} rows of truth")
     evaluation = evaluate(tracked, model, truth, options, truth_is_trc=Path(args.truth).suffix.lower() == ".trc")
     rig_path = args.rig or _named(tracked.info, "rig")
-    evaluation, pictures, problems = _look_at_images(args, tracked, model, rig_path, evaluation)
+    evaluation, pictures, problems = _look_at_images(args, tracked, model, rig_path, evaluation, first_image)
     folder = Path(args.output or (args.run if Path(args.run).is_dir() else Path(args.run).parent))
     sources = {"run": args.run, "truth": args.truth, "model": str(model_path), "rig": str(rig_path or "not given")}
     figures = report.write_report(folder, evaluation, pictures, report.ReportContext(sources, problems, targets))
@@ -63,7 +66,9 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _look_at_images(args: argparse.Namespace, tracked: Any, model: Any, rig_path: str | None, evaluation: Any):
+def _look_at_images(
+    args: argparse.Namespace, tracked: Any, model: Any, rig_path: str | None, evaluation: Any, first_image: int
+):
     """The evaluation with silhouettes, pictures for the contact sheet, and what could not be shown."""
     from dataclasses import replace
 
@@ -74,7 +79,7 @@ def _look_at_images(args: argparse.Namespace, tracked: Any, model: Any, rig_path
     if not rig_path:
         return evaluation, [], ["Without a rig there are no silhouettes and no pictures (--rig FILE)."]
     masks = load_reference_masks(args.masks) if args.masks else {}
-    options = ReviewOptions(pictures=args.pictures, first_image=args.first_image)
+    options = ReviewOptions(pictures=args.pictures, first_image=first_image)
     review = review_images(tracked, model, load_rig(rig_path), masks, evaluation.period_s * 1e9, options, _say)
     return replace(evaluation, silhouettes=review.scores), review.pictures, review.problems
 
@@ -98,6 +103,13 @@ def _lag(text: str) -> float | None:
         return float(text)
     except ValueError:
         raise TrackerError(f"--lag: expected 'auto' or a number of images, got {text!r}") from None
+
+
+def _first_image(info: Any) -> int:
+    """The image that an offline run of the rig's sources began with."""
+    options = info.get("options")
+    start = options.get("start") if isinstance(options, dict) and not options.get("bag") else None
+    return start if isinstance(start, int) else 0
 
 
 def _named(info: Any, key: str) -> str | None:

@@ -34,6 +34,7 @@ class EvaluationOptions:
     lag_images: float | None = None
     align: str = "auto"
     image_sets: int = 0
+    first_image: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,9 +147,10 @@ def evaluate(
     if not joints:
         expected = f"some of the landmarks {', '.join(model.landmark_names)}"
         raise FileFormatError("truth", "names", expected, ", ".join(truth.names))
-    truth = aligned(truth.select(joints), run.stamps_ns, options.align, truth_is_trc)
-    estimate, rotations, frames = _tracked_joints(run, model, joints)
     period_ns = image_period_ns(run.stamps_ns if len(run) > 1 else truth.stamps_ns)
+    image_0_ns = int(run.stamps_ns[0]) - round(options.first_image * period_ns)
+    truth = aligned(truth.select(joints), run.stamps_ns, image_0_ns, options.align, truth_is_trc)
+    estimate, rotations, frames = _tracked_joints(run, model, joints)
     lag = options.lag_images
     if lag is None:
         lag = estimate_lag(estimate, truth, period_ns, rotations)
@@ -189,14 +191,16 @@ def evaluate(
     )
 
 
-def aligned(truth: Trajectories, stamps_ns: np.ndarray, align: str, truth_is_trc: bool) -> Trajectories:
-    """Truth on the clock of the run's stamps (see `EvaluationOptions`)."""
+def aligned(
+    truth: Trajectories, stamps_ns: np.ndarray, image_0_ns: int, align: str, truth_is_trc: bool
+) -> Trajectories:
+    """Truth on the clock of the run's stamps (see `EvaluationOptions`); ``image_0_ns`` is the stamp of image 0."""
     if align not in ALIGNMENTS:
         raise ValueError(f"expected an alignment of {ALIGNMENTS}, got {align!r}")
     overlap = truth.stamps_ns[0] <= stamps_ns[-1] and truth.stamps_ns[-1] >= stamps_ns[0]
     if align == "stamp" or (align == "auto" and overlap and not truth_is_trc):
         return truth
-    return truth.shifted(int(stamps_ns[0]) - int(truth.stamps_ns[0]))
+    return truth.shifted(image_0_ns - int(truth.stamps_ns[0]))
 
 
 def expected_sets(run: RunData, period_ns: float, stated: int = 0) -> int:
