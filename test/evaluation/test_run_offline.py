@@ -190,6 +190,19 @@ def test_a_video_that_breaks_off_leaves_the_other_cameras(own_clip: Clip, tmp_pa
     assert summary["images"]["cam01"]["used"] == N_IMAGES
 
 
+def test_a_camera_that_stops_is_named_and_the_others_go_on_if_they_may(own_clip: Clip, tmp_path: Path) -> None:
+    for path in sorted((own_clip.folder / "cam02").iterdir())[5:]:
+        path.unlink()
+    own_clip.config_file.write_text("synchronizer: {queue_s: 0.1, min_cameras: 0}\n")
+    summary = run_offline(offline_run(own_clip), tmp_path / "strict")
+    assert summary["image_sets"] == 5
+    assert summary["errors"] == ["camera 'cam02' stopped 0.23 s before the others; a set needs all cameras"]
+    own_clip.config_file.write_text("synchronizer: {queue_s: 0.1, min_cameras: 2}\n")
+    summary = run_offline(offline_run(own_clip), tmp_path / "lenient")
+    assert summary["image_sets"] == N_IMAGES
+    assert "at least 2 cameras" in summary["errors"][0]
+
+
 def test_a_camera_without_a_file_is_named_and_left_out(own_clip: Clip, tmp_path: Path) -> None:
     shutil.rmtree(own_clip.folder / "cam03")
     summary = run_offline(offline_run(own_clip), tmp_path / "run")

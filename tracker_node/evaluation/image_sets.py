@@ -78,18 +78,31 @@ class _Matcher:
         self._synchronizer = make_synchronizer(cameras, config)
         self._done: Counter[tuple[str, str]] = Counter()
         self._leaving: dict[str, int] = {}
+        self._last_ns: dict[str, int] = {}
 
     def drop(self, camera: str, last_stamp_ns: int) -> None:
         """No image of ``camera`` comes after this stamp; its sets up to there are still made."""
         self._leaving[camera] = last_stamp_ns
 
     def add(self, image: CameraImage) -> list[ImageSet]:
+        self._last_ns[image.camera] = max(image.stamp_ns, self._last_ns.get(image.camera, image.stamp_ns))
         gone = [c for c, last_ns in self._leaving.items() if image.stamp_ns > last_ns + self._tolerance_ns]
         sets = self._without(gone) if gone else []
         return sets + self._synchronizer.add(image)
 
     def flush(self) -> list[ImageSet]:
         return self._synchronizer.flush()
+
+    def early_ends(self) -> list[str]:
+        """A sentence for each camera that was still asked for when its images ended long before the others'."""
+        latest_ns = max(self._last_ns.values(), default=0)
+        sentences = []
+        for camera in self._synchronizer.cameras:
+            silent_s = (latest_ns - self._last_ns.get(camera, latest_ns)) * 1e-9
+            if silent_s > max(self._config.queue_s, 2 * self._config.image_period_s):
+                needed = "all cameras" if not self._config.min_cameras else f"at least {self._config.min_cameras} cameras"
+                sentences.append(f"camera '{camera}' stopped {silent_s:.2f} s before the others; a set needs {needed}")
+        return sentences
 
     def _without(self, gone: list[str]) -> list[ImageSet]:
         sets = self._synchronizer.flush()
@@ -137,6 +150,7 @@ class SourceStream(ImageSetStream):
             else:
                 yield from self._matcher.add(item)
         yield from self._matcher.flush()
+        self.errors += self._matcher.early_ends()
 
 
 class BagStream(ImageSetStream):
@@ -175,6 +189,7 @@ class BagStream(ImageSetStream):
             else:
                 yield from self._matcher.add(image)
         yield from self._matcher.flush()
+        self.errors += self._matcher.early_ends()
 
 
 @dataclass(frozen=True)
