@@ -137,3 +137,27 @@ class NodeProcess:
 def stamps(messages: list) -> list[int]:
     """Header stamps in nanoseconds."""
     return [stamp_ns_of(message.header.stamp) for message in messages]
+
+
+def shared_memory_files() -> set[Path]:
+    """Segments of Fast DDS that exist now, of whatever process."""
+    return {path for pattern in ("fastrtps_*", "sem.fastrtps_*") for path in Path("/dev/shm").glob(pattern)}
+
+
+def mapped_files() -> set[Path]:
+    """Files in /dev/shm that some process has mapped."""
+    found = set()
+    for maps in Path("/proc").glob("[0-9]*/maps"):
+        try:
+            text = maps.read_text()
+        except OSError:  # ended, or somebody else's
+            continue
+        found |= {Path(line[line.index("/dev/shm/") :]) for line in text.splitlines() if "/dev/shm/" in line}
+    return found
+
+
+def remove_left_segments(before: set[Path]) -> None:
+    """Killed processes leave their segments: remove those that are new and in nobody's use."""
+    new = shared_memory_files() - before
+    for path in new - mapped_files():
+        path.unlink(missing_ok=True)

@@ -8,15 +8,22 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS is not installed")
 pytest.importorskip("tracker_msgs", reason="the interface package is not installed")
 
-from ros_graph import NodeProcess, Probe, ros_context
+from ros_graph import NodeProcess, Probe, remove_left_segments, ros_context, shared_memory_files
 from ros_processes import start
 from ros_samples import write_recording
 
 __all__ = ["start"]  # a fixture too
 
 
+@pytest.fixture(scope="session", autouse=True)
+def no_segments_left() -> Iterator[None]:
+    before = shared_memory_files()
+    yield
+    remove_left_segments(before)
+
+
 @pytest.fixture(scope="session")
-def ros(ros_domain_id: int) -> Iterator[None]:
+def ros(no_segments_left: None, ros_domain_id: int) -> Iterator[None]:
     with ros_context():
         yield
 
