@@ -15,6 +15,10 @@ from stick_person import Motion, motion, write_run, write_state_bag, write_truth
 from tracker_node.camera.camera_model import CameraModel
 from tracker_node.camera.camera_rig import Camera, CameraRig
 from tracker_node.cli.main import main
+from tracker_node.evaluation.estimate_messages import image_message
+from tracker_node.loaders.bag_reader import BagReader
+from tracker_node.loaders.bag_writer import BagWriter
+from tracker_node.loaders.message_types import TRACKED_STATE
 from tracker_node.loaders.model_yaml import dump_model
 from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
 from tracker_node.model.configuration import Configuration
@@ -123,6 +127,31 @@ def test_a_camera_whose_images_are_gone_is_named_and_the_others_go_on(files, tmp
     assert evaluate(files, "run", tmp_path, "--rig", str(tmp_path / "rig.yaml"), "--pictures", "2") == 0
     page = (tmp_path / "report.html").read_text()
     assert "gone.mp4" in page and "cam02, image 0" in page
+
+
+def test_pictures_from_the_bag_where_the_rig_has_no_sources(files, tmp_path):
+    tracked, rig = motion(N), _rig()
+    write_state_bag(tmp_path / "live", tracked)
+    with BagReader(tmp_path / "live") as reader:
+        states = [(message.stamp_ns, message.data) for message in reader.messages()]
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/tracker/state", TRACKED_STATE)
+        for stamp, data in states:
+            writer.write("/tracker/state", stamp, data)
+        for i, stamp in enumerate(tracked.stamps_ns):
+            picture = cv2.imread(str(files / "cam01" / f"{i:03d}.png"))
+            writer.write_message("/lab/cam01/image_raw", int(stamp), image_message(int(stamp), "cam01", picture, "bgr8"))
+    bare = CameraRig(tuple(Camera(camera.name, camera.model, camera.T_world_cam) for camera in rig))
+    write_rig_file(rig_file_of(bare), tmp_path / "rig.yaml")
+    masks = json.loads((files / "masks.json").read_text())["cameras"]
+    (tmp_path / "masks.json").write_text(json.dumps({"cameras": {"cam01": masks["cam01"]}}))
+    more = ["--rig", str(tmp_path / "rig.yaml"), "--masks", str(tmp_path / "masks.json"), "--lag", "0", "--pictures", "2"]
+    arguments = ["evaluate", str(tmp_path / "bag"), "--truth", str(files / "truth.csv"), "--model", str(files / "model.yaml")]
+    assert main([*arguments, *more, "--name", "stick", "--output", str(tmp_path)]) == 0
+    page = (tmp_path / "report.html").read_text()
+    assert "cam01, image 0" in page and "cam02, image 0" not in page
+    assert "names no source" in page  # of cam02
+    assert 0.0 < figures_of(tmp_path)["stick.iou_cam01"] < 0.5
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,9 @@ import cv2
 import numpy as np
 
 from ..camera.camera_rig import Camera, CameraRig
-from ..errors import TrackerError
+from ..errors import SourceError, TrackerError
+from ..loaders.bag_images import camera_images, image_topics
+from ..loaders.bag_reader import BagReader
 from ..loaders.image_source import SourceOptions, open_camera_source
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration
@@ -19,6 +21,8 @@ from .evaluate import SilhouetteScores, image_numbers
 from .metrics import intersection_over_union
 from .reference_masks import CameraMasks, read_still
 from .run_data import RunData
+
+SAME_INSTANT = 0.45  # images: how far an image's stamp may be from that of its set
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +53,21 @@ class ReviewOptions:
     first_image: int = 0
 
 
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What is looked for in the images of every camera: ``row_of`` an image number, and the numbers that are shown."""
+
+    run: RunData
+    model: ArticulatedModel
+    period_ns: float
+    row_of: Mapping[int, int]
+    shown: set[int]
+    options: ReviewOptions
+
+    def configuration(self, number: int) -> Configuration:
+        return self.run.configuration(self.model, self.row_of[number])
+
+
 def review_images(
     run: RunData,
     model: ArticulatedModel,
@@ -58,16 +77,20 @@ def review_images(
     options: ReviewOptions | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> ImageReview:
-    """Read the images of every camera once; a camera that cannot be read is named and left out."""
+    """Read the images of every camera once; a camera that cannot be read is named and left out.
+
+    Images come from the rig's sources, or from the run's bag for a camera without one.
+    """
     options = options or ReviewOptions()
     numbers = image_numbers(run, period_ns) + options.first_image
     row_of = {int(number): row for row, number in enumerate(numbers)}
     shown = {int(numbers[i]) for i in spread(len(run), options.pictures)}
+    task = _Task(run, model, period_ns, row_of, shown, options)
     review = ImageReview()
     for camera in rig:
         progress(f"images of {camera.name}")
         try:
-            _review_camera(run, model, camera, masks.get(camera.name), row_of, shown, options, review)
+            _review_camera(task, camera, masks.get(camera.name), review)
         except TrackerError as error:
             review.problems.append(str(error))
     return review
@@ -78,30 +101,22 @@ def spread(n: int, k: int) -> list[int]:
     return sorted({round(i) for i in np.linspace(0, n - 1, min(n, k))}) if n and k > 0 else []
 
 
-def _review_camera(
-    run: RunData,
-    model: ArticulatedModel,
-    camera: Camera,
-    masks: CameraMasks | None,
-    row_of: Mapping[int, int],
-    shown: set[int],
-    options: ReviewOptions,
-    review: ImageReview,
-) -> None:
-    wanted = set(masks.image_numbers(max(row_of) + 1)) & set(row_of) if masks else set()
+def _review_camera(task: _Task, camera: Camera, masks: CameraMasks | None, review: ImageReview) -> None:
+    wanted = set(masks.image_numbers(max(task.row_of) + 1)) & set(task.row_of) if masks else set()
     still = _still(camera, masks) if masks else None
-    box = _box([run.configuration(model, row_of[number]) for number in sorted(shown)], camera)
+    box = _box([task.configuration(number) for number in sorted(task.shown)], camera)
     numbers, ious = [], []
-    for number, image in _images(camera, wanted | shown):
-        configuration = run.configuration(model, row_of[number])
+    for number, image in _images(task, camera, wanted | task.shown):
+        configuration = task.configuration(number)
         if number in wanted and masks is not None:
             reference = _fitted(masks.mask(number, image, still), camera)
             numbers.append(number)
             ious.append(intersection_over_union(render_mask(configuration, camera), reference))
-        if number in shown:
+        if number in task.shown:
             picture = draw_overlay(image, configuration, camera)[box]
-            width = max(round(picture.shape[1] * options.height_px / picture.shape[0]), 1)
-            small = cv2.resize(picture, (width, options.height_px), interpolation=cv2.INTER_AREA)
+            height = task.options.height_px
+            width = max(round(picture.shape[1] * height / picture.shape[0]), 1)
+            small = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
             review.pictures.append(Picture(camera.name, number, small))
     if masks is not None and numbers:
         review.scores.kind[camera.name] = "drawn by hand" if masks.still is None else "difference to a still image"
@@ -122,16 +137,34 @@ def _box(configurations: Sequence[Configuration], camera: Camera) -> tuple[slice
     return slice(v0, v1 + 1), slice(u0, u1 + 1)
 
 
-def _images(camera: Camera, wanted: set[int]) -> Iterator[tuple[int, np.ndarray]]:
-    """(number, BGR) of the wanted images of a camera's source."""
+def _images(task: _Task, camera: Camera, wanted: set[int]) -> Iterator[tuple[int, np.ndarray]]:
+    """(number, BGR) of the wanted images of a camera."""
     if not wanted:
         return
-    options = SourceOptions(start=min(wanted), end=max(wanted) + 1)
-    source = open_camera_source(camera, options)
+    if camera.source is None and task.run.bag is not None:
+        yield from _bag_images(task, camera, wanted)
+        return
+    source = open_camera_source(camera, SourceOptions(start=min(wanted), end=max(wanted) + 1))
     for stamp_ns, image in source:
         number = round((stamp_ns - source.stamp_ns(0)) * source.rate_hz / 1e9)
         if number in wanted:
             yield number, image
+
+
+def _bag_images(task: _Task, camera: Camera, wanted: set[int]) -> Iterator[tuple[int, np.ndarray]]:
+    """The same from the run's bag, by stamp; images that were made smaller for tracking get the camera's size."""
+    assert task.run.bag is not None
+    size = (camera.model.width, camera.model.height)
+    with BagReader(task.run.bag) as reader:
+        topics = image_topics(reader, [camera.name])
+        if not topics:
+            raise SourceError(camera.name, f"the rig names no source, and {task.run.bag} holds no images")
+        for image in camera_images(reader, topics):
+            offset = (image.stamp_ns - int(task.run.stamps_ns[0])) / task.period_ns
+            number = round(offset) + task.options.first_image
+            if number in wanted and abs(offset - round(offset)) < SAME_INSTANT:
+                same = (image.bgr.shape[1], image.bgr.shape[0]) == size
+                yield number, image.bgr if same else cv2.resize(image.bgr, size, interpolation=cv2.INTER_AREA)
 
 
 def _still(camera: Camera, masks: CameraMasks) -> np.ndarray | None:
