@@ -182,6 +182,28 @@ def test_a_camera_with_a_wrong_clock_does_not_take_the_others_along(offset_ns):
         assert sync.counters["wrong"]["waiting"] <= 12
 
 
+def test_a_camera_that_lags_beyond_the_queue_delays_nothing():
+    sync = synchronizer(min_cameras=3, cameras=(*CAMERAS, "wrong"))
+    latency = []
+    for i in range(60):
+        for camera in (*CAMERAS, "wrong"):
+            stamp = 10**15 + i * PERIOD_NS - (10**12 if camera == "wrong" else 0)
+            latency += [10**15 + i * PERIOD_NS - s.stamp_ns for s in sync.add(image(camera, stamp))]
+    assert len(latency) >= 58
+    assert max(latency[2:]) <= PERIOD_NS
+
+
+def test_a_stray_image_does_not_break_up_its_neighbors():
+    """Of two ways to group, the one with more cameras wins."""
+    sync = synchronizer(min_cameras=2, cameras=("a", "b", "c", "d"))
+    ms = 1_000_000
+    stray = [("a", 20 * ms), ("b", 25 * ms), ("c", 29 * ms), ("d", 30 * ms)]  # 8 ms are tolerated: a-b or b-c-d
+    sets = summary(run(sync, [*stray, *((c, 60 * ms) for c in "abcd")]))
+    assert sets[0] == (("b", 25 * ms), ("c", 29 * ms), ("d", 30 * ms))
+    assert len(sets[1]) == 4
+    assert sync.counters["a"]["incomplete"] == 1
+
+
 def test_surplus_images_of_one_instant():
     sync = synchronizer(cameras=("left", "right"))
     sets = run(sync, [("left", 0), ("left", 1), ("left", 1), ("right", 2), ("right", 2), ("right", 1)])

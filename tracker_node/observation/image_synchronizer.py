@@ -117,12 +117,13 @@ class ImageSynchronizer:
         if lane.newest_ns is not None and image.stamp_ns < lane.newest_ns - max(self._queue_ns, self._period_ns):
             self._jump_back()
         refusal = self._refusal(lane, image.stamp_ns)
+        if refusal != "clock_jump":
+            self._advance(lane, image.stamp_ns)  # also a late image says that its camera lags
         if refusal:
             lane.counts[refusal] += 1
-            return []
-        self._advance(lane, image.stamp_ns)
-        stamps = [w.image.stamp_ns for w in lane.waiting]
-        lane.waiting.insert(bisect_right(stamps, image.stamp_ns), _Waiting(image, self._number, self._stream_ns))
+        else:
+            stamps = [w.image.stamp_ns for w in lane.waiting]
+            lane.waiting.insert(bisect_right(stamps, image.stamp_ns), _Waiting(image, self._number, self._stream_ns))
         return self._decide(final=False)
 
     def flush(self) -> list[ImageSet]:
