@@ -97,7 +97,7 @@ def test_a_run_and_a_live_recording_give_the_same_figures(files, tmp_path, run, 
 
 
 def test_the_report_holds_everything_itself(files, tmp_path):
-    targets = ["--target", "mpjpe_mm<=60", "--target", "lost_sets>=1"]
+    targets = ["--target", "mpjpe_mm<=60", "--target", "lost_sets>=1", "--target", "iou_cam09>=0.5"]
     assert evaluate(files, "run", tmp_path, "--masks", str(files / "masks.json"), "--pictures", "3", *targets) == 0
     page = (tmp_path / "report.html").read_text()
     assert not re.search(r"""(src|href)=["'](?!data:)""", page)
@@ -108,7 +108,8 @@ def test_the_report_holds_everything_itself(files, tmp_path):
     pictures = re.findall(r'src="data:image/jpeg;base64,([^"]+)"', page)
     assert len(pictures) == 3 * 2
     assert cv2.imdecode(np.frombuffer(b64decode(pictures[0]), np.uint8), cv2.IMREAD_COLOR).shape[0] == 420
-    assert page.count('class="light good"') == 1 and page.count('class="light bad"') == 1
+    assert page.count('class="light good"') == 1 and page.count('class="light bad"') == 2
+    assert "was not measured" in page
     assert "stick.mpjpe_offset_free_mm" in page
 
 

@@ -132,7 +132,7 @@ class SummaryRow:
 
 
 def summary_rows(evaluation: Evaluation, targets: Mapping[str, Target]) -> list[SummaryRow]:
-    """The figures that `FIGURES` describes, in its order."""
+    """The figures that `FIGURES` describes, in its order, then targets for others."""
     values = {key.removeprefix(f"{evaluation.name}."): value for key, value in evaluation.metrics().items()}
     rows = []
     for figure in FIGURES:
@@ -141,6 +141,11 @@ def summary_rows(evaluation: Evaluation, targets: Mapping[str, Target]) -> list[
         for key in [k for k in values if (k.startswith(stem) if family else k == figure.key)]:
             title = f"{figure.title} {key.removeprefix(stem)}" if family else figure.title
             rows.append(_summary_row(figure, f"{evaluation.name}.{key}", title, values[key], targets.get(key)))
+    shown = {row.key for row in rows}
+    for key, target in targets.items():  # a target that nothing was measured for is missed
+        if f"{evaluation.name}.{key}" not in shown:
+            other = Figure(key, key, "", "" if key in values else "was not measured", 3)
+            rows.append(_summary_row(other, f"{evaluation.name}.{key}", key, values.get(key, math.nan), target))
     return rows
 
 
