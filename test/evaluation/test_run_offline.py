@@ -162,6 +162,21 @@ def test_a_recorded_run_is_made_again_set_by_set(clip: Clip, tmp_path: Path) -> 
     assert everything["image_sets"] == N_IMAGES
 
 
+def test_a_loop_is_made_again_pass_by_pass(clip: Clip, tmp_path: Path) -> None:
+    """Stamps that come again: the tracker begins anew, as the node does."""
+    run_offline(offline_run(clip, source_options=SourceOptions(base_stamp_ns=BASE_NS)), tmp_path / "once")
+    single = image_bag(clip, tmp_path / "single", with_states_of=tmp_path / "once/bag")
+    with BagReader(single) as reader, BagWriter(tmp_path / "twice") as writer:
+        for turn in range(2):
+            for message in reader.messages():
+                writer.add_topic(message.topic, message.type_name)
+                writer.write(message.topic, message.stamp_ns + turn * 10**10, message.data)
+    summary = run_offline(offline_run(clip, bag=tmp_path / "twice", from_run=True), tmp_path / "run")
+    assert (summary["image_sets"], summary["errors"]) == (2 * N_IMAGES, [])
+    once, twice = read_states(tmp_path / "once/states.csv").values, read_states(tmp_path / "run/states.csv").values
+    assert twice.tobytes() == np.vstack([once, once]).tobytes()
+
+
 def test_a_run_without_images_is_made_again_from_the_sources(clip: Clip, tmp_path: Path) -> None:
     options = SourceOptions(base_stamp_ns=BASE_NS, start=2)
     run_offline(offline_run(clip, source_options=options), tmp_path / "first")

@@ -68,8 +68,8 @@ class RecordedRunStream(ImageSetStream):
         for image in self._images():
             self._read[image.camera] += 1
             key = (image.camera, image.stamp_ns)
-            if self._needed[key] and key not in images:
-                images[key] = image
+            if self._needed[key]:
+                images[key] = image  # in a loop its stamp comes again, with its next pass
                 yield from self._complete(waiting, images, final=False)
         yield from self._complete(waiting, images, final=True)
 
@@ -89,8 +89,7 @@ class RecordedRunStream(ImageSetStream):
                 yield ImageSet(recorded.stamp_ns, found)
             for key in recorded.images:
                 self._needed[key] -= 1
-                if not self._needed[key]:
-                    images.pop(key, None)
+                images.pop(key, None)
 
     def _note_incomplete(self, recorded: RecordedSet, missing: list[tuple[str, int]]) -> None:
         self.incomplete_sets += 1
