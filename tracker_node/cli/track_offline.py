@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ..loaders.image_source import SourceOptions
 
-SUMMARY = "Track recorded images (videos, folders or a bag) without ROS; write a bag, CSV files and run.json."
+SUMMARY = "track recorded images (videos, folders or a bag) without ROS; write a bag, CSV files and run.json"
 EXAMPLE = "tracker_node track_offline --rig rig.yaml --model human.yaml --initial-state start.yaml --output out/run1"
 
 
