@@ -41,7 +41,7 @@ def smooth_maps(seed: int, offset: float = 0.0) -> EvidenceMaps:
         slope = rng.uniform(0.4, 1.0, 2) * rng.choice([-1, 1], 2)
         return ((u - 320) * slope[0] + (v - 240) * slope[1] + offset).astype(np.float32)
 
-    return EvidenceMaps((0, 0), ramp(), ramp())
+    return EvidenceMaps((0, 0), ramp(), ramp(), np.zeros((0, 4), dtype=np.float32))
 
 
 def objective_for(options: ContourOptions, priors=(), hand=True, offset=0.0) -> tuple[ContourObjective, State]:

@@ -20,8 +20,11 @@ from .normal_equations import NormalEquations
 
 @dataclass(frozen=True)
 class ContourOptions:
-    """See the fields of the same names in the tracker's configuration; ``outward_px`` is how far beyond a contour the class of the
-    sample is decided, ``alignment`` the least cosine between a boundary's normal and the contour's."""
+    """See the fields of the same names in the tracker's configuration.
+
+    ``outward_px`` is how far beyond a contour the class of the sample is decided, ``alignment`` the least cosine between a
+    boundary's normal and the contour's.
+    """
 
     robust_scale_px: float = 8.0
     samples_per_line: int = 25
@@ -53,8 +56,8 @@ class EvidenceMaps:
     """Distances around the predicted body in one camera, on a crop whose first pixel is ``origin`` (u, v).
 
     ``silhouette`` float32, signed distance to the silhouette's boundary (positive outside), ``edges`` float32, distance to the
-    nearest image edge inside the silhouette; both in pixels and truncated. ``boundary`` (n, 4) float32: points of the silhouette's
-    boundary on the crop and their outward normals.
+    nearest image edge inside the silhouette; both in pixels and truncated. ``boundary`` (n, 4) float32: points of the
+    silhouette's boundary on the crop and their outward normals.
     """
 
     origin: tuple[int, int]

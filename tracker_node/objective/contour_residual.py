@@ -188,8 +188,8 @@ def _nearest(us, vs, nus, nvs, point, alignment, reach_sq, squares):
 def _attract_to_boundary(boundary, samples, n_samples, options, normal, gradient, stats):
     """Residuals of the other direction: each boundary point of the silhouette pulls the nearest outline sample to itself.
 
-    ``boundary`` (n, 4) float32: u, v and outward normal on the crop. ``samples`` rows: u, v, nu, nv, link, twist row of the normal
-    displacement (6). Point to line: r = n . (sample - point).
+    ``boundary`` (n, 4) float32: u, v and outward normal on the crop. ``samples`` rows: u, v, nu, nv, link, twist row of the
+    normal displacement (6). Point to line: r = n . (sample - point).
     """
     reach_sq, scale_sq = np.float32(options[REACH] ** 2), options[BOUNDARY_SCALE] ** 2
     columns = _columns(samples, n_samples)
@@ -209,9 +209,10 @@ def _attract_to_boundary(boundary, samples, n_samples, options, normal, gradient
 def linearize_camera(shapes, Ts, spheres, camera, maps, options, n_samples, refresh, work):
     """Add one camera's contour residuals to per-link normal matrices.
 
-    ``shapes`` is (kinds, dims, links), ``camera`` (params, R_cam_world, t_cam_world, center), ``maps`` (silhouette, edges, origin,
-    boundary), ``work`` (flags, samples, normal, gradient, stats). ``flags`` (n_shapes, 2 n_samples) holds each sample's class; it is
-    filled when ``refresh``, else used as it is. ``normal`` (n_links, 6, 6), ``gradient`` (n_links, 6) and ``stats`` are overwritten.
+    ``shapes`` is (kinds, dims, links), ``camera`` (params, R_cam_world, t_cam_world, center), ``maps`` (silhouette, edges,
+    origin, boundary), ``work`` (flags, samples, normal, gradient, stats). ``flags`` (n_shapes, 2 n_samples) holds each sample's
+    class; it is filled when ``refresh``, else used as it is. ``normal`` (n_links, 6, 6), ``gradient`` (n_links, 6) and
+    ``stats`` are overwritten.
     """
     kinds, dims, links = shapes
     params, R, t, center = camera

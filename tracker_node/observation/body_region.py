@@ -9,7 +9,7 @@ Region = tuple[int, int, int, int]  # u0, v0, u1, v1; the last two exclusive
 
 
 def region_around(pixels: np.ndarray, valid: np.ndarray, margin: int, width: int, height: int) -> Region | None:
-    """Rectangle around the valid pixels (n, 2), grown by ``margin`` and clipped to the image; None if hardly any of it is inside."""
+    """Rectangle around the valid pixels (n, 2), grown by ``margin`` and clipped to the image; None if next to nothing is left."""
     if not valid.any():
         return None
     low, high = pixels[valid].min(axis=0) - margin, pixels[valid].max(axis=0) + margin
@@ -23,10 +23,11 @@ def region_around(pixels: np.ndarray, valid: np.ndarray, margin: int, width: int
 def grown(mask: np.ndarray, reach: int) -> np.ndarray:
     """Mask (uint8, 0 or 1) of the pixels within about ``reach`` of ``mask``; computed at a quarter of the size."""
     height, width = mask.shape
-    small = cv2.resize((mask > 0).view(np.uint8) * np.uint8(255), (max(1, width // 4), max(1, height // 4)), interpolation=cv2.INTER_AREA)
+    size = max(1, width // 4), max(1, height // 4)
+    small = cv2.resize((mask > 0).view(np.uint8) * np.uint8(255), size, interpolation=cv2.INTER_AREA)
     step = max(1, round(reach / 4))
-    size = 2 * step + 1
-    small = cv2.dilate((small > 0).astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)))
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * step + 1, 2 * step + 1))
+    small = cv2.dilate((small > 0).astype(np.uint8), kernel)
     return cv2.resize(small, (width, height), interpolation=cv2.INTER_NEAREST)
 
 

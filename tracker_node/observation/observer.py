@@ -17,20 +17,34 @@ from .silhouette_maps import boundary_points, edge_distance
 class EvidenceOptions(Protocol):
     """The fields of the tracker's evidence configuration that are read here (their meaning is stated there)."""
 
-    silhouette: str
-    scene_sigma: float
-    shadow: float
-    threshold: float
-    smoothing_px: int
-    scene_rate: float
-    color_rate: float
-    body_margin_px: int
-    reach_px: int
-    truncation_px: float
-    boundary_step_px: int
-    boundary_offset_px: float
-    canny_low: float
-    canny_high: float
+    @property
+    def silhouette(self) -> str: ...
+    @property
+    def scene_sigma(self) -> float: ...
+    @property
+    def shadow(self) -> float: ...
+    @property
+    def threshold(self) -> float: ...
+    @property
+    def smoothing_px(self) -> int: ...
+    @property
+    def scene_rate(self) -> float: ...
+    @property
+    def color_rate(self) -> float: ...
+    @property
+    def body_margin_px(self) -> int: ...
+    @property
+    def reach_px(self) -> int: ...
+    @property
+    def truncation_px(self) -> float: ...
+    @property
+    def boundary_step_px(self) -> int: ...
+    @property
+    def boundary_offset_px(self) -> float: ...
+    @property
+    def canny_low(self) -> float: ...
+    @property
+    def canny_high(self) -> float: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +52,8 @@ class Observation:
     """Evidence of one image on the crop ``region`` (u0, v0, u1, v1).
 
     ``silhouette`` uint8 (0 or 1), ``edges`` uint8 (0 or 255), ``silhouette_distance`` float32 signed (positive outside) and
-    ``edge_distance`` float32, pixels, truncated. ``boundary`` (n, 4) points of the silhouette's boundary and normals. ``empty`` when no pixel is body.
+    ``edge_distance`` float32, pixels, truncated. ``boundary`` (n, 4) points of the silhouette's boundary and normals. ``empty``
+    when no pixel is body.
     """
 
     camera: str
@@ -106,7 +121,7 @@ class Observer:
         odds = body_log_odds(bgr, region, self._scene, self._colors, options.shadow)
         silhouette = (odds > options.threshold).view(np.uint8)
         if options.smoothing_px > 1:
-            silhouette = cv2.medianBlur(silhouette, options.smoothing_px)
+            silhouette = np.asarray(cv2.medianBlur(silhouette, options.smoothing_px), dtype=np.uint8)
         near = grown(predicted, options.reach_px)
         silhouette &= near
         gray = cv2.cvtColor(bgr[v0:v1, u0:u1], cv2.COLOR_BGR2GRAY)

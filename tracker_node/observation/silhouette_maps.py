@@ -23,7 +23,8 @@ _CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 def boundary_points(mask: np.ndarray, distance: np.ndarray, trusted: np.ndarray, step: int) -> np.ndarray:
     """Points of the boundary of ``mask`` with their outward normals: (n, 4) float32 (u, v, nu, nv), one in ``step`` pixels.
 
-    ``distance`` is the mask's signed distance; points where ``trusted`` (uint8) is zero, or at the border of the crop, are left out.
+    ``distance`` is the mask's signed distance; points where ``trusted`` (uint8) is zero, or at the border of the crop, are left
+    out.
     """
     contours, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
     kept = [contour[::step, 0, :] for contour in contours if len(contour) >= 6 * step]
