@@ -49,6 +49,8 @@ class HullMask:
         clouds = [_hull_points(shape.primitive) for shape in model.shapes]
         ends = np.cumsum([len(cloud) for cloud in clouds])
         self._slices = [slice(int(end) - len(cloud), int(end)) for cloud, end in zip(clouds, ends, strict=True)]
+        self._counts = np.array([len(cloud) for cloud in clouds])
+        self._starts = ends - self._counts
         points = [se3.apply(shape.T_link_shape, cloud) for shape, cloud in zip(model.shapes, clouds, strict=True)]
         self._points = np.concatenate(points)
         self._links = np.repeat(model.shape_links, [len(cloud) for cloud in clouds])
@@ -70,9 +72,10 @@ class HullMask:
         u0, v0, u1, v1 = region
         labels = np.zeros((v1 - v0, u1 - u0), dtype=np.uint8)
         scaled = np.round((pixels - [u0, v0]) * (1 << _FRACTION_BITS)).clip(-(2**28), 2**28).astype(np.int32)
-        far_to_near = np.argsort([-depths[part].mean() for part in self._slices], kind="stable")
+        far_to_near = np.argsort(-np.add.reduceat(depths, self._starts) / self._counts, kind="stable")
+        visible = np.logical_and.reduceat(valid, self._starts)
         for index in far_to_near:
-            part = self._slices[index]
-            if valid[part].all():
-                cv2.fillConvexPoly(labels, cv2.convexHull(scaled[part]), int(index) + 1, shift=_FRACTION_BITS)
+            if visible[index]:
+                hull = cv2.convexHull(scaled[self._slices[index]])
+                cv2.fillConvexPoly(labels, hull, int(index) + 1, shift=_FRACTION_BITS)
         return labels

@@ -48,6 +48,7 @@ class EvidenceConfig:
         0.05, "share of the newest image in the scene model, where the body is not; 0 keeps plates fixed", "1", 0, 1
     )
     color_rate: float = parameter(0.05, "share of the newest image in the color histograms", "1", 0, 1)
+    learn_every: int = parameter(3, "image sets between two lessons of a camera; the cameras take turns", "", 1, 1000)
     body_margin_px: int = parameter(12, "width around the fitted body that is not learnt as scene", "px", 1, 200)
     reach_px: int = parameter(40, "silhouettes farther than this from the predicted body are not looked at", "px", 4, 1000)
     truncation_px: float = parameter(40.0, "distances are truncated here", "px", 2, 1000)
@@ -70,9 +71,8 @@ class OptimizerConfig:
     sliding: bool = parameter(True, "include the sliding of the contour generator in the Jacobian")
     inner_weight: float = parameter(0.2, "weight of contours within the body's outline", "1", 0, 10)
     alignment: float = parameter(0.6, "least cosine between an image boundary's normal and the contour's", "1", 0, 1)
-    boundary_weight: float = parameter(1.0, "weight of the boundary points' pull on the nearest outline; 0 switches it off", "1", 0, 10)
-    boundary_scale_px: float = parameter(30.0, "scale of the robust kernel of that pull in the coarse iterations", "px", 0.1, 1000)
-    fine_boundary_scale_px: float = parameter(5.0, "the same in the fine iterations", "px", 0.1, 1000)
+    boundary_weight: float = parameter(1.0, "weight of the pull of boundary points on the nearest outline, in the coarse iterations", "1", 0, 10)
+    boundary_scale_px: float = parameter(30.0, "scale of the robust kernel of that pull", "px", 0.1, 1000)
     coarse_iterations: int = parameter(3, "how many of max_iterations are coarse (far pull of the boundary)", "", 0, 200)
 
 

@@ -75,7 +75,7 @@ class Tracker:
             boundary_scale_px=config.optimizer.boundary_scale_px,
             reach_px=float(config.evidence.reach_px),
         )
-        self._fine = replace(self._options, boundary_scale_px=config.optimizer.fine_boundary_scale_px)
+        self._fine = replace(self._options, boundary_weight=0.0)
         self._executor = ThreadPoolExecutor(config.threads) if config.threads > 1 else None
         self.reset()
 
@@ -88,6 +88,7 @@ class Tracker:
         ]
         self._motion = MotionModel(self.model.n_dof, self.config.motion)
         self._start = self._initial_state
+        self._count = 0
 
     def set_state(self, state: State) -> None:
         """Go on from ``state`` at the next image set, with what has been learnt so far."""
@@ -99,7 +100,7 @@ class Tracker:
         began = time.perf_counter()
         images = self._images(image_set)
         first, predicted = self._predict(image_set.stamp_ns)
-        sights = self._look(predicted)
+        sights = self._look(predicted, images)
         if first:
             self._learn(images, sights, first=True)
         observations = self._observe(images, sights)
@@ -148,7 +149,8 @@ class Tracker:
             return False, clip_to_limits(predicted, self.model.chain)
         return True, clip_to_limits(self._start or State.neutral(self.model), self.model.chain)
 
-    def _look(self, state: State) -> list[_Sight | None]:
+    def _look(self, state: State, images: list[np.ndarray | None]) -> list[_Sight | None]:
+        """Where the body is in the cameras that have an image, if it is in ``state``."""
         configuration = Configuration(self.model, state)
 
         def look(camera: Camera) -> _Sight | None:
@@ -156,7 +158,7 @@ class Tracker:
             region = region_around(pixels, valid, self.config.evidence.margin_px, camera.model.width, camera.model.height)
             return None if region is None else _Sight(region, self._hull.fill(pixels, valid, depths, region))
 
-        return [look(camera) for camera in self.rig]
+        return [None if image is None else look(camera) for camera, image in zip(self.rig, images, strict=True)]
 
     def _parallel(self, function, indices: list[int]) -> list:
         return list((map if self._executor is None else self._executor.map)(function, indices))
@@ -211,5 +213,9 @@ class Tracker:
     def _accept(self, stamp_ns: int, state: State, images) -> None:
         self._motion.update(stamp_ns, state)
         self._start = state
-        if any(observer.uses_color for observer in self._observers):
-            self._learn(images, self._look(state), first=False)
+        # Appearances change slowly: in each image set some of the cameras learn
+        every = self.config.evidence.learn_every
+        turn = [image if (i + self._count) % every == 0 else None for i, image in enumerate(images)]
+        self._count += 1
+        if any(self._observers[i].uses_color for i, image in enumerate(turn) if image is not None):
+            self._learn(turn, self._look(state, turn), first=False)
