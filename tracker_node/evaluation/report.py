@@ -160,7 +160,7 @@ def _offset_rows(e: Evaluation) -> list[tuple[str, str, list[str], str]]:
     """(joint, segment, x y z, length) in millimetres."""
     rows = []
     for joint, frame, offset in zip(e.joints, e.offset_frames, 1e3 * e.offsets_m, strict=True):
-        rows.append((joint, frame, [f"{v:.0f}" for v in offset], f"{np.linalg.norm(offset):.0f}"))
+        rows.append((joint, frame, [f"{v:z.0f}" for v in offset], f"{np.linalg.norm(offset):.0f}"))
     return rows
 
 

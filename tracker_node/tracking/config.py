@@ -43,7 +43,7 @@ class EvidenceConfig:
     shadow: float = parameter(0.4, "darkest shadow, as a fraction of the scene's brightness; 1 switches shadows off", "1", 0.1, 1.0
     )
     threshold: float = parameter(0.0, "log-odds above which a pixel is body", "1", -20, 20)
-    smoothing_px: int = parameter(3, "width of the box that the log-odds are averaged over (odd)", "px", 1, 31)
+    smoothing_px: int = parameter(3, "width of the median filter that smooths the silhouette (odd; 1: none)", "px", 1, 31)
     scene_rate: float = parameter(
         0.05, "share of the newest image in the scene model, where the body is not; 0 keeps plates fixed", "1", 0, 1
     )
