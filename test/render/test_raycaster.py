@@ -11,7 +11,7 @@ from tracker_node.model.articulated_model import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.primitives import Box, Ellipsoid, Mesh, TruncatedCone
-from tracker_node.render.raycaster import render_mask, render_view
+from tracker_node.render.raycaster import render_labels, render_mask, render_view
 
 
 def assert_like_brute_force(configuration, camera, wrong=0.0005):
@@ -93,11 +93,26 @@ def test_a_region_is_the_same_as_that_part_of_the_image():
     np.testing.assert_array_equal(render_mask(configuration, camera), whole.mask)
 
 
+@pytest.mark.parametrize("margin", [0, 7, 500])
+def test_labels_around_the_body(margin):
+    configuration, camera = scattered_scene(5, spread=0.2), look_at((0.0, -4.0, 0.3), (0.0, 0.0, 0.0), LENSES["radial"])
+    labels = render_view(configuration, camera).labels
+    (u0, v0, u1, v1), found = render_labels(configuration, camera, margin)
+    np.testing.assert_array_equal(found, labels[v0:v1, u0:u1])
+    assert (labels > 0).sum() == (found > 0).sum() > 400
+    rows, columns = np.flatnonzero(labels.any(axis=1)), np.flatnonzero(labels.any(axis=0))
+    tight = columns[0] - margin, rows[0] - margin, columns[-1] + 1 + margin, rows[-1] + 1 + margin
+    image = np.array([0, 0, 163, 120])
+    slack = np.abs(np.clip(tight, image[[0, 1, 0, 1]], image[[2, 3, 2, 3]]) - (u0, v0, u1, v1))
+    assert slack.max() <= 6  # boxes are rather too large than too small
+
+
 def test_an_image_without_the_body_is_empty():
     camera = look_at((0.0, -3.0, 0.0), (0.0, -6.0, 0.0), LENSES["plain"])
     view = render_view(scattered_scene(1), camera)
     assert not view.labels.any()
     assert np.isinf(view.depth).all()
+    assert render_labels(single_shape(Ellipsoid((0.2, 0.2, 0.2))), camera, 10) is None
 
 
 def test_mesh_that_reaches_behind_the_camera():

@@ -158,6 +158,19 @@ def _ellipsoid_box(dims, T, box):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
+def farthest_depth(kind, dims, T):
+    """Largest z, in the camera frame, of a shape's points."""
+    depth = T[2, 3]
+    if kind == ELLIPSOID:
+        return depth + math.sqrt((T[2, 0] * dims[0]) ** 2 + (T[2, 1] * dims[1]) ** 2 + (T[2, 2] * dims[2]) ** 2)
+    if kind == BOX:
+        return depth + 0.5 * (abs(T[2, 0]) * dims[0] + abs(T[2, 1]) * dims[1] + abs(T[2, 2]) * dims[2])
+    rim = math.sqrt((T[2, 0] * dims[0]) ** 2 + (T[2, 1] * dims[1]) ** 2)
+    low, high = dims[3], dims[4]
+    return depth + max(T[2, 2] * low + (1.0 + dims[2] * low) * rim, T[2, 2] * high + (1.0 + dims[2] * high) * rim)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def normalized_box(kind, dims, T, box):
     """Normalised coordinates (x0, y0, x1, y1) that enclose a shape; False when part of it is not in front of the camera."""
     if kind == ELLIPSOID:

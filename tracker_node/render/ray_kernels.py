@@ -13,8 +13,9 @@ import numba as nb
 import numpy as np
 
 from .ray_coefficients import ABOVE, BELOW, BETWEEN, BOX, LINE, LOWER, ORIGIN, QUADRATIC, UPPER
+from .ray_table import PADDING
 
-LANES = 16
+LANES = PADDING
 LABEL_BITS = 255
 _BIG = np.float32(1e30)
 _ZERO = np.float32(0.0)

@@ -5,11 +5,8 @@ Distortion is honored exactly: a pixel's ray comes from a table that is made onc
 
 from __future__ import annotations
 
-import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
-from threading import Lock
-from typing import Generic, TypeVar
 
 import numba as nb
 import numpy as np
@@ -19,60 +16,19 @@ from ..camera.camera_rig import Camera
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration
 from ..model.primitives import Box, Mesh
-from .ray_coefficients import BOX, INVISIBLE, N_COEFFICIENTS, normalized_box, pixel_box, shape_coefficients
+from .ray_coefficients import (
+    BOX,
+    INVISIBLE,
+    N_COEFFICIENTS,
+    farthest_depth,
+    normalized_box,
+    pixel_box,
+    shape_coefficients,
+)
 from .ray_kernels import LABEL_BITS, LANES, draw_shape, draw_triangle, unpack_depth, unpack_labels, unpack_mask
+from .ray_table import MadeOnce, ray_table
 from .renderer import Region, RenderedView
 from .shape_arrays import OTHER, ShapeArrays
-
-Owner = TypeVar("Owner")
-Made = TypeVar("Made")
-
-
-class _MadeOnce(Generic[Owner, Made]):
-    """What is computed once for an object and dies with it (models and lenses are immutable, but not hashable)."""
-
-    def __init__(self, make: Callable[[Owner], Made]):
-        self._make, self._lock = make, Lock()
-        self._made: dict[int, Made] = {}
-
-    def __call__(self, owner: Owner) -> Made:
-        key = id(owner)
-        found = self._made.get(key)
-        if found is None:
-            made = self._make(owner)
-            with self._lock:
-                found = self._made.setdefault(key, made)
-                weakref.finalize(owner, self._made.pop, key, None)
-        return found
-
-
-@dataclass(frozen=True, eq=False)
-class RayTable:
-    """Undistorted normalised coordinates of every pixel.
-
-    Attributes
-    ----------
-    xs, ys : (height, width rounded up to sixteen) float32; not a number where the lens has no ray.
-    limits : (4,) x0, y0, x1, y1 that enclose them.
-    """
-
-    xs: np.ndarray
-    ys: np.ndarray
-    limits: np.ndarray
-
-
-def _make_ray_table(model: CameraModel) -> RayTable:
-    padded = -(-model.width // LANES) * LANES
-    pixels = np.stack(np.meshgrid(np.arange(model.width), np.arange(model.height)), axis=-1)
-    rays, valid = model.rays(pixels)
-    tables = np.full((2, model.height, padded), np.nan, dtype=np.float32)
-    for axis in range(2):
-        tables[axis, :, : model.width] = np.where(valid, rays[..., axis] / rays[..., 2], np.nan)
-    limits = np.concatenate([np.nanmin(tables, axis=(1, 2)), np.nanmax(tables, axis=(1, 2))]).astype(np.float64)
-    return RayTable(tables[0], tables[1], limits)
-
-
-ray_table: Callable[[CameraModel], RayTable] = _MadeOnce(_make_ray_table)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +51,7 @@ def _make_drawables(model: ArticulatedModel) -> _Drawables:
     return _Drawables(kinds, dims, meshes)
 
 
-_drawables: Callable[[ArticulatedModel], _Drawables] = _MadeOnce(_make_drawables)
+_drawables: Callable[[ArticulatedModel], _Drawables] = MadeOnce(_make_drawables)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -113,6 +69,8 @@ def _prepare(params, limits, kinds, dims, T_cam_world, Ts_world_shape, region, c
                 for m in range(4):
                     value += T_cam_world[i, m] * Ts_world_shape[s, m, j]
                 T[i, j] = value
+        if farthest_depth(kinds[s], dims[s], T) < NEAR:
+            continue
         bounds[s] = shape_coefficients(kinds[s], dims[s], T, row)
         if bounds[s] == INVISIBLE:
             continue
@@ -129,6 +87,24 @@ def _draw_shapes(kinds, bounds, coefficients, xs, ys, boxes, row_offset, column_
     for s in range(kinds.shape[0]):
         if bounds[s] != INVISIBLE:
             draw_shape(kinds[s], bounds[s], coefficients[s], s + 1, xs, ys, boxes[s], row_offset, column_offset, buffer)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _mesh_box(points, params, limits, region, out):
+    """Pixel box ``out`` (4,) within ``region`` of points (n, 3) in the camera frame; the region if some are not in front."""
+    box = np.array([1e30, 1e30, -1e30, -1e30])
+    nearest, farthest = 1e30, -1e30
+    for i in range(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        nearest, farthest = min(nearest, z), max(farthest, z)
+        if z >= NEAR:
+            box[0], box[1], box[2], box[3] = min(box[0], x / z), min(box[1], y / z), max(box[2], x / z), max(box[3], y / z)
+    if farthest < NEAR:
+        return
+    if nearest >= NEAR:
+        pixel_box(params, box, limits, region, out)
+    else:
+        out[2], out[3] = region[2], region[3]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -192,20 +168,22 @@ def _cast(configuration: Configuration, camera: Camera, region: Region) -> tuple
     _prepare(
         params, limits, drawables.kinds, drawables.dims, T_cam_world, Ts_world_shape, region, coefficients, bounds, boxes
     )  # fmt: skip
+    posed = {}
+    for i, mesh in drawables.meshes.items():
+        T = T_cam_world @ Ts_world_shape[i]
+        posed[i] = mesh.vertices @ T[:3, :3].T + T[:3, 3]
+        _mesh_box(posed[i], params, limits, region, boxes[i])
     seen = boxes[(boxes[:, 2] > boxes[:, 0]) & (boxes[:, 3] > boxes[:, 1])]
-    if drawables.meshes:
-        u0, v0, u1, v1 = region
-    elif len(seen):
+    if len(seen):
         (u0, v0), (u1, v1) = seen[:, :2].min(axis=0).tolist(), seen[:, 2:].max(axis=0).tolist()
     else:
         u0, v0, u1, v1 = region[0], region[1], region[0], region[1]
     start = u0 // LANES * LANES
     buffer = np.zeros((v1 - v0, -(-(u1 - start) // LANES) * LANES), dtype=np.int32)
     _draw_shapes(drawables.kinds, bounds, coefficients, table.xs, table.ys, boxes, v0, start, buffer)
-    for i, mesh in drawables.meshes.items():
-        T = T_cam_world @ Ts_world_shape[i]
-        points = mesh.vertices @ T[:3, :3].T + T[:3, 3]
-        _draw_mesh(points, mesh.faces, params, limits, region, i + 1, table.xs, table.ys, v0, start, buffer)
+    for i, points in posed.items():
+        faces, box = drawables.meshes[i].faces, tuple(boxes[i].tolist())
+        _draw_mesh(points, faces, params, limits, box, i + 1, table.xs, table.ys, v0, start, buffer)
     return buffer, (u0, v0, u1, v1), u0 - start
 
 
@@ -235,3 +213,23 @@ def render_mask(configuration: Configuration, camera: Camera, region: Region | N
     mask = np.zeros((region[3] - region[1], region[2] - region[0]), dtype=np.uint8)
     unpack_mask(buffer, column, mask[v0 - region[1] : v1 - region[1], u0 - region[0] : u1 - region[0]])
     return mask
+
+
+def render_labels(configuration: Configuration, camera: Camera, margin_px: int = 0) -> tuple[Region, np.ndarray] | None:
+    """Where a body is in the image, and its labels there: what tracking asks for, in the least time.
+
+    Returns
+    -------
+    region : (u0, v0, u1, v1), the body's bounding box grown by ``margin_px`` within the image.
+    labels : (h, w) uint8 on the region, as of `RenderedView`.
+
+    None when no part of the body is in the image.
+    """
+    model = camera.model
+    buffer, (u0, v0, u1, v1), column = _cast(configuration, camera, (0, 0, model.width, model.height))
+    if u0 == u1 or v0 == v1:
+        return None
+    region = max(0, u0 - margin_px), max(0, v0 - margin_px), min(model.width, u1 + margin_px), min(model.height, v1 + margin_px)
+    labels = np.zeros((region[3] - region[1], region[2] - region[0]), dtype=np.uint8)
+    unpack_labels(buffer, column, labels[v0 - region[1] : v1 - region[1], u0 - region[0] : u1 - region[0]])
+    return region, labels
