@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Generic, TypeVar
 
+import numba as nb
 import numpy as np
 
 from ..camera.camera_model import CameraModel
+from ..camera.distortion import distort, undistort
 
 PADDING = 16  # rows of a table are filled up to a multiple of this
 
@@ -51,13 +53,43 @@ class RayTable:
     limits: np.ndarray
 
 
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _follow(model_id, k, xd, yd, x, y):
+    """Newton inverse of the distortion from a start (x, y) that is close: (x, y, converged to 1e-5 px or so)."""
+    for _ in range(4):
+        px, py, a, b, c, d = distort(model_id, k, x, y)
+        ex, ey, det = px - xd, py - yd, a * d - b * c
+        if det <= 0.0:
+            return x, y, False
+        if ex * ex + ey * ey < 1e-17:
+            return x, y, True
+        x, y = x - (d * ex - b * ey) / det, y - (a * ey - c * ex) / det
+    return x, y, False
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _fill(params, width, xs, ys):
+    """Rays of all pixels; each starts from its neighbor's, which is several times faster than starting anew."""
+    fx, fy, cx, cy, skew = params[0], params[1], params[2], params[3], params[4]
+    model_id, k = int(params[5]), params[8:]
+    for v in range(xs.shape[0]):
+        x, y, known = 0.0, 0.0, False
+        yd = (v - cy) / fy
+        for u in range(width):
+            xd = (u - cx - skew * yd) / fx
+            if known:
+                x, y, known = _follow(model_id, k, xd, yd, x + 1.0 / fx, y)
+            if not known:
+                x, y, known = undistort(model_id, k, xd, yd)
+            xs[v, u], ys[v, u] = (x, y) if known else (np.nan, np.nan)
+        xs[v, width:] = np.nan
+        ys[v, width:] = np.nan
+
+
 def _make_ray_table(model: CameraModel) -> RayTable:
     padded = -(-model.width // PADDING) * PADDING
-    pixels = np.stack(np.meshgrid(np.arange(model.width), np.arange(model.height)), axis=-1)
-    rays, valid = model.rays(pixels)
-    tables = np.full((2, model.height, padded), np.nan, dtype=np.float32)
-    for axis in range(2):
-        tables[axis, :, : model.width] = np.where(valid, rays[..., axis] / rays[..., 2], np.nan)
+    tables = np.empty((2, model.height, padded), dtype=np.float32)
+    _fill(model.params, model.width, tables[0], tables[1])
     limits = np.concatenate([np.nanmin(tables, axis=(1, 2)), np.nanmax(tables, axis=(1, 2))]).astype(np.float64)
     return RayTable(tables[0], tables[1], limits)
 
