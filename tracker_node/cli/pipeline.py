@@ -33,21 +33,24 @@ def run(args: argparse.Namespace) -> int:
     from ..ros.pipeline import PipelineOptions, run_pipeline
 
     rig = load_rig(args.rig)
+    if args.cameras:
+        rig = rig.subset(args.cameras)
     _check_files(rig, args)
+    readable, n_images = _look_at_sources(rig, args)
     if args.bag is None and (args.masks or args.overlays or args.images):
         raise TrackerError("--masks, --overlays and --images say what is recorded: give --bag too")
     if args.bag is not None and args.bag.exists():
         raise TrackerError(f"--bag {args.bag}: there is something already")
     options = PipelineOptions(
-        body=_body_options(args),
+        body=_body_options(args, readable),
         source=_source_options(args),
-        cameras=tuple(args.cameras) if args.cameras else rig.names,
+        cameras=tuple(readable),
         bag=args.bag,
         masks=args.masks,
         overlays=args.overlays,
         images=args.images,
         lossless=not args.real_time,
-        n_expected=None if args.loop else _count(rig, args),
+        n_expected=None if args.loop else n_images,
         ros_args=args.ros_args,
     )
     status, progress = run_pipeline(options)
@@ -68,16 +71,14 @@ def _check_files(rig, args: argparse.Namespace) -> None:
         load_config(args.config)
     if args.initial_state:
         load_state(args.initial_state, model)
-    load_plates(rig.subset(args.cameras) if args.cameras else rig)
+    load_plates(rig)
 
 
-def _body_options(args: argparse.Namespace) -> list[str]:
-    result = ["--rig", args.rig, "--model", args.model]
+def _body_options(args: argparse.Namespace, cameras: list[str]) -> list[str]:
+    result = ["--rig", args.rig, "--model", args.model, "--cameras", *cameras]
     for name in ("config", "initial_state"):
         if getattr(args, name):
             result += [f"--{name.replace('_', '-')}", getattr(args, name)]
-    if args.cameras:
-        result += ["--cameras", *args.cameras]
     if args.resize:
         result += ["--calibration", "camera_info"]
     return result
@@ -96,8 +97,13 @@ def _source_options(args: argparse.Namespace) -> list[str]:
     return result + [flag for name, flag in (("compressed", "--compressed"), ("loop", "--loop")) if getattr(args, name)]
 
 
-def _count(rig, args: argparse.Namespace) -> int | None:
-    """Image sets to expect, also the early check that there is something to track."""
+def _look_at_sources(rig, args: argparse.Namespace) -> tuple[list[str], int]:
+    """Cameras that can be read, and how many image sets to expect of them.
+
+    Raises
+    ------
+    TrackerError : when not a single camera can be read.
+    """
     from ..errors import TrackerError
     from ..loaders.image_source import SourceOptions, open_camera_source
 
@@ -105,13 +111,13 @@ def _count(rig, args: argparse.Namespace) -> int | None:
         options = SourceOptions(args.start, args.end, rate_hz=args.rate)
     except ValueError as error:
         raise TrackerError(f"--start, --end, --rate: {error}") from None
-    counts: list[int] = []
+    counts: dict[str, int] = {}
     problems: list[TrackerError] = []
-    for camera in rig.subset(args.cameras) if args.cameras else rig:
+    for camera in rig:
         try:
-            counts.append(open_camera_source(camera, options).n_images)
+            counts[camera.name] = open_camera_source(camera, options).n_images
         except TrackerError as error:
-            problems.append(error)  # the ingest will say so too, and go on with the others
+            problems.append(error)  # the ingest will say so too
     if not counts:
         raise problems[0]
-    return max(counts)
+    return list(counts), max(counts.values())

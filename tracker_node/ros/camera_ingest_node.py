@@ -21,8 +21,9 @@ from ..loaders.image_source import ImageSource, PreloadedSource, SourceOptions, 
 from .consumer_window import ConsumerWindow
 from .conversions import ImageBuffer, camera_info_message, compressed_message
 from .diagnostics import ERROR, OK, WARN, Diagnostics
-from .qos import images_published
+from .qos import RESULT, images_published
 
+_LIVE_DEPTH, _LOSSLESS_DEPTH = 10, 50  # images of a camera that may wait for a slow subscriber
 _DELIVERY_S = 4.0
 _SETTLE_S = 0.3  # between the discovery of a subscriber here and ours there
 
@@ -72,17 +73,19 @@ class CameraCounts:
 class _Outlet:
     """Publishers and message memory of one camera."""
 
-    def __init__(self, node: Node, rig: CameraRig, name: str, source: ImageSource, compressed: bool):
+    def __init__(self, node: Node, rig: CameraRig, name: str, source: ImageSource, options: IngestOptions):
         camera = rig[name]
+        depth = _LOSSLESS_DEPTH if options.as_fast_as_consumed else _LIVE_DEPTH
         self.frame_id = camera.frame_id
         lens = camera.model
         if (source.width, source.height) != (lens.width, lens.height):
             lens = lens.resized(source.width, source.height)
-        self.images = node.create_publisher(Image, f"{name}/image_raw", images_published())
-        self.infos = node.create_publisher(CameraInfo, f"{name}/camera_info", images_published())
-        self.compressed = (
-            node.create_publisher(CompressedImage, f"{name}/image_raw/compressed", images_published()) if compressed else None
-        )
+        self.images = node.create_publisher(Image, f"{name}/image_raw", images_published(depth))
+        self.infos = node.create_publisher(CameraInfo, f"{name}/camera_info", RESULT)
+        self.compressed = None
+        if options.compressed:
+            topic = f"{name}/image_raw/compressed"
+            self.compressed = node.create_publisher(CompressedImage, topic, images_published(depth))
         self._buffer = ImageBuffer(self.frame_id, source.width, source.height)
         self._info = camera_info_message(0, self.frame_id, lens)
 
@@ -151,7 +154,7 @@ class CameraIngestNode(Node):
         self._sources, self.problems = dict(sources), dict(problems)
         self.counts = {name: CameraCounts() for name in sources}
         self._diagnostics = Diagnostics(self, "camera rig")
-        self._outlets = {name: _Outlet(self, rig, name, source, options.compressed) for name, source in sources.items()}
+        self._outlets = {name: _Outlet(self, rig, name, source, options) for name, source in sources.items()}
         self._window = ConsumerWindow(self, f"{options.consumer}/state") if options.as_fast_as_consumed else None
         self._stop = threading.Event()
         self._feed: ImageFeed | None = None
@@ -206,7 +209,7 @@ class CameraIngestNode(Node):
             if self._window is not None:
                 if not self._window.wait():
                     return False
-                self._window.sent(instant.stamp_ns)
+                self._window.sent(instant.stamp_ns, complete=len(instant.images) == len(self._sources))
                 self._publish(instant)
                 continue
             lateness_s = clock.wait(instant.stamp_ns, self._stop)

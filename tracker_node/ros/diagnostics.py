@@ -14,13 +14,14 @@ OK = DiagnosticStatus.OK
 WARN = DiagnosticStatus.WARN
 ERROR = DiagnosticStatus.ERROR
 STALE = DiagnosticStatus.STALE
+_TROUBLE = (WARN, ERROR)
 
 
 class Diagnostics:
     """Statuses of the parts of one node, published under ``<node>: <part>``.
 
-    `report` may be called from any thread. A change of level or message is published (and logged) at once, values alone
-    with the next second.
+    `report` may be called from any thread. A change of level or message is published at once, values alone with the next
+    second; trouble, and its end, is logged.
     """
 
     def __init__(self, node: Node, hardware_id: str = "", period_s: float = 1.0):
@@ -42,10 +43,11 @@ class Diagnostics:
         with self._lock:
             before = self._statuses.get(part)
             self._statuses[part] = status
-        changed = before is None or (before.level, before.message) != (level, message)
-        if changed and not (before is None and level == OK):
-            self._log(part, level, message)
-            self.publish()
+        if before is None or (before.level, before.message) != (level, message):
+            if level in _TROUBLE or (before is not None and before.level in _TROUBLE):
+                self._log(part, level, message)
+            if before is not None or level != OK:
+                self.publish()
 
     def publish(self) -> None:
         """Publish all statuses as they are."""

@@ -11,8 +11,11 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 
 PROFILE_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
-RESULT = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-"""Small messages that nobody wants to miss: poses, states, diagnostics."""
+RESULT = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+"""Messages that nobody wants to miss: poses, states, masks, calibrations, diagnostics.
+
+The depth is for a recorder on a busy machine: a reliable writer forgets what is older, delivered or not.
+"""
 
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Told to late subscribers too: robot_description."""
