@@ -15,6 +15,7 @@ from ..model.configuration import Configuration, State
 from ..render.contour import world_spheres
 from ..render.shape_arrays import ShapeArrays
 from . import contour_residual as kernel
+from .contour_agreement import N_AGREEMENT, count_agreement
 from .normal_equations import NormalEquations
 
 
@@ -103,6 +104,7 @@ class CameraSlot:
         self.normal = np.zeros((n_links, 6, 6))
         self.gradient = np.zeros((n_links, 6))
         self.stats = np.zeros(kernel.N_STATISTICS)
+        self.agreement = np.zeros(N_AGREEMENT)
 
     @property
     def work(self) -> tuple[np.ndarray, ...]:
@@ -176,3 +178,26 @@ class ContourObjective:
         for prior in self.priors:
             cost += prior.add_to(H, g, state)
         return NormalEquations(H, g, cost, count)
+
+    def count_agreement(self, state: State, close_px: float) -> None:
+        """Fill the ``agreement`` of every slot with evidence: how much of the outline in ``state`` lies on the silhouette's
+        boundary within ``close_px``, and the other way round. Call it after `linearize`, which decides what is seen."""
+        Ts = Configuration(self.model, state).Ts_world_shape
+        limits = (close_px, self.options.alignment)
+
+        def run(index: int) -> None:
+            slot, maps = self.slots[index], self.maps[index]
+            assert maps is not None
+            count_agreement(
+                (self.arrays.kinds, self.arrays.dims, self.arrays.links),
+                Ts,
+                slot.camera,
+                (maps.silhouette, maps.edges, maps.origin, maps.boundary),
+                slot.flags,
+                self.options.samples_per_line,
+                limits,
+                slot.samples,
+                slot.agreement,
+            )
+
+        list(self._map(run, [i for i, maps in enumerate(self.maps) if maps is not None]))

@@ -128,7 +128,7 @@ def _add(g, r, weight, scale_sq, normal, gradient, stats):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _project_sample(params, R, t, row, jacobian):
+def project_sample(params, R, t, row, jacobian):
     """(valid, u, v, depth, nu, nv): pixel of a sample and the image direction (unit) of its outward normal."""
     x = R[0, 0] * row[P] + R[0, 1] * row[P + 1] + R[0, 2] * row[P + 2] + t[0]
     y = R[1, 0] * row[P] + R[1, 1] * row[P + 1] + R[1, 2] * row[P + 2] + t[1]
@@ -146,7 +146,7 @@ def _project_sample(params, R, t, row, jacobian):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _columns(samples, n_samples):
+def columns_of(samples, n_samples):
     """u, v, nu, nv of the samples as float32 columns, filled up to whole blocks with samples that are never nearest."""
     n_blocks = (n_samples + _BLOCK - 1) // _BLOCK
     columns = np.full((4, n_blocks * _BLOCK), np.float32(1e9))
@@ -157,7 +157,7 @@ def _columns(samples, n_samples):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _nearest(us, vs, nus, nvs, point, alignment, reach_sq, squares):
+def nearest_sample(us, vs, nus, nvs, point, alignment, reach_sq, squares):
     """Index of the first sample nearest to ``point`` (u, v, nu, nv) whose normal is aligned with its own; -1 beyond the reach.
 
     Squared distances are kept as the bits of their float32, which order alike: only integers have a vectorised minimum.
@@ -192,10 +192,10 @@ def _attract_to_boundary(boundary, samples, n_samples, options, normal, gradient
     normal displacement (6). Point to line: r = n . (sample - point).
     """
     reach_sq, scale_sq = np.float32(options[REACH] ** 2), options[BOUNDARY_SCALE] ** 2
-    columns = _columns(samples, n_samples)
+    columns = columns_of(samples, n_samples)
     squares = np.empty(columns.shape[1], dtype=np.int32)
     for i in range(boundary.shape[0]):
-        nearest = _nearest(columns[0], columns[1], columns[2], columns[3], boundary[i], options[ALIGNMENT], reach_sq, squares)
+        nearest = nearest_sample(columns[0], columns[1], columns[2], columns[3], boundary[i], options[ALIGNMENT], reach_sq, squares)
         if nearest < 0:
             stats[N_UNEXPLAINED] += 1.0
             continue
@@ -224,7 +224,7 @@ def linearize_camera(shapes, Ts, spheres, camera, maps, options, n_samples, refr
     rows = np.empty((2 * n_samples, N_COLUMNS))
     nearby = np.empty(kinds.shape[0], dtype=np.int64)
     g, jacobian = np.empty(6), np.empty(6)
-    sliding, scale_sq = options[SLIDING] > 0.5, options[ROBUST_SCALE] ** 2
+    sliding, scale_sq, pulls = options[SLIDING] > 0.5, options[ROBUST_SCALE] ** 2, options[BOUNDARY_WEIGHT] > 0.0
     n_outline = 0
     for shape in range(kinds.shape[0]):
         count = shape_contour(kinds[shape], dims[shape], Ts[shape], center, n_samples, rows)
@@ -232,7 +232,7 @@ def linearize_camera(shapes, Ts, spheres, camera, maps, options, n_samples, refr
         link = links[shape]
         for j in range(count):
             row = rows[j]
-            ok, u, v, depth, nu, nv = _project_sample(params, R, t, row, jacobian)
+            ok, u, v, depth, nu, nv = project_sample(params, R, t, row, jacobian)
             if refresh:
                 flags[shape, j] = HIDDEN
                 if ok:
@@ -242,7 +242,7 @@ def linearize_camera(shapes, Ts, spheres, camera, maps, options, n_samples, refr
                 continue
             stats[N_CANDIDATES] += 1.0
             outer = flags[shape, j] == OUTER
-            if outer:
+            if outer and pulls:
                 sample = samples[n_outline]
                 sample[0], sample[1], sample[2], sample[3], sample[4] = u - origin[0], v - origin[1], nu, nv, link
                 _twist_row(row, R, center, jacobian, nu, nv, sliding, sample[5:11])
@@ -255,7 +255,7 @@ def linearize_camera(shapes, Ts, spheres, camera, maps, options, n_samples, refr
             stats[SQUARES] += w * r * r
             stats[WEIGHT] += w
             stats[COUNT] += 1.0
-    if options[BOUNDARY_WEIGHT] > 0.0:
+    if pulls:
         _attract_to_boundary(boundary, samples, n_outline, options, normal, gradient, stats)
     for link in range(normal.shape[0]):
         for a in range(6):
