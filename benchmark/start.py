@@ -24,7 +24,7 @@ from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
 
 N_IMAGES = 30  # the quick cones of contour_accuracy.py
 STARTS = {"quick": 2, "full": 5}
-PATIENCE_S = 120.0
+PATIENCE_S = 40.0
 
 
 def main() -> int:
