@@ -135,6 +135,8 @@ class Pipeline:
         self._children["tracker"] = Child(
             ["tracker", *options.body, *lossless, "--wait-for", *listeners, *options.ros_args]
         )
+        if not self._wait_for("the tracker", lambda: self._subscription.get_publisher_count() > 0):
+            return False
         recorded = options.bag is not None
         pace = ["--as-fast-as-consumed", "--consumer", "tracker"] if options.lossless else []
         waits = ["--wait-for-subscribers", str(1 + (recorded and options.images))]
