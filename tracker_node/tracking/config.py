@@ -36,11 +36,13 @@ class EvidenceConfig:
         choices=("plate", "color", "both"),
     )  # fmt: skip
     distances: str = parameter(
-        "split", "split: outline against the signed silhouette distance, inner contours against edges; sum: the paper's sum of both",
+        "split",
+        "split: outline against the signed silhouette distance, inner contours against edges; sum: the paper's sum of both",
         choices=("split", "sum"),
     )  # fmt: skip
     scene_sigma: float = parameter(4.0, "least standard deviation of a scene pixel", "grey levels", 0.5, 100)
-    shadow: float = parameter(0.4, "darkest shadow, as a fraction of the scene's brightness; 1 switches shadows off", "1", 0.1, 1.0
+    shadow: float = parameter(
+        0.4, "darkest shadow, as a fraction of the scene's brightness; 1 switches shadows off", "1", 0.1, 1.0
     )
     threshold: float = parameter(0.0, "log-odds above which a pixel is body", "1", -20, 20)
     smoothing_px: int = parameter(3, "width of the median filter that smooths the silhouette (odd; 1: none)", "px", 1, 31)
@@ -53,7 +55,7 @@ class EvidenceConfig:
     reach_px: int = parameter(40, "silhouettes farther than this from the predicted body are not looked at", "px", 4, 1000)
     truncation_px: float = parameter(40.0, "distances are truncated here", "px", 2, 1000)
     boundary_step_px: int = parameter(3, "distance between the points taken from the silhouette's boundary", "px", 1, 100)
-    boundary_offset_px: float = parameter(0.3, "how far the silhouette's boundary lies outside the body's", "px", -5, 5)
+    refine_boundary: bool = parameter(True, "find the silhouette's boundary to a fraction of a pixel")
     canny_low: float = parameter(40.0, "lower hysteresis threshold of the edge detector", "grey levels", 0, 1000)
     canny_high: float = parameter(100.0, "upper hysteresis threshold of the edge detector", "grey levels", 0, 1000)
     margin_px: int = parameter(24, "border around the predicted body that is looked at", "px", 4, 1000)
@@ -67,11 +69,14 @@ class OptimizerConfig:
     first_iterations: int = parameter(30, "iterations on the first image set after a start or a reset", "", 1, 1000)
     tolerance: float = parameter(2e-2, "stop when the cost falls by less than this fraction", "1", 0, 1)
     robust_scale_px: float = parameter(8.0, "scale of the robust kernel", "px", 0.1, 1000)
+    fine_robust_scale_px: float = parameter(3.0, "scale of the robust kernel in the fine iterations", "px", 0.1, 1000)
     samples_per_line: int = parameter(25, "contour samples per generator line", "", 2, 1000)
     sliding: bool = parameter(True, "include the sliding of the contour generator in the Jacobian")
-    inner_weight: float = parameter(0.2, "weight of contours within the body's outline", "1", 0, 10)
+    inner_weight: float = parameter(0.5, "weight of contours within the body's outline", "1", 0, 10)
     alignment: float = parameter(0.6, "least cosine between an image boundary's normal and the contour's", "1", 0, 1)
-    boundary_weight: float = parameter(1.0, "weight of the pull of boundary points on the nearest outline, in the coarse iterations", "1", 0, 10)
+    boundary_weight: float = parameter(
+        1.0, "weight of the pull of boundary points on the nearest outline, in the coarse iterations", "1", 0, 10
+    )
     boundary_scale_px: float = parameter(30.0, "scale of the robust kernel of that pull", "px", 0.1, 1000)
     coarse_iterations: int = parameter(3, "how many of max_iterations are coarse (far pull of the boundary)", "", 0, 200)
 
