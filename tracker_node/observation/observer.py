@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from .appearance import ColorModel, SceneModel, body_log_odds
+from .boundary_refinement import boundary_shifts, shift_map
 from .body_region import Region, grown, shrunk
 from .distance_transform import signed_distance
 from .silhouette_maps import boundary_points, edge_distance
@@ -127,11 +128,21 @@ class Observer:
         gray = cv2.cvtColor(bgr[v0:v1, u0:u1], cv2.COLOR_BGR2GRAY)
         to_edge, edges = edge_distance(gray, silhouette, options.canny_low, options.canny_high, options.truncation_px)
         to_silhouette = signed_distance(silhouette, options.truncation_px)
-        # Averaging evens out the staircase of the mask; the offset undoes its growth by pixels that show both sides
-        to_silhouette = cv2.blur(to_silhouette, (3, 3)) + np.float32(options.boundary_offset_px)
+        to_silhouette = cv2.blur(to_silhouette, (3, 3))  # evens out the staircase of the mask
         trusted = cv2.erode(near, _SQUARE)  # where the silhouette is cut off by the reach, there is no boundary
-        boundary = boundary_points(silhouette, to_silhouette, trusted, options.boundary_step_px)
+        boundary = boundary_points(silhouette, to_silhouette, trusted, 1)
+        if options.refine_boundary:
+            to_silhouette -= self._refinement(bgr, region, boundary)
+        boundary = boundary[:: options.boundary_step_px]
         return Observation(self.camera, region, silhouette, edges, to_silhouette, to_edge, boundary, not silhouette.any())
+
+    def _refinement(self, bgr: np.ndarray, region: Region, boundary: np.ndarray) -> np.ndarray:
+        """How far outward the silhouette's boundary is to be moved (float32, pixels, on the crop)."""
+        u0, v0, u1, v1 = region
+        scene = self._scene
+        mean, known = (None, None) if scene is None else (scene.mean[v0:v1, u0:u1], scene.known[v0:v1, u0:u1])
+        shifts, weights = boundary_shifts(bgr[v0:v1, u0:u1], mean, known, boundary)
+        return shift_map(boundary, shifts, weights, (v1 - v0, u1 - u0))
 
 
 _SQUARE = np.ones((7, 7), dtype=np.uint8)

@@ -17,6 +17,7 @@ def edge_distance(
     return distance_to(edges, truncation), edges
 
 
+_SHORTEST = 20  # pixels: shorter boundaries are specks
 _CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 
@@ -27,7 +28,7 @@ def boundary_points(mask: np.ndarray, distance: np.ndarray, trusted: np.ndarray,
     out.
     """
     contours, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
-    kept = [contour[::step, 0, :] for contour in contours if len(contour) >= 6 * step]
+    kept = [contour[::step, 0, :] for contour in contours if len(contour) >= _SHORTEST]
     if not kept:
         return np.zeros((0, 4), dtype=np.float32)
     points = np.concatenate(kept)

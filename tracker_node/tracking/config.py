@@ -45,7 +45,7 @@ class EvidenceConfig:
         0.4, "darkest shadow, as a fraction of the scene's brightness; 1 switches shadows off", "1", 0.1, 1.0
     )
     threshold: float = parameter(0.0, "log-odds above which a pixel is body", "1", -20, 20)
-    smoothing_px: int = parameter(3, "width of the median filter that smooths the silhouette (odd; 1: none)", "px", 1, 31)
+    smoothing_px: int = parameter(1, "width of the median filter of the silhouette (odd; 1: none)", "px", 1, 31)
     scene_rate: float = parameter(
         0.05, "share of the newest image in the scene model, where the body is not; 0 keeps plates fixed", "1", 0, 1
     )
@@ -100,10 +100,13 @@ class StatusConfig:
 
     degraded_residual_px: float = parameter(6.0, "rms residual above which the status is DEGRADED", "px", 0, 1000)
     lost_residual_px: float = parameter(15.0, "rms residual above which the status is LOST", "px", 0, 1000)
-    degraded_support: float = parameter(
-        0.5, "share of seen contour samples with a boundary near, below which it is DEGRADED", "1", 0, 1
+    agreement_px: float = parameter(6.0, "outline and silhouette agree where they are closer than this", "px", 0.5, 1000)
+    degraded_agreement: float = parameter(
+        0.6, "share of outline and silhouette that agree in the middle camera, below which the status is DEGRADED", "1", 0, 1
     )
-    lost_support: float = parameter(0.25, "the same for LOST", "1", 0, 1)
+    lost_agreement: float = parameter(
+        0.4, "the same for LOST; a single camera below it is named, and the status DEGRADED", "1", 0, 1
+    )
     residual_sigma_px: float = parameter(
         1.5, "least standard deviation of one contour sample, for the covariance", "px", 0.01, 100
     )

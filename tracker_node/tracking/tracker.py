@@ -23,7 +23,7 @@ from ..optimize.result import OptimizerResult
 from ..render.hull_mask import HullMask
 from ..render.shape_arrays import ShapeArrays
 from .config import TrackerConfig
-from .estimate import Timings, TrackEstimate
+from .estimate import Status, Timings, TrackEstimate
 from .judge import covariance_of, judge, reports_of
 from .motion_model import MotionModel
 
@@ -75,7 +75,7 @@ class Tracker:
             boundary_scale_px=config.optimizer.boundary_scale_px,
             reach_px=float(config.evidence.reach_px),
         )
-        self._fine = replace(self._options, boundary_weight=0.0)
+        self._fine = replace(self._options, boundary_weight=0.0, robust_scale_px=config.optimizer.fine_robust_scale_px)
         self._executor = ThreadPoolExecutor(config.threads) if config.threads > 1 else None
         self.reset()
 
@@ -100,7 +100,8 @@ class Tracker:
         began = time.perf_counter()
         images = self._images(image_set)
         first, predicted = self._predict(image_set.stamp_ns)
-        sights = self._look(predicted, images)
+        waiting = first and self._start is None
+        sights = [None] * len(images) if waiting else self._look(predicted, images)
         if first:
             self._learn(images, sights, first=True)
         observations = self._observe(images, sights)
@@ -108,11 +109,12 @@ class Tracker:
         objective = self._objective(observations, predicted)
         result = self._fit(objective, predicted, first)
         done = time.perf_counter()
-        status, reason = judge(self._slots, observations, image_set, self._start is None and first, self.config.status)
-        if first and self._start is None:
-            self._motion = MotionModel(self.model.n_dof, self.config.motion)
+        if waiting:
+            status, reason = Status.INITIALISING, "no initial state has been given"
         else:
-            self._accept(image_set.stamp_ns, result.state, images)
+            objective.count_agreement(result.state, self.config.status.agreement_px)
+            status, reason = judge(self._slots, observations, image_set, self.config.status)
+            self._accept(image_set.stamp_ns, result.state, images, trusted=status is not Status.LOST)
         finished = time.perf_counter()
         reports, residual = reports_of(self.rig, self._slots, observations, image_set)
         return TrackEstimate(
@@ -210,9 +212,12 @@ class Tracker:
         options = LevenbergMarquardtOptions(max_iterations=iterations, tolerance=self.config.optimizer.tolerance)
         return minimize(objective, start, self.model.chain, options)
 
-    def _accept(self, stamp_ns: int, state: State, images) -> None:
-        self._motion.update(stamp_ns, state)
+    def _accept(self, stamp_ns: int, state: State, images, trusted: bool) -> None:
         self._start = state
+        if not trusted:  # nothing is learnt from what is taken for the body then, nor how fast it is
+            self._motion.coast(stamp_ns, state)
+            return
+        self._motion.update(stamp_ns, state)
         # Appearances change slowly: in each image set some of the cameras learn
         every = self.config.evidence.learn_every
         turn = [image if (i + self._count) % every == 0 else None for i, image in enumerate(images)]
