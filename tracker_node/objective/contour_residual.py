@@ -193,9 +193,10 @@ def _attract_to_boundary(boundary, samples, n_samples, options, normal, gradient
     """
     reach_sq, scale_sq = np.float32(options[REACH] ** 2), options[BOUNDARY_SCALE] ** 2
     columns = columns_of(samples, n_samples)
+    us, vs, nus, nvs = columns[0], columns[1], columns[2], columns[3]
     squares = np.empty(columns.shape[1], dtype=np.int32)
     for i in range(boundary.shape[0]):
-        nearest = nearest_sample(columns[0], columns[1], columns[2], columns[3], boundary[i], options[ALIGNMENT], reach_sq, squares)
+        nearest = nearest_sample(us, vs, nus, nvs, boundary[i], options[ALIGNMENT], reach_sq, squares)
         if nearest < 0:
             stats[N_UNEXPLAINED] += 1.0
             continue

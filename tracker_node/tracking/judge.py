@@ -8,6 +8,7 @@ import numpy as np
 
 from ..camera.camera_rig import CameraRig
 from ..objective import contour_residual as kernel
+from ..objective.contour_agreement import BOUNDARY, ON_BOUNDARY, ON_OUTLINE, OUTLINE
 from ..objective.contour_objective import CameraSlot
 from ..objective.normal_equations import NormalEquations
 from ..observation.image_set import ImageSet
@@ -58,30 +59,49 @@ def covariance_of(
 
 
 def judge(
-    slots: Sequence[CameraSlot],
-    observations: Sequence[Observation | None],
-    image_set: ImageSet,
-    waiting: bool,
-    config: StatusConfig,
+    slots: Sequence[CameraSlot], observations: Sequence[Observation | None], image_set: ImageSet, config: StatusConfig
 ) -> tuple[Status, str]:
-    """Status and the reason for it ("" when TRACKING)."""
-    if waiting:
-        return Status.INITIALISING, "no initial state has been given"
-    useful = [o for o in observations if o is not None and not o.empty]
-    if not useful:
+    """Status and the reason for it ("" when TRACKING), once the slots hold the agreement in the estimated state.
+
+    The middle camera decides (of an even number the better): half of the cameras may be covered before a body is called lost,
+    and one that agrees by chance does not make it found.
+    """
+    agreement = {
+        o.camera: 0.0 if o.empty else _agreement(slot) for slot, o in zip(slots, observations, strict=True) if o is not None
+    }
+    if all(o is None or o.empty for o in observations):
         return Status.LOST, "no camera sees anything like the body where it is expected"
     stats = _totals(slots, observations)
-    support = stats[kernel.COUNT] / max(stats[kernel.N_CANDIDATES], 1.0)
-    residual = _rms(stats)
     if stats[kernel.COUNT] < 20:
         return Status.LOST, f"only {int(stats[kernel.COUNT])} contour samples find a boundary"
-    if residual > config.lost_residual_px or support < config.lost_support:
-        return Status.LOST, f"residual {residual:.1f} px, {100 * support:.0f} % of the contour supported"
-    if residual > config.degraded_residual_px or support < config.degraded_support:
-        return Status.DEGRADED, f"residual {residual:.1f} px, {100 * support:.0f} % of the contour supported"
-    missing = [o.camera for o in observations if o is not None and o.empty]
-    if missing:
-        return Status.DEGRADED, f"empty silhouette in {', '.join(missing)}"
-    if len(useful) < len(slots):
-        return Status.DEGRADED, f"{len(useful)} of {len(slots)} cameras"
+    residual, middle = _rms(stats), sorted(agreement.values())[len(agreement) // 2]
+    figures = f"residual {residual:.1f} px, outline and silhouette agree to {100 * middle:.0f} %"
+    if residual > config.lost_residual_px or middle < config.lost_agreement:
+        return Status.LOST, figures
+    if residual > config.degraded_residual_px or middle < config.degraded_agreement:
+        return Status.DEGRADED, figures
+    return _judge_cameras(agreement, image_set.cameras, len(slots), config)
+
+
+def _agreement(slot: CameraSlot) -> float:
+    """Share of outline and silhouette's boundary that lie on each other, in one camera."""
+    on_boundary = slot.agreement[ON_BOUNDARY] / max(slot.agreement[OUTLINE], 1.0)
+    on_outline = slot.agreement[ON_OUTLINE] / max(slot.agreement[BOUNDARY], 1.0)
+    return float(0.5 * (on_boundary + on_outline))
+
+
+def _judge_cameras(
+    agreement: dict[str, float], present: Sequence[str], n_cameras: int, config: StatusConfig
+) -> tuple[Status, str]:
+    """A body that is well where it is seen: are there cameras that do not see it, or do not see as they should?
+
+    A camera in whose image the body is not expected is in order, as long as two others see it.
+    """
+    against = [f"{camera} ({100 * share:.0f} %)" for camera, share in agreement.items() if share < config.lost_agreement]
+    if against:
+        return Status.DEGRADED, f"outline and silhouette do not agree in {', '.join(against)}"
+    if len(present) < n_cameras:
+        return Status.DEGRADED, f"{len(present)} of {n_cameras} cameras"
+    if len(agreement) < min(2, n_cameras):
+        return Status.DEGRADED, f"only {', '.join(agreement)} sees where the body is"
     return Status.TRACKING, ""

@@ -40,6 +40,11 @@ class MotionModel:
                 self.velocity = self.velocity + self._config.velocity_gain * (measured - self.velocity)
         self._last = (stamp_ns, state)
 
+    def coast(self, stamp_ns: int, state: State) -> None:
+        """Go on from ``state`` without believing how it moved; the velocity dies away, lest a lost body flies off."""
+        self.velocity = self._config.velocity_decay * self.velocity
+        self._last = (stamp_ns, state)
+
     def restart(self, stamp_ns: int, state: State) -> None:
         """Forget the velocity and go on from ``state``."""
         self.velocity = np.zeros_like(self.velocity)
