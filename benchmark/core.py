@@ -53,7 +53,7 @@ def main() -> int:
         figures |= {f"core.set_ms_min{suffix}": float(times.min()), f"core.set_in_references_p50{suffix}": float(p50 / reference)}
         figures |= {f"core.observe_ms_p50{suffix}": float(stages[0]), f"core.optimize_ms_p50{suffix}": float(stages[1])}
         figures[f"core.iterations{suffix}"] = iterations
-    figures |= {"core.cameras": 6, "core.dof": 40, "core.samples_per_line": SAMPLES, "core.threads": 2, "core.reference_ms": reference}
+    figures |= {"core.cameras": 6, "core.dof": 40, "core.samples_per_line": SAMPLES, "core.reference_ms": reference}
     print_metrics(figures)
     if args.json:
         write_metrics(args.json, figures)

@@ -29,13 +29,14 @@ from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.human import human_model
 from tracker_node.observation.appearance import ColorModel, SceneModel, body_log_odds
-from tracker_node.observation.background_subtraction import BackgroundModel, without_specks
 from tracker_node.observation.distance_transform import distance_to, signed_distance
-from tracker_node.observation.edges import find_edges
 from tracker_node.observation.image_set import CameraImage
 from tracker_node.observation.image_synchronizer import ImageSynchronizer
+from tracker_node.observation.observer import Observer
+from tracker_node.observation.silhouette_maps import edge_distance
 from tracker_node.render.overlay import draw_overlay
 from tracker_node.render.raycaster import render_mask, render_view
+from tracker_node.tracking.config import EvidenceConfig
 
 MARGIN_PX = 24
 WARM_UP = 3
@@ -93,36 +94,34 @@ def make_cases(scene: Scene) -> dict[str, Callable[[], object]]:
     u0, v0, u1, v1 = region
     part = slice(v0, v1), slice(u0, u1)
     portrait = make_camera(1080, 1920, 2000.0)
-    background = BackgroundModel.from_images([scene.plate])
-    silhouette = without_specks(background.foreground(image, region))
-    edges = find_edges(image, region, 40.0, 100.0, silhouette)
+    evidence = EvidenceConfig()
+    observer = Observer("camera", camera.model.width, camera.model.height, evidence, scene.plate)
+    labels = np.minimum(scene.mask[part], 1)
+    observer.learn(image, region, labels, first=True)
+    observation = observer.observe(image, region, labels)
+    silhouette, edges = observation.silhouette, observation.edges
+    gray = cv2.cvtColor(image[part], cv2.COLOR_BGR2GRAY)
     colors, model = ColorModel(), SceneModel.from_images([scene.plate])
     colors.learn(image[part], np.minimum(scene.mask[part], 1), scene.mask[part] == 0, 1.0)
     near = cv2.dilate(scene.mask[part], np.ones((25, 25), np.uint8))
-
-    def plate_evidence():
-        found = without_specks(background.foreground(image, region))
-        return signed_distance(found, 40.0), distance_to(find_edges(image, region, 40.0, 100.0, found), 40.0)
 
     return {
         "render_mask": lambda: render_mask(configuration, camera),
         "render_mask_1080x1920": lambda: render_mask(configuration, portrait),
         "render_view": lambda: render_view(configuration, camera),
         "draw_overlay": lambda: draw_overlay(image, configuration, camera),
-        "background_foreground": lambda: background.foreground(image, region),
-        "background_gains": lambda: background.gains(image, region),
-        "without_specks": lambda: without_specks(silhouette),
         "appearance_log_odds": lambda: body_log_odds(image, region, model, colors),
         "appearance_update_scene": lambda: model.update(image, near, 0.05, region),
         "appearance_learn_colors": lambda: colors.learn(image[part], scene.mask[part] // 255, near == 0, 0.05),
-        "find_edges": lambda: find_edges(image, region, 40.0, 100.0, silhouette),
+        "edge_distance": lambda: edge_distance(gray, silhouette, evidence.canny_low, evidence.canny_high, evidence.truncation_px),
         "distance_to_16px": lambda: distance_to(edges, 16.0),
         "distance_to_40px": lambda: distance_to(edges, 40.0),
         "distance_to_cv2_exact": lambda: cv2.distanceTransform(255 - edges, cv2.DIST_L2, cv2.DIST_MASK_PRECISE),
         "distance_to_cv2_approximate": lambda: cv2.distanceTransform(255 - edges, cv2.DIST_L2, 5),
         "signed_distance_16px": lambda: signed_distance(silhouette, 16.0),
         "signed_distance_40px": lambda: signed_distance(silhouette, 40.0),
-        "plate_evidence": plate_evidence,
+        "observe": lambda: observer.observe(image, region, labels),
+        "learn": lambda: observer.learn(image, region, labels),
         "synchronize_six_images": synchronizing(),
     }
 
