@@ -8,9 +8,10 @@ from typing import Protocol
 import cv2
 import numpy as np
 
+from ..errors import CalibrationError
 from .appearance import ColorModel, SceneModel, body_log_odds
-from .boundary_refinement import boundary_shifts, shift_map
 from .body_region import Region, grown, shrunk
+from .boundary_refinement import boundary_shifts, shift_map
 from .distance_transform import signed_distance
 from .silhouette_maps import boundary_points, edge_distance
 
@@ -40,8 +41,9 @@ class EvidenceOptions(Protocol):
     def truncation_px(self) -> float: ...
     @property
     def boundary_step_px(self) -> int: ...
+
     @property
-    def boundary_offset_px(self) -> float: ...
+    def refine_boundary(self) -> bool: ...
     @property
     def canny_low(self) -> float: ...
     @property
@@ -75,6 +77,10 @@ class Observer:
     camera : its name.
     width, height : image size, pixels.
     plate : BGR image of the empty scene, or a list of them, or None.
+
+    Raises
+    ------
+    CalibrationError : a plate of another size, or none where the options ask for one.
     """
 
     def __init__(self, camera: str, width: int, height: int, options: EvidenceOptions, plate: np.ndarray | list | None = None):
@@ -82,12 +88,10 @@ class Observer:
         plates = [] if plate is None else ([plate] if isinstance(plate, np.ndarray) else list(plate))
         for image in plates:
             if image.shape[:2] != (height, width):
-                raise ValueError(
-                    f"camera '{camera}': expected a plate of {width}x{height}, got {image.shape[1]}x{image.shape[0]}"
-                )
+                raise CalibrationError(camera, f"expected a plate of {width}x{height}, got {image.shape[1]}x{image.shape[0]}")
         kind = options.silhouette
         if kind == "plate" and not plates:
-            raise ValueError(f"camera '{camera}': silhouette 'plate' needs an image of the empty scene")
+            raise CalibrationError(camera, "evidence.silhouette 'plate' needs an image of the empty scene; the rig names none")
         self.uses_color = kind in ("color", "both")
         self.learns_scene = kind == "both"
         self._colors = ColorModel()
@@ -128,7 +132,7 @@ class Observer:
         gray = cv2.cvtColor(bgr[v0:v1, u0:u1], cv2.COLOR_BGR2GRAY)
         to_edge, edges = edge_distance(gray, silhouette, options.canny_low, options.canny_high, options.truncation_px)
         to_silhouette = signed_distance(silhouette, options.truncation_px)
-        to_silhouette = cv2.blur(to_silhouette, (3, 3))  # evens out the staircase of the mask
+        to_silhouette = np.asarray(cv2.blur(to_silhouette, (3, 3)), dtype=np.float32)  # evens out the staircase of the mask
         trusted = cv2.erode(near, _SQUARE)  # where the silhouette is cut off by the reach, there is no boundary
         boundary = boundary_points(silhouette, to_silhouette, trusted, 1)
         if options.refine_boundary:

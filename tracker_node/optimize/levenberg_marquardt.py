@@ -59,14 +59,15 @@ def minimize(
     lower, upper = chain.lower, chain.upper
     state = clip_to_limits(start, chain)
     equations = objective.linearize(state)
-    evaluations, damping, converged, iterations = 1, options.damping, False, 0
+    evaluations, damping, converged, iterations, accepted = 1, options.damping, False, 0, True
     while iterations < options.max_iterations and not converged:
         iterations += 1
         step = _step(equations, _free(state, equations, lower, upper), damping)
         trial = clip_to_limits(state.retract(step), chain)
         trial_equations = objective.linearize(trial)
         evaluations += 1
-        if trial_equations.cost < equations.cost:
+        accepted = trial_equations.cost < equations.cost
+        if accepted:
             gain = equations.cost - trial_equations.cost
             converged = gain < options.tolerance * equations.cost or float(np.abs(step).max()) < options.step_tolerance
             state, equations = trial, trial_equations
@@ -74,4 +75,7 @@ def minimize(
         else:
             converged = float(np.abs(step).max()) < options.step_tolerance or damping > 1e6
             damping *= options.damping_up
+    if not accepted:  # whatever the objective keeps of its last evaluation is that of the result
+        equations = objective.linearize(state)
+        evaluations += 1
     return OptimizerResult(state, equations, iterations, evaluations, converged)
