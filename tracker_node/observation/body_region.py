@@ -1,4 +1,4 @@
-"""Where in an image the body is expected: a rectangle, and masks grown or shrunk from a body mask."""
+"""The part of an image that is looked at, and masks grown or shrunk from a body mask."""
 
 from __future__ import annotations
 
@@ -6,18 +6,6 @@ import cv2
 import numpy as np
 
 Region = tuple[int, int, int, int]  # u0, v0, u1, v1; the last two exclusive
-
-
-def region_around(pixels: np.ndarray, valid: np.ndarray, margin: int, width: int, height: int) -> Region | None:
-    """Rectangle around the valid pixels (n, 2), grown by ``margin`` and clipped to the image; None if next to nothing is left."""
-    if not valid.any():
-        return None
-    low, high = pixels[valid].min(axis=0) - margin, pixels[valid].max(axis=0) + margin
-    u0, v0 = max(0, int(np.floor(low[0]))), max(0, int(np.floor(low[1])))
-    u1, v1 = min(width, int(np.ceil(high[0])) + 1), min(height, int(np.ceil(high[1])) + 1)
-    if u1 - u0 < 8 or v1 - v0 < 8:
-        return None
-    return u0, v0, u1, v1
 
 
 def grown(mask: np.ndarray, reach: int) -> np.ndarray:

@@ -9,23 +9,25 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera.camera_rig import Camera, CameraRig
+from ..camera.camera_rig import CameraRig
 from ..errors import CalibrationError
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective.contour_objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps, Prior
-from ..observation.body_region import Region, region_around
+from ..observation.body_region import Region
 from ..observation.image_set import ImageSet
 from ..observation.observer import Observation, Observer
 from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, clip_to_limits, minimize
 from ..optimize.result import OptimizerResult
-from ..render.hull_mask import HullMask
+from ..render.raycaster import render_labels
 from ..render.shape_arrays import ShapeArrays
 from .config import TrackerConfig
 from .estimate import Status, Timings, TrackEstimate
 from .judge import covariance_of, judge, reports_of
 from .motion_model import MotionModel
+
+_LEAST_REGION_PX = 8  # a body of which less is in view is not looked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +64,7 @@ class Tracker:
         self.config = config = config or TrackerConfig()
         self._plates = dict(plates or {})
         self._initial_state = initial_state
-        self._arrays, self._hull = ShapeArrays.from_model(model), HullMask(model)
+        self._arrays = ShapeArrays.from_model(model)
         self._slots = [CameraSlot(camera, model, config.optimizer.samples_per_line) for camera in rig]
         self._options = ContourOptions(
             robust_scale_px=config.optimizer.robust_scale_px,
@@ -155,12 +157,15 @@ class Tracker:
         """Where the body is in the cameras that have an image, if it is in ``state``."""
         configuration = Configuration(self.model, state)
 
-        def look(camera: Camera) -> _Sight | None:
-            pixels, valid, depths = self._hull.project(configuration, camera.model, camera.T_cam_world)
-            region = region_around(pixels, valid, self.config.evidence.margin_px, camera.model.width, camera.model.height)
-            return None if region is None else _Sight(region, self._hull.fill(pixels, valid, depths, region))
+        def look(i: int) -> _Sight | None:
+            found = render_labels(configuration, self.rig.cameras[i], self.config.evidence.margin_px)
+            return None if found is None or min(found[1].shape) < _LEAST_REGION_PX else _Sight(*found)
 
-        return [None if image is None else look(camera) for camera, image in zip(self.rig, images, strict=True)]
+        seen = [i for i, image in enumerate(images) if image is not None]
+        result: list[_Sight | None] = [None] * len(self.rig)
+        for i, sight in zip(seen, self._parallel(look, seen), strict=True):
+            result[i] = sight
+        return result
 
     def _parallel(self, function, indices: list[int]) -> list:
         return list((map if self._executor is None else self._executor.map)(function, indices))
