@@ -1,10 +1,16 @@
 """What the documentation shows can be read, and what it points to is there."""
 
+import argparse
+import importlib
 import json
 import re
+import shlex
+from pathlib import Path
 
 import pytest
 
+from tracker_node.cli import main
+from tracker_node.cli.main import verbs
 from tracker_node.evaluation.config_file import load_config
 from tracker_node.evaluation.reference_masks import load_reference_masks
 from tracker_node.loaders.model_yaml import load_model
@@ -12,6 +18,8 @@ from tracker_node.loaders.rig_yaml import load_rig, read_rig_file
 from tracker_node.loaders.state_yaml import load_state
 from tracker_node.model.human import human_model
 from tracker_node.model.kinematic_chain import N_ROOT_DOF
+
+ROOT = Path(__file__).resolve().parents[1]
 
 
 def example(repository, tmp_path, section: str, language: str):
@@ -53,15 +61,150 @@ def test_limits_in_the_conventions_are_those_of_the_human(repository):
     assert documented == degrees
 
 
-@pytest.mark.parametrize("page", ["formats.md", "conventions.md", "nodes.md"])
+PAGES = ("README.md", "CONTRIBUTING.md", *sorted(f"docs/{page.name}" for page in (ROOT / "docs").glob("*.md")))
+
+
+@pytest.mark.parametrize("page", PAGES)
 def test_links_lead_somewhere(repository, page):
-    text = (repository / "docs" / page).read_text()
-    for target in re.findall(r"\]\(([^)#\s]*)(#[^)]*)?\)", text):
-        file = repository / "docs" / target[0] if target[0] else repository / "docs" / page
+    for target, anchor in re.findall(r"\]\(([^)#\s]*)(#[^)]*)?\)", (repository / page).read_text()):
+        if target.startswith("https://"):
+            continue
+        file = (repository / page).parent / target if target else repository / page
         assert file.is_file(), target
-        if target[1]:
+        if anchor:
             headings = [
                 re.sub(r"[^\w\- ]", "", h).strip().lower().replace(" ", "-")
                 for h in re.findall(r"^#+ (.*)$", file.read_text(), re.M)
             ]
-            assert target[1][1:] in headings, target
+            assert anchor[1:] in headings, (target, anchor)
+
+
+def code_blocks(text: str) -> str:
+    """The lines of a page's fenced and indented blocks of code, continued lines joined."""
+    fenced = re.findall(r"^```\w*\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    rest = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
+    indented = re.findall(r"^    .*$", rest, re.MULTILINE)
+    return "\n".join([*fenced, *(line.strip() for line in indented)]).replace("\\\n", " ")
+
+
+def commands(page, program: str) -> tuple[list[list[str]], list[list[str]]]:
+    """Arguments of ``program`` where a page shows it in a block of code, and where it mentions it in a sentence."""
+    start = re.compile(rf"(?:\$ )?(?:ros2 run )?(?:[\w./]*/bin/)?{program}(?= |$)")
+    text = page.read_text()
+    lines = [line.strip() for line in code_blocks(text).splitlines()]
+    shown = [shlex.split(line[start.match(line).end() :], comments=True) for line in lines if start.match(line)]
+    prose = re.sub(r"^```.*?^```|^    .*$", "", text, flags=re.MULTILINE | re.DOTALL if "```" in text else re.MULTILINE)
+    spans = re.findall(r"`([^`]+)`", prose)
+    mentioned = [span[start.match(span).end() :].replace("\n", " ").split() for span in spans if start.match(span)]
+    return [c for c in shown if c], [c for c in mentioned if c and "<" not in c[0]]
+
+
+def parser_of(verb: str) -> argparse.ArgumentParser:
+    assert verb in verbs(), verb
+    return main._parser_of(verb, importlib.import_module(f"tracker_node.cli.{verb}"))
+
+
+def check_parses(arguments: list[str]) -> None:
+    """A whole command, as the real parser sees it."""
+    verb, *rest = arguments
+    if verb in ("--help", "--version"):
+        return
+    split = rest.index("--ros-args") if "--ros-args" in rest else len(rest)
+    assert split == len(rest) or verb in main.NODES
+    try:
+        parser_of(verb).parse_args(rest[:split])
+    except SystemExit as leaving:
+        assert leaving.code == 0, arguments  # --help
+
+
+def option_strings(parser: argparse.ArgumentParser) -> set[str]:
+    names = set(parser._option_string_actions)
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            names.update(*(option_strings(sub) for sub in action.choices.values()), action.choices)
+    return names
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_commands_of_the_pages_exist(repository, page, capsys):
+    shown, mentioned = commands(repository / page, "tracker_node")
+    for arguments in shown:
+        check_parses(arguments)
+    for verb, *rest in mentioned:
+        if verb in ("--help", "--version"):
+            continue
+        known = option_strings(parser_of(verb))
+        for word in rest:
+            assert not word.startswith("-") or word.split("=")[0] in known, (verb, word)
+        if verb == "calibrate" and rest:
+            assert rest[0] in known, rest[0]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_make_targets_of_the_pages_exist(repository, page):
+    makefile = (repository / "Makefile").read_text()
+    targets = set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
+    variables = set(re.findall(r"^([A-Z_]+) [:?]?=|\$\(([A-Z_]+)\)", makefile, re.MULTILINE))
+    known = {name for pair in variables for name in pair}
+    shown, mentioned = commands(repository / page, "make")
+    for arguments in shown + mentioned:
+        for word in arguments:
+            name, is_variable, _ = word.strip('"').partition("=")
+            if is_variable:
+                assert name in known, word
+            elif re.fullmatch(r"[a-z-]+", name):
+                assert name in targets, word
+                break
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_files_that_the_pages_name_are_there(repository, page):
+    folders = "tracker_node|docs|config|tools|benchmark|test|launch|requirements|msgs|resource|\\.ci"
+    for name in re.findall(rf"(?<![\w./-])((?:{folders})/[\w./-]*\w)", (repository / page).read_text()):
+        if not (repository / page).parent.joinpath(name).exists() and not name.startswith("config/reference"):
+            assert (repository / name).exists(), name
+
+
+def test_readme_shows_a_picture_that_is_quick_to_load(repository):
+    for picture in re.findall(r"!\[[^]]*\]\(([^)]*)\)", (repository / "README.md").read_text()):
+        assert (repository / picture).stat().st_size < 400_000
+
+
+def test_architecture_names_every_module(repository):
+    text = (repository / "docs" / "architecture.md").read_text()
+    modules = [m for m in (repository / "tracker_node").rglob("*.py") if m.name != "__init__.py"]
+    patterns = ("cli", "conversions")  # named by pattern and by folder
+    missing = [str(m) for m in modules if m.parent.name not in patterns and f"`{m.name}`" not in text]
+    assert not missing
+    named = set(re.findall(r"`(\w+\.py)`", text))
+    assert named <= {m.name for m in modules}
+
+
+@pytest.mark.parametrize("verb", verbs())
+def test_help_of_every_verb_has_a_description_and_examples_that_parse(verb, capsys):
+    module = importlib.import_module(f"tracker_node.cli.{verb}")
+    with pytest.raises(SystemExit) as leaving:
+        main.main([verb, "--help"])
+    assert leaving.value.code == 0
+    printed = capsys.readouterr().out
+    assert module.SUMMARY in printed and "\nexample:\n" in printed
+    lines = [line.split() for line in module.EXAMPLE.strip().splitlines()]
+    assert any(line[:2] == ["tracker_node", verb] for line in lines)
+    for line in module.EXAMPLE.strip().splitlines():
+        check_parses(shlex.split(line)[1:])
+
+
+def undescribed(parser: argparse.ArgumentParser) -> list[str]:
+    """Arguments without a help text, of a parser and its sub-parsers."""
+    names = []
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            names += [name for sub in action.choices.values() for name in undescribed(sub)]
+        elif not action.help:
+            names.append(f"{parser.prog} {action.dest}")
+    return names
+
+
+@pytest.mark.parametrize("verb", verbs())
+def test_every_argument_is_described(verb):
+    assert undescribed(parser_of(verb)) == []

@@ -18,3 +18,13 @@ def test_changes_go_out_at_once_values_with_the_next_round(probe):
     diagnostics.report("cam1", OK, "back")
     probe.spin_until(lambda: len(arrays) == 2, "the recovery")
     assert arrays[1].status[0].level == DiagnosticStatus.OK
+
+
+def test_trouble_is_logged_once_however_its_numbers_change(probe, monkeypatch):
+    diagnostics = Diagnostics(probe.node, "tracker", period_s=3600.0)
+    logged = []
+    monkeypatch.setattr(diagnostics, "_log", lambda part, level, message: logged.append(message))
+    for message in ("residual 7.1 px in cam01", "residual 12.9 px in cam01", "residual 12.9 px in cam02"):
+        diagnostics.report("status", ERROR, message)
+    diagnostics.report("status", OK, "residual 1.0 px in cam02")
+    assert logged == ["residual 7.1 px in cam01", "residual 12.9 px in cam02", "residual 1.0 px in cam02"]

@@ -7,7 +7,7 @@ import argparse
 from ..errors import FileFormatError, TrackerError
 
 SUMMARY = "scale a body to a person, from the joints of a static trial (TRC) or from stature"
-EXAMPLE = "tracker_node calibrate body --trc static.trc --y-up -o subject.yaml"
+EXAMPLE = "tracker_node calibrate body --trc static.trc --y-up -o person.yaml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="CSV",
         help="states.csv of a run that tracked the static trial with MODEL: keep the body, only place its landmarks",
     )
-    parser.add_argument("-o", "--output", default="subject.yaml", metavar="FILE", help="model to write (default: %(default)s)")
+    parser.add_argument("-o", "--output", default="person.yaml", metavar="FILE", help="model to write (default: %(default)s)")
 
 
 def add_up_arguments(parser: argparse.ArgumentParser) -> None:

@@ -8,7 +8,7 @@ from ..errors import FileFormatError
 from ._calibrate_body import add_up_arguments
 
 SUMMARY = "pose a body to one row of a TRC file: a first state to track from"
-EXAMPLE = "tracker_node calibrate pose --model subject.yaml --trc joints.trc --y-up --row 0 -o start.yaml"
+EXAMPLE = "tracker_node calibrate pose --model person.yaml --trc joints.trc --y-up --row 0 -o start.yaml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -94,7 +94,7 @@ def print_table(refinement) -> None:
     for name, camera in refinement.cameras.items():
         rms = f"{camera.rms_before_px:6.2f} -> {camera.rms_after_px:6.2f}"
         median = f"{camera.median_before_px:6.2f} -> {camera.median_after_px:6.2f}"
-        moves = f"{1000 * camera.moved_m:6.1f} mm {math.degrees(camera.turned_rad):5.2f} deg {camera.lag_images:5.2f} images"
+        moves = f"{1000 * camera.moved_m:6.1f} mm {math.degrees(camera.turned_rad):5.2f} deg {camera.lag_images:z5.2f} images"
         print(f"{name:12} {camera.n_points:7d} {rms} {median} {moves}")
     overall = figures(refinement)
     print(

@@ -6,8 +6,8 @@ import argparse
 import importlib
 import pkgutil
 
-SUMMARY = "calibrate bodies, first poses and rigs"
-EXAMPLE = "tracker_node calibrate body --trc static.trc --y-up -o subject.yaml"
+SUMMARY = "make what tracking needs: true camera places, pictures of the empty scene, a person's body, a first pose"
+EXAMPLE = "tracker_node calibrate body --trc static.trc --y-up -o person.yaml"
 
 _PREFIX = "_calibrate_"
 

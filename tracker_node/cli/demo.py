@@ -47,6 +47,7 @@ def _track(folder: Path, fresh: bool) -> int:
     from .sample import run_verb
 
     bag, sample = folder / "bag", folder / "sample"
+    print("On its first start the tracker compiles its inner loops: up to a minute without a word")
     if (bag / "metadata.yaml").exists() or (bag.is_dir() and list(bag.glob("*.mcap"))):
         shutil.rmtree(bag)  # of an earlier demo
     arguments: list[str | Path] = ["--rig", sample / "rig_refined.yaml", "--model", sample / "person.yaml"]

@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-SUMMARY = "Compare a run with true joint positions: report.json and one self-contained report.html."
+SUMMARY = "compare a run with true joint positions: report.json and one self-contained report.html"
 EXAMPLE = (
-    "tracker_node evaluate out/run --truth markers.trc --model body.yaml --rig rig.yaml --name walk --output out/evaluation"
+    "tracker_node evaluate out/run --truth markers.trc --model person.yaml --rig rig.yaml --name walk --output out/evaluation"
 )
 
 

@@ -12,15 +12,21 @@ if TYPE_CHECKING:
     from ..loaders.image_source import SourceOptions
 
 SUMMARY = "track recorded images (videos, folders or a bag) without ROS; write a bag, CSV files and run.json"
-EXAMPLE = "tracker_node track_offline --rig rig.yaml --model human.yaml --initial-state start.yaml --output out/run1"
+EXAMPLE = "tracker_node track_offline --rig rig.yaml --model person.yaml --initial-state start.yaml --output out/run1"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--rig", type=Path, required=True, help="rig.yaml: cameras, and the videos or folders they read")
-    parser.add_argument("--model", type=Path, required=True, help="model.yaml: the body to track")
-    parser.add_argument("--config", type=Path, help="tracker parameters, the same file as for the node (default: built in)")
-    parser.add_argument("--initial-state", type=Path, help="where the body is in the first images")
-    parser.add_argument("--output", type=Path, required=True, help="folder for bag, states.csv, joints.csv, poses.csv, run.json")
+    parser.add_argument(
+        "--rig", type=Path, required=True, metavar="FILE", help="rig.yaml: cameras, and the videos or folders they read"
+    )
+    parser.add_argument("--model", type=Path, required=True, metavar="FILE", help="model.yaml: the body to track")
+    parser.add_argument(
+        "--config", type=Path, metavar="FILE", help="tracker parameters, the same file as for the node (default: built in)"
+    )
+    parser.add_argument("--initial-state", type=Path, metavar="FILE", help="state.yaml: where the body is in the first images")
+    parser.add_argument(
+        "--output", type=Path, required=True, metavar="FOLDER", help="folder for bag, states.csv, joints.csv, poses.csv, run.json"
+    )
     parser.add_argument("--cameras", nargs="+", metavar="NAME", help="only these cameras of the rig")
     images = parser.add_argument_group("images")
     bags = images.add_mutually_exclusive_group()
@@ -32,11 +38,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="track again exactly the image sets of this recorded run, with its images if they are in the bag, else with the"
         " sources of the rig",
     )
-    images.add_argument("--start", type=int, default=0, help="first image of each source (default: 0)")
-    images.add_argument("--end", type=int, help="image of each source to stop before (default: its end)")
+    images.add_argument("--start", type=int, default=0, metavar="N", help="first image of each source (default: 0)")
+    images.add_argument("--end", type=int, metavar="N", help="image of each source to stop before (default: its end)")
     images.add_argument("--rate", type=float, metavar="HZ", help="image rate of the sources instead of what their files say")
-    images.add_argument("--base-stamp-ns", type=int, default=0, help="stamp of image 0 of the sources (default: 0)")
-    images.add_argument("--max-sets", type=int, help="stop after this many image sets")
+    images.add_argument("--base-stamp-ns", type=int, default=0, metavar="NS", help="stamp of image 0 of the sources (default: 0)")
+    images.add_argument("--max-sets", type=int, metavar="N", help="stop after this many image sets")
     parser.add_argument("--masks", action="store_true", help="also record the model's silhouette in every camera")
     parser.add_argument("--quiet", action="store_true", help="no progress on stderr")
 

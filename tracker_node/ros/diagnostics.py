@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Mapping
 
@@ -21,7 +22,7 @@ class Diagnostics:
     """Statuses of the parts of one node, published under ``<node>: <part>``.
 
     `report` may be called from any thread. A change of level or message is published at once, values alone with the next
-    second; trouble, and its end, is logged.
+    second; trouble, and its end, is logged, though not again when only numbers in its message change.
     """
 
     def __init__(self, node: Node, hardware_id: str = "", period_s: float = 1.0):
@@ -44,7 +45,8 @@ class Diagnostics:
             before = self._statuses.get(part)
             self._statuses[part] = status
         if before is None or (before.level, before.message) != (level, message):
-            if level in _TROUBLE or (before is not None and before.level in _TROUBLE):
+            trouble = level in _TROUBLE or (before is not None and before.level in _TROUBLE)
+            if trouble and (before is None or (before.level, _gist(before.message)) != (level, _gist(message))):
                 self._log(part, level, message)
             if before is not None or level != OK:
                 self.publish()
@@ -68,6 +70,11 @@ class Diagnostics:
             logger.warning(text)
         else:
             logger.error(text)
+
+
+def _gist(message: str) -> str:
+    """A message without its numbers; digits in names stay."""
+    return re.sub(r"(?<![\w.])\d+(\.\d+)?(?!\w)", "#", message)
 
 
 def _text(value: object) -> str:
