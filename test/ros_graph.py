@@ -17,7 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from tracker_node.ros.conversions import stamp_ns_of
 from tracker_node.ros.executor import make_executor
-from tracker_node.ros.qos import images_published, use_fastdds_profile
+from tracker_node.ros.qos import PROFILE_VARIABLE, images_published, use_fastdds_profile
 
 TIMEOUT_S = 60.0  # generous: compiled code may have to be made first
 
@@ -69,12 +69,15 @@ class Probe:
 @contextmanager
 def ros_context() -> Iterator[None]:
     """rclpy in this process, with the transport that the nodes use."""
+    before = os.environ.get(PROFILE_VARIABLE)
     use_fastdds_profile()
     rclpy.init(args=["test"], signal_handler_options=SignalHandlerOptions.NO)
     try:
         yield
     finally:
         rclpy.try_shutdown()
+        if before is None:
+            del os.environ[PROFILE_VARIABLE]
 
 
 class NodeProcess:

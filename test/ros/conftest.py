@@ -22,8 +22,9 @@ def no_segments_left() -> Iterator[None]:
     remove_left_segments(before)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def ros(no_segments_left: None, ros_domain_id: int) -> Iterator[None]:
+    """rclpy in this process; for one module, since others run commands here that start it themselves."""
     with ros_context():
         yield
 

@@ -17,7 +17,7 @@ from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedE
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from .qos import use_fastdds_profile
+from .qos import PROFILE_VARIABLE, use_fastdds_profile
 
 PARENT_VARIABLE = "TRACKER_NODE_PARENT_PID"  # set by the pipeline for its children: end when it is gone
 LOOP_S = 0.1  # how long a signal may go unnoticed
@@ -40,6 +40,7 @@ def ros_process(ros_args: list[str] | None = None) -> Iterator[threading.Event]:
 
     Our own handlers, because rclpy's tear the context down at once, and what still has to be published could not be.
     """
+    profile_before = os.environ.get(PROFILE_VARIABLE)
     use_fastdds_profile()
     stop = threading.Event()
     previous = {}
@@ -53,6 +54,8 @@ def ros_process(ros_args: list[str] | None = None) -> Iterator[threading.Event]:
         rclpy.try_shutdown()
         for number, handler in previous.items():
             signal.signal(number, handler)
+        if profile_before is None:
+            os.environ.pop(PROFILE_VARIABLE, None)
 
 
 def spin(node: Node, stop: threading.Event, done: Callable[[], bool] = lambda: False) -> None:
