@@ -179,15 +179,19 @@ class ContourObjective:
             cost += prior.add_to(H, g, state)
         return NormalEquations(H, g, cost, count)
 
-    def count_agreement(self, state: State, close_px: float) -> None:
+    def count_agreement(self, state: State, close_px: float, close_m: float = 0.0) -> None:
         """Fill the ``agreement`` of every slot with evidence: how much of the outline in ``state`` lies on the silhouette's
-        boundary within ``close_px``, and the other way round. Call it after `linearize`, which decides what is seen."""
+        boundary, and the other way round, within ``close_px`` and what ``close_m`` at the body is in pixels. Call it after
+        `linearize`, which decides what is seen."""
         Ts = Configuration(self.model, state).Ts_world_shape
-        limits = (close_px, self.options.alignment)
+        root = state.T_world_root[:3, 3]
 
         def run(index: int) -> None:
             slot, maps = self.slots[index], self.maps[index]
             assert maps is not None
+            params, R, t, _ = slot.camera
+            depth = max(float(R[2] @ root + t[2]), 0.1)
+            close = close_px + close_m * float(params[0]) / depth
             count_agreement(
                 (self.arrays.kinds, self.arrays.dims, self.arrays.links),
                 Ts,
@@ -195,7 +199,7 @@ class ContourObjective:
                 (maps.silhouette, maps.edges, maps.origin, maps.boundary),
                 slot.flags,
                 self.options.samples_per_line,
-                limits,
+                (close, self.options.alignment),
                 slot.samples,
                 slot.agreement,
             )

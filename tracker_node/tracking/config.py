@@ -100,9 +100,10 @@ class StatusConfig:
 
     degraded_residual_px: float = parameter(6.0, "rms residual above which the status is DEGRADED", "px", 0, 1000)
     lost_residual_px: float = parameter(15.0, "rms residual above which the status is LOST", "px", 0, 1000)
-    agreement_px: float = parameter(6.0, "outline and silhouette agree where they are closer than this", "px", 0.5, 1000)
+    agreement_px: float = parameter(1.5, "outline and silhouette agree where they are closer than this", "px", 0.0, 1000)
+    agreement_m: float = parameter(0.03, "and than what this is in pixels, at the body, added to it", "m", 0.0, 10)
     degraded_agreement: float = parameter(
-        0.6, "share of outline and silhouette that agree in the middle camera, below which the status is DEGRADED", "1", 0, 1
+        0.62, "share of outline and silhouette that agree in the middle camera, below which the status is DEGRADED", "1", 0, 1
     )
     lost_agreement: float = parameter(
         0.4, "the same for LOST; a single camera below it is named, and the status DEGRADED", "1", 0, 1

@@ -16,6 +16,8 @@ from ..observation.observer import Observation
 from .config import StatusConfig
 from .estimate import CameraReport, Status
 
+NOTHING = 0.15  # agreement below this is that of noise: a body that is merely off has more
+
 
 def _totals(slots: Sequence[CameraSlot], observations: Sequence[Observation | None]) -> np.ndarray:
     total = np.zeros(kernel.N_STATISTICS)
@@ -60,8 +62,8 @@ def covariance_of(
 
 def judge(
     slots: Sequence[CameraSlot], observations: Sequence[Observation | None], image_set: ImageSet, config: StatusConfig
-) -> tuple[Status, str]:
-    """Status and the reason for it ("" when TRACKING), once the slots hold the agreement in the estimated state.
+) -> tuple[Status, str, float]:
+    """Status, the reason for it ("" when TRACKING) and the agreement, once the slots hold it for the estimated state.
 
     The middle camera decides (of an even number the better): half of the cameras may be covered before a body is called lost,
     and one that agrees by chance does not make it found.
@@ -70,24 +72,24 @@ def judge(
         o.camera: 0.0 if o.empty else _agreement(slot) for slot, o in zip(slots, observations, strict=True) if o is not None
     }
     if all(o is None or o.empty for o in observations):
-        return Status.LOST, "no camera sees anything like the body where it is expected"
+        return Status.LOST, "no camera sees anything like the body where it is expected", 0.0
     stats = _totals(slots, observations)
-    if stats[kernel.COUNT] < 20:
-        return Status.LOST, f"only {int(stats[kernel.COUNT])} contour samples find a boundary"
     residual, middle = _rms(stats), sorted(agreement.values())[len(agreement) // 2]
+    if stats[kernel.COUNT] < 20:
+        return Status.LOST, f"only {int(stats[kernel.COUNT])} contour samples find a boundary", middle
     figures = f"residual {residual:.1f} px, outline and silhouette agree to {100 * middle:.0f} %"
     if residual > config.lost_residual_px or middle < config.lost_agreement:
-        return Status.LOST, figures
+        return Status.LOST, figures, middle
     if residual > config.degraded_residual_px or middle < config.degraded_agreement:
-        return Status.DEGRADED, figures
-    return _judge_cameras(agreement, image_set.cameras, len(slots), config)
+        return Status.DEGRADED, figures, middle
+    return *_judge_cameras(agreement, image_set.cameras, len(slots), config), middle
 
 
 def _agreement(slot: CameraSlot) -> float:
-    """Share of outline and silhouette's boundary that lie on each other, in one camera."""
+    """Harmonic mean of the shares of outline and silhouette's boundary that lie on each other, in one camera."""
     on_boundary = slot.agreement[ON_BOUNDARY] / max(slot.agreement[OUTLINE], 1.0)
     on_outline = slot.agreement[ON_OUTLINE] / max(slot.agreement[BOUNDARY], 1.0)
-    return float(0.5 * (on_boundary + on_outline))
+    return float(2.0 * on_boundary * on_outline / max(on_boundary + on_outline, 1e-9))
 
 
 def _judge_cameras(

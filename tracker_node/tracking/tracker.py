@@ -24,7 +24,7 @@ from ..render.raycaster import render_labels
 from ..render.shape_arrays import ShapeArrays
 from .config import TrackerConfig
 from .estimate import Status, Timings, TrackEstimate
-from .judge import covariance_of, judge, reports_of
+from .judge import NOTHING, covariance_of, judge, reports_of
 from .motion_model import MotionModel
 
 _LEAST_REGION_PX = 8  # a body of which less is in view is not looked for
@@ -114,8 +114,10 @@ class Tracker:
         if waiting:
             status, reason = Status.INITIALISING, "no initial state has been given"
         else:
-            objective.count_agreement(result.state, self.config.status.agreement_px)
-            status, reason = judge(self._slots, observations, image_set, self.config.status)
+            objective.count_agreement(result.state, self.config.status.agreement_px, self.config.status.agreement_m)
+            status, reason, agreement = judge(self._slots, observations, image_set, self.config.status)
+            if agreement < NOTHING:  # stay where the body was last, whatever the optimizer has made of noise
+                result = replace(result, state=predicted, equations=objective.linearize(predicted))
             self._accept(image_set.stamp_ns, result.state, images, trusted=status is not Status.LOST)
         finished = time.perf_counter()
         reports, residual = reports_of(self.rig, self._slots, observations, image_set)

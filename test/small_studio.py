@@ -1,0 +1,51 @@
+"""A person of the tracker's own shapes, moving before four small cameras, drawn with OpenGL: not by the tracker's renderer."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.model.articulated_model import ArticulatedModel
+from tracker_node.model.configuration import Configuration, State
+from tracker_node.model.human import human_model
+from tracker_node.observation.image_set import CameraImage, ImageSet
+from tracker_node.synthesis.cones import ModelSubject, waves
+from tracker_node.synthesis.scenes import SceneConfig, Studio, make_rig
+from tracker_node.tracking.estimate import TrackEstimate
+
+RATE_HZ = 30.0
+SCENE = SceneConfig(n_cameras=4, width=320, height=240, focal_px=290.0, noise_levels=2.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Image sets with the states that they show, and the empty scene by camera."""
+
+    rig: CameraRig
+    model: ArticulatedModel
+    states: tuple[State, ...]
+    sets: tuple[ImageSet, ...]
+    plates: dict[str, np.ndarray]
+
+    def errors_mm(self, estimates: list[TrackEstimate]) -> np.ndarray:
+        """(n, n_landmarks) distance of landmarks from where they are."""
+        pairs = zip(estimates, self.states, strict=False)
+        found = [[Configuration(self.model, state).landmarks_world for state in (e.state, truth)] for e, truth in pairs]
+        return 1e3 * np.array([np.linalg.norm(a - b, axis=1) for a, b in found])
+
+
+@cache
+def recording(n_images: int = 12) -> Recording:
+    """Made once per test process; treat it as constant."""
+    rig, model = make_rig(SCENE), human_model()
+    states, subject, sets = waves(model, RATE_HZ, n_images), ModelSubject(model), []
+    with Studio(rig, SCENE) as studio:
+        plates = {camera.name: studio.empty_image(i, 0) for i, camera in enumerate(rig)}
+        for i, state in enumerate(states):
+            stamp_ns = 10**9 + round(i * 1e9 / RATE_HZ)
+            images = studio.images(subject.mesh(Configuration(model, state)), i)
+            sets.append(
+                ImageSet(stamp_ns, tuple(CameraImage(c.name, stamp_ns, image) for c, image in zip(rig, images, strict=True)))
+            )
+    return Recording(rig, model, tuple(states), tuple(sets), plates)

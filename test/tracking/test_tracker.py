@@ -1,0 +1,245 @@
+"""The whole core on pictures that another renderer drew: where it says the body is, and what it says when it cannot know."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small_studio import Recording, recording
+
+from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.errors import CalibrationError
+from tracker_node.model.configuration import State
+from tracker_node.observation.image_set import CameraImage, ImageSet
+from tracker_node.tracking.config import TrackerConfig, from_dict
+from tracker_node.tracking.estimate import Status, TrackEstimate
+from tracker_node.tracking.tracker import Tracker
+
+
+@pytest.fixture(scope="module")
+def clip() -> Recording:
+    return recording()
+
+
+def tracker_of(clip: Recording, config: TrackerConfig | None = None, state: State | None = None, plates: bool = True) -> Tracker:
+    return Tracker(clip.rig, clip.model, config, clip.plates if plates else None, state or clip.states[0])
+
+
+def track(clip: Recording, sets=None, **options) -> list[TrackEstimate]:
+    tracker = tracker_of(clip, **options)
+    return [tracker.step(image_set) for image_set in (clip.sets if sets is None else sets)]
+
+
+@pytest.fixture(scope="module")
+def tracked(clip: Recording) -> list[TrackEstimate]:
+    return track(clip)
+
+
+def changed(image_set: ImageSet, cameras, pixels) -> ImageSet:
+    """The set with other pixels in some cameras; ``pixels`` None leaves them out, a function makes them from the old ones."""
+    images = [replace(i, pixels=pixels(i.pixels)) if i.camera in cameras and pixels else i for i in image_set.images]
+    return replace(image_set, images=tuple(i for i in images if pixels or i.camera not in cameras))
+
+
+def assert_same_bits(a: list[TrackEstimate], b: list[TrackEstimate]) -> None:
+    for x, y in zip(a, b, strict=True):
+        assert x.state.to_values().tobytes() == y.state.to_values().tobytes()
+        assert x.covariance.tobytes() == y.covariance.tobytes()
+        assert x.velocity.tobytes() == y.velocity.tobytes()
+        assert (x.status, x.status_reason, x.score, x.residual_px) == (y.status, y.status_reason, y.score, y.residual_px)
+        assert (x.cameras, x.iterations, x.evaluations) == (y.cameras, y.iterations, y.evaluations)
+
+
+def test_the_body_is_followed(clip, tracked):
+    """A pixel is 14 mm wide at the body."""
+    errors = clip.errors_mm(tracked)
+    assert errors.mean() < 8.0
+    assert errors.max() < 45.0
+    assert [e.status for e in tracked] == [Status.TRACKING] * len(clip.sets)
+    assert [e.status_reason for e in tracked] == [""] * len(clip.sets)
+    assert max(e.residual_px for e in tracked) < 1.0
+    assert all(report.samples > 100 and report.stamp_ns == e.stamp_ns for e in tracked for report in e.cameras)
+
+
+def test_a_body_off_its_predicted_place_is_caught(clip):
+    """Some six pixels and eight degrees off in the first set: less after it, and found again after a few."""
+    rng = np.random.default_rng(3)
+    start = clip.states[0].retract(np.append([0.05, -0.05, 0.04, 0.05, -0.05, 0.1], rng.normal(0.0, 0.08, clip.model.n_dof - 6)))
+    errors = clip.errors_mm(track(clip, state=start)).mean(axis=1)
+    assert errors[0] < 25.0
+    assert errors[-1] < 12.0
+
+
+WAYS = ({"evidence.silhouette": "plate"}, {"evidence.distances": "sum"}, {"optimizer.sliding": False})
+
+
+@pytest.mark.parametrize("options", WAYS)
+def test_other_ways_of_tracking_follow_too(clip, options):
+    errors = clip.errors_mm(track(clip, config=from_dict(options)))
+    assert errors.mean() < 20.0
+
+
+def test_joint_limits_hold(clip, tracked):
+    angles = np.array([e.state.joint_positions for e in tracked])
+    assert (angles >= clip.model.chain.lower).all() and (angles <= clip.model.chain.upper).all()
+
+
+def test_the_same_images_give_the_same_bits_whatever_the_number_of_threads(clip, tracked):
+    for threads in (1, 2, 3):
+        assert_same_bits(track(clip, config=TrackerConfig(threads=threads)), tracked)
+
+
+def test_images_of_any_layout_give_the_same_bits(clip, tracked):
+    """Other channel order, rows apart, read-only: what arrives through a message or a crop."""
+
+    def rgb(image: CameraImage) -> CameraImage:
+        pixels = np.ascontiguousarray(image.pixels[:, :, ::-1])
+        pixels.flags.writeable = False
+        return replace(image, pixels=pixels, encoding="rgb8")
+
+    def strided(image: CameraImage) -> CameraImage:
+        wide = np.zeros((image.pixels.shape[0], image.pixels.shape[1] + 7, 3), np.uint8)
+        wide[:, 3:-4] = image.pixels
+        return replace(image, pixels=wide[:, 3:-4])
+
+    for layout in (rgb, strided):
+        sets = [replace(s, images=tuple(layout(i) for i in s.images)) for s in clip.sets[:4]]
+        assert_same_bits(track(clip, sets), tracked[:4])
+
+
+def test_gray_images_are_tracked(clip):
+    def gray(image: CameraImage) -> CameraImage:
+        return replace(image, pixels=image.pixels.mean(axis=2).astype(np.uint8), encoding="mono8")
+
+    sets = [replace(s, images=tuple(gray(i) for i in s.images)) for s in clip.sets[:6]]
+    plates = {name: plate.mean(axis=2).astype(np.uint8) for name, plate in clip.plates.items()}
+    plates = {name: np.repeat(plate[:, :, None], 3, axis=2) for name, plate in plates.items()}
+    tracker = Tracker(clip.rig, clip.model, None, plates, clip.states[0])
+    found = [tracker.step(s) for s in sets]
+    assert np.median(clip.errors_mm(found)) < 60.0  # clothes and walls of equal brightness look the same
+    assert Status.LOST not in {e.status for e in found}
+
+
+def test_reset_starts_all_over(clip, tracked):
+    tracker = tracker_of(clip)
+    for image_set in clip.sets[:5]:
+        tracker.step(image_set)
+    tracker.reset()
+    assert_same_bits([tracker.step(s) for s in clip.sets[:5]], tracked[:5])
+
+
+def test_without_a_state_it_waits_and_learns_nothing(clip, tracked):
+    tracker = Tracker(clip.rig, clip.model, None, clip.plates)
+    for image_set in clip.sets[:3]:
+        estimate = tracker.step(image_set)
+        assert estimate.status is Status.INITIALISING
+        assert "initial state" in estimate.status_reason
+        assert estimate.covariance[0, 0] > 100.0  # m^2: anywhere
+        assert not estimate.velocity.any()
+        assert [(r.samples, r.stamp_ns) for r in estimate.cameras] == [(0, image_set.stamp_ns)] * 4
+    tracker.set_state(clip.states[0])
+    assert_same_bits([tracker.step(s) for s in clip.sets], tracked)
+
+
+def test_set_state_brings_a_lost_body_back(clip):
+    tracker = tracker_of(clip)
+    for image_set in clip.sets[:4]:
+        tracker.step(image_set)
+    aside = clip.states[4].retract(np.append([1.0, 0.6, 0.0], np.zeros(clip.model.n_dof - 3)))
+    tracker.set_state(aside)
+    lost = tracker.step(clip.sets[4])
+    assert lost.status is Status.LOST
+    tracker.set_state(clip.states[5])
+    back = [tracker.step(s) for s in clip.sets[5:]]
+    assert back[-1].status is Status.TRACKING
+    assert np.linalg.norm(back[-1].state.T_world_root[:3, 3] - clip.states[-1].T_world_root[:3, 3]) < 0.02
+
+
+def test_a_camera_that_gives_no_image_is_said(clip):
+    sets = [*clip.sets[:3], *(changed(s, ("cam02",), None) for s in clip.sets[3:])]
+    found = track(clip, sets)
+    assert [e.status for e in found[:3]] == [Status.TRACKING] * 3
+    assert {(e.status, e.status_reason) for e in found[3:]} == {(Status.DEGRADED, "3 of 4 cameras")}
+    assert [(r.camera, r.stamp_ns, r.samples) for r in found[-1].cameras][1] == ("cam02", 0, 0)
+    assert clip.errors_mm(found).mean() < 12.0
+
+
+def test_a_camera_that_comes_later_is_used(clip):
+    found = track(clip, [*(changed(s, ("cam02",), None) for s in clip.sets[:3]), *clip.sets[3:]])
+    assert found[2].status is Status.DEGRADED
+    assert found[-1].status is Status.TRACKING
+    assert found[-1].cameras[1].samples > 100
+
+
+def test_a_covered_camera_is_named_and_the_others_go_on(clip):
+    sets = [*clip.sets[:3], *(changed(s, ("cam03",), np.zeros_like) for s in clip.sets[3:])]
+    found = track(clip, sets)
+    for estimate in found[3:]:
+        assert estimate.status is Status.DEGRADED
+        assert "cam03" in estimate.status_reason and "cam01" not in estimate.status_reason
+    assert clip.errors_mm(found).mean() < 15.0
+
+
+def test_when_all_cameras_are_covered_it_is_lost_and_stays_near(clip):
+    sets = [*clip.sets[:4], *(changed(s, clip.rig.names, np.zeros_like) for s in clip.sets[4:])]
+    sets += [replace(sets[-1], stamp_ns=sets[-1].stamp_ns + (i + 1) * 33_333_333) for i in range(30)]
+    found = track(clip, sets)
+    assert [e.status for e in found[4:]] == [Status.LOST] * (len(sets) - 4)
+    assert all(e.status_reason for e in found[4:])
+    assert np.linalg.norm(found[-1].state.T_world_root[:3, 3] - found[3].state.T_world_root[:3, 3]) < 0.5
+
+
+def test_when_the_body_goes_it_is_lost_with_the_reason(clip):
+    def empty(image_set: ImageSet) -> ImageSet:
+        return replace(image_set, images=tuple(replace(i, pixels=clip.plates[i.camera]) for i in image_set.images))
+
+    found = track(clip, [*clip.sets[:4], *(empty(s) for s in clip.sets[4:])])
+    assert [e.status for e in found[4:]] == [Status.LOST] * (len(clip.sets) - 4)
+    assert all(e.status_reason for e in found[4:])
+    assert np.isfinite(found[-1].covariance).all()
+
+
+def test_a_body_out_of_all_views_is_lost(clip):
+    tracker = tracker_of(clip)
+    tracker.step(clip.sets[0])
+    tracker.set_state(clip.states[0].retract(np.append([0.0, 0.0, 60.0], np.zeros(clip.model.n_dof - 3))))
+    estimate = tracker.step(clip.sets[1])
+    assert estimate.status is Status.LOST
+    assert "no camera" in estimate.status_reason
+    assert np.isfinite(estimate.state.to_values()).all()
+
+
+def test_a_camera_that_looks_elsewhere_is_in_order(clip):
+    """The body need not be in every view."""
+    T = clip.rig.cameras[1].T_world_cam.copy()
+    T[:3, :3] = T[:3, :3] @ np.diag([-1.0, 1.0, -1.0])
+    cameras = [replace(c, T_world_cam=T) if i == 1 else c for i, c in enumerate(clip.rig)]
+    tracker = Tracker(CameraRig(tuple(cameras)), clip.model, None, clip.plates, clip.states[0])
+    found = [tracker.step(s) for s in clip.sets[:4]]
+    assert [(e.status, e.cameras[1].samples) for e in found] == [(Status.TRACKING, 0)] * 4
+
+
+def test_an_image_of_another_size_contradicts_the_calibration(clip):
+    sets = changed(clip.sets[0], ("cam04",), lambda pixels: pixels[::2, ::2])
+    with pytest.raises(CalibrationError, match=r"camera 'cam04': expected images of 320x240 as calibrated, got 160x120"):
+        tracker_of(clip).step(sets)
+
+
+def test_plates_must_be_there_and_fit(clip):
+    with pytest.raises(CalibrationError, match=r"camera 'cam01'.*empty scene"):
+        tracker_of(clip, config=from_dict({"evidence.silhouette": "plate"}), plates=False)
+    with pytest.raises(CalibrationError, match="camera 'cam02': expected a plate of 320x240, got 100x50"):
+        Tracker(clip.rig, clip.model, None, {"cam02": np.zeros((50, 100, 3), np.uint8)})
+
+
+def test_the_covariance_is_one_and_shrinks_with_cameras(clip, tracked):
+    for estimate in tracked:
+        np.testing.assert_array_equal(estimate.covariance, estimate.covariance.T)
+        assert np.linalg.eigvalsh(estimate.covariance).min() > 0.0
+    deviations = []
+    for cameras in (("cam01",), ("cam01", "cam02"), clip.rig.names):
+        others = [name for name in clip.rig.names if name not in cameras]
+        (estimate,) = track(clip, [changed(clip.sets[0], others, None)])
+        deviations.append(np.sqrt(np.diag(estimate.covariance)[:3].sum()))
+    assert deviations[0] > 1.3 * deviations[1] > 1.3**2 * deviations[2] > 0.0
+    errors = np.array([e.state.T_world_root[:3, 3] - s.T_world_root[:3, 3] for e, s in zip(tracked, clip.states, strict=True)])
+    assert np.linalg.norm(errors, axis=1).max() < 6.0 * deviations[2]
