@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 
 import numba as nb
+import cv2
 import numpy as np
 
 from .appearance_kernels import log_odds, update_scene
@@ -93,6 +94,8 @@ class ColorModel:
 
 
 def _log_density(density: np.ndarray) -> np.ndarray:
+    if not density.any():
+        return np.full_like(density, _LOG_UNIFORM)
     mix = 0.02  # a little of every color: no color is impossible
     return np.log((1.0 - mix) * density / _BIN_VOLUME + mix * math.exp(_LOG_UNIFORM)).astype(np.float32)
 
@@ -108,8 +111,15 @@ def _mixed(old: np.ndarray, new: np.ndarray, rate: float) -> np.ndarray:
     return ((1.0 - rate) * old + rate * new).astype(np.float32)
 
 
+SEEN, GUESSED = 1, 2
+_GUESS_SIGMA = 15.0  # grey levels
+
+
 class SceneModel:
-    """Mean and variance of the empty scene, per pixel, with a mask of the pixels where they are known."""
+    """Mean and variance of the empty scene, per pixel.
+
+    ``known`` is `SEEN` where they were observed, `GUESSED` where they come from the surroundings, 0 where nothing is known.
+    """
 
     def __init__(self, height: int, width: int, sigma: float = 8.0):
         self.mean = np.zeros((height, width, 3), dtype=np.float32)
@@ -125,7 +135,7 @@ class SceneModel:
         model.mean[:] = stack.mean(axis=0)
         if len(images) > 1:
             model.variance[:] = np.maximum(stack.var(axis=0, ddof=1).mean(axis=2), model.floor)
-        model.known[:] = 1
+        model.known[:] = SEEN
         return model
 
     def learn_first(self, bgr: np.ndarray, body: np.ndarray) -> None:
@@ -139,7 +149,20 @@ class SceneModel:
         free = (body == 0) & other
         self.mean[free] = bgr[free]
         self.variance[free] = self.floor
-        self.known[free] = 1
+        self.known[free] = SEEN
+        self._guess()
+
+    def _guess(self) -> None:
+        """Give pixels that were never seen the color of the nearest seen one, with a wide variance."""
+        unseen = self.known == 0
+        if not unseen.any() or unseen.all():
+            return
+        _, nearest = cv2.distanceTransformWithLabels(unseen.view(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+        colors = np.zeros((int(nearest.max()) + 1, 3), dtype=np.float32)
+        colors[nearest[~unseen]] = self.mean[~unseen]
+        self.mean[unseen] = colors[nearest[unseen]]
+        self.variance[unseen] = _GUESS_SIGMA**2
+        self.known[unseen] = GUESSED
 
     def update(self, bgr: np.ndarray, body: np.ndarray, rate: float, region: tuple[int, int, int, int]) -> None:
         """Learn from the crop ``region`` (u0, v0, u1, v1) of an image where ``body`` (uint8, on the crop) is zero."""

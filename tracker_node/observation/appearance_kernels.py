@@ -15,6 +15,7 @@ _LOG_GAUSS = np.float32(-1.5 * math.log(2.0 * math.pi))
 _LOG_2 = np.float32(math.log(2.0))
 _ONE, _HALF = np.float32(1.0), np.float32(0.5)
 _G, _R = np.uint64(1), np.uint64(2)  # places of green and red after blue
+_SEEN = np.uint8(1)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -92,7 +93,7 @@ def _update_row(bgr, body, mean, variance, known, rate, floor):
         mx, my, mz, old = mean[at], mean[at + _G], mean[at + _R], variance[j]
         dx, dy, dz = x - mx, y - my, z - mz
         total = dx * dx + dy * dy + dz * dz
-        free, seen = body[j] == 0, known[j] != 0
+        free, seen = body[j] == 0, known[j] == _SEEN
         # A known pixel far off its mean shows something that passes by: not the scene. An unknown one is believed at once.
         steady = total <= np.float32(36.0) * old
         weight = (rate if steady else np.float32(0.0)) if seen else _ONE
@@ -102,14 +103,14 @@ def _update_row(bgr, body, mean, variance, known, rate, floor):
         followed = followed if followed > floor else floor
         followed = followed if seen else np.float32(4.0) * floor
         variance[j] = followed if weight > np.float32(0.0) else old
-        known[j] = np.uint8(1) if free | seen else np.uint8(0)
+        known[j] = _SEEN if free | seen else known[j]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def update_scene(bgr, corner, body, mean, variance, known, rate, floor):
     """Running mean and variance of the region of ``body``'s size at ``corner`` (u0, v0), where ``body`` (uint8) is zero.
 
-    Arrays as in `log_odds`; pixels not ``known`` start from this image.
+    Arrays as in `log_odds`; pixels that are not yet seen (``known`` is not 1) start from this image.
     """
     u0, v0 = corner
     u1 = u0 + body.shape[1]

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from ..errors import CalibrationError
-from .appearance import ColorModel, SceneModel, body_log_odds
+from .appearance import SEEN, ColorModel, SceneModel, body_log_odds
 from .body_region import Region, grown, shrunk
 from .boundary_refinement import boundary_shifts, shift_map
 from .distance_transform import signed_distance
@@ -89,35 +89,43 @@ class Observer:
         for image in plates:
             if image.shape[:2] != (height, width):
                 raise CalibrationError(camera, f"expected a plate of {width}x{height}, got {image.shape[1]}x{image.shape[0]}")
-        kind = options.silhouette
-        if kind == "plate" and not plates:
+        if options.silhouette == "plate" and not plates:
             raise CalibrationError(camera, "evidence.silhouette 'plate' needs an image of the empty scene; the rig names none")
-        self.uses_color = kind in ("color", "both")
-        self.learns_scene = kind == "both"
-        self._colors = ColorModel()
-        self._scene: SceneModel | None = None
-        if kind != "color":
-            self._scene = (
-                SceneModel.from_images(plates, options.scene_sigma) if plates else SceneModel(height, width, options.scene_sigma)
-            )
+        self.learns = options.silhouette == "both"
+        self._size, self._plates = (height, width), plates
+        self._colors, self._scene = ColorModel(), self._empty_scene()
 
-    def learn(self, bgr: np.ndarray, region: Region, body: np.ndarray, first: bool = False) -> None:
-        """Learn colors and scene from an image whose ``body`` labels (uint8, 0 outside, on ``region``) are taken as
-        known."""
-        options = self._options
-        if not self.uses_color:
+    def _empty_scene(self) -> SceneModel:
+        """What the plates say, or nothing."""
+        sigma = self._options.scene_sigma
+        return SceneModel.from_images(self._plates, sigma) if self._plates else SceneModel(*self._size, sigma)
+
+    def begin(self, bgr: np.ndarray, region: Region, body: np.ndarray, margin_px: int) -> None:
+        """Learn colors and scene anew from an image in which the body is within ``margin_px`` of the ``body`` labels.
+
+        ``body`` (uint8, 0 outside the body) is on ``region``.
+        """
+        if not self.learns:
             return
         u0, v0, u1, v1 = region
-        crop = bgr[v0:v1, u0:u1]
+        near = grown(body, margin_px)
+        self._colors = ColorModel()
+        self._colors.learn(bgr[v0:v1, u0:u1], shrunk(body, 2), near == 0, 1.0)
+        whole = np.zeros(bgr.shape[:2], dtype=np.uint8)
+        whole[v0:v1, u0:u1] = near
+        self._scene = self._empty_scene()
+        self._scene.learn_first(bgr, whole)
+
+    def learn(self, bgr: np.ndarray, region: Region, body: np.ndarray) -> None:
+        """Mix in an image whose ``body`` labels (uint8, 0 outside, on ``region``) are taken as known."""
+        options = self._options
+        if not self.learns:
+            return
+        u0, v0, u1, v1 = region
         near = grown(body, options.body_margin_px)
-        self._colors.learn(crop, shrunk(body, 2), near == 0, 1.0 if first else options.color_rate)
-        if self.learns_scene and self._scene is not None and (first or options.scene_rate > 0):
-            if first:
-                whole = np.zeros(bgr.shape[:2], dtype=np.uint8)
-                whole[v0:v1, u0:u1] = near
-                self._scene.learn_first(bgr, whole)
-            else:
-                self._scene.update(bgr, near, options.scene_rate, region)
+        self._colors.learn(bgr[v0:v1, u0:u1], shrunk(body, 2), near == 0, options.color_rate)
+        if options.scene_rate > 0:
+            self._scene.update(bgr, near, options.scene_rate, region)
 
     def observe(self, bgr: np.ndarray, region: Region, predicted: np.ndarray) -> Observation:
         """Evidence on ``region`` given the ``predicted`` part labels there (uint8, 0 outside the body)."""
@@ -144,8 +152,8 @@ class Observer:
         """How far outward the silhouette's boundary is to be moved (float32, pixels, on the crop)."""
         u0, v0, u1, v1 = region
         scene = self._scene
-        mean, known = (None, None) if scene is None else (scene.mean[v0:v1, u0:u1], scene.known[v0:v1, u0:u1])
-        shifts, weights = boundary_shifts(bgr[v0:v1, u0:u1], mean, known, boundary)
+        seen = (scene.known[v0:v1, u0:u1] == SEEN).view(np.uint8)
+        shifts, weights = boundary_shifts(bgr[v0:v1, u0:u1], scene.mean[v0:v1, u0:u1], seen, boundary)
         return shift_map(boundary, shifts, weights, (v1 - v0, u1 - u0))
 
 

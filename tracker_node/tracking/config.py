@@ -32,8 +32,8 @@ class EvidenceConfig:
     """From images to silhouettes, edges and distances."""
 
     silhouette: str = parameter(
-        "both", "plate: empty-scene model only; color: color histograms only; both: combined",
-        choices=("plate", "color", "both"),
+        "both", "plate: the images of the empty scene alone; both: them, or what the first image shows around the body, and colors",
+        choices=("plate", "both"),
     )  # fmt: skip
     distances: str = parameter(
         "split",

@@ -27,6 +27,7 @@ from .estimate import Status, Timings, TrackEstimate
 from .judge import NOTHING, covariance_of, judge, reports_of
 from .motion_model import MotionModel
 
+_FIRST_MARGIN = 3  # times the usual margin around a first pose that is only roughly known
 _LEAST_REGION_PX = 8  # a body of which less is in view is not looked for
 
 
@@ -103,13 +104,14 @@ class Tracker:
         images = self._images(image_set)
         first, predicted = self._predict(image_set.stamp_ns)
         waiting = first and self._start is None
-        sights = [None] * len(images) if waiting else self._look(predicted, images)
-        if first:
-            self._learn(images, sights, first=True)
+        start = predicted
+        if first and not waiting:
+            start = self._begin(images, predicted)
+        sights = [None] * len(images) if waiting else self._look(start, images)
         observations = self._observe(images, sights)
         observed = time.perf_counter()
-        objective = self._objective(observations, predicted)
-        result = self._fit(objective, predicted, first)
+        objective = self._objective(observations, start)
+        result = self._fit(objective, start, first)
         done = time.perf_counter()
         if waiting:
             status, reason = Status.INITIALISING, "no initial state has been given"
@@ -175,10 +177,21 @@ class Tracker:
     def _seen(self, images, sights) -> list[int]:
         return [i for i, (image, sight) in enumerate(zip(images, sights, strict=True)) if image is not None and sight is not None]
 
-    def _learn(self, images, sights, first: bool) -> None:
-        self._parallel(
-            lambda i: self._observers[i].learn(images[i], sights[i].region, sights[i].labels, first), self._seen(images, sights)
-        )
+    def _begin(self, images, start: State) -> State:
+        """Learn what body and scene look like, fit, and learn again: the first pose given is rarely exact. Returns the fit."""
+        margin = self.config.evidence.body_margin_px
+        for margin_px in (_FIRST_MARGIN * margin, margin):
+            sights = self._look(start, images)
+            self._parallel(
+                lambda i, seen=sights, px=margin_px: self._observers[i].begin(images[i], seen[i].region, seen[i].labels, px),
+                self._seen(images, sights),
+            )
+            if margin_px != margin:
+                start = self._fit(self._objective(self._observe(images, sights), start), start, first=True).state
+        return start
+
+    def _learn(self, images, sights) -> None:
+        self._parallel(lambda i: self._observers[i].learn(images[i], sights[i].region, sights[i].labels), self._seen(images, sights))
 
     def _observe(self, images, sights) -> list[Observation | None]:
         seen = self._seen(images, sights)
@@ -229,5 +242,5 @@ class Tracker:
         every = self.config.evidence.learn_every
         turn = [image if (i + self._count) % every == 0 else None for i, image in enumerate(images)]
         self._count += 1
-        if any(self._observers[i].uses_color for i, image in enumerate(turn) if image is not None):
-            self._learn(turn, self._look(state, turn), first=False)
+        if any(self._observers[i].learns for i, image in enumerate(turn) if image is not None):
+            self._learn(turn, self._look(state, turn))
