@@ -147,7 +147,7 @@ def test_set_state_brings_a_lost_body_back(clip):
     aside = clip.states[4].retract(np.append([1.0, 0.6, 0.0], np.zeros(clip.model.n_dof - 3)))
     tracker.set_state(aside)
     lost = tracker.step(clip.sets[4])
-    assert lost.status is Status.LOST
+    assert lost.status in (Status.DEGRADED, Status.LOST)
     tracker.set_state(clip.states[5])
     back = [tracker.step(s) for s in clip.sets[5:]]
     assert back[-1].status is Status.TRACKING
