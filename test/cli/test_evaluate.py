@@ -100,7 +100,7 @@ def test_the_report_holds_everything_itself(files, tmp_path):
     targets = ["--target", "mpjpe_mm<=60", "--target", "lost_sets>=1", "--target", "iou_cam09>=0.5"]
     assert evaluate(files, "run", tmp_path, "--masks", str(files / "masks.json"), "--pictures", "3", *targets) == 0
     page = (tmp_path / "report.html").read_text()
-    assert not re.search(r"""(src|href)=["'](?!data:)""", page)
+    assert not re.search(r"""(src|href)=["'](?!data:|#)""", page)
     plots = re.findall(r'src="data:image/svg\+xml;base64,([^"]+)"', page)
     assert len(plots) == 8
     for plot in plots:
