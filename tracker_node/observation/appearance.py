@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import cv2
+import numba as nb
 import numpy as np
 
 from .appearance_kernels import log_odds, update_scene

@@ -24,7 +24,9 @@ class SynchronizerConfig:
     image_period_s: float = parameter(1 / 30, "nominal time between two images of a camera", "s", 1e-4, 60.0)
     tolerance: float = parameter(0.4, "largest spread of stamps in a set, as a fraction of the image period", "1", 0.0, 0.5)
     queue_s: float = parameter(1.0, "how long an image waits for its partners", "s", 0.0, 60.0)
-    min_cameras: int = parameter(0, "smallest number of cameras in a set; 0 means all", "", 0, 64)
+    min_cameras: int = parameter(
+        2, "smallest number of cameras in a set, when others are silent or drop an image; 0 means all", "", 0, 64
+    )
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class EvidenceConfig:
     """From images to silhouettes, edges and distances."""
 
     silhouette: str = parameter(
-        "both", "plate: the images of the empty scene alone; both: them, or what the first image shows around the body, and colors",
+        "both", "plate: the images of the empty scene alone; both: them (or what shows around the body) and colors",
         choices=("plate", "both"),
     )  # fmt: skip
     distances: str = parameter(

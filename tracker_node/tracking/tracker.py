@@ -191,7 +191,8 @@ class Tracker:
         return start
 
     def _learn(self, images, sights) -> None:
-        self._parallel(lambda i: self._observers[i].learn(images[i], sights[i].region, sights[i].labels), self._seen(images, sights))
+        seen = self._seen(images, sights)
+        self._parallel(lambda i: self._observers[i].learn(images[i], sights[i].region, sights[i].labels), seen)
 
     def _observe(self, images, sights) -> list[Observation | None]:
         seen = self._seen(images, sights)
