@@ -59,7 +59,7 @@ def test_resampled_in_real_time(probe, launch, recording):
     """The lenses come from camera_info then; image sets may be skipped, and nothing is recorded."""
     states, infos = probe.listen(TrackedState, "tracker/state"), probe.listen(CameraInfo, "cam1/camera_info")
     pipeline = launch(*files_of(recording), "--resize", "120x90", "--rate", "30", "--loop", "--real-time")
-    probe.spin_until(lambda: len(states) > 5, "states")
+    probe.spin_until(lambda: len(states) > 5 and infos, "states and calibrations")
     assert (infos[0].width, infos[0].height) == (120, 90)
     pipeline.interrupt()
     assert pipeline.wait() == 0, pipeline.err

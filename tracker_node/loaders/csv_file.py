@@ -23,10 +23,14 @@ class CsvWriter:
         self.path = Path(path)
         self._stream = self.path.open("w", newline="", encoding="utf-8")
         self._writer = csv.writer(self._stream, lineterminator="\n")
+        self._quoting = csv.writer(self._stream, lineterminator="\n", quoting=csv.QUOTE_ALL)
         self.write_rows([header])
 
     def write_rows(self, rows: Sequence[Sequence[Any]]) -> None:
-        self._writer.writerows(rows)
+        for row in rows:
+            # A carriage return ends a line for every reader, but the writer quotes only what is in its own line's end
+            returns = any(isinstance(cell, str) and "\r" in cell for cell in row)
+            (self._quoting if returns else self._writer).writerow(row)
         self._stream.flush()
 
     def close(self) -> None:
