@@ -25,6 +25,7 @@ from ..tracking.config import SynchronizerConfig
 from .estimate_messages import lens_of
 
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+_UNEQUAL_ENDS_S = 0.1  # cameras that are switched off together end within this
 
 
 def make_synchronizer(cameras: tuple[str, ...], config: SynchronizerConfig) -> ImageSynchronizer:
@@ -99,7 +100,7 @@ class _Matcher:
         sentences = []
         for camera in self._synchronizer.cameras:
             silent_s = (latest_ns - self._last_ns.get(camera, latest_ns)) * 1e-9
-            if silent_s > max(self._config.queue_s, 2 * self._config.image_period_s):
+            if silent_s > max(_UNEQUAL_ENDS_S, 2 * self._config.image_period_s):
                 needed = "all cameras" if not self._config.min_cameras else f"at least {self._config.min_cameras} cameras"
                 sentences.append(f"camera '{camera}' stopped {silent_s:.2f} s before the others; a set needs {needed}")
         return sentences
