@@ -62,9 +62,10 @@ $(PACKAGE): $(MSGS) $(PACKAGE_SOURCES) tools/link_data_files.py
 demo: setup check-system  ## track a real recording of a person from end to end; results in out/demo
 	@$(RUN) -m tracker_node.cli.main demo --out $(OUT)/demo
 
-test: setup check-system  ## import contract, ruff and all tests
+test: setup check-system  ## import contract, ruff, mypy and all tests
 	@$(VENV)/bin/lint-imports
 	@$(VENV)/bin/ruff check .
+	@$(VENV)/bin/mypy
 	@$(RUN) -m pytest $(PYTEST_ARGS)
 
 lint: setup  ## import contract, ruff and mypy

@@ -91,7 +91,7 @@ class CameraEntry(FileModel):
         CalibrationError : K[0] = 0, the mark of an uncalibrated camera.
         """
         if self.K[0][0] == 0.0:
-            raise CalibrationError(name, "uncalibrated (K[0] = 0)")
+            raise CalibrationError(name, "uncalibrated (K[0] = 0): calibrate it, or take it out of the rig")
         model = CameraModel(*self.image_size, np.array(self.K), self.distortion_model, np.array(self.distortion))
         if self.pixel_map is None or self.file_image_size is None:
             return model
