@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
@@ -112,6 +111,10 @@ class CameraSlot:
         return self.flags, self.samples, self.normal, self.gradient, self.stats
 
 
+def _serial(function: Callable, items: list) -> list:
+    return [function(item) for item in items]
+
+
 class ContourObjective:
     """Cost of a state against the evidence of one image set.
 
@@ -127,12 +130,12 @@ class ContourObjective:
         maps: Sequence[EvidenceMaps | None],
         options: ContourOptions,
         priors: Sequence[Prior] = (),
-        executor: Executor | None = None,
+        parallel: Callable[[Callable, list], list] = _serial,
     ):  # fmt: skip
         self.model, self.arrays, self.slots, self.maps = model, arrays, slots, maps
         self.options, self.priors = options, priors
         self._packed = options.packed()
-        self._map: Callable = map if executor is None else executor.map
+        self._map = parallel
         self._spheres = np.empty((len(model.shapes), 4))
         self._refresh = True
 
@@ -164,7 +167,7 @@ class ContourObjective:
             )
 
         active = [i for i, maps in enumerate(self.maps) if maps is not None]
-        list(self._map(run, active))
+        self._map(run, active)
         chain = self.model.chain
         H, g = np.empty((chain.n_dof, chain.n_dof)), np.empty(chain.n_dof)
         link_normal, link_gradient = np.zeros((len(chain.links), 6, 6)), np.zeros((len(chain.links), 6))
@@ -204,4 +207,4 @@ class ContourObjective:
                 slot.agreement,
             )
 
-        list(self._map(run, [i for i, maps in enumerate(self.maps) if maps is not None]))
+        self._map(run, [i for i, maps in enumerate(self.maps) if maps is not None])

@@ -138,14 +138,14 @@ class Observer:
         near = grown(predicted, options.reach_px)
         silhouette &= near
         gray = cv2.cvtColor(bgr[v0:v1, u0:u1], cv2.COLOR_BGR2GRAY)
-        to_edge, edges = edge_distance(gray, silhouette, options.canny_low, options.canny_high, options.truncation_px)
+        to_edge, edges = edge_distance(gray, silhouette, options.canny_low, options.canny_high, options.edge_truncation_px)
         to_silhouette = signed_distance(silhouette, options.truncation_px)
         to_silhouette = np.asarray(cv2.blur(to_silhouette, (3, 3)), dtype=np.float32)  # evens out the staircase of the mask
         trusted = cv2.erode(near, _SQUARE)  # where the silhouette is cut off by the reach, there is no boundary
-        boundary = boundary_points(silhouette, to_silhouette, trusted, 1)
+        boundary = boundary_points(silhouette, to_silhouette, trusted, _FINE_STEP)
         if options.refine_boundary:
             to_silhouette -= self._refinement(bgr, region, boundary)
-        boundary = boundary[:: options.boundary_step_px]
+        boundary = boundary[:: max(1, round(options.boundary_step_px / _FINE_STEP))]
         return Observation(self.camera, region, silhouette, edges, to_silhouette, to_edge, boundary, not silhouette.any())
 
     def _refinement(self, bgr: np.ndarray, region: Region, boundary: np.ndarray) -> np.ndarray:
@@ -154,7 +154,9 @@ class Observer:
         scene = self._scene
         seen = (scene.known[v0:v1, u0:u1] == SEEN).view(np.uint8)
         shifts, weights = boundary_shifts(bgr[v0:v1, u0:u1], scene.mean[v0:v1, u0:u1], seen, boundary)
-        return shift_map(boundary, shifts, weights, (v1 - v0, u1 - u0))
+        return shift_map(boundary, shifts, weights, (v1 - v0, u1 - u0), _WINDOW)
 
 
+_FINE_STEP = 2  # pixels between the boundary points that are refined
+_WINDOW = 11  # pixels over which refined boundary points are averaged
 _SQUARE = np.ones((7, 7), dtype=np.uint8)

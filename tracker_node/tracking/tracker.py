@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +25,7 @@ from .config import TrackerConfig
 from .estimate import Status, Timings, TrackEstimate
 from .judge import NOTHING, covariance_of, judge, reports_of
 from .motion_model import MotionModel
+from .workers import Workers
 
 _FIRST_MARGIN = 3  # times the usual margin around a first pose that is only roughly known
 _LEAST_REGION_PX = 8  # a body of which less is in view is not looked for
@@ -79,7 +79,7 @@ class Tracker:
             reach_px=float(config.evidence.reach_px),
         )
         self._fine = replace(self._options, boundary_weight=0.0, robust_scale_px=config.optimizer.fine_robust_scale_px)
-        self._executor = ThreadPoolExecutor(config.threads) if config.threads > 1 else None
+        self._parallel = Workers(config.threads).map
         self.reset()
 
     def reset(self) -> None:
@@ -171,9 +171,6 @@ class Tracker:
             result[i] = sight
         return result
 
-    def _parallel(self, function, indices: list[int]) -> list:
-        return list((map if self._executor is None else self._executor.map)(function, indices))
-
     def _seen(self, images, sights) -> list[int]:
         return [i for i, (image, sight) in enumerate(zip(images, sights, strict=True)) if image is not None and sight is not None]
 
@@ -213,7 +210,7 @@ class Tracker:
         neutral = np.zeros(self.model.n_dof)
         neutral[N_ROOT_DOF:] = [motion.neutral_angle * axis.stiffness for axis in axes]
         priors = [Prior(predicted, stay), Prior(State.neutral(self.model, predicted.T_world_root), neutral)]
-        return ContourObjective(self.model, self._arrays, self._slots, maps, self._options, priors, self._executor)
+        return ContourObjective(self.model, self._arrays, self._slots, maps, self._options, priors, self._parallel)
 
     def _fit(self, objective: ContourObjective, predicted: State, first: bool) -> OptimizerResult:
         """Coarse iterations, in which far boundaries pull, then fine ones."""

@@ -1,0 +1,36 @@
+"""A few threads that share the cameras of one image set."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+
+class Workers:
+    """Maps a function over cameras on ``threads`` threads, the calling one among them.
+
+    Each thread takes every n-th item, so that there is one hand-over per thread and call, not one per item. The order of the
+    results is that of the items, whatever the number of threads.
+    """
+
+    def __init__(self, threads: int):
+        self._threads = threads
+        self._executor = ThreadPoolExecutor(threads - 1) if threads > 1 else None
+
+    def map(self, function: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
+        """``[function(item) for item in items]``."""
+        if self._executor is None or len(items) < 2:
+            return [function(item) for item in items]
+        n = min(self._threads, len(items))
+        results: list[Any] = [None] * len(items)
+
+        def work(start: int) -> None:
+            for i in range(start, len(items), n):
+                results[i] = function(items[i])
+
+        others = [self._executor.submit(work, start) for start in range(1, n)]
+        work(0)
+        for other in others:
+            other.result()
+        return results
