@@ -97,7 +97,7 @@ def make_cases(scene: Scene) -> dict[str, Callable[[], object]]:
     evidence = EvidenceConfig()
     observer = Observer("camera", camera.model.width, camera.model.height, evidence, scene.plate)
     labels = np.minimum(scene.mask[part], 1)
-    observer.learn(image, region, labels, first=True)
+    observer.begin(image, region, labels, 12)
     observation = observer.observe(image, region, labels)
     silhouette, edges = observation.silhouette, observation.edges
     gray = cv2.cvtColor(image[part], cv2.COLOR_BGR2GRAY)

