@@ -13,7 +13,7 @@ from .conversions import stamp_ns_of
 from .qos import RESULT
 
 _FIRST_S = 180.0  # a consumer may have to compile before its first answer
-_PATIENCE_S = 2.0
+_PATIENCE_S = 15.0  # a consumer that has all cameras answers, on a slow machine as well; more on their way would only be lost
 _INCOMPLETE_S = 0.3
 
 
@@ -84,7 +84,7 @@ class ConsumerWindow:
         """Until everything sent is answered, or no answer comes any more; True if all were."""
         with self._condition:
             while not self._closed and self._on_their_way:
-                patience_s = 5.0 * self._patience_s if self._answered else _FIRST_S
+                patience_s = self._patience_s if self._answered else _FIRST_S
                 if not self._condition.wait(timeout=patience_s):
                     break
             return not self._on_their_way
