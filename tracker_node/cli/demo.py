@@ -10,6 +10,7 @@ from pathlib import Path
 
 SUMMARY = "track a real recording of a person from end to end (fetch, ingest, track, record, evaluate) and report"
 EXAMPLE = "tracker_node demo --out out/demo"
+SIZE = "544x960"
 N_IMAGE_SETS = 100
 CONFIG = "config/balancing.yaml"
 MASKS = "config/balancing_masks.json"
@@ -52,7 +53,8 @@ def _track(folder: Path, fresh: bool) -> int:
         shutil.rmtree(bag)  # of an earlier demo
     arguments: list[str | Path] = ["--rig", sample / "rig_refined.yaml", "--model", sample / "person.yaml"]
     arguments += ["--initial-state", sample / "initial_state.yaml", *_config()]
-    return run_verb("pipeline", *arguments, "--bag", bag, "--masks")
+    # At half size the defaults in pixels fit the body, and two cores keep up
+    return run_verb("pipeline", *arguments, "--resize", SIZE, "--bag", bag, "--masks")
 
 
 def _evaluate(folder: Path, fresh: bool) -> int:
