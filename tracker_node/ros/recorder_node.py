@@ -122,7 +122,7 @@ class RecorderNode(Node):
             return
         wanted = OfferedQos(qos.reliability, qos.durability, "keep_last", DEPTH)
         events = SubscriptionEventCallbacks(
-            message_lost=lambda status: self._on_lost(topic, status.total_count_change),  # type: ignore[attr-defined]
+            message_lost=lambda status: self._on_lost(topic, status.total_count),  # type: ignore[attr-defined]
             incompatible_qos=lambda status: self._on_incompatible(topic),
             use_default_callbacks=False,
         )
@@ -153,8 +153,8 @@ class RecorderNode(Node):
         self._bag.add_topic(topic, recorded.type_name, qos, _definition(recorded.type_name, publishers))
         recorded.announced = True
 
-    def _on_lost(self, topic: str, count: int) -> None:
-        self.lost[topic] += count
+    def _on_lost(self, topic: str, total: int) -> None:
+        self.lost[topic] = max(self.lost[topic], total)  # a total, because events that come together are told once
 
     def _on_incompatible(self, topic: str) -> None:
         """Somebody publishes with less than we asked for before we knew: ask for that."""
