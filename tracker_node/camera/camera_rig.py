@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import UnknownNameError
 from ..geometry import se3
 from .camera_model import CameraModel
+from .light import Light
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,7 @@ class Camera:
     source : video file, image folder or pattern; None for a camera that something else publishes.
     time_offset_ns : added to the source's own stamps to get common time.
     plate : path of an image of the empty scene (background plate), or None.
+    gain, gamma : how the camera answers to light, see `camera.light`; ``gain`` is (r, g, b).
     """
 
     name: str
@@ -31,6 +33,8 @@ class Camera:
     source: str | None = None
     time_offset_ns: int = 0
     plate: str | None = None
+    gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    gamma: float = 1.0
 
     def __post_init__(self):
         transform = np.array(self.T_world_cam, dtype=np.float64)
@@ -59,10 +63,11 @@ class Camera:
 
 @dataclass(frozen=True)
 class CameraRig:
-    """All cameras, in the order that fixes every per-camera array; the world frame is ``world_frame``."""
+    """All cameras, in the order that fixes every per-camera array; the world frame is ``world_frame``; and the scene's lights."""
 
     cameras: tuple[Camera, ...]
     world_frame: str = "world"
+    lights: tuple[Light, ...] = ()
 
     def __post_init__(self):
         names = [camera.name for camera in self.cameras]
@@ -87,4 +92,4 @@ class CameraRig:
 
     def subset(self, names: list[str] | tuple[str, ...]) -> CameraRig:
         """The rig of the named cameras only, in the given order."""
-        return CameraRig(tuple(self[name] for name in names), self.world_frame)
+        return CameraRig(tuple(self[name] for name in names), self.world_frame, self.lights)

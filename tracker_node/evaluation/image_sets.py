@@ -254,7 +254,7 @@ def rig_of_bag(rig: CameraRig, reader: BagReader) -> CameraRig:
             if first is not None and (first[1].width, first[1].height) != (camera.model.width, camera.model.height):
                 camera = replace(camera, model=lens_of(camera.name, first[1]))
         cameras.append(camera)
-    return CameraRig(tuple(cameras), rig.world_frame)
+    return CameraRig(tuple(cameras), rig.world_frame, rig.lights)
 
 
 def topics_with_images(reader: BagReader, rig: CameraRig) -> dict[str, str]:

@@ -13,6 +13,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from ..camera.camera_model import CameraModel
 from ..camera.camera_rig import Camera, CameraRig
 from ..camera.distortion import COEFFICIENT_COUNTS
+from ..camera.light import Light
 from ..errors import CalibrationError
 from ..geometry import se3
 from .yaml_file import FileModel, Number, PositiveNumber, is_number, numbers, problem, read_mapping, validate, write_mapping
@@ -126,6 +127,10 @@ class LightEntry(FileModel):
             raise problem("a half angle in (0, 180) degrees", self.cone_deg, "cone_deg")
         return self
 
+    def light(self) -> Light:
+        half_angle = None if self.cone_deg is None else float(np.deg2rad(self.cone_deg))
+        return Light(self.kind, self.intensity, self.position, self.direction, half_angle)
+
 
 class RigFile(FileModel):
     """A whole rig file, kept as written so that it can be changed and dumped again."""
@@ -182,9 +187,11 @@ def build_rig(rig_file: RigFile, base_dir: str | Path) -> CameraRig:
                 source=_resolved(entry.source, base_dir),
                 time_offset_ns=round(entry.time_offset_s * NS_PER_S),
                 plate=_resolved(entry.plate, base_dir),
+                gain=entry.gain,
+                gamma=entry.gamma,
             )
         )
-    return CameraRig(tuple(cameras), rig_file.world_frame)
+    return CameraRig(tuple(cameras), rig_file.world_frame, tuple(light.light() for light in rig_file.lights))
 
 
 def load_rig(path: str | Path) -> CameraRig:
@@ -220,8 +227,20 @@ def rig_file_of(rig: CameraRig) -> RigFile:
             source=camera.source,
             time_offset_s=camera.time_offset_ns / NS_PER_S,
             plate=camera.plate,
+            gain=camera.gain,
+            gamma=camera.gamma,
         )
-    return RigFile(world_frame=rig.world_frame, cameras=cameras)
+    lights = tuple(
+        LightEntry(
+            kind=light.kind,  # type: ignore[arg-type]
+            position=light.position,
+            direction=light.direction,
+            cone_deg=None if light.half_angle is None else float(np.rad2deg(light.half_angle)),
+            intensity=light.intensity,
+        )
+        for light in rig.lights
+    )
+    return RigFile(world_frame=rig.world_frame, cameras=cameras, lights=lights)
 
 
 def _rigid(transform: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -46,33 +46,99 @@ class Ellipsoid:
             raise ValueError(f"expected three positive radii, got {self.radii}")
 
 
+BOX_FACES = ("+x", "-x", "+y", "-y", "+z", "-z")
+
+
 @dataclass(frozen=True)
 class Box:
-    """Axis-aligned box about its frame's origin with full edge lengths ``size`` (3,) in metres."""
+    """Axis-aligned box about its frame's origin with full edge lengths ``size`` (3,) in metres.
+
+    Parameters
+    ----------
+    face_colors_rgb : (6, 3) uint8 in the order of `BOX_FACES`; None: the shape's one color.
+    textures : six pictures (h, w, 3) uint8 RGB, or None for a face without one, in the order of `BOX_FACES`. A picture fills its
+        face as seen from outside: its rows run down and its columns to the right for a viewer to whom z points up (on the faces +z
+        and -z: y points up).
+    """
 
     size: tuple[float, float, float]
+    face_colors_rgb: np.ndarray | None = field(default=None, compare=False)
+    textures: tuple[np.ndarray | None, ...] | None = field(default=None, compare=False)
 
     def __post_init__(self):
         if len(self.size) != 3 or min(self.size) <= 0:
             raise ValueError(f"expected three positive edge lengths, got {self.size}")
+        object.__setattr__(self, "face_colors_rgb", _colors(self.face_colors_rgb, 6))
+        if self.textures is not None:
+            if len(self.textures) != 6:
+                raise ValueError(f"expected six textures (or None for a face), got {len(self.textures)}")
+            object.__setattr__(self, "textures", tuple(None if t is None else _texture(t) for t in self.textures))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangle mesh: ``vertices`` (n, 3) metres, ``faces`` (m, 3) vertex indices, counter-clockwise seen from outside."""
+    """Triangle mesh: ``vertices`` (n, 3) metres, ``faces`` (m, 3) vertex indices, counter-clockwise seen from outside.
+
+    Its color is the first of these that is given; else the shape's one color.
+
+    Parameters
+    ----------
+    texture, uv : (h, w, 3) uint8 RGB, and (m, 3, 2) where the corners of every face lie in it: u to the right, v upward, 0..1
+        over the whole picture.
+    vertex_colors_rgb : (n, 3) uint8, blended over each face.
+    face_colors_rgb : (m, 3) uint8.
+    normals : (n, 3) unit vertex normals for shading; None: the faces are shaded flat.
+    """
 
     vertices: np.ndarray
     faces: np.ndarray
+    face_colors_rgb: np.ndarray | None = None
+    vertex_colors_rgb: np.ndarray | None = None
+    uv: np.ndarray | None = None
+    texture: np.ndarray | None = None
+    normals: np.ndarray | None = None
 
     def __post_init__(self):
+        set_ = object.__setattr__
         vertices = np.array(self.vertices, dtype=np.float64)
         faces = np.array(self.faces, dtype=np.int32)
         if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
             raise ValueError(f"expected vertices (n, 3) and faces (m, 3), got {vertices.shape} and {faces.shape}")
         if faces.size and (faces.min() < 0 or faces.max() >= len(vertices)):
             raise ValueError(f"expected face indices in [0, {len(vertices)}), got up to {faces.max()}")
-        object.__setattr__(self, "vertices", vertices)
-        object.__setattr__(self, "faces", faces)
+        set_(self, "vertices", vertices)
+        set_(self, "faces", faces)
+        set_(self, "face_colors_rgb", _colors(self.face_colors_rgb, len(faces)))
+        set_(self, "vertex_colors_rgb", _colors(self.vertex_colors_rgb, len(vertices)))
+        if (self.texture is None) != (self.uv is None):
+            raise ValueError("expected both texture and uv, got only one of them")
+        if self.texture is not None:
+            uv = np.array(self.uv, dtype=np.float64)
+            if uv.shape != (len(faces), 3, 2):
+                raise ValueError(f"expected uv ({len(faces)}, 3, 2), got {uv.shape}")
+            set_(self, "uv", uv)
+            set_(self, "texture", _texture(self.texture))
+        if self.normals is not None:
+            normals = np.array(self.normals, dtype=np.float64)
+            if normals.shape != vertices.shape:
+                raise ValueError(f"expected normals {vertices.shape}, got {normals.shape}")
+            set_(self, "normals", normals)
+
+
+def _colors(colors: np.ndarray | None, n: int) -> np.ndarray | None:
+    if colors is None:
+        return None
+    colors = np.array(colors)
+    if colors.shape != (n, 3) or colors.min(initial=0) < 0 or colors.max(initial=0) > 255:
+        raise ValueError(f"expected ({n}, 3) colors (r, g, b) in 0..255, got {colors.shape}")
+    return colors.astype(np.uint8)
+
+
+def _texture(texture: np.ndarray) -> np.ndarray:
+    texture = np.ascontiguousarray(texture)
+    if texture.dtype != np.uint8 or texture.ndim != 3 or texture.shape[2] != 3 or 0 in texture.shape:
+        raise ValueError(f"expected a texture (h, w, 3) uint8, got {texture.dtype} {texture.shape}")
+    return texture
 
 
 Primitive = TruncatedCone | Ellipsoid | Box | Mesh

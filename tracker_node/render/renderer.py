@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from ..camera.camera_rig import Camera
+from ..camera.light import Light
 from ..model.configuration import Configuration
 
 Region = tuple[int, int, int, int]
@@ -35,9 +37,27 @@ class RenderedView:
         return np.where(self.labels > 0, np.uint8(255), np.uint8(0))
 
 
+@dataclass(frozen=True, eq=False)
+class ColoredView(RenderedView):
+    """A body as one camera sees it, in its colors.
+
+    Attributes
+    ----------
+    rgb : (h, w, 3) float32 in 0..255, not rounded; 0 where there is nothing.
+    """
+
+    rgb: np.ndarray
+
+
 class Renderer(Protocol):
-    """Draws a body by labels and depth."""
+    """Draws a body by labels, depth and colors."""
 
     def render_view(self, configuration: Configuration, camera: Camera, region: Region | None = None) -> RenderedView:
         """The view of ``camera``, or the part of it in ``region``."""
+        ...
+
+    def render_color(
+        self, configuration: Configuration, camera: Camera, lights: Sequence[Light] = (), region: Region | None = None
+    ) -> ColoredView:
+        """The same with colors under ``lights`` (see `camera.light`)."""
         ...

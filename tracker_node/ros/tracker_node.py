@@ -147,7 +147,7 @@ class TrackerNode(Node):
         self._calibration_timer.cancel()
         self._diagnostics.report("calibration", OK, "complete")
         cameras = tuple(replace(camera, model=lenses[camera.name]) for camera in self._options.rig)
-        self._use_rig(CameraRig(cameras, self._options.rig.world_frame))
+        self._use_rig(CameraRig(cameras, self._options.rig.world_frame, self._options.rig.lights))
 
     def _make_tracker(self, rig: CameraRig, config: TrackerConfig, state: State | None) -> Steppable:
         state = self._options.initial_state if state is None else state
