@@ -1,7 +1,7 @@
 """The variables of a pose in the words of biomechanics: position, somersault, tilt, twist, joint angles.
 
 Trewartha et al. describe orientation by successive rotations of the pelvis about a lateral horizontal, a frontal and a
-longitudinal axis. With x forward, y to the left and z up these are R = Ry(somersault) Rx(tilt) Rz(twist): a positive somersault is forward.
+longitudinal axis. With x forward, y to the left and z up, R = Ry(somersault) Rx(tilt) Rz(twist); forward somersaults count up.
 Stepping and simplex walk these variables one by one; they are ambiguous only where the tilt is 90 degrees.
 """
 
