@@ -56,8 +56,8 @@ class Box:
     Parameters
     ----------
     face_colors_rgb : (6, 3) uint8 in the order of `BOX_FACES`; None: the shape's one color.
-    textures : six pictures (h, w, 3) uint8 RGB, or None for a face without one, in the order of `BOX_FACES`. A picture fills
-        its face as seen from outside: its rows run down and its columns to the right to a viewer for whom z points up (on the faces
+    textures : six pictures (h, w, 3) uint8 RGB, or None for a face without one, in the order of `BOX_FACES`. A picture
+        fills its face as seen from outside: rows run down and columns to the right to a viewer for whom z points up (on the faces
         +z and -z: y).
     """
 
