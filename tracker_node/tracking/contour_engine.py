@@ -1,0 +1,186 @@
+"""The body by its contours: silhouettes and edges, and Levenberg-Marquardt on the distances of contour generators to them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..camera.camera_rig import CameraRig
+from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import Configuration, State
+from ..model.kinematic_chain import N_ROOT_DOF
+from ..objective.contour_objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps, Prior
+from ..objective.normal_equations import NormalEquations
+from ..observation.body_region import Region
+from ..observation.image_set import ImageSet
+from ..observation.observer import Observation, Observer
+from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
+from ..optimize.result import OptimizerResult
+from ..render.raycaster import render_labels
+from ..render.shape_arrays import ShapeArrays
+from .config import TrackerConfig
+from .engine import Images, Report, Verdict
+from .judge import NOTHING, covariance_of, judge, reports_of
+
+_FIRST_MARGIN = 3  # times the usual margin around a first pose that is only roughly known
+_LEAST_REGION_PX = 8  # a body of which less is in view is not looked for
+
+
+@dataclass(frozen=True, eq=False)
+class _Sight:
+    """Where the body is expected in one camera: its region and predicted part labels there (0 outside the body)."""
+
+    region: Region
+    labels: np.ndarray
+
+
+class ContourEngine:
+    """The `Engine` of contours.
+
+    Parameters
+    ----------
+    rig, model, config, plates : as for the `Tracker`.
+    parallel : maps a function over cameras.
+    """
+
+    def __init__(
+        self,
+        rig: CameraRig,
+        model: ArticulatedModel,
+        config: TrackerConfig,
+        plates: Mapping[str, np.ndarray | list],
+        parallel: Callable[[Callable, list], list],
+    ):
+        self._rig, self._model, self._config, self._plates, self._parallel = rig, model, config, dict(plates), parallel
+        optimizer, evidence = config.optimizer, config.evidence
+        self._arrays = ShapeArrays.from_model(model)
+        self._slots = [CameraSlot(camera, model, optimizer.samples_per_line) for camera in rig]
+        self._options = ContourOptions(
+            robust_scale_px=optimizer.robust_scale_px,
+            samples_per_line=optimizer.samples_per_line,
+            sliding=optimizer.sliding,
+            sum_of_maps=evidence.distances == "sum",
+            inner_weight=optimizer.inner_weight,
+            alignment=optimizer.alignment,
+            boundary_weight=optimizer.boundary_weight,
+            boundary_scale_px=optimizer.boundary_scale_px,
+            reach_px=float(evidence.reach_px),
+        )
+        self._fine = replace(self._options, boundary_weight=0.0, robust_scale_px=optimizer.fine_robust_scale_px)
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing but the plates is known."""
+        evidence = self._config.evidence
+        self._observers = [
+            Observer(camera.name, camera.model.width, camera.model.height, evidence, self._plates.get(camera.name))
+            for camera in self._rig
+        ]
+        self._observations: list[Observation | None] = [None] * len(self._rig)
+        self._count = 0
+
+    def begin(self, images: Images, start: State) -> State:
+        """Learn what body and scene look like, fit, and learn again: the first pose given is rarely exact."""
+        margin = self._config.evidence.body_margin_px
+        for margin_px in (_FIRST_MARGIN * margin, margin):
+            sights = self._look(start, images)
+            self._learn_anew(images, sights, margin_px)
+            if margin_px != margin:
+                self._observe(images, sights)
+                start = self.fit(start, first=True).state
+        return start
+
+    def observe(self, images: Images, expected: State | None) -> None:
+        """Silhouettes, edges and their distances around the expected body."""
+        self._observe(images, [None] * len(images) if expected is None else self._look(expected, images))
+
+    def fit(self, start: State, first: bool) -> OptimizerResult:
+        """Coarse iterations, in which far boundaries pull, then fine ones."""
+        self._objective = objective = self._objective_around(start)
+        optimizer = self._config.optimizer
+        total = optimizer.first_iterations if first else optimizer.max_iterations
+        n_coarse = min(total // 2 if first else optimizer.coarse_iterations, total - 1)
+        coarse: OptimizerResult | None = None
+        if n_coarse > 0:
+            coarse = self._minimize(objective, start, n_coarse)
+            objective.restart(self._fine)
+        fine = self._minimize(objective, start if coarse is None else coarse.state, total - n_coarse)
+        if coarse is None:
+            return fine
+        return replace(fine, iterations=fine.iterations + coarse.iterations, evaluations=fine.evaluations + coarse.evaluations)
+
+    def judge(self, result: OptimizerResult, image_set: ImageSet) -> Verdict:
+        """By how far outline and silhouette agree."""
+        status = self._config.status
+        self._objective.count_agreement(result.state, status.agreement_px, status.agreement_m)
+        found, reason, agreement = judge(self._slots, self._observations, image_set, status)
+        return Verdict(found, reason, noise=agreement < NOTHING)
+
+    def linearize(self, state: State) -> NormalEquations:
+        """Of the contour residuals."""
+        return self._objective.linearize(state)
+
+    def report(self, result: OptimizerResult, image_set: ImageSet) -> Report:
+        """Distances of contour samples."""
+        reports, residual = reports_of(self._rig, self._slots, self._observations, image_set)
+        covariance = covariance_of(result.equations, self._slots, self._observations, self._config.status)
+        return Report(reports, residual, covariance)
+
+    def learn(self, images: Images, state: State) -> None:
+        """Appearances change slowly: in each image set some of the cameras learn."""
+        every = self._config.evidence.learn_every
+        turn = [image if (i + self._count) % every == 0 else None for i, image in enumerate(images)]
+        self._count += 1
+        if any(self._observers[i].learns for i, image in enumerate(turn) if image is not None):
+            self._learn(turn, self._look(state, turn))
+
+    def _look(self, state: State, images: Images) -> list[_Sight | None]:
+        """Where the body is in the cameras that have an image, if it is in ``state``."""
+        configuration = Configuration(self._model, state)
+
+        def look(i: int) -> _Sight | None:
+            found = render_labels(configuration, self._rig.cameras[i], self._config.evidence.margin_px)
+            return None if found is None or min(found[1].shape) < _LEAST_REGION_PX else _Sight(*found)
+
+        seen = [i for i, image in enumerate(images) if image is not None]
+        result: list[_Sight | None] = [None] * len(self._rig)
+        for i, sight in zip(seen, self._parallel(look, seen), strict=True):
+            result[i] = sight
+        return result
+
+    def _seen(self, images, sights) -> list[int]:
+        return [i for i, (image, sight) in enumerate(zip(images, sights, strict=True)) if image is not None and sight is not None]
+
+    def _learn_anew(self, images, sights, margin_px: int) -> None:
+        seen = self._seen(images, sights)
+        self._parallel(lambda i: self._observers[i].begin(images[i], sights[i].region, sights[i].labels, margin_px), seen)
+
+    def _learn(self, images, sights) -> None:
+        seen = self._seen(images, sights)
+        self._parallel(lambda i: self._observers[i].learn(images[i], sights[i].region, sights[i].labels), seen)
+
+    def _observe(self, images, sights) -> None:
+        seen = self._seen(images, sights)
+        found = self._parallel(lambda i: self._observers[i].observe(images[i], sights[i].region, sights[i].labels), seen)
+        self._observations = [None] * len(self._rig)
+        for i, observation in zip(seen, found, strict=True):
+            self._observations[i] = observation
+
+    def _objective_around(self, expected: State) -> ContourObjective:
+        maps = [
+            None if o is None or o.empty else EvidenceMaps(o.region[:2], o.silhouette_distance, o.edge_distance, o.boundary)
+            for o in self._observations
+        ]
+        motion, axes = self._config.motion, self._model.chain.axes
+        stay = np.full(self._model.n_dof, motion.stay_angle)
+        stay[:3] = motion.stay_position
+        neutral = np.zeros(self._model.n_dof)
+        neutral[N_ROOT_DOF:] = [motion.neutral_angle * axis.stiffness for axis in axes]
+        priors = [Prior(expected, stay), Prior(State.neutral(self._model, expected.T_world_root), neutral)]
+        return ContourObjective(self._model, self._arrays, self._slots, maps, self._options, priors, self._parallel)
+
+    def _minimize(self, objective: ContourObjective, start: State, iterations: int) -> OptimizerResult:
+        options = LevenbergMarquardtOptions(max_iterations=iterations, tolerance=self._config.optimizer.tolerance)
+        return minimize(objective, start, self._model.chain, options)

@@ -1,0 +1,80 @@
+"""What finds the body in the images of one set: the interface behind which contours and colors are exchangeable.
+
+The `Tracker` knows time: it predicts, asks its engine, and believes the answer or not. An engine knows images: for each set the
+tracker calls `observe`, `fit`, then `judge`, `report` and `learn`, in this order; `begin` comes before them on the first set.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ..model.configuration import State
+from ..objective.normal_equations import NormalEquations
+from ..observation.image_set import ImageSet
+from ..optimize.result import OptimizerResult
+from .estimate import CameraReport, Status
+
+Images = Sequence[np.ndarray | None]
+"""BGR pixels (h, w, 3) uint8 per camera of the rig, None where the set has none."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How far a fit can be trusted.
+
+    ``reason`` is empty when the status is TRACKING. ``noise``: what was fitted is not the body at all, and the predicted state is
+    the better answer.
+    """
+
+    status: Status
+    reason: str
+    noise: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """What the last fit says of itself: each camera's part, rms residual over all, covariance (n_dof, n_dof) in the tangent."""
+
+    cameras: tuple[CameraReport, ...]
+    residual_px: float
+    covariance: np.ndarray
+
+
+class Engine(Protocol):
+    """Finds a body near a state in the images of one set; deterministic in what it has been given since `reset`."""
+
+    def reset(self) -> None:
+        """Forget everything learnt."""
+        ...
+
+    def begin(self, images: Images, start: State) -> State:
+        """Learn what is needed from the first image set, in which the body is near ``start``; returns a better start."""
+        ...
+
+    def observe(self, images: Images, expected: State | None) -> None:
+        """Look at the images where the body is expected; None: nobody knows where it is, and nothing is looked at."""
+        ...
+
+    def fit(self, start: State, first: bool) -> OptimizerResult:
+        """The state that suits the observed images best, searched from ``start``; longer on the ``first`` set."""
+        ...
+
+    def judge(self, result: OptimizerResult, image_set: ImageSet) -> Verdict:
+        """Whether that is the body."""
+        ...
+
+    def linearize(self, state: State) -> NormalEquations:
+        """Normal equations of the observed images at another state; `report` then is about that one."""
+        ...
+
+    def report(self, result: OptimizerResult, image_set: ImageSet) -> Report:
+        """Residuals and covariance of ``result``."""
+        ...
+
+    def learn(self, images: Images, state: State) -> None:
+        """Take in what the body, believed to be in ``state``, and its surroundings look like now."""
+        ...
