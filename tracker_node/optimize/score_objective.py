@@ -1,0 +1,100 @@
+"""What optimizers by scores alone need to know of an objective, and what they return."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from ..model import pose_variables
+from ..model.configuration import State
+from ..model.kinematic_chain import KinematicChain
+
+
+class ScoreObjective(Protocol):
+    """A score of states; lower is better, infinity is a state that cannot be scored."""
+
+    def score(self, state: State) -> float: ...
+
+    def scores(self, states: Sequence[State]) -> np.ndarray:
+        """(n,) of `score`, at once."""
+        ...
+
+    def at_column_step(self, column_step: int) -> ScoreObjective:
+        """The same images and options, but every n-th image column only."""
+        ...
+
+
+class Evaluation(NamedTuple):
+    """One scored state: which stage of the schedule asked, for which variable (None: all at once), and the answer."""
+
+    stage: int
+    variable: int | None
+    variables: np.ndarray
+    score: float
+
+
+@dataclass(frozen=True, eq=False)
+class SearchResult:
+    """The best state of all that the last stage scored.
+
+    Attributes
+    ----------
+    variables : (n,) of ``model/pose_variables``; ``state`` is the same.
+    score : infinite where not even the start could be scored.
+    evaluations : scores asked for.
+    evaluations_per_variable : (n,) those along each variable; what served all at once is shared out evenly over the active ones.
+    converged : the rule that ends the search was met; a fact of the run, not an error.
+    trace : every evaluation in order, where asked for.
+    """
+
+    state: State
+    variables: np.ndarray
+    score: float
+    evaluations: int
+    evaluations_per_variable: np.ndarray
+    converged: bool
+    trace: tuple[Evaluation, ...] = ()
+
+
+class VariableSpace:
+    """Pose variables within the joints' limits, scored and counted."""
+
+    def __init__(self, objective: ScoreObjective, start: State, chain: KinematicChain, keep_trace: bool = False):
+        free = np.full(pose_variables.N_ROOT, np.inf)
+        self.lower, self.upper = np.concatenate([-free, chain.lower]), np.concatenate([free, chain.upper])
+        self.start = np.clip(pose_variables.to_variables(start), self.lower, self.upper)
+        self.size = len(self.start)
+        self.evaluations = 0
+        self.per_variable = np.zeros(self.size)
+        self.trace: list[Evaluation] | None = [] if keep_trace else None
+        self._whole = self._objective = objective
+        self._stage = 0
+
+    def begin_stage(self, stage: int, column_step: int) -> None:
+        """What is scored from now on; a ``column_step`` of 1 leaves the objective as it was given."""
+        self._stage = stage
+        self._objective = self._whole if column_step == 1 else self._whole.at_column_step(column_step)
+
+    def scores(self, points: Sequence[np.ndarray], variable: int | None = None, active: Sequence[int] = ()) -> np.ndarray:
+        """Scores (k,) of the points, counted for ``variable``, or shared out over the ``active`` ones."""
+        states = [pose_variables.from_variables(x) for x in points]
+        values = np.array([self._objective.score(states[0])]) if len(states) == 1 else self._objective.scores(states)
+        self.evaluations += len(states)
+        if variable is not None:
+            self.per_variable[variable] += len(states)
+        elif len(active):
+            self.per_variable[list(active)] += len(states) / len(active)
+        if self.trace is not None:
+            self.trace += [Evaluation(self._stage, variable, x.copy(), float(f)) for x, f in zip(points, values, strict=True)]
+        return values
+
+    def result(self, x: np.ndarray, score: float, converged: bool) -> SearchResult:
+        """The answer at ``x``."""
+        return SearchResult(
+            pose_variables.from_variables(x), x, score, self.evaluations, self.per_variable,
+            converged and math.isfinite(score), tuple(self.trace or ()),
+        )  # fmt: skip
