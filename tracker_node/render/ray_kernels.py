@@ -132,28 +132,6 @@ def draw_shape(kind, bounds, c, label, xs, ys, box, row_offset, column_offset, b
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def draw_triangle(c, label, xs, ys, box, row_offset, column_offset, buffer):
-    """Draw one triangle: ``c`` holds `ORIGIN`, then three edge lines and the inverse depth's line, from `QUADRATIC` on."""
-    x0, y0 = c[0], c[1]
-    e0, e1, e2, f0, f1, f2, g0, g1, g2 = c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9], c[10]
-    w0, w1, w2 = c[11], c[12], c[13]
-    tag, upper_bits = np.int32(label), np.int32(~LABEL_BITS)
-    for v in range(box[1], box[3]):
-        for u in range(box[0] // LANES * LANES, box[2], LANES):
-            x_row, y_row = xs[v, u : u + LANES], ys[v, u : u + LANES]
-            at = u - column_offset
-            out = buffer[v - row_offset, at : at + LANES]
-            for i in range(LANES):
-                x, y = x_row[i] - x0, y_row[i] - y0
-                e, f, g = e0 + e1 * x + e2 * y, f0 + f1 * x + f2 * y, g0 + g1 * x + g2 * y
-                w = w0 + w1 * x + w2 * y
-                packed = (np.float32(w).view(np.int32) & upper_bits) | tag
-                hit = (e >= _ZERO) & (f >= _ZERO) & (g >= _ZERO) & (w > _ZERO)
-                packed = packed if hit else np.int32(0)
-                out[i] = packed if packed > out[i] else out[i]
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
 def unpack_labels(buffer, columns, labels):
     """Labels (h, w) uint8 of ``buffer`` from column ``columns`` on."""
     for v in range(labels.shape[0]):

@@ -5,7 +5,7 @@ Distortion is honored exactly: a pixel's ray comes from a table that is made onc
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numba as nb
@@ -13,9 +13,12 @@ import numpy as np
 
 from ..camera.camera_model import NEAR, CameraModel
 from ..camera.camera_rig import Camera
+from ..camera.light import Light, pack_lights
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration
 from ..model.primitives import Box, Mesh
+from .lighting import lights_in_camera
+from .mesh_kernels import N_TRIANGLE_COLUMNS, draw_mesh, mesh_box
 from .ray_coefficients import (
     BOX,
     INVISIBLE,
@@ -25,10 +28,12 @@ from .ray_coefficients import (
     pixel_box,
     shape_coefficients,
 )
-from .ray_kernels import LABEL_BITS, LANES, draw_shape, draw_triangle, unpack_depth, unpack_labels, unpack_mask
-from .ray_table import MadeOnce, ray_table
-from .renderer import Region, RenderedView
+from .ray_kernels import LABEL_BITS, LANES, draw_shape, unpack_depth, unpack_labels, unpack_mask
+from .ray_table import MadeOnce, RayTable, ray_table
+from .renderer import ColoredView, Region, RenderedView
+from .shading import N_FRAME_COLUMNS, PosedSurfaces, fill_frames, shade
 from .shape_arrays import OTHER, ShapeArrays
+from .surface_arrays import surface_arrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +41,7 @@ class _Drawables:
     kinds: np.ndarray  # as ShapeArrays, with BOX for boxes
     dims: np.ndarray
     meshes: dict[int, Mesh]  # by index of the shape
+    n_triangles: int
 
 
 def _make_drawables(model: ArticulatedModel) -> _Drawables:
@@ -48,7 +54,7 @@ def _make_drawables(model: ArticulatedModel) -> _Drawables:
             kinds[i], dims[i, :3] = BOX, shape.primitive.size
         elif isinstance(shape.primitive, Mesh):
             meshes[i] = shape.primitive
-    return _Drawables(kinds, dims, meshes)
+    return _Drawables(kinds, dims, meshes, sum(len(mesh.faces) for mesh in meshes.values()))
 
 
 _drawables: Callable[[ArticulatedModel], _Drawables] = MadeOnce(_make_drawables)
@@ -89,59 +95,6 @@ def _draw_shapes(kinds, bounds, coefficients, xs, ys, boxes, row_offset, column_
             draw_shape(kinds[s], bounds[s], coefficients[s], s + 1, xs, ys, boxes[s], row_offset, column_offset, buffer)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _mesh_box(points, params, limits, region, out):
-    """Pixel box ``out`` (4,) within ``region`` of points (n, 3) in the camera frame; the region if some are not in front."""
-    box = np.array([1e30, 1e30, -1e30, -1e30])
-    nearest, farthest = 1e30, -1e30
-    for i in range(points.shape[0]):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        nearest, farthest = min(nearest, z), max(farthest, z)
-        if z >= NEAR:
-            box[0], box[1], box[2], box[3] = min(box[0], x / z), min(box[1], y / z), max(box[2], x / z), max(box[3], y / z)
-    if farthest < NEAR:
-        return
-    if nearest >= NEAR:
-        pixel_box(params, box, limits, region, out)
-    else:
-        out[2], out[3] = region[2], region[3]
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _draw_mesh(points, faces, params, limits, region, label, xs, ys, row_offset, column_offset, buffer):
-    """Triangles of ``points`` (n, 3) in the camera frame, also those that reach behind the camera."""
-    c, box, pixels = np.empty(14, dtype=np.float32), np.empty(4), np.empty(4, dtype=np.int64)
-    n = np.empty((3, 3))
-    for t in range(faces.shape[0]):
-        x0, y0, in_front = 0.0, 0.0, True
-        box[0], box[1], box[2], box[3] = 1e30, 1e30, -1e30, -1e30
-        for i in range(3):
-            p = points[faces[t, i]]
-            in_front = in_front and p[2] >= NEAR
-            if in_front:
-                x0, y0 = p[0] / p[2], p[1] / p[2]
-                box[0], box[1], box[2], box[3] = min(box[0], x0), min(box[1], y0), max(box[2], x0), max(box[3], y0)
-            a, b = points[faces[t, (i + 1) % 3]], points[faces[t, (i + 2) % 3]]
-            n[i, 0], n[i, 1], n[i, 2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-        first = points[faces[t, 0]]
-        volume = first[0] * n[0, 0] + first[1] * n[0, 1] + first[2] * n[0, 2]
-        if volume == 0.0:
-            continue
-        if not in_front:
-            x0, y0 = 0.0, 0.0
-            pixels[0], pixels[1], pixels[2], pixels[3] = region[0], region[1], region[2], region[3]
-        else:
-            pixel_box(params, box, limits, region, pixels)
-        c[0], c[1] = x0, y0
-        c[11], c[12], c[13] = 0.0, 0.0, 0.0
-        for i in range(3):
-            lx, ly, lz = n[i, 0] / volume, n[i, 1] / volume, n[i, 2] / volume
-            c[2 + 3 * i], c[3 + 3 * i], c[4 + 3 * i] = lz + x0 * lx + y0 * ly, lx, ly
-        for j in range(3):
-            c[11 + j] = c[2 + j] + c[5 + j] + c[8 + j]
-        draw_triangle(c, label, xs, ys, pixels, row_offset, column_offset, buffer)
-
-
 def checked_region(region: Region | None, model: CameraModel) -> Region:
     """``region``, or the whole image.
 
@@ -157,8 +110,30 @@ def checked_region(region: Region | None, model: CameraModel) -> Region:
     return u0, v0, u1, v1
 
 
-def _cast(configuration: Configuration, camera: Camera, region: Region) -> tuple[np.ndarray, Region, int]:
-    """Packed pixels of the part of ``region`` that the body may cover, that part, and where its first column lies."""
+@dataclass(frozen=True, eq=False)
+class Cast:
+    """What is in front at every pixel of the part of an image that a body may cover, and the body as the camera sees it.
+
+    Attributes
+    ----------
+    buffer : (h, w) int32, inverse depth and label of `ray_kernels`; 0 where nothing is.
+    numbers : (h, w) int32, where a mesh is in front: the number of its triangle; (0, 0) when the body has no meshes.
+    region : (u0, v0, u1, v1), the part of the image; the pixel (u0, v0) is ``buffer[0, column]``.
+    column : see there; the columns before it, and those behind ``u1``, only fill up to whole groups of sixteen.
+    table : the camera's rays.
+    posed : for `shading.surface_at`; without its frames unless asked for.
+    """
+
+    buffer: np.ndarray
+    numbers: np.ndarray
+    region: Region
+    column: int
+    table: RayTable
+    posed: PosedSurfaces
+
+
+def cast(configuration: Configuration, camera: Camera, region: Region, frames: bool = True) -> Cast:
+    """Cast the rays of ``region`` against a body; ``frames`` fills what `shading.surface_at` needs."""
     table, drawables = ray_table(camera.model), _drawables(configuration.model)
     n = len(drawables.kinds)
     T_cam_world, Ts_world_shape = camera.T_cam_world, configuration.Ts_world_shape
@@ -172,7 +147,7 @@ def _cast(configuration: Configuration, camera: Camera, region: Region) -> tuple
     for i, mesh in drawables.meshes.items():
         T = T_cam_world @ Ts_world_shape[i]
         posed[i] = mesh.vertices @ T[:3, :3].T + T[:3, 3]
-        _mesh_box(posed[i], params, limits, region, boxes[i])
+        mesh_box(posed[i], params, limits, region, boxes[i])
     seen = boxes[(boxes[:, 2] > boxes[:, 0]) & (boxes[:, 3] > boxes[:, 1])]
     if len(seen):
         (u0, v0), (u1, v1) = seen[:, :2].min(axis=0).tolist(), seen[:, 2:].max(axis=0).tolist()
@@ -181,10 +156,25 @@ def _cast(configuration: Configuration, camera: Camera, region: Region) -> tuple
     start = u0 // LANES * LANES
     buffer = np.zeros((v1 - v0, -(-(u1 - start) // LANES) * LANES), dtype=np.int32)
     _draw_shapes(drawables.kinds, bounds, coefficients, table.xs, table.ys, boxes, v0, start, buffer)
+    numbers = np.zeros(buffer.shape if posed else (0, 0), dtype=np.int32)
+    triangles = np.empty((drawables.n_triangles, N_TRIANGLE_COLUMNS), dtype=np.float32)
+    first = 0
     for i, points in posed.items():
         faces, box = drawables.meshes[i].faces, tuple(boxes[i].tolist())
-        _draw_mesh(points, faces, params, limits, box, i + 1, table.xs, table.ys, v0, start, buffer)
-    return buffer, (u0, v0, u1, v1), u0 - start
+        rows = triangles[first : first + len(faces)]
+        draw_mesh(points, faces, params, limits, box, i + 1, first, table.xs, table.ys, v0, start, rows, buffer, numbers)
+        first += len(faces)
+    shape_frames = np.empty((n if frames else 0, N_FRAME_COLUMNS), dtype=np.float32)
+    if frames:
+        fill_frames(drawables.kinds, drawables.dims, T_cam_world, Ts_world_shape, shape_frames)
+    pixel = (1.0 / params[:2]).astype(np.float32)
+    surfaces = PosedSurfaces(drawables.kinds, bounds, coefficients, shape_frames, triangles, pixel)
+    return Cast(buffer, numbers, (u0, v0, u1, v1), u0 - start, table, surfaces)
+
+
+def _part(inner: Region, outer: Region) -> tuple[slice, slice]:
+    """Rows and columns of ``inner`` in an array of ``outer``."""
+    return slice(inner[1] - outer[1], inner[3] - outer[1]), slice(inner[0] - outer[0], inner[2] - outer[0])
 
 
 def render_view(configuration: Configuration, camera: Camera, region: Region | None = None) -> RenderedView:
@@ -197,22 +187,61 @@ def render_view(configuration: Configuration, camera: Camera, region: Region | N
     region : (u0, v0, u1, v1) of the image to render; the whole image without it.
     """
     region = checked_region(region, camera.model)
-    buffer, (u0, v0, u1, v1), column = _cast(configuration, camera, region)
+    found = cast(configuration, camera, region, frames=False)
     height, width = region[3] - region[1], region[2] - region[0]
     labels, depth = np.zeros((height, width), dtype=np.uint8), np.full((height, width), np.inf, dtype=np.float32)
-    inside = slice(v0 - region[1], v1 - region[1]), slice(u0 - region[0], u1 - region[0])
-    unpack_labels(buffer, column, labels[inside])
-    unpack_depth(buffer, column, depth[inside])
+    inside = _part(found.region, region)
+    unpack_labels(found.buffer, found.column, labels[inside])
+    unpack_depth(found.buffer, found.column, depth[inside])
     return RenderedView(labels, depth, region)
 
 
 def render_mask(configuration: Configuration, camera: Camera, region: Region | None = None) -> np.ndarray:
     """Mask (h, w) uint8 of a body as ``camera`` sees it, 255 where it is: `render_view` without the rest."""
     region = checked_region(region, camera.model)
-    buffer, (u0, v0, u1, v1), column = _cast(configuration, camera, region)
+    found = cast(configuration, camera, region, frames=False)
     mask = np.zeros((region[3] - region[1], region[2] - region[0]), dtype=np.uint8)
-    unpack_mask(buffer, column, mask[v0 - region[1] : v1 - region[1], u0 - region[0] : u1 - region[0]])
+    unpack_mask(found.buffer, found.column, mask[_part(found.region, region)])
     return mask
+
+
+def render_color(
+    configuration: Configuration, camera: Camera, lights: Sequence[Light] = (), region: Region | None = None
+) -> ColoredView:
+    """Labels, depth and colors of a body under ``lights`` (`camera.light`), as ``camera`` shows it.
+
+    Colors are those at the middle of each pixel; a picture whose texels are smaller than pixels is averaged over about as many
+    as a pixel covers along its longer side.
+
+    Parameters
+    ----------
+    region : (u0, v0, u1, v1) of the image to render; the whole image without it.
+    """
+    region = checked_region(region, camera.model)
+    found = cast(configuration, camera, region)
+    height, width = region[3] - region[1], region[2] - region[0]
+    labels, depth = np.zeros((height, width), dtype=np.uint8), np.full((height, width), np.inf, dtype=np.float32)
+    rgb = np.zeros((height, width, 3), dtype=np.float32)
+    inside = _part(found.region, region)
+    unpack_labels(found.buffer, found.column, labels[inside])
+    shade(
+        found.buffer, found.numbers, found.column, found.table.xs, found.table.ys, found.region[0], found.region[1],
+        found.posed, surface_arrays(configuration.model), lights_in_camera(pack_lights(lights), camera.T_cam_world),
+        np.array(camera.gain, dtype=np.float32), np.float32(1.0 / camera.gamma), rgb[inside], depth[inside],
+    )  # fmt: skip
+    return ColoredView(labels, depth, region, rgb)
+
+
+class RaycastRenderer:
+    """The functions of this module as a `Renderer`."""
+
+    def render_view(self, configuration: Configuration, camera: Camera, region: Region | None = None) -> RenderedView:
+        return render_view(configuration, camera, region)
+
+    def render_color(
+        self, configuration: Configuration, camera: Camera, lights: Sequence[Light] = (), region: Region | None = None
+    ) -> ColoredView:
+        return render_color(configuration, camera, lights, region)
 
 
 def render_labels(configuration: Configuration, camera: Camera, margin_px: int = 0) -> tuple[Region, np.ndarray] | None:
@@ -226,10 +255,11 @@ def render_labels(configuration: Configuration, camera: Camera, margin_px: int =
     None when no part of the body is in the image.
     """
     model = camera.model
-    buffer, (u0, v0, u1, v1), column = _cast(configuration, camera, (0, 0, model.width, model.height))
+    found = cast(configuration, camera, (0, 0, model.width, model.height), frames=False)
+    u0, v0, u1, v1 = found.region
     if u0 == u1 or v0 == v1:
         return None
     region = max(0, u0 - margin_px), max(0, v0 - margin_px), min(model.width, u1 + margin_px), min(model.height, v1 + margin_px)
     labels = np.zeros((region[3] - region[1], region[2] - region[0]), dtype=np.uint8)
-    unpack_labels(buffer, column, labels[v0 - region[1] : v1 - region[1], u0 - region[0] : u1 - region[0]])
+    unpack_labels(found.buffer, found.column, labels[_part(found.region, region)])
     return region, labels
