@@ -127,7 +127,7 @@ def test_points_that_do_not_suffice_are_refused(points, problem):
 
 def test_a_mirrored_image_is_refused():
     pixels = camera().project(POINTS)[0] * [1.0, -1.0] + [0.0, 480.0]
-    with pytest.raises(CalibrationError, match="camera 'left': .*mirrored"):
+    with pytest.raises(CalibrationError, match=r"camera 'left': .*mirrored"):
         dlt.calibrate("left", POINTS, pixels, (640, 480))
 
 
