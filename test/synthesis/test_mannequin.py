@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tracker_node.geometry import so3
+from tracker_node.model.human import human_model
 from tracker_node.synthesis.clips import load_motion
 from tracker_node.synthesis.mannequin import LANDMARKS, MannequinSubject
 
@@ -76,3 +77,26 @@ def test_it_is_dressed(subject):
     colors, counts = np.unique(subject.colors_rgb, axis=0, return_counts=True)
     assert len(colors) >= 6 and counts.min() > 100
     assert subject.colors_rgb.shape == (24256, 3)
+
+
+LIMBS = {"thigh": ("hip", "knee", 2), "shank": ("knee", "ankle", 2), "upper_arm": ("shoulder", "elbow", 1),
+         "forearm": ("elbow", "wrist", 1)}  # fmt: skip
+
+
+def test_a_suit_has_the_colors_of_the_parts_where_the_parts_are():
+    colors = {shape.name: shape.color_rgb for shape in human_model().shapes}
+    suit = MannequinSubject(1.80, colors)
+    body = suit.t_pose()
+
+    def of(part: str) -> np.ndarray:
+        return body.vertices[(suit.colors_rgb == colors[part]).all(axis=1)]
+
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        for part, (start, end, axis) in LIMBS.items():
+            low, high = sorted((at(body, f"{side}_{start}")[axis], at(body, f"{side}_{end}")[axis]))
+            points = of(f"{side}_{part}")
+            assert len(points) > 50
+            assert ((points[:, axis] > low - 0.08) & (points[:, axis] < high + 0.08)).mean() > 0.95, part
+            assert (sign * points[:, 1] > 0.0).mean() > 0.97
+    heights = [of(part)[:, 2].mean() for part in ("pelvis", "abdomen", "torso", "neck")]
+    assert heights == sorted(heights)

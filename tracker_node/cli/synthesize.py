@@ -18,6 +18,7 @@ EXAMPLE = (
     " --initial-state out/synthetic/swing/state.yaml --output out/swing"
 )
 SUBJECTS = ("mannequin", "model")
+COLORS = ("clothes", "parts")
 WAVES = "waves"
 DEFAULT_IMAGES = 60  # of motions that have no end
 
@@ -33,6 +34,7 @@ class Request:
     stature: float = 1.75
     motions: str | None = None
     model: str | None = None
+    colors: str = "clothes"
     scene: SceneConfig = field(default_factory=SceneConfig)
 
 
@@ -56,6 +58,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="captured clips, humanoid3d_<name>.txt (default: bullet_motions in the folder that TRACKER_SHARED_DATA names)",
     )
     parser.add_argument("--model", metavar="FILE", help="the tracker's model (default: the human that is shipped)")
+    parser.add_argument(
+        "--colors",
+        choices=COLORS,
+        default=COLORS[0],
+        help="of the mannequin: clothes and skin, or a suit in the colors of the model's parts (default: %(default)s)",
+    )
     parser.add_argument("--images", type=int, metavar="N", help="images per camera (default: the whole clip)")
     parser.add_argument("--rate", type=float, default=30.0, metavar="HZ", help="images per second (default: %(default)s)")
     parser.add_argument("--stature", type=float, default=1.75, metavar="M", help="of the mannequin (default: %(default)s)")
@@ -90,6 +98,7 @@ def run(args: argparse.Namespace) -> int:
         stature=args.stature,
         motions=args.motions,
         model=args.model,
+        colors=args.colors,
         scene=_scene(args),
     )
     made = produce(request, args.output, force=args.force, progress=show_progress)
@@ -164,6 +173,7 @@ def _mannequin(request: Request):
     from ..synthesis.sequences import mannequin_sequence
 
     motion = load_motion(request.motion, request.rate_hz, request.n_images, request.motions)
+    colors = {shape.name: shape.color_rgb for shape in _load_model(request.model).shapes} if request.colors == "parts" else None
 
     def body(folder: Path):
         exact = ScalingOptions(joint_sigma_m=0.0, symmetric=False)  # the trial's joints are the subject's own
@@ -172,7 +182,7 @@ def _mannequin(request: Request):
         targets = dict(zip(truth.names, truth.positions_m[0], strict=True))
         return model, fit_state_to_landmarks(model, targets).state
 
-    return mannequin_sequence(motion, request.stature), body
+    return mannequin_sequence(motion, request.stature, colors), body
 
 
 def _own_model(request: Request):

@@ -6,7 +6,7 @@ motion's skeleton does not have is shared out: the torso's turn over three verte
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,6 +43,18 @@ _SEGMENT_OF_JOINT = {
     )
 }  # fmt: skip
 
+# Joint of the skin -> part of the tracker's human model that it carries; fingers go with the hand, toes with the foot.
+_PART_OF_JOINT = {
+    "Pelvis": "pelvis", "Spine1": "abdomen", "Spine2": "torso", "Spine3": "torso", "Neck": "neck", "Head": "head",
+} | {
+    f"{letter}_{joint}": f"{side}_{part}"
+    for side, letter in (("left", "L"), ("right", "R"))
+    for joint, part in (
+        ("Collar", "clavicle"), ("Shoulder", "upper_arm"), ("Elbow", "forearm"), ("Wrist", "hand"), ("Hip", "thigh"),
+        ("Knee", "shank"), ("Ankle", "foot"), ("Foot", "foot"),
+    )
+}  # fmt: skip
+
 COLORS_RGB = {
     "skin": (205, 150, 122), "hair": (62, 44, 33), "shirt": (44, 92, 150), "shorts": (46, 48, 58), "shoes": (196, 60, 48),
     "socks": (225, 225, 220),
@@ -63,14 +75,16 @@ class MannequinSubject:
     Parameters
     ----------
     stature : metres from the soles to the top of the head in the rest pose.
+    part_colors_rgb : name of a part of the tracker's human model -> color in 0..255, of all its parts: a suit in those colors
+        instead of clothes. Each vertex has the color of the part that carries it most.
 
     Attributes
     ----------
     faces : (48396, 3) vertex indices.
-    colors_rgb : (24256, 3) uint8, clothes and skin.
+    colors_rgb : (24256, 3) uint8, clothes and skin, or the suit.
     """
 
-    def __init__(self, stature: float = 1.75):
+    def __init__(self, stature: float = 1.75, part_colors_rgb: Mapping[str, tuple[int, int, int]] | None = None):
         from mannequin import Mannequin  # not needed by anything but synthesis
 
         self._body = Mannequin("wooden")
@@ -81,7 +95,11 @@ class MannequinSubject:
         self._scale = stature / float(np.ptp(vertices[:, 1]))
         self.stature = stature
         self.faces = np.asarray(self._body.faces, dtype=np.int64)
-        self.colors_rgb = _dressed(vertices, self._rest_joints, self._joints, self._body._skin_joint_indices)
+        if part_colors_rgb is None:
+            self.colors_rgb = _dressed(vertices, self._rest_joints, self._joints, self._body._skin_joint_indices)
+        else:
+            names = [self._body.joint_names[i] for i in _strongest(self._body._skin_joint_indices, self._body._skin_weights)]
+            self.colors_rgb = np.array([part_colors_rgb[_part_of(name)] for name in names], dtype=np.uint8)
         # The head's landmark is the crown: a point of the head's skin, carried by the head joint.
         head = self._rest_joints[self._joints["Head"]]
         self._crown_in_head = np.array([0.0, vertices[:, 1].max() - head[1], 0.0])
@@ -171,6 +189,16 @@ class MannequinSubject:
             parent = names[parents[self._joints[joint]]]
             parameters["body_pose"][row] = Rotation.from_matrix(world[parent].T @ world[joint]).as_rotvec()
         return parameters
+
+
+def _strongest(joint_indices: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(n,) index of the joint with the largest weight of every vertex."""
+    return joint_indices[np.arange(len(weights)), weights.argmax(axis=1)]
+
+
+def _part_of(joint: str) -> str:
+    hand = "left_hand" if joint.startswith("L_") else "right_hand"
+    return _PART_OF_JOINT.get(joint, hand)
 
 
 def _dressed(vertices, joints, index, skin_joints) -> np.ndarray:

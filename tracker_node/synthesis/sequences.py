@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
@@ -16,9 +16,12 @@ from .motions import Motion
 from .rasterizer import ColoredMesh
 
 
-def mannequin_sequence(motion: Motion, stature: float = 1.75) -> Sequence:
-    """The dressed mannequin in ``motion``; truth is its own joints."""
-    subject = MannequinSubject(stature)
+def mannequin_sequence(
+    motion: Motion, stature: float = 1.75, part_colors_rgb: Mapping[str, tuple[int, int, int]] | None = None
+) -> Sequence:
+    """The mannequin in ``motion``, dressed or in the colors of its parts; truth is its own joints."""
+    subject = MannequinSubject(stature, part_colors_rgb)
+    colors = {} if part_colors_rgb is None else {"colors": digest(subject.colors_rgb)}
 
     def instants() -> Iterator[Instant]:
         for body in subject.follow(motion):
@@ -27,7 +30,7 @@ def mannequin_sequence(motion: Motion, stature: float = 1.75) -> Sequence:
     return Sequence(
         name=f"mannequin_{motion.name}", landmark_names=LANDMARKS, instants=instants(), n_images=len(motion),
         rate_hz=motion.rate_hz, static_landmarks=subject.t_pose().landmarks,
-        parameters={"stature": stature, "motion": digest(motion.root_positions, motion.rotations)},
+        parameters={"stature": stature, "motion": digest(motion.root_positions, motion.rotations), **colors},
     )  # fmt: skip
 
 
