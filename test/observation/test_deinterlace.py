@@ -77,7 +77,7 @@ def test_each_field_shows_its_own_instant():
 @pytest.mark.parametrize("line", [0, 1])
 def test_the_lens_of_a_field_sees_points_in_the_fields_own_lines(line):
     camera = circle_rig().cameras[0]
-    points = RNG.uniform(-0.5, 0.5, (30, 3)) + [0.0, 0.0, 1.0]
+    points = RNG.uniform([-0.5, -0.5, 0.5], [0.5, 0.5, 1.5], (30, 3))
     full, _ = camera.project(points)
     field, _ = di.field_camera(camera, line).project(points)
     np.testing.assert_allclose(field[:, 0], full[:, 0])

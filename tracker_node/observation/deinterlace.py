@@ -1,8 +1,8 @@
 """Interlaced video: two instants in one image, on the even and on the odd lines.
 
-Interlaced video of 25 images a second holds 50 *fields*. Each becomes an image of its own, either at full height, its missing lines
-interpolated (Trewartha et al.), or at half height, seen by a lens whose pixels are twice as high (`field_camera`): then
-nothing is invented.
+Interlaced video of 25 images a second holds 50 *fields*. Each becomes an image of its own, either at full height, its
+missing lines interpolated (Trewartha et al.), or at half height, seen by a lens whose pixels are twice as high
+(`field_camera`): then nothing is invented.
 
 *Comb.* Where something moves, the lines of the two fields disagree, and neighbouring lines differ more than lines two apart,
 which are of one instant. In an image of one instant it is the other way round. `comb_ratio` is that comparison.
@@ -20,8 +20,8 @@ from ..camera.camera_rig import Camera
 from ..errors import SourceError
 
 FIELD_ORDERS = ("top_first", "bottom_first")  # the field that was exposed first: lines 0, 2, 4... or lines 1, 3, 5...
-# White noise, and a line one pixel high, give a ratio of one; all else in a progressive image gives less. Measured: 0.3 to 0.95 in
-# progressive and 1.2 to 8 in interlaced images, the extremes of both with clutter full of lines one pixel high.
+# White noise, and a line one pixel high, give a ratio of one; all else in a progressive image gives less. Measured with
+# clutter full of lines one pixel high, the worst case: 0.7 to 0.95 in progressive and 1.9 to 3.3 in interlaced images.
 COMB_THRESHOLD = 1.0
 _MOVED = 24  # grey levels of change from image to image that count as motion, well above noise
 _MIN_MOVED_PIXELS = 400
@@ -49,8 +49,11 @@ def weave_fields(earlier: np.ndarray, later: np.ndarray, order: str = "top_first
 
 
 def interpolate_lines(field: np.ndarray, line: int) -> np.ndarray:
-    """A field (h, w, ...) uint8 at full height (2 h, w, ...): its lines stay where the camera had them (from ``line``, 0 or 1), each
-    missing one is the mean of those above and below, and repeats its neighbour at the image's edge."""
+    """A field (h, w, ...) uint8 at full height (2 h, w, ...).
+
+    Its lines stay where the camera had them (from ``line``, 0 or 1); each missing one is the mean of those above and below, and
+    repeats its neighbour at the image's edge.
+    """
     image = np.empty((2 * field.shape[0], *field.shape[1:]), dtype=np.uint8)
     image[line::2] = field
     wide = field.astype(np.uint16)

@@ -1,7 +1,7 @@
 """What an analog video camera and its tape do to an image, as on Hi-8.
 
-Order as in the recording chain: the tube's answer to light (gamma) is the renderer's business; here follow the limited bandwidth of
-luma, the much more limited one of chroma, noise of both, and two instants woven into one image.
+How a camera answers to light (gain, gamma) is the renderer's business, and two instants in one image that of
+`observation.deinterlace`. Between them: the limited bandwidth of luma, the much more limited one of chroma, noise of both.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ import numpy as np
 class TapeFaults:
     """Lengths are standard deviations of Gaussian low-passes along the lines, in pixels; noise in grey levels.
 
-    The defaults: luma resolves about 400 lines; chroma has about a quarter of that or less, as with 4:1:1 sampling; signal to noise about 40 dB.
+    The defaults are those of good Hi-8: luma of about 400 lines, chroma of a quarter of that as with 4:1:1 sampling, a signal to
+    noise ratio of about 40 dB.
     """
 
     luma_blur_px: float = 0.8
