@@ -1,0 +1,97 @@
+"""Where to start from when the prediction is too far off to walk downhill from: many hypotheses, scored at once.
+
+Rounds of hypotheses around the best so far, each round with a narrower spread. Only the root moves: limbs are found from a body
+that is in its place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm, qmc
+
+from ..model.configuration import State
+from ..model.kinematic_chain import N_ROOT_DOF
+from .score_objective import ScoreObjective
+
+
+@dataclass(frozen=True)
+class RobustStartOptions:
+    """How to look around.
+
+    Attributes
+    ----------
+    spread_m, spread_rad : radius of the ball of root positions, and of that of rotation vectors, in the first round.
+    n : hypotheses a round.
+    rounds : each has ``shrink`` times the spread of the one before.
+    keep : so many best hypotheses are the centers of the next round.
+    column_step : score every n-th image column only.
+    seed : of the hypotheses; the same seed, the same answer.
+    """
+
+    spread_m: float = 0.25
+    spread_rad: float = 0.45
+    n: int = 256
+    rounds: int = 3
+    shrink: float = 0.5
+    keep: int = 8
+    column_step: int = 8
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """A state and its score, on the decimated columns."""
+
+    state: State
+    score: float
+
+
+def search(
+    objective: ScoreObjective, start: State, options: RobustStartOptions | None = None, centers: Sequence[State] = ()
+) -> list[Hypothesis]:
+    """The ``keep`` best of all hypotheses, best first; empty where none can be scored.
+
+    Parameters
+    ----------
+    start : hypotheses are spread around it, and it is one of them.
+    centers : further states to spread around, such as other orientations of a body that looks alike from two sides.
+    """
+    options = options or RobustStartOptions()
+    coarse = objective.at_column_step(options.column_step) if options.column_step > 1 else objective
+    best: list[Hypothesis] = []
+    around = [start, *centers]
+    scale = 1.0
+    for number in range(options.rounds):
+        tangents = _ball_points(options.n, options.seed + number) * scale
+        tangents[:, :3] *= options.spread_m
+        tangents[:, 3:] *= options.spread_rad
+        states = list(around) if number == 0 else []
+        states += [_moved(around[i % len(around)], tangent) for i, tangent in enumerate(tangents)]
+        scores = coarse.scores(states)
+        best += [Hypothesis(state, float(score)) for state, score in zip(states, scores, strict=True) if np.isfinite(score)]
+        best = sorted(best, key=lambda hypothesis: hypothesis.score)[: options.keep]
+        if not best:
+            return []
+        around = [hypothesis.state for hypothesis in best]
+        scale *= options.shrink
+    return best
+
+
+def _moved(state: State, root_tangent: np.ndarray) -> State:
+    tangent = np.zeros(N_ROOT_DOF + len(state.joint_positions))
+    tangent[:N_ROOT_DOF] = root_tangent
+    return state.retract(tangent)
+
+
+def _ball_points(n: int, seed: int) -> np.ndarray:
+    """(n, 6): two points of the unit ball each, spread evenly (scrambled Halton sequence)."""
+    uniform = qmc.Halton(8, seed=seed).random(n)
+    points = np.empty((n, 6))
+    for half in (0, 1):
+        direction = norm.ppf(np.clip(uniform[:, 4 * half : 4 * half + 3], 1e-9, 1.0 - 1e-9))
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        points[:, 3 * half : 3 * half + 3] = direction * np.cbrt(uniform[:, 4 * half + 3 : 4 * half + 4])
+    return points
