@@ -7,9 +7,10 @@ from render_scenes import look_at, scattered_scene
 from tracker_node.camera.camera_model import CameraModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.human import human_model
+from tracker_node.render.opengl_context import RendererError
 from tracker_node.render.raycaster import render_view
 from tracker_node.synthesis.cones import ModelSubject
-from tracker_node.synthesis.rasterizer import Pinhole, Rasterizer, RendererError
+from tracker_node.synthesis.rasterizer import Pinhole, Rasterizer
 
 LENS = CameraModel(640, 480, np.array([[610.0, 0.0, 322.4], [0.0, 605.0, 236.8], [0.0, 0.0, 1.0]]))
 

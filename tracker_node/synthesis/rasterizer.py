@@ -1,19 +1,17 @@
 """Images of triangle meshes through pyrender (OpenGL, software or not): another renderer than the tracker's own.
 
 Traps that this module deals with: pyrender's principal point is for pixel *corners* (ours is for centres: half a pixel is
-added), its cameras look along -z with y up, and its platform is chosen before its first import.
+added), and its cameras look along -z with y up. Those of its platforms: `render.opengl_context`.
 """
 
 from __future__ import annotations
 
-import ctypes
-import os
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
 
-from ..errors import TrackerError
+from ..render.opengl_context import OpenGLContext
 
 AMBIENT = 0.32
 # Direction of travel (world, Z up), intensity: a key light from above, and two fills.
@@ -21,12 +19,7 @@ LIGHTS = (((0.25, 0.35, -1.0), 2.3), ((0.8, -0.5, -0.35), 0.9), ((-0.7, -0.6, -0
 KEY_DIRECTION = np.array(LIGHTS[0][0]) / np.linalg.norm(LIGHTS[0][0])
 _NEAR, _FAR = 0.05, 40.0
 _OPTICAL_FROM_GL = np.diag([1.0, -1.0, -1.0, 1.0])
-_INSTALL = "install a software renderer: sudo apt-get install libegl1 libgl1-mesa-dri libgl1"
 _CROP_STEP = 32  # crops are rounded up to this, so that few framebuffer sizes occur
-
-
-class RendererError(TrackerError):
-    """No OpenGL to render with."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,38 +68,12 @@ class Pinhole:
         return uvw[:, :2] / uvw[:, 2:]
 
 
-def _platform() -> str:
-    """PyOpenGL's name of the platform to draw on without a display: what the environment says, else what is installed."""
-    if "PYOPENGL_PLATFORM" in os.environ:
-        return os.environ["PYOPENGL_PLATFORM"]
-    for name, libraries in (("egl", ("libEGL.so.1",)), ("osmesa", ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so"))):
-        for library in libraries:
-            try:
-                ctypes.CDLL(library)
-            except OSError:
-                continue
-            return name
-    return "egl"
-
-
-def _import_pyrender():
-    os.environ["PYOPENGL_PLATFORM"] = platform = _platform()
-    try:
-        import pyrender
-    except (ImportError, AttributeError, OSError) as error:
-        raise RendererError(f"pyrender cannot start with PYOPENGL_PLATFORM={platform} ({error}); {_INSTALL}") from None
-    return pyrender
-
-
 class Rasterizer:
     """One OpenGL context with fixed lights. Close it with `close` (or use it in a ``with`` statement)."""
 
     def __init__(self):
-        self._pyrender = pyrender = _import_pyrender()
-        try:
-            self._renderer = pyrender.OffscreenRenderer(64, 64)
-        except Exception as error:  # pyrender and PyOpenGL raise many kinds, and all mean the same to a user
-            raise RendererError(f"no OpenGL context ({type(error).__name__}: {error}); {_INSTALL}") from None
+        self._context = OpenGLContext()
+        self._pyrender = pyrender = self._context.pyrender
         self._scene = pyrender.Scene(bg_color=[0.0, 0.0, 0.0, 0.0], ambient_light=[AMBIENT] * 3)
         for direction, intensity in LIGHTS:
             light = pyrender.DirectionalLight(color=[1.0, 0.98, 0.95], intensity=intensity)
@@ -122,9 +89,7 @@ class Rasterizer:
 
     def close(self) -> None:
         """Free the OpenGL context."""
-        if self._renderer is not None:
-            self._renderer.delete()
-            self._renderer = None
+        self._context.close()
 
     def show(self, *meshes: ColoredMesh | TexturedMesh) -> None:
         """Make these meshes, and no others, the content of the scene."""
@@ -184,10 +149,11 @@ class Rasterizer:
         return self._draw(n_pixels, n_pixels)[0][:, :, 3].astype(np.float32) / 255.0
 
     def _draw(self, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-        if self._renderer is None:
+        if not self._context.is_open:
             raise ValueError("expected an open rasterizer, got one that is closed")
-        self._renderer.viewport_width, self._renderer.viewport_height = width, height
-        return self._renderer.render(self._scene, flags=self._pyrender.RenderFlags.RGBA)
+        renderer = self._context.offscreen
+        renderer.viewport_width, renderer.viewport_height = width, height
+        return renderer.render(self._scene, flags=self._pyrender.RenderFlags.RGBA)
 
 
 def light_coordinates(points: np.ndarray, center: np.ndarray, half_size: float, n_pixels: int) -> np.ndarray:
