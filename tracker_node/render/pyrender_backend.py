@@ -7,14 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from ..camera.camera_model import NEAR
 from ..camera.camera_rig import Camera
 from ..camera.light import Light, pack_lights
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration
+from .extent import body_extent, corners_in_camera
 from .opengl_context import OpenGLContext
-from .ray_coefficients import pixel_box
-from .ray_table import ray_table
 from .raycaster import checked_region
 from .renderer import ColoredView, Region, RenderedView
 from .tessellation import Patch, tessellate
@@ -43,7 +41,6 @@ class PyrenderRenderer:
         offscreen._renderer.delete()
         self._renderer = offscreen._renderer = opengl_lambert.LambertRenderer(64, 64)
         self._model: ArticulatedModel | None = None
-        self._corners = np.zeros((0, 8, 3))
         self._nodes: list[Any] = []
 
     def __enter__(self) -> PyrenderRenderer:
@@ -69,37 +66,13 @@ class PyrenderRenderer:
         height, width = region[3] - region[1], region[2] - region[0]
         labels, depth = np.zeros((height, width), dtype=np.uint8), np.full((height, width), np.inf, dtype=np.float32)
         rgb = np.zeros((height, width, 3), dtype=np.float32)
-        crop = self.body_region(configuration, camera, region)
-        if crop is not None:
+        extent = body_extent(configuration, camera, region)
+        if extent is not None:
+            crop = _rounded_up(extent, region)
             color, metres = self._draw(configuration, camera, lights, crop)
             rows, columns = slice(crop[1] - region[1], crop[3] - region[1]), slice(crop[0] - region[0], crop[2] - region[0])
             rgb[rows, columns], labels[rows, columns], depth[rows, columns] = color[..., :3], color[..., 3], metres
         return ColoredView(labels, depth, region, rgb)
-
-    def body_region(self, configuration: Configuration, camera: Camera, region: Region | None = None) -> Region | None:
-        """A part of ``region`` that holds all that can be seen of the body there; None when that is nothing."""
-        self._show(configuration.model)
-        region = checked_region(region, camera.model)
-        points = self._corners_in_camera(configuration, camera)
-        low, high = points[..., 2].min(axis=1), points[..., 2].max(axis=1)
-        if (high < NEAR).all():
-            return None
-        if (low[high >= NEAR] < NEAR).any():
-            return region
-        normalized = points[low >= NEAR].reshape(-1, 3)
-        normalized = normalized[:, :2] / normalized[:, 2:]
-        box, out = np.concatenate([normalized.min(axis=0), normalized.max(axis=0)]), np.empty(4, dtype=np.int64)
-        pixel_box(camera.model.params, box, ray_table(camera.model).limits, np.array(region), out)
-        u0, v0, u1, v1 = out.tolist()
-        if u0 == u1 or v0 == v1:
-            return None
-        u0, u1 = _rounded_up(u0, u1, region[0], region[2])
-        v0, v1 = _rounded_up(v0, v1, region[1], region[3])
-        return u0, v0, u1, v1
-
-    def _corners_in_camera(self, configuration: Configuration, camera: Camera) -> np.ndarray:
-        Ts = camera.T_cam_world @ configuration.Ts_world_shape
-        return self._corners @ np.swapaxes(Ts[:, :3, :3], 1, 2) + Ts[:, None, :3, 3]
 
     def _show(self, model: ArticulatedModel) -> None:
         """Make the shapes of ``model``, and no others, the content of the scene."""
@@ -110,14 +83,10 @@ class PyrenderRenderer:
         pyrender = self._context.pyrender
         self._scene = pyrender.Scene(bg_color=[0.0, 0.0, 0.0, 0.0])
         self._camera = self._scene.add(self._lambert.LensCamera(np.eye(4), 0.1, 1.0))
-        self._nodes, corners = [], []
+        self._nodes = []
         for shape in model.shapes:
             patches = tessellate(shape.primitive, shape.color_rgb)
             self._nodes.append(self._scene.add(pyrender.Mesh([self._primitive(patch) for patch in patches])))
-            points = np.concatenate([patch.vertices for patch in patches])
-            ends = np.stack([points.min(axis=0), points.max(axis=0)])
-            corners.append(np.stack(np.meshgrid(*ends.T), axis=-1).reshape(8, 3))
-        self._corners = np.array(corners).reshape(-1, 8, 3)
         self._renderer.labels = {node: i + 1 for i, node in enumerate(self._nodes)}
         self._model = model
 
@@ -139,10 +108,11 @@ class PyrenderRenderer:
         self, configuration: Configuration, camera: Camera, lights: Sequence[Light], crop: Region
     ) -> tuple[np.ndarray, np.ndarray]:
         """RGBA (h, w, 4) uint8 with labels as alpha, and depth (h, w), of ``crop``."""
+        self._show(configuration.model)
         packed = pack_lights(lights)
         if len(packed) > self._lambert.MAX_LIGHTS:
             raise ValueError(f"expected at most {self._lambert.MAX_LIGHTS} lights, got {len(packed)}")
-        z = self._corners_in_camera(configuration, camera)[..., 2]
+        z = corners_in_camera(configuration, camera)[..., 2]
         near, far = max(0.999 * float(z.min()), _NEAREST), max(1.001 * float(z.max()), 2.0 * _NEAREST)
         for node, T in zip(self._nodes, configuration.Ts_world_shape, strict=True):
             self._scene.set_pose(node, T)
@@ -168,8 +138,11 @@ def _projection(K: np.ndarray, crop: Region, near: float, far: float) -> np.ndar
     return P
 
 
-def _rounded_up(start: int, end: int, low: int, high: int) -> tuple[int, int]:
-    """A range about (start, end) within (low, high) whose length is a multiple of `_CROP_STEP` if there is room."""
-    length = min(-(-(end - start) // _CROP_STEP) * _CROP_STEP, high - low)
-    start = min(start, high - length)
-    return start, start + length
+def _rounded_up(extent: Region, region: Region) -> Region:
+    """A part of ``region`` that holds ``extent``, its sides multiples of `_CROP_STEP` where there is room."""
+    ends = []
+    for axis in range(2):
+        length = min(-(-(extent[axis + 2] - extent[axis]) // _CROP_STEP) * _CROP_STEP, region[axis + 2] - region[axis])
+        ends.append(min(extent[axis], region[axis + 2] - length))
+        ends.append(ends[-1] + length)
+    return ends[0], ends[2], ends[1], ends[3]

@@ -1,0 +1,109 @@
+"""Images of a posed body in its own colors, drawn by another renderer than the one that scores: what experiments track.
+
+Every pixel is the mean of several, so that outlines mix with the background in proportion, as on a sensor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+
+import numpy as np
+
+from ..camera.camera_rig import Camera, CameraRig
+from ..model.configuration import Configuration
+from ..render.backends import make_renderer
+from ..render.extent import body_extent
+from ..render.renderer import Region
+
+
+class TargetStudio:
+    """Takes pictures of bodies under the lights of a rig. Use it in a ``with`` statement (it may hold an OpenGL context).
+
+    Parameters
+    ----------
+    rig : cameras, with their gain, gamma and distortion, and the lights.
+    backend : of `render.backends`.
+    supersampling : a pixel is the mean of its square, samples.
+    noise_levels : standard deviation of the sensor noise at middle grey, grey levels; half of its variance is constant, half
+        grows with the signal.
+    seed : of the noise.
+
+    Raises
+    ------
+    UnknownNameError, RendererError : see `make_renderer`.
+    """
+
+    def __init__(
+        self, rig: CameraRig, backend: str = "pyrender", supersampling: int = 2, noise_levels: float = 0.0, seed: int = 0
+    ):
+        if supersampling < 1:
+            raise ValueError(f"expected a supersampling of 1 or more, got {supersampling}")
+        self.rig, self.backend, self.supersampling = rig, backend, int(supersampling)
+        self.noise_levels, self.seed = noise_levels, seed
+        self._large = [self._enlarged(camera) for camera in rig]
+        self._stack = ExitStack()
+        self._renderer = self._stack.enter_context(make_renderer(backend))
+
+    def __enter__(self) -> TargetStudio:
+        return self
+
+    def __exit__(self, *_) -> None:
+        self._stack.close()
+
+    def _enlarged(self, camera: Camera) -> Camera:
+        n, lens = self.supersampling, camera.model
+        return replace(camera, model=lens.resized(n * lens.width, n * lens.height))
+
+    def images(
+        self, configuration: Configuration, backgrounds: Sequence[np.ndarray | None] | None = None, image_number: int = 0
+    ) -> list[np.ndarray]:
+        """BGR images (h, w, 3) uint8 of the body by every camera, in the order of the rig.
+
+        Parameters
+        ----------
+        backgrounds : a BGR picture per camera, or None for black.
+        image_number : each has another noise.
+        """
+        backgrounds = [None] * len(self.rig) if backgrounds is None else backgrounds
+        if len(backgrounds) != len(self.rig):
+            raise ValueError(f"expected a background for each of {len(self.rig)} cameras, got {len(backgrounds)}")
+        return [self.image(i, configuration, background, image_number) for i, background in enumerate(backgrounds)]
+
+    def image(
+        self, index: int, configuration: Configuration, background: np.ndarray | None = None, image_number: int = 0
+    ) -> np.ndarray:
+        """BGR image (h, w, 3) uint8 by camera ``index`` of the rig."""
+        lens = self.rig.cameras[index].model
+        if background is None:
+            image = np.zeros((lens.height, lens.width, 3), dtype=np.float32)
+        elif background.shape != (lens.height, lens.width, 3):
+            name = self.rig.cameras[index].name
+            raise ValueError(
+                f"camera '{name}': expected a background ({lens.height}, {lens.width}, 3), got {background.shape}"
+            )  # fmt: skip
+        else:
+            image = background.astype(np.float32)
+        region = body_extent(configuration, self.rig.cameras[index], (0, 0, lens.width, lens.height))
+        if region is not None:
+            bgr, cover = self._body(index, configuration, region)
+            part = image[region[1] : region[3], region[0] : region[2]]
+            part *= 1.0 - cover[:, :, None]
+            part += bgr
+        return self._exposed(image, np.random.default_rng([self.seed, index, image_number]))
+
+    def _body(self, index: int, configuration: Configuration, region: Region) -> tuple[np.ndarray, np.ndarray]:
+        """Colors (h, w, 3) BGR float32, already weighted by the share (h, w) of each pixel of ``region`` that the body covers."""
+        n = self.supersampling
+        u0, v0, u1, v1 = (n * end for end in region)
+        view = self._renderer.render_color(configuration, self._large[index], self.rig.lights, (u0, v0, u1, v1))
+        shape = (v1 - v0) // n, n, (u1 - u0) // n, n
+        bgr = view.rgb[:, :, ::-1].reshape(*shape, 3).mean(axis=(1, 3), dtype=np.float32)
+        return bgr, (view.labels > 0).reshape(shape).mean(axis=(1, 3), dtype=np.float32)
+
+    def _exposed(self, image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        if self.noise_levels > 0.0:
+            sigma = self.noise_levels * np.sqrt(0.5 + image / 255.0)
+            image = image + sigma * rng.standard_normal(image.shape, dtype=np.float32)
+        return np.clip(np.rint(image), 0.0, 255.0).astype(np.uint8)
