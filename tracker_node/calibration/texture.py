@@ -1,0 +1,60 @@
+"""Pictures for the faces of a body, drawn as OpenCV draws them, and flat bodies with a picture on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from ..model.articulated_model import ArticulatedModel, Shape
+from ..model.kinematic_chain import KinematicChain
+from ..model.primitives import Box
+
+BLACK, GREY, WHITE = 20, 120, 200  # grey levels of printed paper as a camera shows it
+
+
+def charuco_picture(
+    columns: int, rows: int, square_m: float, marker_share: float, dictionary: str, inverted: bool, texels_per_m: float = 1000.0
+) -> np.ndarray:
+    """(h, w, 3) uint8 RGB of a ChArUco board as OpenCV draws it; a square is ``square_m``, its marker ``marker_share`` of that.
+
+    ``dictionary`` is a name of `cv2.aruco` such as ``DICT_4X4_1000``. ``inverted`` boards have white and black exchanged.
+    """
+    markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
+    board = cv2.aruco.CharucoBoard((columns, rows), square_m, square_m * marker_share, markers)
+    size = round(columns * square_m * texels_per_m), round(rows * square_m * texels_per_m)
+    drawn = board.generateImage(size) > 127
+    return _rgb(np.where(drawn != inverted, WHITE, BLACK))
+
+
+def framed(picture: np.ndarray, borders: Sequence[tuple[int, int, int, int, int]]) -> np.ndarray:
+    """The picture with borders around it, from the innermost outward.
+
+    Each border is (left, right, top, bottom, grey level), widths in texels.
+    """
+    for left, right, top, bottom, grey in borders:
+        picture = cv2.copyMakeBorder(picture, top, bottom, left, right, cv2.BORDER_CONSTANT, value=(grey, grey, grey))
+    return picture
+
+
+def plate_model(
+    name: str, picture: np.ndarray, texels_per_m: float, origin: tuple[float, float], thickness_m: float, rim: int = BLACK
+) -> ArticulatedModel:
+    """A flat box with a picture on its face ``+z``; back and edges have one grey level.
+
+    Parameters
+    ----------
+    origin : (column, row) of the picture where the root of the body is; its x runs along the columns, its y up the rows.
+    """
+    height, width = picture.shape[:2]
+    T = np.eye(4)
+    T[0, 3] = (width / 2.0 - origin[0]) / texels_per_m
+    T[1, 3] = (origin[1] - height / 2.0) / texels_per_m
+    T[2, 3] = -thickness_m / 2.0
+    box = Box((width / texels_per_m, height / texels_per_m, thickness_m), None, (None, None, None, None, picture, None))
+    return ArticulatedModel(name, KinematicChain((name,), ()), (Shape("face", name, box, T, (rim, rim, rim)),))
+
+
+def _rgb(grey: np.ndarray) -> np.ndarray:
+    return np.repeat(grey.astype(np.uint8)[:, :, None], 3, axis=2)
