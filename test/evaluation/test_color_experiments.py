@@ -95,12 +95,19 @@ def test_basin_ends_where_the_score_falls_or_cannot_be_told():
 
 
 def test_share_of_starts_from_which_a_fit_arrives():
+    shown = []
+
     def pull(state):  # a fit that arrives from less than 100 mm and 10 degrees only
         tangent = state.difference(TRUTH)
         near = np.linalg.norm(tangent[:3]) < 0.1 and np.linalg.norm(tangent[3:6]) < np.deg2rad(10.0)
         return SimpleNamespace(state=TRUTH if near else state, evaluations=1)
 
-    assert success_rate(pull, TRUTH, 99.0, 9.0, 20) == 1.0
-    assert success_rate(pull, TRUTH, 101.0, 9.0, 20) == success_rate(pull, TRUTH, 99.0, 11.0, 20) == 0.0
-    stay = success_rate(lambda s: SimpleNamespace(state=s, evaluations=0), State(se3.exp(np.zeros(6)), np.zeros(0)), 4.9, 0, 5)
-    assert stay == 1.0
+    def rate(fit, truth, distance_mm, angle_deg, trials):
+        return success_rate(shown.append, truth, fit, distance_mm, angle_deg, trials)
+
+    assert rate(pull, [TRUTH], 99.0, 9.0, 20) == 1.0
+    assert rate(pull, [TRUTH], 101.0, 9.0, 20) == rate(pull, [TRUTH], 99.0, 11.0, 20) == 0.0
+    shown.clear()
+    elsewhere = State(se3.exp(np.full(6, 2.0)), np.zeros(0))  # where that fit stays put
+    assert rate(pull, [TRUTH, elsewhere], 20.0, 5.0, 4) == 0.5
+    assert shown == [0, 1, 0, 1]

@@ -6,7 +6,7 @@ Positions are along the world's axes, x anterior-posterior, y lateral, z vertica
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -26,6 +26,8 @@ PAPER_RANGE = np.array([790.0, 1000.0, 10.0, 360.0, 8.0, 180.0])
 PAPER_MAX = np.array([8.0, 8.0, 3.0, 0.4, 0.7, 0.6])
 PAPER_RMS = np.array([4.8, 4.5, 1.7, 0.2, 0.3, 0.3])
 PAPER_EVALUATIONS_PER_VARIABLE = 20
+
+NEAR_MM = 5.0  # a fit that ends so near to the true position has arrived
 
 
 class Found(Protocol):
@@ -62,14 +64,24 @@ def track(show: Callable[[int], None], n_images: int, start: State, fit: Callabl
     show : hands image set i to the objective that ``fit`` uses.
     start : where the first image set starts from.
     """
-    states: list[State] = []
-    evaluations: list[int] = []
+    found: list[Found] = []
     for image in range(n_images):
         show(image)
-        found = fit(states[-1] if states else start)
-        states.append(found.state)
-        evaluations.append(found.evaluations)
-    return TrackedSequence(tuple(states), np.array(evaluations))
+        found.append(fit(found[-1].state if found else start))
+    return _sequence(found)
+
+
+def fit_each(show: Callable[[int], None], starts: Sequence[State], fit: Callable[[State], Found]) -> TrackedSequence:
+    """Fit every image set from a start of its own."""
+    found: list[Found] = []
+    for image, start in enumerate(starts):
+        show(image)
+        found.append(fit(start))
+    return _sequence(found)
+
+
+def _sequence(found: Sequence[Found]) -> TrackedSequence:
+    return TrackedSequence(tuple(each.state for each in found), np.array([each.evaluations for each in found]))
 
 
 def pose_error(state: State, truth: State) -> np.ndarray:
@@ -85,6 +97,11 @@ def moved(state: State, changes: np.ndarray) -> State:
     return from_variables(variables)
 
 
+def motion_ranges(variables: np.ndarray) -> np.ndarray:
+    """(6,) ranges of pose variables (n, 6), mm and degrees, in the order of `VARIABLES`."""
+    return np.ptp(variables, axis=0)[_COLUMNS] * _SCALES
+
+
 def error_metrics(prefix: str, errors: np.ndarray) -> dict[str, float]:
     """``<prefix>.<variable>_rms_mm`` and ``_max_mm``, or ``_deg``, of errors (n, 6)."""
     metrics = {}
@@ -92,6 +109,38 @@ def error_metrics(prefix: str, errors: np.ndarray) -> dict[str, float]:
         metrics[f"{prefix}.{name}_rms_{unit}"] = float(np.sqrt(np.mean(column**2)))
         metrics[f"{prefix}.{name}_max_{unit}"] = float(np.abs(column).max())
     return metrics
+
+
+def table1(columns: Mapping[str, np.ndarray], motion: np.ndarray) -> list[list[str]]:
+    """The paper's Table 1 with further columns: rows of text, the first one the headings.
+
+    Parameters
+    ----------
+    columns : title -> errors (n, 6), mm and degrees; each becomes "maximum / rms".
+    motion : (6,) ranges of motion, mm and degrees.
+    """
+    rows = [["variable", "range", "paper's range", "paper: max / rms", *(f"{title}: max / rms" for title in columns)]]
+    for i, (name, unit) in enumerate(zip(VARIABLES, UNITS, strict=True)):
+        cells = [_of(motion[i], unit, 0), _of(PAPER_RANGE[i], unit, 0), f"{PAPER_MAX[i]:.1f} / {PAPER_RMS[i]:.1f} {unit}"]
+        digits = 2 if unit == "mm" else 3
+        for errors in columns.values():
+            cells.append(f"{np.abs(errors[:, i]).max():.{digits}f} / {_of(np.sqrt(np.mean(errors[:, i] ** 2)), unit, digits)}")
+        rows.append(["A-P" if name == "ap" else name, *cells])
+    return rows
+
+
+def _of(value: float, unit: str, digits: int) -> str:
+    return f"{value:.{digits}f} {unit}"
+
+
+def text_table(rows: Sequence[Sequence[str]]) -> str:
+    """Rows of text in columns; all but the first column to the right."""
+    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+    lines = []
+    for row in rows:
+        cells = [cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))]
+        lines.append("  ".join(cells).rstrip())
+    return "\n".join(lines)
 
 
 def profile(objective: ScoreObjective, state: State, variable: str, changes: np.ndarray) -> np.ndarray:
@@ -116,10 +165,10 @@ def basin(changes: np.ndarray, scores: np.ndarray) -> tuple[float, float, float]
 
 
 def success_rate(
-    fit: Callable[[State], Found], truth: State, distance_mm: float, angle_deg: float, trials: int, seed: int = 0,
-    near_mm: float = 5.0,
+    show: Callable[[int], None], truth: Sequence[State], fit: Callable[[State], Found], distance_mm: float, angle_deg: float,
+    trials: int, seed: int = 0, near_mm: float = NEAR_MM,
 ) -> float:  # fmt: skip
-    """Share of starts from which a fit ends within ``near_mm`` of the truth.
+    """Share of starts from which a fit ends within ``near_mm`` of the truth; the trials take the image sets in turn.
 
     Parameters
     ----------
@@ -127,12 +176,15 @@ def success_rate(
     """
     rng = np.random.default_rng(seed)
     reached = 0
-    for _ in range(trials):
-        tangent = np.zeros(N_ROOT + truth.joint_positions.size)
+    for trial in range(trials):
+        image = trial % len(truth)
+        show(image)
+        true = truth[image]
+        tangent = np.zeros(N_ROOT + true.joint_positions.size)
         tangent[:3] = distance_mm / 1e3 * _unit(rng)
         tangent[3:6] = np.deg2rad(angle_deg) * _unit(rng)
-        found = fit(truth.retract(tangent)).state
-        reached += bool(1e3 * np.linalg.norm(found.T_world_root[:3, 3] - truth.T_world_root[:3, 3]) <= near_mm)
+        found = fit(true.retract(tangent)).state
+        reached += bool(1e3 * np.linalg.norm(found.T_world_root[:3, 3] - true.T_world_root[:3, 3]) <= near_mm)
     return reached / trials
 
 

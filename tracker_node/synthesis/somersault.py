@@ -27,8 +27,8 @@ GRAVITY = 9.81  # m/s^2
 IMAGE_SIZE = (768, 576)
 CAMERA_NAMES = ("front", "side", "top")
 _CAMERA_DISTANCE = 8.0  # metres from the middle of the flight
-_FOCAL_PX = 1480.0  # the whole flight fits in every view
-_MIDDLE = np.array([0.5, 0.0, 1.42])  # of the flight, metres
+_FOCAL_PX = {"front": 1320.0, "side": 1320.0, "top": 1800.0}  # the whole flight just fits in every view
+_MIDDLE = np.array([0.5, 0.0, 1.44])  # of the flight, metres
 
 
 @dataclass(frozen=True)
@@ -90,9 +90,8 @@ def posture(model: ArticulatedModel, degrees: Mapping[str, float]) -> np.ndarray
 
 def somersault_rig(width: int = IMAGE_SIZE[0]) -> CameraRig:
     """Front, side and top view of the flight and the lights, all known; smaller pictures for ``width`` below 768."""
-    height = round(width * IMAGE_SIZE[1] / IMAGE_SIZE[0])
-    focal = _FOCAL_PX * width / IMAGE_SIZE[0]
-    lens = CameraModel(width, height, np.array([[focal, 0.0, 0.5 * (width - 1)], [0.0, focal, 0.5 * (height - 1)], [0, 0, 1.0]]))
+    scale = width / IMAGE_SIZE[0]
+    height = round(scale * IMAGE_SIZE[1])
     front = looking_at(_MIDDLE + _CAMERA_DISTANCE * np.array([1.0, 0.0, 0.0]), _MIDDLE)
     side = looking_at(_MIDDLE - _CAMERA_DISTANCE * np.array([0.0, 1.0, 0.0]), _MIDDLE)
     # Seen from above, the flight goes to the right of the picture.
@@ -102,5 +101,9 @@ def somersault_rig(width: int = IMAGE_SIZE[0]) -> CameraRig:
         Light("directional", (0.45, 0.45, 0.45), direction=(-1.0, -0.6, -0.8)),
         Light("directional", (0.30, 0.30, 0.30), direction=(-0.2, 1.0, -0.7)),
     )
-    places = zip(CAMERA_NAMES, (front, side, top), strict=True)
-    return CameraRig(tuple(Camera(name, lens, place) for name, place in places), lights=lights)
+    cameras = []
+    for name, place in zip(CAMERA_NAMES, (front, side, top), strict=True):
+        focal = scale * _FOCAL_PX[name]
+        K = np.array([[focal, 0.0, 0.5 * (width - 1)], [0.0, focal, 0.5 * (height - 1)], [0.0, 0.0, 1.0]])
+        cameras.append(Camera(name, CameraModel(width, height, K), place))
+    return CameraRig(tuple(cameras), lights=lights)

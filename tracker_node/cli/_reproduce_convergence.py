@@ -1,0 +1,138 @@
+"""``tracker_node reproduce convergence``: how wide the score's valley is (Trewartha, Yeadon & Knight, Figs 5 and 6)."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+SUMMARY = "score against each variable around the truth, widths of its valley, and from how far each optimizer finds back"
+EXAMPLE = "tracker_node reproduce convergence --output out/reproduce/convergence"
+
+REACH_MM, REACH_DEG = 200.0, 40.0
+SHOWN_IMAGE = 3  # the image set of the plots; the widths are over all
+START_ERRORS = ((50.0, 5.0), (100.0, 10.0), (200.0, 20.0), (300.0, 30.0), (400.0, 40.0))  # mm, degrees
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("--output", default="out/reproduce/convergence", metavar="DIR", help="folder of the results (default: %(default)s)")
+    add("--trials", type=int, default=44, metavar="N", help="starts for each size of the start's error (default: %(default)s)")
+    add("--quick", action="store_true", help="few small images and starts: shows that it runs, the figures mean nothing")
+
+
+def run(args: argparse.Namespace) -> int:
+    from ..errors import FileFormatError
+    from ..evaluation.metrics_file import format_metrics, write_metrics
+    from ..objective.color_score import ColorObjective
+    from ._somersault_scene import somersault_scene
+
+    if args.trials < 1:
+        raise FileFormatError("command line", "--trials", "at least 1", args.trials)
+    folder = Path(args.output)
+    folder.mkdir(parents=True, exist_ok=True)
+    scene = somersault_scene(2, 192) if args.quick else somersault_scene()
+    objective = ColorObjective(scene.tracked, scene.rig)
+    metrics: dict[str, float | int] = {}
+    profiles, rates = {}, {}
+    starts, trials = (START_ERRORS[:1], 2) if args.quick else (START_ERRORS, args.trials)
+    for key, body in (("ellipsoid", scene.tracked), ("nurbs", scene.measured)):
+        _say(f"ellipsoid on {key}: drawing {len(scene.truth)} target image sets")
+        images = scene.film(body)
+
+        def show(i: int, images: Any = images) -> None:
+            objective.set_images(images[i])
+
+        profiles[key] = _profiles(show, objective, scene.truth, 9 if args.quick else 81)
+        metrics |= _widths(f"convergence.{key}", profiles[key])
+        rates[key] = _rates(show, objective, scene, starts, trials)
+        for name, values in rates[key].items():
+            for (mm, deg), value in zip(starts, values, strict=True):
+                metrics[f"convergence.{key}.{name}.within_5mm_from_{mm:.0f}mm_{deg:.0f}deg"] = value
+    text = format_metrics(metrics)
+    print(text)
+    write_metrics(folder / "metrics.json", metrics)
+    _write_pictures(folder, profiles, starts, rates, metrics)
+    _say(f"wrote {folder}/metrics.json, fig5.png, fig6.png, success_*.png and report.html")
+    return 0
+
+
+def _profiles(show: Callable[[int], None], objective: Any, truth: Sequence[Any], points: int) -> list[dict[str, Any]]:
+    """For every image set: variable -> scores along it."""
+    import numpy as np
+
+    from ..evaluation.color_experiments import UNITS, VARIABLES, profile
+    from ..evaluation.color_plots import Profile
+
+    result = []
+    for image, state in enumerate(truth):
+        show(image)
+        of_image = {}
+        for name, unit in zip(VARIABLES, UNITS, strict=True):
+            changes = np.linspace(-1.0, 1.0, points) * (REACH_MM if unit == "mm" else REACH_DEG)
+            of_image[name] = Profile(changes, profile(objective, state, name, changes))
+        result.append(of_image)
+    return result
+
+
+def _widths(prefix: str, profiles: Sequence[dict[str, Any]]) -> dict[str, float]:
+    """How far the score rises on the steeper and on the gentler side, over all image sets, and how far off the minimum is."""
+    import numpy as np
+
+    from ..evaluation.color_experiments import UNITS, VARIABLES, basin
+
+    metrics = {}
+    for name, unit in zip(VARIABLES, UNITS, strict=True):
+        basins = np.array([basin(of[name].changes, of[name].scores) for of in profiles])
+        metrics[f"{prefix}.{name}_basin_narrowest_{unit}"] = float(basins[:, 1:].min())
+        metrics[f"{prefix}.{name}_basin_median_{unit}"] = float(np.median(basins[:, 1:]))
+        metrics[f"{prefix}.{name}_minimum_off_{unit}"] = float(np.abs(basins[:, 0]).max())
+    return metrics
+
+
+def _rates(show: Callable[[int], None], objective: Any, scene: Any, starts: Any, trials: int) -> dict[str, list[float]]:
+    """Optimizer -> share of starts that arrive, for each size of the start's error."""
+    from ..evaluation.color_experiments import success_rate
+    from ..model.pose_variables import N_ROOT
+    from ..optimize.registry import OPTIMIZERS
+
+    rates: dict[str, list[float]] = {}
+    for name, optimizer in OPTIMIZERS.items():
+
+        def fit(state: Any, optimizer: Any = optimizer) -> Any:
+            return optimizer(objective, state, scene.tracked.chain, active=range(N_ROOT))
+
+        rates[name] = [success_rate(show, scene.truth, fit, mm, deg, trials) for mm, deg in starts]
+        said = ", ".join(f"{mm:.0f} mm {rate:.0%}" for (mm, _), rate in zip(starts, rates[name], strict=True))
+        _say(f"  {name}: arrives from {said}")
+    return rates
+
+
+def _write_pictures(folder: Path, profiles: Any, starts: Any, rates: Any, metrics: dict[str, float | int]) -> None:
+    from ..evaluation.color_experiments import UNITS, VARIABLES
+    from ..evaluation.color_plots import convergence_figure, save, success_figure
+    from ..evaluation.experiment_page import Section, write_page
+    from ..evaluation.metrics_file import format_metrics
+
+    sections = []
+    for number, unit in ((5, "mm"), (6, "deg")):
+        names = [name for name, own in zip(VARIABLES, UNITS, strict=True) if own == unit]
+        panels = {
+            f"ellipsoid on {key}": {name: of[min(SHOWN_IMAGE, len(of) - 1)][name] for name in names}
+            for key, of in profiles.items()
+        }
+        path = folder / f"fig{number}.png"
+        save(convergence_figure(panels, unit), path)
+        sections.append(Section(f"Fig. {number}", "The score as one variable leaves the truth.", picture=path))
+    for key, of in rates.items():
+        path = folder / f"success_{key}.png"
+        save(success_figure([f"{mm:.0f} mm\n{deg:.0f}°" for mm, deg in starts], of), path)
+        sections.append(Section(f"From how far each optimizer arrives, ellipsoid on {key}", picture=path))
+    sections.append(Section("Figures", preformatted=format_metrics(metrics)))
+    write_page(folder / "report.html", "How wide the score's valley is", sections)
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
