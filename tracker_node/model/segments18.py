@@ -1,0 +1,257 @@
+"""The body of 18 segments and 57 variables of the color paper: joints, axes, colors, and the cross-sections of every segment.
+
+Trewartha, Yeadon & Knight: feet, shanks, thighs, pelvis, torso, chest, shoulders, upper arms, forearms, hands and head; 17 joints
+of three degrees of freedom; the pose is that of the *top of the pelvis*. Pelvis, torso and chest meet at the lowest rib and at
+the nipples, as in Yeadon's inertia model, whose sections these are (`anthropometry`).
+
+Links have the axes of the body (x forward, y left, z up) in the neutral pose: standing, arms hanging a little off the trunk,
+palms inward. Axes of the right side are mirrored: equal angles on both sides are a symmetric pose.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..geometry import se3, so3
+from . import anthropometry as m
+from .articulated_model import Landmark
+from .kinematic_chain import Axis, Joint, KinematicChain
+from .nurbs import Loft, Section
+
+LIMBS = ("shoulder", "upper_arm", "forearm", "hand", "thigh", "shank", "foot")
+SIDES = (("left", 1.0), ("right", -1.0))  # name, and sign of y
+SEGMENTS = ("pelvis", "torso", "chest", "head", *(f"{side}_{segment}" for side, _ in SIDES for segment in LIMBS))
+HIP_HALF_WIDTH = 0.25 * m.HIP_SECTION[1]  # as Yeadon places it
+SHOULDER_HALF_WIDTH = 0.5 * m.SHOULDER_BREADTH
+CLAVICLE = (0.0, 0.030, m.SHOULDER - m.NIPPLE + 0.010)  # the inner end of the left shoulder segment, from the chest's origin
+
+# Every color is strong, and neighbours and the two sides differ, both in (r, g, b) and in its share of the sum.
+COLORS = {
+    "pelvis": (235, 205, 40), "torso": (50, 80, 230), "chest": (225, 50, 60), "head": (235, 190, 120),
+    "left_shoulder": (50, 190, 70), "left_upper_arm": (235, 60, 200), "left_forearm": (40, 200, 215), "left_hand": (225, 45, 60),
+    "right_shoulder": (130, 60, 220), "right_upper_arm": (150, 230, 40), "right_forearm": (245, 120, 30),
+    "right_hand": (40, 205, 90),
+    "left_thigh": (210, 50, 150), "left_shank": (70, 210, 60), "left_foot": (250, 170, 40),
+    "right_thigh": (40, 170, 200), "right_shank": (235, 70, 50), "right_foot": (120, 60, 230),
+}  # fmt: skip
+
+_DIAGONAL = 1.0 / np.sqrt(2.0)
+_ROLL, _GIRDLE, _TRUNK, _SMALL, _LIMB = 200.0, 100.0, 20.0, 50.0, 1.0  # stiffness, 1/rad^2: weak, and weakest where it shows
+
+# Name, direction (left side), limits in degrees, stiffness[, neutral]. Limits are at least the norms of the American Academy of
+# Orthopaedic Surgeons (Joint Motion, 1965), wider where gymnasts are; the third axes of elbow and knee stand for laxity.
+_TRUNK_JOINTS = {
+    "torso": (
+        ("torso_flexion", (0.0, 1.0, 0.0), (-40.0, 60.0), _TRUNK),
+        ("torso_bend_right", (1.0, 0.0, 0.0), (-35.0, 35.0), _TRUNK),
+        ("torso_turn_left", (0.0, 0.0, 1.0), (-35.0, 35.0), _TRUNK),
+    ),
+    "chest": (
+        ("chest_flexion", (0.0, 1.0, 0.0), (-30.0, 40.0), _TRUNK),
+        ("chest_bend_right", (1.0, 0.0, 0.0), (-25.0, 25.0), _TRUNK),
+        ("chest_turn_left", (0.0, 0.0, 1.0), (-35.0, 35.0), _TRUNK),
+    ),
+    "neck": (
+        ("head_flexion", (0.0, 1.0, 0.0), (-70.0, 65.0), _LIMB),
+        ("head_bend_right", (1.0, 0.0, 0.0), (-50.0, 50.0), _LIMB),
+        ("head_turn_left", (0.0, 0.0, 1.0), (-85.0, 85.0), _ROLL),
+    ),
+}
+_LEFT_JOINTS = {
+    "clavicle": (
+        ("clavicle_protraction", (0.0, 0.0, -1.0), (-30.0, 40.0), _GIRDLE),
+        ("clavicle_elevation", (1.0, 0.0, 0.0), (-20.0, 45.0), _GIRDLE),
+        ("clavicle_axial_rotation", (0.0, 1.0, 0.0), (-30.0, 30.0), _ROLL),
+    ),
+    # Diagonal axes: they lose a direction only where the level arm points across the chest or backward and out.
+    "shoulder": (
+        ("shoulder_elevation_front", (_DIAGONAL, -_DIAGONAL, 0.0), (-90.0, 200.0), _LIMB, 7.0),
+        ("shoulder_elevation_back", (_DIAGONAL, _DIAGONAL, 0.0), (-85.0, 85.0), _LIMB, 7.0),
+        ("shoulder_internal_rotation", (0.0, 0.0, -1.0), (-120.0, 120.0), _ROLL),
+    ),
+    "elbow": (
+        ("elbow_flexion", (0.0, -1.0, 0.0), (-10.0, 155.0), _LIMB),
+        ("elbow_abduction", (1.0, 0.0, 0.0), (-10.0, 20.0), _ROLL),
+        ("elbow_pronation", (0.0, 0.0, -1.0), (-95.0, 95.0), _ROLL),
+    ),
+    "wrist": (
+        ("wrist_flexion", (-1.0, 0.0, 0.0), (-75.0, 85.0), _SMALL),
+        ("wrist_radial_deviation", (0.0, -1.0, 0.0), (-40.0, 25.0), _SMALL),
+        ("wrist_pronation", (0.0, 0.0, -1.0), (-10.0, 10.0), _ROLL),
+    ),
+    "hip": (
+        ("hip_flexion", (0.0, -1.0, 0.0), (-40.0, 140.0), _LIMB),
+        ("hip_abduction", (1.0, 0.0, 0.0), (-45.0, 80.0), _LIMB),
+        ("hip_internal_rotation", (0.0, 0.0, -1.0), (-70.0, 70.0), _ROLL),
+    ),
+    "knee": (
+        ("knee_flexion", (0.0, 1.0, 0.0), (-10.0, 160.0), _LIMB),
+        ("knee_abduction", (1.0, 0.0, 0.0), (-10.0, 10.0), _ROLL),
+        ("knee_internal_rotation", (0.0, 0.0, -1.0), (-40.0, 40.0), _ROLL),
+    ),
+    "ankle": (
+        ("ankle_dorsiflexion", (0.0, -1.0, 0.0), (-75.0, 35.0), _SMALL),
+        ("ankle_eversion", (1.0, 0.0, 0.0), (-35.0, 20.0), _SMALL),
+        ("ankle_internal_rotation", (0.0, 0.0, -1.0), (-30.0, 30.0), _ROLL),
+    ),
+}  # fmt: skip
+# Joint: parent, child, place in the parent (left side)
+_TRUNK_PLACES = {
+    "torso": ("pelvis", "torso", (0.0, 0.0, 0.0)),
+    "chest": ("torso", "chest", (0.0, 0.0, m.NIPPLE - m.LOWEST_RIB)),
+    "neck": ("chest", "head", (0.0, 0.0, m.ACROMION - m.NIPPLE)),
+}
+_LEFT_PLACES = {
+    "clavicle": ("chest", "shoulder", CLAVICLE),
+    "shoulder": ("shoulder", "upper_arm", (0.0, SHOULDER_HALF_WIDTH - CLAVICLE[1], m.SHOULDER - m.NIPPLE - CLAVICLE[2])),
+    "elbow": ("upper_arm", "forearm", (0.0, 0.0, -m.ELBOW)),
+    "wrist": ("forearm", "hand", (0.0, 0.0, m.ELBOW - m.WRIST)),
+    "hip": ("pelvis", "thigh", (0.0, HIP_HALF_WIDTH, -m.LOWEST_RIB)),
+    "knee": ("thigh", "shank", (0.0, 0.0, -m.KNEE)),
+    "ankle": ("shank", "foot", (0.0, 0.0, m.KNEE - m.ANKLE)),
+}
+
+
+def body_chain() -> KinematicChain:
+    """18 links, 17 joints, 51 axes."""
+    joints = [
+        Joint(name, parent, child, se3.from_rotation_translation(np.eye(3), np.round(place, 6)), _axes(_TRUNK_JOINTS[name]))
+        for name, (parent, child, place) in _TRUNK_PLACES.items()
+    ]
+    for side, sign in SIDES:
+        for name, (parent, child, (x, y, z)) in _LEFT_PLACES.items():
+            parent = parent if parent in SEGMENTS else f"{side}_{parent}"
+            place = se3.from_rotation_translation(np.eye(3), np.round((x, sign * y, z), 6))
+            joints.append(Joint(f"{side}_{name}", parent, f"{side}_{child}", place, _axes(_LEFT_JOINTS[name], f"{side}_", sign)))
+    return KinematicChain(SEGMENTS, tuple(joints))
+
+
+def _axes(rows, prefix: str = "", sign: float = 1.0) -> tuple[Axis, ...]:
+    axes = []
+    for name, (x, y, z), limits, stiffness, *neutral in rows:
+        # A rotation axis is a pseudovector: mirrored in y, its x and z change sign.
+        direction = (sign * x + 0.0, y + 0.0, sign * z + 0.0)
+        lower, upper = np.deg2rad(limits).tolist()
+        axes.append(Axis(prefix + name, direction, lower, upper, float(np.deg2rad(neutral[0])) if neutral else 0.0, stiffness))
+    return tuple(axes)
+
+
+def body_landmarks() -> tuple[Landmark, ...]:
+    """Joint centers and a few points of head and feet, under the names of the project."""
+    nose_x = 0.020 + m.stadium_of_ratio(m.NOSE_GIRTH, m.HEAD_LENGTH_TO_BREADTH)[0]
+    landmarks = [
+        Landmark("neck", "chest", (0.0, 0.0, round(m.ACROMION - m.NIPPLE, 6))),
+        Landmark("head", "head", (0.020, 0.0, m.HEAD_TOP)),
+        Landmark("nose", "head", (round(nose_x + 0.010, 4), 0.0, m.NOSE)),
+    ]
+    for side, sign in SIDES:
+        landmarks.append(Landmark(f"{side}_hip", "pelvis", (0.0, round(sign * HIP_HALF_WIDTH, 6), -m.LOWEST_RIB)))
+        for name in ("shoulder", "elbow", "wrist", "knee", "ankle"):
+            parent, _, (x, y, z) = _LEFT_PLACES[name]
+            landmarks.append(Landmark(f"{side}_{name}", f"{side}_{parent}", (x, round(sign * y, 6) + 0.0, round(z, 6))))
+        for name, (x, y, z) in (
+            ("big_toe", (0.200, -0.022, -0.052)), ("small_toe", (0.155, 0.040, -0.055)), ("heel", (-0.045, 0.0, -0.050)),
+        ):  # fmt: skip
+            landmarks.append(Landmark(f"{side}_{name}", f"{side}_foot", (x, sign * y + 0.0, z)))
+    return tuple(landmarks)
+
+
+# A shape's z runs along its segment, and x, y as the link's; but of a foot along x (its x down), of a shoulder outward.
+_ALONG_FOOT = se3.from_rotation_translation(so3.from_axis_angle(np.array([0.0, 1.0, 0.0]), 0.5 * np.pi), np.zeros(3))
+
+
+def body_lofts() -> dict[str, tuple[Loft, np.ndarray]]:
+    """Segment -> its loft, and where that sits in the link (T_link_shape)."""
+    lofts = {name: (loft, np.eye(4)) for name, loft in _trunk_lofts().items()}
+    for side, sign in SIDES:
+        outward = se3.from_rotation_translation(so3.from_axis_angle(np.array([1.0, 0.0, 0.0]), -sign * 0.5 * np.pi), np.zeros(3))
+        places = {"foot": _ALONG_FOOT, "shoulder": outward}
+        for name, loft in _limb_lofts(sign).items():
+            lofts[f"{side}_{name}"] = (loft, places.get(name, np.eye(4)))
+    return {name: lofts[name] for name in SEGMENTS}
+
+
+def _trunk_lofts() -> dict[str, Loft]:
+    hip, waist, rib, nipple = (
+        m.stadium_halves(*s)[::-1] for s in (m.HIP_SECTION, m.UMBILICUS_SECTION, m.RIB_SECTION, m.NIPPLE_SECTION)
+    )
+    depth = 0.5 * m.SHOULDER_DEPTH
+    neck = m.radius_of(m.NECK_GIRTH)
+    nose, ear = (m.stadium_of_ratio(girth, m.HEAD_LENGTH_TO_BREADTH) for girth in (m.NOSE_GIRTH, m.EAR_GIRTH))
+    return {
+        "pelvis": _loft([
+            (-m.LOWEST_RIB - m.CROTCH, 0.85 * hip[0], 0.75 * hip[1], -0.010), (-m.LOWEST_RIB, *hip, -0.005),
+            (m.UMBILICUS - m.LOWEST_RIB, *waist), (0.0, *rib),
+        ], (0.030, 0.050)),
+        "torso": _loft([(0.0, *rib), (m.NIPPLE - m.LOWEST_RIB, *nipple)], (0.050, 0.050)),
+        # The shoulder segments make the breadth at the shoulders and above.
+        "chest": _loft([
+            (0.0, *nipple), (m.SHOULDER - m.NIPPLE, depth, 0.75 * SHOULDER_HALF_WIDTH),
+            (m.ACROMION - m.NIPPLE, 0.57 * depth, 0.45 * SHOULDER_HALF_WIDTH),
+        ], (0.050, 0.020)),
+        # The neck keeps its girth up to the larynx.
+        "head": _loft([
+            (0.0, neck, neck), (0.35 * m.NOSE, neck, neck, 0.006), (m.NOSE, *nose, 0.020), (m.ABOVE_EAR, *ear, 0.018),
+        ], (0.040, m.HEAD_TOP - m.ABOVE_EAR)),
+    }  # fmt: skip
+
+
+def _limb_lofts(sign: float) -> dict[str, Loft]:
+    arm, mid_arm, elbow, forearm = (m.radius_of(g) for g in (m.SHOULDER_GIRTH, m.MID_ARM_GIRTH, m.ELBOW_GIRTH, m.FOREARM_GIRTH))
+    wrist, thumb, knuckle, nail = (
+        m.stadium_halves(*s) for s in (m.WRIST_SECTION, m.THUMB_SECTION, m.KNUCKLE_SECTION, m.NAIL_SECTION)
+    )
+    hip = 0.5 * np.sqrt(m.stadium_halves(*m.HIP_SECTION)[1] * m.HIP_SECTION[1])  # Yeadon: half the trunk's area there
+    crotch, mid_thigh, knee, calf, ankle = (
+        m.radius_of(g) for g in (m.CROTCH_GIRTH, m.MID_THIGH_GIRTH, m.KNEE_GIRTH, m.CALF_GIRTH, m.ANKLE_GIRTH)
+    )
+    length = SHOULDER_HALF_WIDTH - CLAVICLE[1]
+    inward = -0.007 * sign  # the thighs touch
+    return {
+        # Its x is forward, its y down (left) or up (right)
+        "shoulder": _loft([
+            (0.0, 0.080, 0.055), (0.5 * length, 0.075, 0.062, 0.0, 0.008 * sign),
+            (length, 1.10 * arm, 1.10 * arm, 0.0, 0.010 * sign),
+        ], (0.030, 0.85 * arm)),
+        "upper_arm": _loft([
+            (-m.ELBOW, elbow, elbow), (-0.5 * m.ELBOW, mid_arm, mid_arm), (0.0, arm, arm),
+        ], (0.85 * elbow, 0.85 * arm)),
+        "forearm": _loft([
+            (m.ELBOW - m.WRIST, *wrist), (m.ELBOW - m.FOREARM_MAXIMUM, forearm, forearm), (0.0, elbow, elbow),
+        ], (0.025, 0.85 * elbow)),
+        "hand": _loft([
+            (-m.FINGERNAILS, *nail), (-m.KNUCKLES, *knuckle), (-m.THUMB_BASE, *thumb), (0.0, *wrist),
+        ], (0.015, 0.020)),
+        "thigh": _loft([
+            (-m.KNEE, knee, knee), (-m.MID_THIGH, mid_thigh, mid_thigh), (-m.CROTCH, crotch, crotch, 0.0, inward),
+            (0.0, hip, hip, 0.0, inward),
+        ], (0.75 * knee, 0.060)),
+        "shank": _loft([
+            (m.KNEE - m.ANKLE, ankle, ankle), (m.KNEE - m.CALF_MAXIMUM, calf, calf, -0.010), (0.0, knee, knee),
+        ], (0.025, 0.75 * knee)),
+        "foot": _foot_loft(ankle),
+    }  # fmt: skip
+
+
+def _foot_loft(ankle: float) -> Loft:
+    """Along the sole, from the heel to the toes: x is down. Distances were measured with pointed toes, from the ankle."""
+    sole = m.ANKLE_HEIGHT
+    ball, toe = (m.stadium_halves(*s) for s in (m.BALL_SECTION, m.TOE_SECTION))
+    arch_half = 0.034  # its girth with a breadth of 89 mm
+    arch_broad = 0.25 * (m.ARCH_GIRTH - 2.0 * np.pi * arch_half) + arch_half
+    rows = []
+    for distance, half_height, half_width in (
+        (-0.035, 0.030, 0.031), (0.0, 0.038, 0.95 * ankle), (m.HEEL, 0.040, 0.041), (m.ARCH, arch_half, arch_broad),
+        (m.BALL, ball[1], ball[0]), (m.TOENAILS, toe[1], toe[0]),
+    ):  # fmt: skip
+        drop = sole - half_height
+        # Levels in front of the heel lie as far from the ankle as measured: forward, and below it.
+        forward = distance if distance <= 0.0 else np.sqrt(distance**2 - min(drop, 0.8 * distance) ** 2)
+        rows.append((float(forward), half_height, half_width, drop))
+    return _loft(rows, (m.HEEL_BEHIND_ANKLE - 0.035, 0.012))
+
+
+def _loft(rows, domes: tuple[float, float]) -> Loft:
+    """Rows (z, half_x, half_y[, x[, y]]), rounded to 0.1 mm for the sake of the files."""
+    sections = tuple(Section(*(round(float(value), 4) + 0.0 for value in row)) for row in rows)
+    return Loft(sections, (round(float(domes[0]), 4), round(float(domes[1]), 4)))
