@@ -228,4 +228,5 @@ def pixel_box(params, box, limits, region, out):
     out[1] = max(region[1], math.floor(max(v_min - margin, -1.0)))
     out[2] = min(region[2], math.ceil(min(u_max + margin, 1e6)) + 1)
     out[3] = min(region[3], math.ceil(min(v_max + margin, 1e6)) + 1)
-    out[2], out[3] = max(out[0], out[2]), max(out[1], out[3])
+    if out[2] <= out[0] or out[3] <= out[1]:  # no rows either, since loops widen what columns there are
+        out[0], out[1], out[2], out[3] = region[0], region[1], region[0], region[1]

@@ -54,7 +54,7 @@ class _Album:
         self._size = 0
 
     def add(self, picture: np.ndarray) -> int:
-        rows = []
+        rows: list[tuple[int, int, int]] = []
         for _ in range(N_LEVELS):
             height, width = picture.shape[:2]
             if not rows or rows[-1][1:] != (width, height):
@@ -102,9 +102,9 @@ def _make_surface_arrays(model: ArticulatedModel) -> SurfaceArrays:
             counts[i + 1] = len(primitive.faces)
             normals.append(_corner_normals(primitive))
             corner_colors.append(_corner_colors(primitive, shape.color_rgb))
-            if primitive.texture is not None:
+            if primitive.texture is not None and primitive.uv is not None:
                 face_pictures[i] = album.add(primitive.texture)
-                uv.append(primitive.uv * (1.0, -1.0) + (0.0, 1.0))
+                uv.append(np.stack([primitive.uv[..., 0], 1.0 - primitive.uv[..., 1]], axis=-1))
             else:
                 uv.append(np.zeros((len(primitive.faces), 3, 2)))
     return SurfaceArrays(
