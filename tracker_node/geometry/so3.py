@@ -5,6 +5,8 @@ Everything here is exact near the identity (series below 1e-4 rad) and near pi (
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -74,7 +76,13 @@ def from_somersault_tilt_twist(somersault: float, tilt: float, twist: float) -> 
     Radians; R = Ry(somersault) Rx(tilt) Rz(twist), body axes x forward, y left, z up (REP-103). With a rotation of +1 rad
     the somersault is forward (the head moves along +x).
     """
-    return exp([0.0, somersault, 0.0]) @ exp([tilt, 0.0, 0.0]) @ exp([0.0, 0.0, twist])
+    sy, cy, sx, cx = math.sin(somersault), math.cos(somersault), math.sin(tilt), math.cos(tilt)
+    sz, cz = math.sin(twist), math.cos(twist)
+    return np.array([
+        [cy * cz + sy * sx * sz, sy * sx * cz - cy * sz, sy * cx],
+        [cx * sz, cx * cz, -sx],
+        [cy * sx * sz - sy * cz, sy * sz + cy * sx * cz, cy * cx],
+    ])  # fmt: skip
 
 
 def to_somersault_tilt_twist(rotation: np.ndarray) -> tuple[float, float, float]:

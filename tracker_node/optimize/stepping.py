@@ -19,7 +19,7 @@ import numpy as np
 from ..model.configuration import State
 from ..model.kinematic_chain import KinematicChain
 from .score_objective import ScoreObjective, SearchResult, VariableSpace
-from .v_algorithm import PAIRS, vertex
+from .v_algorithm import vertex
 
 V_WHERE = ("every_line", "last_loop", "never")
 
@@ -57,7 +57,6 @@ class SteppingOptions:
     order : indices of the variables (``model/pose_variables``) in the order they are stepped; None: all, in their own order.
     increases : a line ends after so many consecutive increases of the score.
     v : where the V-algorithm is used: ``every_line``, ``last_loop`` or ``never``.
-    v_pairs : between which points, see `v_algorithm.vertex`.
     max_steps : a line also ends after so many steps, which a slope without an end would need.
     trace : keep every evaluation.
     """
@@ -66,15 +65,14 @@ class SteppingOptions:
     order: tuple[int, ...] | None = None
     increases: int = 2
     v: str = "every_line"
-    v_pairs: str = "last"
     max_steps: int = 40
     trace: bool = False
 
     def __post_init__(self):
         if not self.schedule:
             raise ValueError("expected a schedule of one loop at least, got none")
-        if self.v not in V_WHERE or self.v_pairs not in PAIRS:
-            raise ValueError(f"expected v of {V_WHERE} and v_pairs of {PAIRS}, got '{self.v}', '{self.v_pairs}'")
+        if self.v not in V_WHERE:
+            raise ValueError(f"expected v, one of {V_WHERE}, got '{self.v}'")
         if self.increases < 1 or self.max_steps < 1:
             raise ValueError(f"expected increases and max_steps of 1 or more, got {self.increases}, {self.max_steps}")
 
@@ -120,7 +118,7 @@ def walk_line(
     if values[best] >= score:
         best = 1  # stay where nothing is better
     line = Line(places[best], values[best], rises >= options.increases or wall)
-    refined = vertex(places, values, options.v_pairs) if use_v else None
+    refined = vertex(places, values) if use_v else None
     if refined is None or refined in places:
         return line
     f = float(scores_at([refined])[0])
