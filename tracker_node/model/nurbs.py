@@ -25,9 +25,9 @@ _DOME_ANGLES = np.deg2rad([30.0, 60.0, 90.0])
 
 @dataclass(frozen=True)
 class Section:
-    """Stadium across the z axis at ``at``, of half-widths ``half_x``, ``half_y`` about (``x``, ``y``); metres."""
+    """Stadium across the z axis at ``z``, of half-widths ``half_x``, ``half_y`` about (``x``, ``y``); metres."""
 
-    at: float
+    z: float
     half_x: float
     half_y: float
     x: float = 0.0
@@ -46,7 +46,7 @@ class Loft:
     domes: tuple[float, float]
 
     def __post_init__(self):
-        heights = [section.at for section in self.sections]
+        heights = [section.z for section in self.sections]
         if len(heights) < 2 or any(b <= a for a, b in pairwise(heights)):
             raise ValueError(f"expected at least two sections with rising z, got z = {heights}")
         if len(self.domes) != 2 or min(self.domes) <= 0.0:
@@ -137,7 +137,7 @@ def loft_mesh(loft: Loft, n_around: int = N_AROUND, ring_spacing: float = RING_S
 
 def _rings(loft: Loft) -> np.ndarray:
     """(n, N_STADIUM_POINTS, 3) points that the surface goes through, from one end to the other."""
-    values = np.array([(s.at, s.half_x, s.half_y, s.x, s.y) for s in _refined(loft.sections)])
+    values = np.array([(s.z, s.half_x, s.half_y, s.x, s.y) for s in _refined(loft.sections)])
     low, high = values[0], values[-1]
     rows = [_dome(low, -loft.domes[0], a) for a in _DOME_ANGLES[::-1]]
     rows += [(*row, 1.0) for row in values]
@@ -157,7 +157,7 @@ def _dome(row: np.ndarray, height: float, angle: float) -> tuple[float, ...]:
 
 def _refined(sections: tuple[Section, ...]) -> list[Section]:
     """The sections and others between them, by monotone cubic interpolation of their measures."""
-    values = np.array([(s.at, s.half_x, s.half_y, s.x, s.y) for s in sections])
+    values = np.array([(s.z, s.half_x, s.half_y, s.x, s.y) for s in sections])
     at = [values[0, 0]]
     for low, high in pairwise(values[:, 0]):
         n = int(np.ceil((high - low) / SECTION_SPACING))
@@ -170,7 +170,7 @@ def _ring_parameters(loft: Loft, surface: SplineSurface, spacing: float) -> np.n
     fine = np.linspace(0.0, 1.0, 401)
     z = surface.evaluate(fine, np.zeros(1))[:, 0, 2]
     z = np.maximum.accumulate(z)
-    low, high = loft.sections[0].at, loft.sections[-1].at
+    low, high = loft.sections[0].z, loft.sections[-1].z
     n = int(np.ceil((high - low) / spacing))
     angles = np.deg2rad([75.0, 60.0, 45.0, 30.0, 15.0])
     wanted = np.concatenate([

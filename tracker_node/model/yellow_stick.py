@@ -1,6 +1,6 @@
 """The YellowStick: a bright yellow cross of two rectangular prisms, the object of the color paper's video experiment.
 
-The paper gives no dimensions; these are those of a cross a man can throw. Its four arms differ in length, so that no turn maps the
+The paper gives no dimensions; these are of a cross that a man can throw. Its four arms differ in length, so that no turn maps the
 cross onto itself, and its prisms differ in breadth and thickness, so that no two faces lie in one plane.
 """
 
