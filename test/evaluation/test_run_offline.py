@@ -58,7 +58,7 @@ def offline_run(clip: Clip, **options) -> OfflineRun:
 def finished(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
     output = tmp_path_factory.mktemp("finished") / "run"
     seen = []
-    summary = run_offline(offline_run(clip, masks=True), output, lambda done, expected, estimate: seen.append((done, expected)))
+    summary = run_offline(offline_run(clip, masks=True, through_masks=True), output, lambda done, expected, estimate: seen.append((done, expected)))
     assert seen == [(i + 1, N_IMAGES) for i in range(N_IMAGES)]
     return output, summary
 
@@ -104,6 +104,7 @@ def test_the_files_agree_with_each_other(clip: Clip, finished: tuple[Path, dict]
         joint_messages = [message for _, message in reader.decoded("/tracker/joint_states")]
         infos = [message for _, message in reader.decoded("/cam02/camera_info")]
         masks = [message for _, message in reader.decoded("/tracker/cam02/mask")]
+        seen = [message for _, message in reader.decoded("/tracker/cam02/target_through_mask")]
     assert np.array([message.values for message in messages]).tobytes() == states.values.tobytes()
     assert [message.residual_px for message in messages] == [row.residual_px for row in states.rows]
     assert [message.pose.pose.orientation.w for message in pose_messages] == poses.quaternions_xyzw[:, 3].tolist()
@@ -115,6 +116,12 @@ def test_the_files_agree_with_each_other(clip: Clip, finished: tuple[Path, dict]
     picture = masks[3].data.reshape(120, 160)
     assert set(np.unique(picture)) == {0, 255}
     assert 300 < (picture > 0).sum() < 8000
+    image, through = cv2.imread(str(clip.folder / "cam02/0003.png")), cv2.imdecode(seen[3].data, cv2.IMREAD_COLOR)
+    inside = cv2.erode(picture, np.ones((5, 5), np.uint8)) > 0
+    outside = cv2.dilate(picture, np.ones((33, 33), np.uint8)) == 0  # JPEG has blocks of 16
+    assert inside.sum() > 100 and outside.sum() > 5000
+    assert np.abs(image[inside].astype(int) - through[inside]).mean() < 6.0
+    assert through[outside].max() < 10
 
 
 def test_the_summary_says_how_it_went(clip: Clip, finished: tuple[Path, dict]) -> None:

@@ -26,7 +26,7 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Clip:
 def live(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The bag of a lossless run with everything in it."""
     bag = tmp_path_factory.mktemp("live") / "bag"
-    run_pipeline(Process, clip, bag, "--images", "--masks")
+    run_pipeline(Process, clip, bag, "--images", "--masks", "--through-masks")
     return bag
 
 
@@ -61,7 +61,7 @@ def assert_same_states(live: Path, offline: Path) -> None:
 
 
 def test_a_recorded_run_is_reproduced_bit_for_bit(clip: Clip, live: Path, tmp_path: Path) -> None:
-    track_again(clip, tmp_path / "again", "--from-run-bag", str(live), "--masks")
+    track_again(clip, tmp_path / "again", "--from-run-bag", str(live), "--masks", "--through-masks")
     offline = tmp_path / "again/bag"
     assert len(decoded(live, "/tracker/state")) == N_IMAGES
     assert_same_states(live, offline)
@@ -73,7 +73,8 @@ def test_a_recorded_run_is_reproduced_bit_for_bit(clip: Clip, live: Path, tmp_pa
             assert (old.qos.reliability, old.qos.durability) == (new.qos.reliability, new.qos.durability)
         extra = set(before.topics) - set(after.topics) - {"/robot_description"}
         assert {name.rpartition("/")[2] for name in extra} == {"image_raw"}
-    for topic in ("/tracker/pose", "/tracker/joint_states", "/tracker/cam02/mask", "/cam01/camera_info"):
+    ends = ("pose", "joint_states", "cam02/mask", "cam02/target_through_mask")
+    for topic in (*(f"/tracker/{end}" for end in ends), "/cam01/camera_info"):
         for old, new in zip(decoded(live, topic), decoded(offline, topic), strict=True):
             assert repr(old.header) == repr(new.header)
             assert_same_arrays(old, new)

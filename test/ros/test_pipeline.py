@@ -42,7 +42,7 @@ def children_of(process: NodeProcess) -> list[int]:
 
 def test_everything_is_tracked_and_recorded(launch, recording, tmp_path):
     bag = tmp_path / "bag"
-    pipeline = launch(*files_of(recording), "--bag", bag, "--masks", "--overlays", "--images")
+    pipeline = launch(*files_of(recording), "--bag", bag, "--masks", "--overlays", "--through-masks", "--images")
     assert pipeline.wait() == 0, pipeline.err
     assert "12 image sets: 12 TRACKING" in pipeline.out
     assert "12/12 image sets" in pipeline.err
@@ -51,7 +51,7 @@ def test_everything_is_tracked_and_recorded(launch, recording, tmp_path):
     cameras = ("cam1", "cam2", "cam3")
     expected = {"/tracker/state", "/tracker/pose", "/tracker/joint_states"}
     expected |= {f"/{camera}/{topic}" for camera in cameras for topic in ("image_raw", "camera_info")}
-    expected |= {f"/tracker/{camera}/{topic}" for camera in cameras for topic in ("mask", "overlay")}
+    expected |= {f"/tracker/{camera}/{topic}" for camera in cameras for topic in ("mask", "overlay", "target_through_mask")}
     assert counts == dict.fromkeys(expected, 12)
 
 

@@ -18,6 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--bag", type=Path, metavar="FOLDER", help="record states, poses, joints and calibrations to this bag")
     parser.add_argument("--masks", action="store_true", help="record the model's silhouettes too")
     parser.add_argument("--overlays", action="store_true", help="record images with the model drawn over them too")
+    parser.add_argument("--through-masks", action="store_true", help="record the images as seen through the body's mask too")
     parser.add_argument("--images", action="store_true", help="record the cameras' images too")
     parser.add_argument("--loop", action="store_true", help="begin again at the end, until Ctrl-C")
     parser.add_argument(
@@ -37,8 +38,8 @@ def run(args: argparse.Namespace) -> int:
         rig = rig.subset(args.cameras)
     _check_files(rig, args)
     readable, n_images = _look_at_sources(rig, args)
-    if args.bag is None and (args.masks or args.overlays or args.images):
-        raise TrackerError("--masks, --overlays and --images say what is recorded: give --bag too")
+    if args.bag is None and (args.masks or args.overlays or args.through_masks or args.images):
+        raise TrackerError("--masks, --overlays, --through-masks and --images say what is recorded: give --bag too")
     if args.bag is not None and args.bag.exists():
         raise TrackerError(f"--bag {args.bag}: there is something already")
     options = PipelineOptions(
@@ -48,6 +49,7 @@ def run(args: argparse.Namespace) -> int:
         bag=args.bag,
         masks=args.masks,
         overlays=args.overlays,
+        through_masks=args.through_masks,
         images=args.images,
         lossless=not args.real_time,
         n_expected=None if args.loop else n_images,

@@ -44,6 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     images.add_argument("--base-stamp-ns", type=int, default=0, metavar="NS", help="stamp of image 0 of the sources (default: 0)")
     images.add_argument("--max-sets", type=int, metavar="N", help="stop after this many image sets")
     parser.add_argument("--masks", action="store_true", help="also record the model's silhouette in every camera")
+    parser.add_argument("--through-masks", action="store_true", help="also record the images as seen through that silhouette")
     parser.add_argument("--quiet", action="store_true", help="no progress on stderr")
 
 
@@ -67,6 +68,7 @@ def run(args: argparse.Namespace) -> int:
             source_options=_source_options(args),
             max_sets=args.max_sets,
             masks=args.masks,
+            through_masks=args.through_masks,
             named_options={key: _plain(value) for key, value in vars(args).items() if not key.startswith("_")},
         ),
         args.output,

@@ -7,6 +7,7 @@ import sys
 
 SUMMARY = "track a body in the images of ROS cameras"
 EXAMPLE = "tracker_node tracker --rig rig.yaml --model person.yaml --initial-state start.yaml"
+OUTPUTS = ("state", "pose", "joint_states", "mask", "overlay", "target_through_mask")
 
 
 def add_body_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,7 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         type=listeners,
         metavar="TOPIC=N",
-        help="begin when these outputs have N subscribers: state, pose, joint_states, mask or overlay (of every camera)",
+        help="begin when these outputs have N subscribers: state, pose, joint_states, or mask, overlay, target_through_mask (of"
+        " every camera)",
     )
     parser.add_argument("--compressed", action="store_true", help="subscribe to <cam>/image_raw/compressed")
 
@@ -41,8 +43,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def listeners(text: str) -> tuple[str, int]:
     """``mask=1`` -> ("mask", 1)."""
     topic, _, count = text.partition("=")
-    if topic not in ("state", "pose", "joint_states", "mask", "overlay") or not count.isdigit():
-        raise argparse.ArgumentTypeError(f"expected state=N, pose=N, joint_states=N, mask=N or overlay=N, got '{text}'")
+    if topic not in OUTPUTS or not count.isdigit():
+        expected = ", ".join(f"{name}=N" for name in OUTPUTS)
+        raise argparse.ArgumentTypeError(f"expected one of {expected}, got '{text}'")
     return topic, int(count)
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import cv2
 import numpy as np
 
 from ..camera.camera_model import CameraModel
@@ -169,4 +170,12 @@ def image_message(stamp_ns: int, frame_id: str, pixels: np.ndarray, encoding: st
         is_bigendian=0,
         step=int(width * (pixels.shape[2] if pixels.ndim == 3 else 1)),
         data=np.ascontiguousarray(pixels).reshape(-1),
+    )
+
+
+def compressed_message(stamp_ns: int, frame_id: str, bgr: np.ndarray, quality: int = 90) -> Any:
+    """sensor_msgs/CompressedImage: JPEG of a BGR image."""
+    _, encoded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return typestore().types["sensor_msgs/msg/CompressedImage"](
+        header=header_message(stamp_ns, frame_id), format="bgr8; jpeg compressed bgr8", data=encoded.reshape(-1)
     )

@@ -43,7 +43,7 @@ class OfflineRun:
         the rig's sources if the bag holds none.
     source_options : which images of the rig's sources.
     max_sets : stop after so many sets.
-    masks : record the model's silhouettes.
+    masks, through_masks : record the model's silhouettes, and the images as seen through them.
     named_options : what the user gave, for ``run.json``.
     """
 
@@ -56,6 +56,7 @@ class OfflineRun:
     source_options: SourceOptions = field(default_factory=SourceOptions)
     max_sets: int | None = None
     masks: bool = False
+    through_masks: bool = False
     named_options: dict[str, Any] = field(default_factory=dict)
 
 
@@ -75,7 +76,7 @@ def run_offline(run: OfflineRun, output: str | Path, progress: Progress | None =
         stream = _stream_of(run, rig, reader)
         plates = resized_plates(load_plates(run.rig), rig)
         tracker = Tracker(rig, run.model, run.config, plates, run.initial_state)
-        writer = stack.enter_context(RunWriter(output, rig, run.model, masks=run.masks))
+        writer = stack.enter_context(RunWriter(output, rig, run.model, masks=run.masks, through_masks=run.through_masks))
         record = _Record()
         try:
             _track(run, tracker, stream, writer, record, progress)

@@ -17,6 +17,7 @@ from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration
 from ..observation.image_set import ImageSet
 from ..render.raycaster import render_mask
+from ..render.through_mask import target_through_mask
 from ..tracking.estimate import TrackEstimate
 from . import estimate_messages as messages
 
@@ -32,6 +33,7 @@ class RunWriter:
     output : folder, made here; it must not hold a run yet.
     tracker : name before the topics of the tracker.
     masks : also record ``<tracker>/<camera>/mask``, the model's silhouette.
+    through_masks : also record ``<tracker>/<camera>/target_through_mask``, the image where that is.
 
     Raises
     ------
@@ -39,10 +41,17 @@ class RunWriter:
     """
 
     def __init__(
-        self, output: str | Path, rig: CameraRig, model: ArticulatedModel, *, tracker: str = "tracker", masks: bool = False
+        self,
+        output: str | Path,
+        rig: CameraRig,
+        model: ArticulatedModel,
+        *,
+        tracker: str = "tracker",
+        masks: bool = False,
+        through_masks: bool = False,
     ):
         self.output = Path(output)
-        self._rig, self._model, self._masks = rig, model, masks
+        self._rig, self._model, self._masks, self._through_masks = rig, model, masks, through_masks
         self._prefix = f"/{tracker.strip('/')}"
         for name in (BAG, STATES, JOINTS, POSES, SUMMARY):
             if (self.output / name).exists():
@@ -68,6 +77,9 @@ class RunWriter:
             self.bag.add_topic(f"/{camera.name}/camera_info", "sensor_msgs/msg/CameraInfo", OfferedQos())
             if self._masks:
                 self.bag.add_topic(f"{self._prefix}/{camera.name}/mask", "sensor_msgs/msg/Image", OfferedQos())
+            if self._through_masks:
+                topic = f"{self._prefix}/{camera.name}/target_through_mask"
+                self.bag.add_topic(topic, "sensor_msgs/msg/CompressedImage", OfferedQos())
 
     def append(self, estimate: TrackEstimate, image_set: ImageSet) -> None:
         """One instant to all files."""
@@ -103,6 +115,11 @@ class RunWriter:
                 mask_stamp_ns = stamp_ns if image is None else image.stamp_ns
                 mask = messages.image_message(mask_stamp_ns, camera.frame_id, pixels, "mono8")
                 self.bag.write_message(f"{prefix}/{camera.name}/mask", stamp_ns, mask)
+            if self._through_masks and image is not None:
+                seen = messages.compressed_message(
+                    image.stamp_ns, camera.frame_id, target_through_mask(image.bgr, configuration, camera)
+                )
+                self.bag.write_message(f"{prefix}/{camera.name}/target_through_mask", stamp_ns, seen)
         self.bag.write_message(f"{prefix}/state", stamp_ns, messages.tracked_state_message(estimate, self._model, frame_id))
         self.bag.write_message(f"{prefix}/pose", stamp_ns, messages.pose_message(estimate, frame_id))
         self.bag.write_message(f"{prefix}/joint_states", stamp_ns, messages.joint_state_message(estimate, self._model, frame_id))

@@ -40,7 +40,7 @@ class PipelineOptions:
     source : options of ``tracker_node camera_ingest``.
     cameras : names, for the topics.
     bag : folder to record to, or None.
-    masks, overlays, images : record these too.
+    masks, overlays, through_masks, images : record these too.
     lossless : every image set is tracked, as fast as the tracker can; otherwise in real time, the newest wins.
     n_expected : image sets, for the progress; None if not known.
     ros_args : given to every process.
@@ -52,6 +52,7 @@ class PipelineOptions:
     bag: Path | None = None
     masks: bool = False
     overlays: bool = False
+    through_masks: bool = False
     images: bool = False
     lossless: bool = True
     n_expected: int | None = None
@@ -73,6 +74,8 @@ class PipelineOptions:
                 topics.append(f"tracker/{camera}/mask:sensor_msgs/msg/Image")
             if self.overlays:
                 topics.append(f"tracker/{camera}/overlay:sensor_msgs/msg/CompressedImage")
+            if self.through_masks:
+                topics.append(f"tracker/{camera}/target_through_mask:sensor_msgs/msg/CompressedImage")
         return topics
 
 
@@ -131,10 +134,9 @@ class Pipeline:
         listeners = [f"state={_N_LISTENERS - (not options.lossless) + (options.bag is not None)}"]
         if options.bag is not None:
             listeners += ["pose=1", "joint_states=1", *["mask=1"] * options.masks, *["overlay=1"] * options.overlays]
+            listeners += ["target_through_mask=1"] * options.through_masks
         lossless = ["--lossless"] if options.lossless else []
-        self._children["tracker"] = Child(
-            ["tracker", *options.body, *lossless, "--wait-for", *listeners, *options.ros_args]
-        )
+        self._children["tracker"] = Child(["tracker", *options.body, *lossless, "--wait-for", *listeners, *options.ros_args])
         if not self._wait_for("the tracker", lambda: self._subscription.get_publisher_count() > 0):
             return False
         recorded = options.bag is not None

@@ -93,7 +93,7 @@ class TrackerNode(Node):
         self._worker.start()
 
     def has_subscribers(self, wanted: Mapping[str, int]) -> bool:
-        """Whether outputs (state, pose, joint_states, mask, overlay) have at least so many subscribers."""
+        """Whether outputs (state, pose, joint_states, mask, overlay, target_through_mask) have at least so many subscribers."""
         return all(self._outputs.subscriber_count(topic) >= count for topic, count in wanted.items())
 
     @property

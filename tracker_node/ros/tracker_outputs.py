@@ -54,6 +54,7 @@ class TrackerOutputs:
         self._markers = self._publisher(MarkerArray, "~/markers")
         self._masks = {camera.name: self._publisher(Image, f"~/{camera.name}/mask") for camera in rig}
         self._overlays = {camera.name: self._publisher(CompressedImage, f"~/{camera.name}/overlay") for camera in rig}
+        self._seen = {camera.name: self._publisher(CompressedImage, f"~/{camera.name}/target_through_mask") for camera in rig}
         Configuration(model, State.neutral(model))  # compiled code is loaded now, not at the first image set
         self._marker_buffer = MarkerBuffer(model, self._frame_id)
         self._mask_buffers: dict[str, ImageBuffer] = {}
@@ -102,20 +103,27 @@ class TrackerOutputs:
 
             drawn = draw_overlay(image.bgr, configuration, camera)
             self._overlays[name].publish(compressed_message(stamp_ns, camera.frame_id, drawn))
+        if image is not None and self._seen[name].get_subscription_count():
+            from ..render.through_mask import target_through_mask
+
+            seen = target_through_mask(image.bgr, configuration, camera)
+            self._seen[name].publish(compressed_message(stamp_ns, camera.frame_id, seen))
 
     def subscriber_count(self, output: str) -> int:
-        """Subscribers of state, pose, joint_states, or the fewest that any camera's mask or overlay has."""
+        """Subscribers of state, pose, joint_states, or the fewest that any camera's mask, overlay or target_through_mask has."""
         publishers = {
             "state": [self._state],
             "pose": [self._pose],
             "joint_states": [self._joints],
             "mask": list(self._masks.values()),
             "overlay": list(self._overlays.values()),
+            "target_through_mask": list(self._seen.values()),
         }
         return min(publisher.get_subscription_count() for publisher in publishers[output])
 
     def wait_until_delivered(self, timeout_s: float = 5.0) -> None:
         """Until every subscriber has said that it has everything; that alone can take the writer's heartbeat of 3 s."""
         until_s = time.monotonic() + timeout_s
-        for publisher in (self._pose, self._joints, self._state, *self._masks.values(), *self._overlays.values()):
+        images = [publisher for by_camera in (self._masks, self._overlays, self._seen) for publisher in by_camera.values()]
+        for publisher in (self._pose, self._joints, self._state, *images):
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, until_s - time.monotonic())))
