@@ -58,7 +58,9 @@ def offline_run(clip: Clip, **options) -> OfflineRun:
 def finished(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
     output = tmp_path_factory.mktemp("finished") / "run"
     seen = []
-    summary = run_offline(offline_run(clip, masks=True, through_masks=True), output, lambda done, expected, estimate: seen.append((done, expected)))
+    summary = run_offline(
+        offline_run(clip, masks=True, through_masks=True), output, lambda done, expected, estimate: seen.append((done, expected))
+    )
     assert seen == [(i + 1, N_IMAGES) for i in range(N_IMAGES)]
     return output, summary
 
