@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import cast
 
 from ..errors import UnknownNameError
-from . import raycaster
+from .raycaster import RaycastRenderer
 from .renderer import Renderer
 
 BACKENDS = ("raycaster", "pyrender")
@@ -23,7 +22,7 @@ def make_renderer(name: str = "raycaster") -> Iterator[Renderer]:
     RendererError : ``pyrender`` finds no OpenGL; the ray-caster needs none.
     """
     if name == "raycaster":
-        yield cast(Renderer, raycaster)
+        yield RaycastRenderer()
     elif name == "pyrender":
         from .pyrender_backend import PyrenderRenderer  # PyOpenGL is loaded only where it is wanted
 
