@@ -9,15 +9,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
 
 from ..camera.camera_rig import CameraRig
+from ..camera.light import AMBIENT, COS_OUTER, DIRECTIONAL, INTENSITY, KIND, POINT, SPOT, pack_lights
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..render import raycaster
+from ..render.shape_arrays import OTHER, ShapeArrays
+from . import color_kernels as kernel
+from .color_score_kernels import make_score_states
+from .color_views import ColorViews
 
 REPRESENTATIONS = ("raw", "normalized", "blend")
 
@@ -66,8 +72,9 @@ class ColorObjective:
     Parameters
     ----------
     model, rig : body (with colors) and cameras (with lights).
-    colors_rgb : (n_cameras, n_shapes, 3) in 0..255 of the shapes as each camera shows them, instead of those of the model.
-    threads : `scores` shares out its states over so many.
+    colors_rgb : (n_cameras, n_shapes, 3) in 0..255 of the shapes as each camera shows them under light of factor one, instead of
+        those of the model.
+    threads : `scores` shares out its states over so many, `score` its cameras.
     """
 
     def __init__(
@@ -79,32 +86,164 @@ class ColorObjective:
         threads: int = 2,
     ):
         self.model, self.rig, self.options = model, rig, options or ColorOptions()
+        if self.options.representation not in REPRESENTATIONS:
+            raise ValueError(f"expected a representation, one of {REPRESENTATIONS}, got {self.options.representation!r}")
+        self.threads, self.colors_rgb = threads, _colors(model, rig, colors_rgb)
         self._images: list[np.ndarray | None] = [None] * len(rig)
+        self._steps: dict[int, ColorObjective] = {}
+        self._stale = True
+        self._views = ColorViews(rig, self.options.column_step)
+        self._executor = ThreadPoolExecutor(threads - 1) if threads > 1 else None
+        self._make_arguments()
+
+    def _make_arguments(self) -> None:
+        """Everything that the kernel takes and that no state changes."""
+        model, rig, options = self.model, self.rig, self.options
+        arrays, chain, views = ShapeArrays.from_model(model), model.chain, self._views
+        self._smooth = OTHER not in arrays.kinds
+        lights = pack_lights(rig.lights).astype(np.float32)
+        weights = {"raw": (1.0, 0.0), "normalized": (0.0, 1.0)}.get(
+            options.representation, (1.0 - options.normalized_weight, options.normalized_weight)
+        )
+        gain, gamma = np.array([camera.gain for camera in rig]), np.array([camera.gamma for camera in rig])
+        kinds = lights[:, KIND].astype(int)
+        ambient = lights[kinds == AMBIENT, INTENSITY : INTENSITY + 3].sum(axis=0)
+        suns, spots = lights[kinds == DIRECTIONAL], lights[(kinds == SPOT) | (kinds == POINT)]
+        spots[spots[:, KIND] == POINT, COS_OUTER] = -3.0  # every direction is well within the cone
+        colored = np.ptp(lights[:, INTENSITY : INTENSITY + 3], axis=1).any()
+        if weights[0] == 0.0 and not colored:  # shading by white light cancels
+            suns, spots, ambient = suns[:0], spots[:0], np.ones(3)
+        directed = np.concatenate([suns, spots])
+        base = gain * ambient
+        if len(directed) == 0:
+            base = base ** (1.0 / gamma[:, None])
+        base = np.column_stack([base, 1.0 / gamma]).astype(np.float32)
+        self._kernel = make_score_states(len(suns), len(spots), bool((gamma != 1.0).any()), weights[0] > 0.0, weights[1] > 0.0)
+        self._chain = (chain.parents, chain.offsets, chain.axis_start, chain.axis_count, chain.directions)
+        self._shapes = (arrays.kinds, arrays.dims, arrays.links, model.Ts_link_shape, np.ones(len(model.shapes), dtype=np.bool_))
+        self._cameras = (
+            views.params, views.limits, np.stack([camera.T_cam_world for camera in rig]), gain, base, self.colors_rgb,
+        )  # fmt: skip
+        self._pixels = (views.views, views.rays, views.planes)
+        self._what = (directed, np.array(weights, dtype=np.float32))
+        n, largest = len(model.shapes), max((camera.model.width + 2 * kernel.LANES) * camera.model.height for camera in rig)
+        self._work = [
+            (
+                np.zeros((n, kernel.N_COEFFICIENTS), dtype=np.float32), np.zeros((n, kernel.N_SURFACE), dtype=np.float32),
+                np.zeros((n, 4), dtype=np.int64), np.zeros(directed.size, dtype=np.float32),
+                np.zeros(largest + kernel.LANES, dtype=np.int32),
+            )
+            for _ in range(self.threads)
+        ]  # fmt: skip
 
     def set_images(self, images: Sequence[np.ndarray | None]) -> None:
         """BGR images (h, w, 3) uint8 in the order of the rig; None for a camera that gave none."""
+        if len(images) != len(self.rig):
+            raise ValueError(f"expected {len(self.rig)} images, one of each camera (or None), got {len(images)}")
+        for camera, image in zip(self.rig, images, strict=True):
+            shape = (camera.model.height, camera.model.width, 3)
+            if image is not None and (image.shape != shape or image.dtype != np.uint8):
+                raise ValueError(f"camera '{camera.name}': expected an image {shape} uint8, got {image.shape} {image.dtype}")
         self._images = list(images)
+        self._seen = np.array([i for i, image in enumerate(images) if image is not None], dtype=np.int64)
+        self._stale = True
+        for objective in self._steps.values():
+            objective.set_images(images)
+
+    def at_column_step(self, column_step: int) -> ColorObjective:
+        """The same, on every n-th column of the images."""
+        if column_step == self.options.column_step:
+            return self
+        if column_step not in self._steps:
+            options = replace(self.options, column_step=column_step)
+            self._steps[column_step] = ColorObjective(self.model, self.rig, options, self.colors_rgb, self.threads)
+            self._steps[column_step].set_images(self._images)
+        return self._steps[column_step]
+
+    def _fill(self) -> None:
+        """Planar pixels are made when they are first asked for."""
+        if self._stale:
+            self._views.fill(self._images)
+            self._stale = False
+
+    def _totals(self, states: Sequence[State]) -> np.ndarray:
+        """Squares, pixels and the kernel's verdict, (n_states, n_cameras, 3)."""
+        self._fill()
+        totals = np.zeros((len(states), len(self.rig), 3))
+        if not self._smooth:
+            totals[:, self._seen, 2] = kernel.NOT_SMOOTH
+        else:
+            roots = np.array([state.T_world_root for state in states])
+            joints = np.array([state.joint_positions for state in states]).reshape(len(states), -1)
+            self._share_out(roots, joints, totals)
+        for n, i in np.argwhere(totals[:, :, 2] == kernel.NOT_SMOOTH):
+            totals[n, i] = self._any_shapes(Configuration(self.model, states[n]), int(i))
+        return totals
+
+    def _share_out(self, roots: np.ndarray, joints: np.ndarray, totals: np.ndarray) -> None:
+        """Run the kernel for smooth shapes, on several threads where there is enough to do."""
+
+        def run(thread: int, states: slice, cameras: np.ndarray) -> None:
+            self._kernel(
+                self._chain, self._shapes, self._cameras, self._pixels, self._what, roots[states], joints[states], cameras,
+                self._work[thread], totals[states],
+            )  # fmt: skip
+
+        n = self.threads
+        if self._executor is None or len(roots) * len(self._seen) < 2:
+            return run(0, slice(None), self._seen)
+        if len(roots) >= n:
+            ends = [len(roots) * k // n for k in range(n + 1)]
+            parts = [(slice(ends[k], ends[k + 1]), self._seen) for k in range(n)]
+        else:
+            parts = [(slice(None), self._seen[k::n]) for k in range(n)]
+        others = [self._executor.submit(run, k, *parts[k]) for k in range(1, n)]
+        run(0, *parts[0])
+        for other in others:
+            other.result()
+
+    def _any_shapes(self, configuration: Configuration, index: int) -> tuple[float, float, float]:
+        """Squares, pixels and verdict of one camera, whatever the shapes."""
+        camera, image, step = self.rig.cameras[index], self._images[index], self.options.column_step
+        view = raycaster.render_color(configuration, camera, self.rig.lights)
+        inside = view.labels[:, ::step] > 0
+        model, target = view.rgb[:, ::step][inside], image[:, ::step, ::-1][inside].astype(np.float32)
+        _, weights = self._what
+        normalized = [255.0 * c / np.maximum(c.sum(axis=1, keepdims=True), 1.0) for c in (model, target)]
+        squares = weights[0] * ((model - target) ** 2).sum() + weights[1] * ((normalized[0] - normalized[1]) ** 2).sum()
+        return float(squares), float(len(target)), float(kernel.ALL_SMOOTH)
 
     def evaluate(self, state: State) -> ColorScore:
         """The score of one state, camera by camera."""
-        configuration = Configuration(self.model, state)
-        squares, pixels = np.zeros(len(self.rig)), np.zeros(len(self.rig), dtype=np.int64)
-        for i, (camera, image) in enumerate(zip(self.rig, self._images, strict=True)):
-            if image is None:
-                continue
-            view = raycaster.render_color(configuration, camera, self.rig.lights)
-            inside = view.labels > 0
-            difference = view.rgb[inside] - image[:, :, ::-1][inside]
-            squares[i], pixels[i] = float((difference**2).sum()), len(difference)
-        camera_rms = np.sqrt(squares / np.where(pixels, 3 * pixels, np.nan))
-        if pixels.sum() < self.options.min_pixels:
-            return ColorScore(math.inf, Verdict.EMPTY_MASK, camera_rms, pixels)
-        return ColorScore(math.sqrt(squares.sum() / (3 * pixels.sum())), Verdict.SCORED, camera_rms, pixels)
+        squares, pixels, verdict = self._totals([state])[0].T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            camera_rms = np.where(pixels > 0, np.sqrt(squares / (3.0 * pixels)), np.nan)
+        total = pixels.sum()
+        if (verdict == kernel.BEHIND).any():
+            return ColorScore(math.inf, Verdict.BEHIND_CAMERA, camera_rms, pixels.astype(np.int64))
+        if total * self.options.column_step < self.options.min_pixels:
+            return ColorScore(math.inf, Verdict.EMPTY_MASK, camera_rms, pixels.astype(np.int64))
+        return ColorScore(math.sqrt(squares.sum() / (3.0 * total)), Verdict.SCORED, camera_rms, pixels.astype(np.int64))
 
     def score(self, state: State) -> float:
         """rms over all cameras; infinite where the state cannot be scored."""
-        return self.evaluate(state).rms
+        return float(self.scores([state])[0])
 
     def scores(self, states: Sequence[State]) -> np.ndarray:
         """(n,) of `score`."""
-        return np.array([self.score(state) for state in states])
+        totals = self._totals(states)
+        squares, pixels = totals[:, :, 0].sum(axis=1), totals[:, :, 1].sum(axis=1)
+        valid = (pixels * self.options.column_step >= max(self.options.min_pixels, 1)) & (totals[:, :, 2] != kernel.BEHIND).all(axis=1)
+        result = np.full(len(states), math.inf)
+        result[valid] = np.sqrt(squares[valid] / (3.0 * pixels[valid]))
+        return result
+
+
+def _colors(model: ArticulatedModel, rig: CameraRig, colors_rgb: np.ndarray | None) -> np.ndarray:
+    """(n_cameras, n_shapes, 3) float64."""
+    if colors_rgb is None:
+        return np.tile(np.array([shape.color_rgb for shape in model.shapes], dtype=np.float64), (len(rig), 1, 1))
+    shape = (len(rig), len(model.shapes), 3)
+    if np.shape(colors_rgb) != shape:
+        raise ValueError(f"expected colors {shape}: one of each shape by camera, got {np.shape(colors_rgb)}")
+    return np.array(colors_rgb, dtype=np.float64)
