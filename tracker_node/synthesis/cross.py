@@ -52,7 +52,7 @@ def side_somersault(model: ArticulatedModel) -> CrossTrial:
 
 def twisting_somersault(model: ArticulatedModel) -> CrossTrial:
     """34 fields; about its axis of middle inertia, so that the cross makes half a twist by itself."""
-    return _trial(model, "twist", 34, angles_deg=(-25.0, 11.0, -6.0), spin=(0.0, 9.6, 0.0))
+    return _trial(model, "twist", 34, angles_deg=(-25.0, 11.0, -6.0), spin=(0.0, 10.0, 0.0))
 
 
 def _trial(
