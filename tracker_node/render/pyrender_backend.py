@@ -120,8 +120,10 @@ class PyrenderRenderer:
         self._scene.set_pose(self._camera, camera.T_world_cam)
         renderer, offscreen = self._renderer, self._context.offscreen
         renderer.lights, renderer.lens, renderer.gain, renderer.gamma = packed, camera.model.params, camera.gain, camera.gamma
-        offscreen.viewport_width, offscreen.viewport_height = crop[2] - crop[0], crop[3] - crop[1]
-        return offscreen.render(self._scene, flags=self._context.pyrender.RenderFlags.OFFSCREEN)
+        renderer.viewport_width, renderer.viewport_height = crop[2] - crop[0], crop[3] - crop[1]
+        offscreen._platform.make_current()
+        # Not by offscreen.render, which thinks that OSMesa has no framebuffers
+        return renderer.render(self._scene, self._context.pyrender.RenderFlags.OFFSCREEN)
 
 
 def _projection(K: np.ndarray, crop: Region, near: float, far: float) -> np.ndarray:
