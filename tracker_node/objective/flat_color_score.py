@@ -1,8 +1,8 @@
 """The intensity-normalized score of bodies whose shapes have one color each, without shading a pixel.
 
-Under white light shading cancels in normalized colors. What a pixel adds to the score then depends on the image and on which shape
-is in front, so it is computed once for every image, and a score only sums what the drawn labels cover. It is the same number as
-`ColorObjective` gives, for boxes and meshes in a fraction of the time.
+Under white light shading cancels in normalized colors. What a pixel adds to the score then depends on the image and on which
+shape is in front, so it is computed once for every image, and a score only sums what the drawn labels cover. It is the same
+number as `ColorObjective` gives, for boxes and meshes in a fraction of the time.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from .color_score import ColorOptions, ColorScore, Verdict
 
 
 class FlatColorObjective:
-    """Scores of a body against one image set at a time; parameters as for `ColorObjective`, ``representation`` must be normalized.
+    """Scores of a body against one image set at a time; parameters as for `ColorObjective`.
 
-    Colors are those before an image clips them at 255.
+    The representation must be normalized. Colors are those before an image clips them at 255.
     """
 
     def __init__(
