@@ -1,10 +1,10 @@
 """Smooth shapes (ellipsoids and cones) drawn in vector instructions, sixteen pixels at a time: first pass of the color kernels.
 
-It keeps, for every pixel, which shape is in front: the inverse depth's bits with the label in the lower eight, so that the nearest
-shape is the largest integer. On a row of an undistorted image the pixels that a shape can cover lie between the roots of a quadratic;
-a distorted one is searched in the shape's bounding box.
+It keeps, for every pixel, which shape is in front: the inverse depth's bits with the label in the lower eight, so that the
+nearest shape is the largest integer. On a row of an undistorted image the pixels that a shape can cover lie between the roots of
+a quadratic; a distorted one is searched in the shape's bounding box.
 
-Loops of visibly sixteen rounds that store nothing but what they make, with unsigned indices, are what the compiler makes vectors of.
+Loops of visibly sixteen rounds with unsigned indices, which store little or nothing, are what the compiler makes vectors of.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numba as nb
 import numpy as np
 
 from ..camera.camera_model import NEAR
-from ..render.ray_coefficients import BIG, LINE, LOWER, N_COEFFICIENTS, ORIGIN, QUADRATIC, UPPER, farthest_depth, pixel_box
+from ..render.ray_coefficients import BIG, LINE, LOWER, ORIGIN, QUADRATIC, UPPER, farthest_depth, pixel_box
 from ..render.shape_arrays import CONE, ELLIPSOID
 
 LANES = 16
@@ -32,13 +32,13 @@ _N = np.uint64(LANES)
 ALL_SMOOTH, BEHIND, NOT_SMOOTH = 0, 1, 2
 
 # Columns of a view's integers: where its pixels and rays start in the flat arrays, its size, and whether rays vary along rows
-PLANES, XS, YS, WIDTH, HEIGHT, STEP, DISTORTED, N_VIEW = 0, 1, 2, 3, 4, 5, 6, 7
+PLANES, XS, YS, WIDTH, HEIGHT, DISTORTED, N_VIEW = 0, 1, 2, 3, 4, 5, 6
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _conic_box(T, first, second, third, ahead, box):
-    """Grow ``box`` (x0, y0, x1, y1) by the normalised coordinates of an ellipsoid, or of an ellipse (``third`` = 0), with its center
-    ``ahead`` along the shape's z axis. False when it is not wholly in front of the camera.
+    """Grow ``box`` (x0, y0, x1, y1) by the normalised coordinates of an ellipsoid, or of an ellipse (``third`` = 0), with its
+    center ``ahead`` along the shape's z axis. False when it is not wholly in front of the camera.
 
     A plane n through the camera touches it where n' (e e' - f f' - g g' - h h') n = 0, e the center and f, g, h the half-axes.
     """
@@ -94,8 +94,8 @@ def _bound_by_caps(dims, T, x0, y0, c):
 def _smooth_coefficients(kind, dims, T, c, surface):
     """Fill coefficients and surface of one shape at T = T_cam_shape; False when the camera is not outside its (infinite) surface.
 
-    The surface is (p - t)' A (p - t) + 2 a' (p - t) = 1. On the ray p = (x, y, 1) / w this is a quadratic in w; the normal there is
-    along A r - g w with g = A t - a. All relative to the image of the shape's middle, so that float32 will do.
+    The surface is (p - t)' A (p - t) + 2 a' (p - t) = 1. On the ray p = (x, y, 1) / w this is a quadratic in w; the normal there
+    is along A r - g w with g = A t - a. All relative to the image of the shape's middle, so that float32 will do.
     """
     middle = 0.5 * (dims[3] + dims[4]) if kind == CONE else 0.0
     mz = T[2, 2] * middle + T[2, 3]
@@ -145,8 +145,8 @@ def _smooth_coefficients(kind, dims, T, c, surface):
 def prepare_camera(
     kinds, dims, colors, T_cam_world, Ts_world_shape, params, limits, view, region, used, coefficients, surfaces, boxes
 ):
-    """Coefficients (n, .), surfaces (n, `N_SURFACE`) and pixel boxes (n, 4) of a camera's shapes; boxes are empty for shapes that are
-    not seen, or not ``used`` (n,). Returns `ALL_SMOOTH`, or why the rest is not valid.
+    """Coefficients (n, .), surfaces (n, `N_SURFACE`) and pixel boxes (n, 4) of a camera's shapes; boxes are empty for shapes that
+    are not seen, or not ``used`` (n,). Returns `ALL_SMOOTH`, or why the rest is not valid.
     """
     T, box = np.empty((3, 4)), np.empty(4)
     in_front = False
@@ -175,10 +175,6 @@ def prepare_camera(
             pixel_box(params, box, limits, region, boxes[s])
         else:
             _pinhole_box(params, box, region, boxes[s])
-        step = view[STEP]
-        if step > 1:  # from columns of the whole image to those that are kept
-            boxes[s, 0] = (boxes[s, 0] + step - 1) // step
-            boxes[s, 2] = max(boxes[s, 0], min((boxes[s, 2] + step - 1) // step, view[WIDTH]))
         for i in range(3):
             surfaces[s, COLOR + i] = colors[s, i]
     return ALL_SMOOTH if in_front else BEHIND
@@ -241,5 +237,3 @@ def draw_smooth(c, label, view, rays, box, origin, stride, buffer):
                 hit = (q > _ZERO) & (enter > leave) & (enter > _ZERO)
                 packed = packed if hit else np.int32(0)
                 buffer[at + i] = packed if packed > buffer[at + i] else buffer[at + i]
-
-

@@ -15,15 +15,21 @@ from enum import IntEnum
 
 import numpy as np
 
+from ..camera.camera_model import NEAR
 from ..camera.camera_rig import CameraRig
 from ..camera.light import AMBIENT, COS_OUTER, DIRECTIONAL, INTENSITY, KIND, POINT, SPOT, pack_lights
+from ..geometry import se3
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..render import raycaster
+from ..render.lighting import lights_in_camera
+from ..render.ray_coefficients import N_COEFFICIENTS
 from ..render.shape_arrays import OTHER, ShapeArrays
+from ..render.surface_arrays import surface_arrays
 from . import color_kernels as kernel
+from .any_shape_kernels import recolor, score_any
 from .color_score_kernels import make_score_states
-from .color_views import ColorViews
+from .color_views import ColorViews, every_nth
 
 REPRESENTATIONS = ("raw", "normalized", "blend")
 
@@ -85,14 +91,16 @@ class ColorObjective:
         colors_rgb: np.ndarray | None = None,
         threads: int = 2,
     ):
-        self.model, self.rig, self.options = model, rig, options or ColorOptions()
+        self.model, self.options = model, options or ColorOptions()
         if self.options.representation not in REPRESENTATIONS:
             raise ValueError(f"expected a representation, one of {REPRESENTATIONS}, got {self.options.representation!r}")
-        self.threads, self.colors_rgb = threads, _colors(model, rig, colors_rgb)
+        self.threads, self.colors_rgb, self._recolored = threads, _colors(model, rig, colors_rgb), colors_rgb is not None
         self._images: list[np.ndarray | None] = [None] * len(rig)
+        self._seen = np.zeros(0, dtype=np.int64)
         self._steps: dict[int, ColorObjective] = {}
         self._stale = True
-        self._views = ColorViews(rig, self.options.column_step)
+        self._whole_rig, self.rig = rig, every_nth(rig, self.options.column_step)
+        self._views = ColorViews(self.rig)
         self._executor = ThreadPoolExecutor(threads - 1) if threads > 1 else None
         self._make_arguments()
 
@@ -101,7 +109,8 @@ class ColorObjective:
         model, rig, options = self.model, self.rig, self.options
         arrays, chain, views = ShapeArrays.from_model(model), model.chain, self._views
         self._smooth = OTHER not in arrays.kinds
-        lights = pack_lights(rig.lights).astype(np.float32)
+        self._lights = pack_lights(rig.lights)
+        lights = self._lights.astype(np.float32)
         weights = {"raw": (1.0, 0.0), "normalized": (0.0, 1.0)}.get(
             options.representation, (1.0 - options.normalized_weight, options.normalized_weight)
         )
@@ -129,7 +138,7 @@ class ColorObjective:
         n, largest = len(model.shapes), max((camera.model.width + 2 * kernel.LANES) * camera.model.height for camera in rig)
         self._work = [
             (
-                np.zeros((n, kernel.N_COEFFICIENTS), dtype=np.float32), np.zeros((n, kernel.N_SURFACE), dtype=np.float32),
+                np.zeros((n, N_COEFFICIENTS), dtype=np.float32), np.zeros((n, kernel.N_SURFACE), dtype=np.float32),
                 np.zeros((n, 4), dtype=np.int64), np.zeros(directed.size, dtype=np.float32),
                 np.zeros(largest + kernel.LANES, dtype=np.int32),
             )
@@ -140,7 +149,7 @@ class ColorObjective:
         """BGR images (h, w, 3) uint8 in the order of the rig; None for a camera that gave none."""
         if len(images) != len(self.rig):
             raise ValueError(f"expected {len(self.rig)} images, one of each camera (or None), got {len(images)}")
-        for camera, image in zip(self.rig, images, strict=True):
+        for camera, image in zip(self._whole_rig, images, strict=True):
             shape = (camera.model.height, camera.model.width, 3)
             if image is not None and (image.shape != shape or image.dtype != np.uint8):
                 raise ValueError(f"camera '{camera.name}': expected an image {shape} uint8, got {image.shape} {image.dtype}")
@@ -156,14 +165,17 @@ class ColorObjective:
             return self
         if column_step not in self._steps:
             options = replace(self.options, column_step=column_step)
-            self._steps[column_step] = ColorObjective(self.model, self.rig, options, self.colors_rgb, self.threads)
+            colors = self.colors_rgb if self._recolored else None
+            self._steps[column_step] = ColorObjective(self.model, self._whole_rig, options, colors, self.threads)
             self._steps[column_step].set_images(self._images)
         return self._steps[column_step]
 
     def _fill(self) -> None:
         """Planar pixels are made when they are first asked for."""
         if self._stale:
-            self._views.fill(self._images)
+            step = self.options.column_step
+            thin = [image if step == 1 or image is None else np.ascontiguousarray(image[:, ::step]) for image in self._images]
+            self._views.fill(thin)
             self._stale = False
 
     def _totals(self, states: Sequence[State]) -> np.ndarray:
@@ -202,16 +214,24 @@ class ColorObjective:
         for other in others:
             other.result()
 
-    def _any_shapes(self, configuration: Configuration, index: int) -> tuple[float, float, float]:
-        """Squares, pixels and verdict of one camera, whatever the shapes."""
-        camera, image, step = self.rig.cameras[index], self._images[index], self.options.column_step
-        view = raycaster.render_color(configuration, camera, self.rig.lights)
-        inside = view.labels[:, ::step] > 0
-        model, target = view.rgb[:, ::step][inside], image[:, ::step, ::-1][inside].astype(np.float32)
-        _, weights = self._what
-        normalized = [255.0 * c / np.maximum(c.sum(axis=1, keepdims=True), 1.0) for c in (model, target)]
-        squares = weights[0] * ((model - target) ** 2).sum() + weights[1] * ((normalized[0] - normalized[1]) ** 2).sum()
-        return float(squares), float(len(target)), float(kernel.ALL_SMOOTH)
+    def _any_shapes(self, configuration: Configuration, index: int) -> np.ndarray:
+        """Squares, pixels and verdict (3,) of one camera, whatever the shapes."""
+        camera, total = self.rig.cameras[index], np.zeros(3)
+        model = camera.model
+        if (se3.apply(camera.T_cam_world, configuration.Ts_world_shape[:, :3, 3])[:, 2] < NEAR).all():
+            total[2] = kernel.BEHIND
+            return total
+        found = raycaster.cast(configuration, camera, (0, 0, model.width, model.height))
+        if self._recolored:
+            recolor(found.frames, self.colors_rgb[index])
+        surfaces, (u0, v0, u1, _) = surface_arrays(self.model), found.region
+        score_any(
+            found.buffer, found.numbers, found.column, found.table.xs, found.table.ys, u0, v0, u1,
+            found.coefficients, found.frames, found.triangles, surfaces.corners, surfaces.levels, surfaces.texels,
+            lights_in_camera(self._lights, camera.T_cam_world), np.array(camera.gain, dtype=np.float32),
+            np.float32(1.0 / camera.gamma), self._views.planes, self._views.views[index], self._what[1], total,
+        )  # fmt: skip
+        return total
 
     def evaluate(self, state: State) -> ColorScore:
         """The score of one state, camera by camera."""
@@ -233,7 +253,8 @@ class ColorObjective:
         """(n,) of `score`."""
         totals = self._totals(states)
         squares, pixels = totals[:, :, 0].sum(axis=1), totals[:, :, 1].sum(axis=1)
-        valid = (pixels * self.options.column_step >= max(self.options.min_pixels, 1)) & (totals[:, :, 2] != kernel.BEHIND).all(axis=1)
+        enough = pixels * self.options.column_step >= max(self.options.min_pixels, 1)
+        valid = enough & (totals[:, :, 2] != kernel.BEHIND).all(axis=1)
         result = np.full(len(states), math.inf)
         result[valid] = np.sqrt(squares[valid] / (3.0 * pixels[valid]))
         return result

@@ -1,7 +1,7 @@
 """Smooth bodies scored against images without an image being written: second pass of the color kernels, and all of a score.
 
-The first pass has left, for every pixel, which shape is in front (see `color_kernels`). The second comes back to the pixels that each
-shape has kept, shades them and compares them with the image. One kernel is compiled for each number of lights and each way
+The first pass has left, for every pixel, which shape is in front (see `color_kernels`). The second comes back to the pixels that
+each shape has kept, shades them and compares them with the image. One kernel is compiled for each number of lights and each way
 to compare, with the loops over lights unrolled: a pixel then is straight-line code, and sixteen go at a time.
 """
 
@@ -30,7 +30,6 @@ from .color_kernels import (
     NORMAL_X,
     NORMAL_Y,
     PLANES,
-    STEP,
     WIDTH,
     XS,
     YS,
@@ -45,8 +44,8 @@ _ZERO, _ONE, _FULL = np.float32(0.0), np.float32(1.0), np.float32(255.0)
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def lights_in_camera(lights, T_cam_world, gain, out):
-    """Flat ``out`` of packed ``lights``: place and direction in camera axes, the camera's gain in the intensity, and instead of the
-    inner cosine of a spot what its fall-off is multiplied by."""
+    """Flat ``out`` of packed ``lights``: place and direction in camera axes, the camera's gain in the intensity, and instead of
+    the inner cosine of a spot what its fall-off is multiplied by."""
     for k in range(lights.shape[0]):
         at = k * N_LIGHT_COLUMNS
         for i in range(3):
@@ -74,8 +73,11 @@ def make_score_states(n_directional: int, n_spots: int, gamma: bool, raw: bool, 
 
     @nb.njit(nogil=True, error_model="numpy", fastmath=FAST)
     def score_smooth(c, surface, label, view, rays, planes, box, origin, stride, buffer, lights, base, weights, total):
-        """Add the squared differences of one shape's pixels to ``total[0]``, their number to ``total[1]``. ``base`` (4,): what every
-        pixel gets before the lights with a direction, and 1 / gamma; ``weights`` of the raw and the normalized difference."""
+        """Add the squared differences of one shape's pixels to ``total[0]``, their number to ``total[1]``.
+
+        ``base`` (4,) is what every pixel gets before the lights with a direction, and 1 / gamma; ``weights`` of the raw and the
+        normalized difference.
+        """
         x0, y0 = c[ORIGIN], c[ORIGIN + 1]
         q00, q10, q01, q20, q11, q02 = (c[QUADRATIC], c[QUADRATIC + 1], c[QUADRATIC + 2], c[QUADRATIC + 3],
                                         c[QUADRATIC + 4], c[QUADRATIC + 5])  # fmt: skip
@@ -127,20 +129,26 @@ def make_score_states(n_directional: int, n_spots: int, gamma: bool, raw: bool, 
                             m = k * N_LIGHT_COLUMNS
                             f = -(nx * lights[m + DIRECTION] + ny * lights[m + DIRECTION + 1] + nz * lights[m + DIRECTION + 2])
                             f = f if f > _ZERO else _ZERO
-                            r, g, b = r + lights[m + INTENSITY] * f, g + lights[m + INTENSITY + 1] * f, b + lights[m + INTENSITY + 2] * f
+                            r += lights[m + INTENSITY] * f
+                            g += lights[m + INTENSITY + 1] * f
+                            b += lights[m + INTENSITY + 2] * f
                         if n_spots > 0:
                             z = _ONE / w
                             for k in range(n_directional, n_lights):
                                 m = k * N_LIGHT_COLUMNS
-                                lx, ly, lz = lights[m + POSITION] - xn * z, lights[m + POSITION + 1] - yn * z, lights[m + POSITION + 2] - z
+                                lx, ly = lights[m + POSITION] - xn * z, lights[m + POSITION + 1] - yn * z
+                                lz = lights[m + POSITION + 2] - z
                                 near = _ONE / np.sqrt(lx * lx + ly * ly + lz * lz)
                                 f = (nx * lx + ny * ly + nz * lz) * near
                                 f = f if f > _ZERO else _ZERO
-                                along = lx * lights[m + DIRECTION] + ly * lights[m + DIRECTION + 1] + lz * lights[m + DIRECTION + 2]
+                                along = lx * lights[m + DIRECTION] + ly * lights[m + DIRECTION + 1]
+                                along += lz * lights[m + DIRECTION + 2]
                                 edge = (-along * near - lights[m + COS_OUTER]) * lights[m + COS_INNER]
                                 edge = edge if edge > _ZERO else _ZERO
                                 f = f * (edge if edge < _ONE else _ONE)
-                                r, g, b = r + lights[m + INTENSITY] * f, g + lights[m + INTENSITY + 1] * f, b + lights[m + INTENSITY + 2] * f
+                                r += lights[m + INTENSITY] * f
+                                g += lights[m + INTENSITY + 1] * f
+                                b += lights[m + INTENSITY + 2] * f
                         if gamma:
                             r, g, b = r**inverse_gamma, g**inverse_gamma, b**inverse_gamma
                     r, g, b = red * r, green * g, blue * b
@@ -171,7 +179,7 @@ def make_score_states(n_directional: int, n_spots: int, gamma: bool, raw: bool, 
         coefficients, surfaces, boxes, camera_lights, buffer = work
         total[0], total[1] = 0.0, 0.0
         region = np.empty(4, dtype=np.int64)
-        region[0], region[1], region[2], region[3] = 0, 0, view[WIDTH] * view[STEP], view[HEIGHT]
+        region[0], region[1], region[2], region[3] = 0, 0, view[WIDTH], view[HEIGHT]
         total[2] = prepare_camera(
             kinds, dims, colors, T_cam_world, Ts_world_shape, params, limits, view, region, used, coefficients, surfaces, boxes
         )
@@ -192,8 +200,8 @@ def make_score_states(n_directional: int, n_spots: int, gamma: bool, raw: bool, 
                 draw_smooth(coefficients[s], s + 1, view, rays, boxes[s], origin, stride, buffer)
         for s in range(kinds.shape[0]):
             if boxes[s, 2] > boxes[s, 0]:
-                score_smooth(coefficients[s], surfaces[s], s + 1, view, rays, planes, boxes[s], origin, stride, buffer, camera_lights,
-                             base, weights, total)  # fmt: skip
+                score_smooth(coefficients[s], surfaces[s], s + 1, view, rays, planes, boxes[s], origin, stride, buffer,
+                             camera_lights, base, weights, total)  # fmt: skip
 
     @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
     def score_states(chain, shapes, cameras, images, options, roots, joints, camera_indices, work, totals):
@@ -216,9 +224,7 @@ def make_score_states(n_directional: int, n_spots: int, gamma: bool, raw: bool, 
         Ts_world_link, Ts_world_shape = np.empty((parents.shape[0], 4, 4)), np.empty((kinds.shape[0], 4, 4))
         twists = np.empty((6 + joints.shape[1], 6))
         for n in range(roots.shape[0]):
-            forward_kinematics(
-                parents, offsets, axis_start, axis_count, directions, roots[n], joints[n], Ts_world_link, twists
-            )
+            forward_kinematics(parents, offsets, axis_start, axis_count, directions, roots[n], joints[n], Ts_world_link, twists)
             for s in range(kinds.shape[0]):
                 for i in range(4):
                     for j in range(4):
@@ -228,8 +234,7 @@ def make_score_states(n_directional: int, n_spots: int, gamma: bool, raw: bool, 
                         Ts_world_shape[s, i, j] = value
             for index in range(camera_indices.shape[0]):
                 at = camera_indices[index]
-                score_camera((kinds, dims, used), views[at], params[at], limits[at], T_cam_world[at], gain[at], base[at], colors[at],
-                             Ts_world_shape, rays, planes, lights, weights, work, totals[n, at])  # fmt: skip
+                score_camera((kinds, dims, used), views[at], params[at], limits[at], T_cam_world[at], gain[at], base[at],
+                             colors[at], Ts_world_shape, rays, planes, lights, weights, work, totals[n, at])  # fmt: skip
 
-    score_states.score_smooth = score_smooth
     return score_states

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -17,12 +18,19 @@ def is_pinhole(camera: Camera) -> bool:
     return camera.model.K[0, 1] == 0.0 and not np.any(camera.model.distortion)
 
 
+def every_nth(rig: CameraRig, columns: int, rows: int = 1) -> CameraRig:
+    """The rig for images of which only every n-th column and row is kept, the first among them."""
+
+    def thinned(camera: Camera) -> Camera:
+        width, height = -(-camera.model.width // columns), -(-camera.model.height // rows)
+        pixel_map = np.array([[1.0 / columns, 0.0, 0.0], [0.0, 1.0 / rows, 0.0]])
+        return replace(camera, model=camera.model.mapped(pixel_map, width, height))
+
+    return replace(rig, cameras=tuple(thinned(camera) for camera in rig))
+
+
 class ColorViews:
     """Where the pixels and rays of every camera lie, and the pixels of one image set.
-
-    Parameters
-    ----------
-    column_step : keep every n-th column.
 
     Attributes
     ----------
@@ -32,17 +40,15 @@ class ColorViews:
     params, limits : (n_cameras, .), of the lenses and their rays.
     """
 
-    def __init__(self, rig: CameraRig, column_step: int = 1):
-        self.column_step = column_step
+    def __init__(self, rig: CameraRig):
         self.views = np.zeros((len(rig), kernel.N_VIEW), dtype=np.int64)
         rays: list[np.ndarray] = []
         n_rays = n_pixels = 0
         for view, camera in zip(self.views, rig, strict=True):
-            xs, ys = _rays(camera, column_step)
-            height, width = camera.model.height, -(-camera.model.width // column_step)
+            xs, ys = _rays(camera)
+            height, width = camera.model.height, camera.model.width
             view[kernel.PLANES], view[kernel.XS], view[kernel.YS] = n_pixels, n_rays, n_rays + xs.size
-            view[kernel.WIDTH], view[kernel.HEIGHT] = width, height
-            view[kernel.STEP], view[kernel.DISTORTED] = column_step, not is_pinhole(camera)
+            view[kernel.WIDTH], view[kernel.HEIGHT], view[kernel.DISTORTED] = width, height, not is_pinhole(camera)
             rays += [xs.ravel(), ys.ravel()]
             n_rays += xs.size + ys.size
             n_pixels += 3 * width * height
@@ -55,8 +61,6 @@ class ColorViews:
         """Take in BGR images (h, w, 3) uint8, or None for a camera without one, whose pixels then are never asked for."""
         for view, image in zip(self.views, images, strict=True):
             if image is not None:
-                if self.column_step > 1:
-                    image = np.ascontiguousarray(image[:, :: self.column_step])
                 for channel in range(3):
                     cv2.extractChannel(image, 2 - channel, self.plane(view, channel))
 
@@ -67,16 +71,15 @@ class ColorViews:
         return self.planes[start : start + width * height].reshape(height, width)
 
 
-def _rays(camera: Camera, column_step: int) -> tuple[np.ndarray, np.ndarray]:
+def _rays(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """x and y of the rays, as `ColorViews` lays them out; not a number to the right of the image."""
     model = camera.model
-    width = -(-model.width // column_step)
     if is_pinhole(camera):
-        xs = np.full(width + kernel.LANES, np.nan, dtype=np.float32)
-        xs[:width] = (np.arange(0, model.width, column_step) - model.K[0, 2]) / model.K[0, 0]
+        xs = np.full(model.width + kernel.LANES, np.nan, dtype=np.float32)
+        xs[: model.width] = (np.arange(model.width) - model.K[0, 2]) / model.K[0, 0]
         ys = np.repeat((np.arange(model.height) - model.K[1, 2]) / model.K[1, 1], kernel.LANES).astype(np.float32)
         return xs, ys
     table = ray_table(model)
-    padded = np.full((2, model.height, width + kernel.LANES), np.nan, dtype=np.float32)
-    padded[0, :, :width], padded[1, :, :width] = (t[:, : model.width : column_step] for t in (table.xs, table.ys))
+    padded = np.full((2, model.height, model.width + kernel.LANES), np.nan, dtype=np.float32)
+    padded[0, :, : model.width], padded[1, :, : model.width] = table.xs[:, : model.width], table.ys[:, : model.width]
     return padded[0], padded[1]
