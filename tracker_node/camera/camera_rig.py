@@ -24,6 +24,7 @@ class Camera:
     source : video file, image folder or pattern; None for a camera that something else publishes.
     time_offset_ns : added to the source's own stamps to get common time.
     plate : path of an image of the empty scene (background plate), or None.
+    interlaced : ``top_first`` or ``bottom_first`` where each image of the source is two fields, and which was exposed first.
     gain, gamma : how the camera answers to light, see `camera.light`; ``gain`` is (r, g, b).
     """
 
@@ -33,6 +34,7 @@ class Camera:
     source: str | None = None
     time_offset_ns: int = 0
     plate: str | None = None
+    interlaced: str | None = None
     gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
     gamma: float = 1.0
 

@@ -19,9 +19,11 @@ import numpy as np
 
 from ..camera.camera_rig import Camera
 from ..errors import CalibrationError, SourceError
+from ..observation.deinterlace import check_interlaced, deinterlace
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm")
 DEFAULT_FOLDER_RATE_HZ = 30.0  # still images carry no rate
+_CHECKED = 12  # images at the beginning that must not contradict a source being interlaced
 
 
 @dataclass(frozen=True)
@@ -194,6 +196,36 @@ class PreloadedSource(ImageSource):
         yield from self._images
 
 
+class InterlacedSource(ImageSource):
+    """A source of interlaced images as twice as many images of one instant each, missing lines interpolated.
+
+    Numbers, rate and ``start`` and ``end`` of the options are those of the delivered images.
+
+    Raises
+    ------
+    SourceError : an odd number of lines, or what moves in the first images shows that they are progressive.
+    """
+
+    def __init__(self, path: str | Path, options: SourceOptions, order: str):
+        self._order = order
+        self._woven = open_source(path)
+        super().__init__(str(path), options)
+        check_interlaced([image for _, image in self._woven._read(0, min(_CHECKED, self._woven.n_images))], str(path))
+
+    def _open(self) -> tuple[int, int, float, int]:
+        source = self._woven
+        if source.native_height % 2:
+            raise SourceError(source.path, f"marked as interlaced, but its {source.native_height} lines are not an even number")
+        return source.native_width, source.native_height, 2.0 * source.rate_hz, 2 * source.n_images
+
+    def _read(self, start: int, end: int) -> Iterator[tuple[int, np.ndarray]]:
+        self._woven.counts = self.counts
+        for i, image in self._woven._read(start // 2, (end + 1) // 2):
+            for number, instant in enumerate(deinterlace(image, self._order), start=2 * i):
+                if start <= number < end:
+                    yield number, instant
+
+
 def list_images(path: str) -> list[str]:
     """Image files of a folder or a pattern (``*``, ``?``, or ``%04d``) in natural order.
 
@@ -245,14 +277,17 @@ def open_camera_source(camera: Camera, options: SourceOptions | None = None) -> 
 
     Raises
     ------
-    SourceError : no source given, missing or unreadable.
+    SourceError : no source given, missing or unreadable, or progressive though the camera is said to be interlaced.
     CalibrationError : the file's image size is not that of the calibration.
     """
     if not camera.source:
         raise SourceError(camera.name, "the rig names no source for this camera")
     options = options or SourceOptions()
     shifted = replace(options, base_stamp_ns=options.base_stamp_ns + camera.time_offset_ns)
-    source = open_source(camera.source, shifted)
+    if camera.interlaced:
+        source: ImageSource = InterlacedSource(camera.source, shifted, camera.interlaced)
+    else:
+        source = open_source(camera.source, shifted)
     expected, got = (camera.model.width, camera.model.height), (source.native_width, source.native_height)
     if expected != got:
         raise CalibrationError(

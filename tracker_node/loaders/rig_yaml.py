@@ -50,6 +50,7 @@ class CameraEntry(FileModel):
     source: str | None = None
     time_offset_s: Number = 0.0
     plate: str | None = None
+    interlaced: Literal["top_first", "bottom_first"] | None = None
     pixel_map: numbers(2, 3) | None = None  # type: ignore[valid-type]
     file_image_size: ImageSize | None = None
     gain: Annotated[tuple[float, float, float], BeforeValidator(_gain)] = (1.0, 1.0, 1.0)
@@ -187,6 +188,7 @@ def build_rig(rig_file: RigFile, base_dir: str | Path) -> CameraRig:
                 source=_resolved(entry.source, base_dir),
                 time_offset_ns=round(entry.time_offset_s * NS_PER_S),
                 plate=_resolved(entry.plate, base_dir),
+                interlaced=entry.interlaced,
                 gain=entry.gain,
                 gamma=entry.gamma,
             )
@@ -227,6 +229,7 @@ def rig_file_of(rig: CameraRig) -> RigFile:
             source=camera.source,
             time_offset_s=camera.time_offset_ns / NS_PER_S,
             plate=camera.plate,
+            interlaced=camera.interlaced,  # type: ignore[arg-type]
             gain=camera.gain,
             gamma=camera.gamma,
         )
