@@ -15,7 +15,7 @@ from ..camera.camera_model import project_point
 
 LEAST_POINTS = 12  # of one camera
 LEAST_GAIN = 1e-3
-NOISE_VARIANCE = 4.0  # grey levels squared, of an image: a flat region correlates with nothing
+NOISE_VARIANCE = 1.0  # grey levels squared, of an image: a flat region correlates with nothing
 REWEIGHTED = 3  # rounds of weights
 N_WRENCH = 6
 
@@ -88,7 +88,8 @@ def fit_brightness(colors, values, flags, channel, scale, weights):
     """Best gain and offset of one channel under a Cauchy kernel of ``scale`` grey levels; ``weights`` (n,) are written.
 
     Returns (gain, offset, weighted mean of I, weighted sum of (I - mean)^2, sum of weights, robust cost, that of a flat image,
-    points). A point that is `OUTSIDE` has no weight and costs as much as on a flat image.
+    points). A point that is `OUTSIDE` has no weight and costs as much as on a flat image; the image's noise, which the
+    gain enlarges, costs too.
     """
     n, count, inside, plain_mean = colors.shape[0], 0, 0, 0.0
     for i in range(n):
@@ -135,7 +136,8 @@ def fit_brightness(colors, values, flags, channel, scale, weights):
                 off = ((colors[i, channel] - gain * values[i, channel] - offset) / scale) ** 2
                 weights[i] = 1.0 / (1.0 + off)
                 cost += np.log1p(off)
-    return gain, offset, mean_i, var_i, total, scale * scale * cost + flat - flat_inside, flat, count
+    cost = scale * scale * cost + gain * gain * NOISE_VARIANCE * total
+    return gain, offset, mean_i, var_i, total, cost + flat - flat_inside, flat, count
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

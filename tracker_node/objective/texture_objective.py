@@ -28,6 +28,7 @@ from .normal_equations import NormalEquations
 from .surface_points import SurfacePoints, surface_points, textured_extent
 
 N_OCTAVES = 6
+_DOUBT = 0.5  # views of all pictures that weigh as much as not knowing
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class TextureOptions:
     """
 
     points_per_edge: int = 72
-    levels: int = 3
+    levels: int = 4
     robust_scale: float = 40.0
     least_cosine: float = 0.2
     min_points: int = 100
@@ -57,12 +58,15 @@ class TextureScore:
     Attributes
     ----------
     score : robust cost as a share of what flat grey images would cost, 0 (perfect) to 1; infinite where nothing can be compared.
-    camera_scores : the same of each camera, nan where it shows no pictured face.
+        It is drawn towards 1 by as much as half a view of all pictures weighs: little that is seen says little.
+    camera_scores : the plain share of each camera, nan where it shows no pictured face.
+    camera_rms : robust rms difference, grey levels of the picture; 0 where there is none.
     camera_points : points that each camera shows.
     """
 
     score: float
     camera_scores: np.ndarray
+    camera_rms: np.ndarray
     camera_points: np.ndarray
 
 
@@ -159,6 +163,8 @@ class TextureLevel:
         self._values, self._gradients, self._places = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 3))
         self._weights = np.empty(n)
         self._frozen: list[int] | None = None  # octave of each camera
+        off = (points.colors - points.colors.mean(axis=0)) / self.options.robust_scale
+        self._doubt = _DOUBT * self.options.robust_scale**2 * float(np.log1p(off**2).sum())
 
     def linearize(self, state: State) -> NormalEquations:
         """Normal equations in squared grey levels; the points that count are those seen at the first call."""
@@ -203,9 +209,11 @@ class TextureLevel:
                 costs[i], flats[i] = sum(fit[5] for fit in fits), sum(fit[6] for fit in fits)
                 points[i] = fits[0][7]
         camera_scores = costs / np.where(flats > 0.0, flats, np.nan)
+        camera_rms = np.sqrt(costs / np.maximum(3 * points, 1))
         if points.sum() < self.options.min_points or flats.sum() <= 0.0:
-            return TextureScore(math.inf, camera_scores, points)
-        return TextureScore(float(costs.sum() / flats.sum()), camera_scores, points)
+            return TextureScore(math.inf, camera_scores, camera_rms, points)
+        score = (costs.sum() + self._doubt) / (flats.sum() + self._doubt)
+        return TextureScore(float(score), camera_scores, camera_rms, points)
 
     def _octaves(self, configuration: Configuration) -> list[int]:
         """For each camera, how many times its image is halved so that points are about two pixels apart; -1 without an image."""
