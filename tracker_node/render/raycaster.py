@@ -31,7 +31,7 @@ from .ray_coefficients import (
 from .ray_kernels import LABEL_BITS, LANES, draw_shape, unpack_depth, unpack_labels, unpack_mask
 from .ray_table import MadeOnce, RayTable, ray_table
 from .renderer import ColoredView, Region, RenderedView
-from .shading import N_FRAME_COLUMNS, PosedSurfaces, fill_frames, shade
+from .shading import N_FRAME_COLUMNS, fill_frames, shade
 from .shape_arrays import OTHER, ShapeArrays
 from .surface_arrays import surface_arrays
 
@@ -121,7 +121,9 @@ class Cast:
     region : (u0, v0, u1, v1), the part of the image; the pixel (u0, v0) is ``buffer[0, column]``.
     column : see there; the columns before it, and those behind ``u1``, only fill up to whole groups of sixteen.
     table : the camera's rays.
-    posed : for `shading.surface_at`; without its frames unless asked for.
+    coefficients : (n, .) float32 of the shapes, of `ray_coefficients`.
+    frames : (n, .) float32, of `shading.fill_frames`; (0, .) unless asked for.
+    triangles : (m, .) float32 of the meshes, of `mesh_kernels`.
     """
 
     buffer: np.ndarray
@@ -129,7 +131,9 @@ class Cast:
     region: Region
     column: int
     table: RayTable
-    posed: PosedSurfaces
+    coefficients: np.ndarray
+    frames: np.ndarray
+    triangles: np.ndarray
 
 
 def cast(configuration: Configuration, camera: Camera, region: Region, frames: bool = True) -> Cast:
@@ -166,10 +170,12 @@ def cast(configuration: Configuration, camera: Camera, region: Region, frames: b
         first += len(faces)
     shape_frames = np.empty((n if frames else 0, N_FRAME_COLUMNS), dtype=np.float32)
     if frames:
-        fill_frames(drawables.kinds, drawables.dims, T_cam_world, Ts_world_shape, shape_frames)
-    pixel = (1.0 / params[:2]).astype(np.float32)
-    surfaces = PosedSurfaces(drawables.kinds, bounds, coefficients, shape_frames, triangles, pixel)
-    return Cast(buffer, numbers, (u0, v0, u1, v1), u0 - start, table, surfaces)
+        surfaces = surface_arrays(configuration.model)
+        fill_frames(
+            drawables.kinds, bounds, drawables.dims, surfaces.colors, surfaces.pictures, params, T_cam_world, Ts_world_shape,
+            shape_frames,
+        )  # fmt: skip
+    return Cast(buffer, numbers, (u0, v0, u1, v1), u0 - start, table, coefficients, shape_frames, triangles)
 
 
 def _part(inner: Region, outer: Region) -> tuple[slice, slice]:
@@ -218,7 +224,7 @@ def render_color(
     region : (u0, v0, u1, v1) of the image to render; the whole image without it.
     """
     region = checked_region(region, camera.model)
-    found = cast(configuration, camera, region)
+    found, surfaces = cast(configuration, camera, region), surface_arrays(configuration.model)
     height, width = region[3] - region[1], region[2] - region[0]
     labels, depth = np.zeros((height, width), dtype=np.uint8), np.full((height, width), np.inf, dtype=np.float32)
     rgb = np.zeros((height, width, 3), dtype=np.float32)
@@ -226,7 +232,8 @@ def render_color(
     unpack_labels(found.buffer, found.column, labels[inside])
     shade(
         found.buffer, found.numbers, found.column, found.table.xs, found.table.ys, found.region[0], found.region[1],
-        found.posed, surface_arrays(configuration.model), lights_in_camera(pack_lights(lights), camera.T_cam_world),
+        found.coefficients, found.frames, found.triangles, surfaces.corners, surfaces.levels, surfaces.texels,
+        lights_in_camera(pack_lights(lights), camera.T_cam_world),
         np.array(camera.gain, dtype=np.float32), np.float32(1.0 / camera.gamma), rgb[inside], depth[inside],
     )  # fmt: skip
     return ColoredView(labels, depth, region, rgb)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -16,32 +16,25 @@ NO_PICTURE = -1
 N_LEVELS = 12  # of a picture, each half as large as the one before; the last ones repeat once there is but one pixel
 
 
-class SurfaceArrays(NamedTuple):
-    """What never changes while a model moves; a tuple of arrays, so that kernels can take it whole.
-
-    Triangles of all meshes are numbered one after the other in the order of the shapes. To show shapes in other colors:
-    ``arrays._replace(colors=...)`` (of shapes and boxes; meshes have theirs in ``corner_colors``).
+@dataclass(frozen=True, eq=False)
+class SurfaceArrays:
+    """What never changes while a model moves. Triangles of all meshes are numbered one after the other.
 
     Attributes
     ----------
     colors : (n, 6, 3) float32 RGB, 0..255, of the faces of a box in the order of `model.primitives.BOX_FACES`; six times the
         same of other shapes.
-    face_pictures : (n, 6) index of the picture on each face of a box (of a mesh: six times the same), or `NO_PICTURE`.
-    first_triangle : (n + 1,) number of each mesh's first triangle.
-    corner_normals : (m, 3, 3) float32, unit normals at the corners of the triangles, shape frame.
-    corner_colors : (m, 3, 3) float32 RGB, 0..255.
-    corner_uv : (m, 3, 2) float32: u to the right and v **downward**, 0..1 over the whole picture.
-    pictures : (k, `N_LEVELS`, 3) first texel, width and height of each level.
+    pictures : (n, 6) index of the picture on each face of a box (of a mesh: six times the same), or `NO_PICTURE`.
+    corners : (m, 3, 6) float32, of the corners of the triangles: unit normal (shape frame), and color as in ``colors``, or with
+        a picture (u, v, 0), u to the right and v **downward**, 0..1 over the whole picture.
+    levels : (k, `N_LEVELS`, 3) first texel, width and height of each level of each picture.
     texels : (t, 3) uint8 RGB, row by row.
     """
 
     colors: np.ndarray
-    face_pictures: np.ndarray
-    first_triangle: np.ndarray
-    corner_normals: np.ndarray
-    corner_colors: np.ndarray
-    corner_uv: np.ndarray
     pictures: np.ndarray
+    corners: np.ndarray
+    levels: np.ndarray
     texels: np.ndarray
 
 
@@ -68,6 +61,8 @@ class _Album:
 
 
 def _corner_colors(mesh: Mesh, color_rgb: tuple[int, int, int]) -> np.ndarray:
+    if mesh.uv is not None:
+        return np.stack([mesh.uv[..., 0], 1.0 - mesh.uv[..., 1], np.zeros(mesh.uv.shape[:2])], axis=-1)
     if mesh.vertex_colors_rgb is not None:
         return mesh.vertex_colors_rgb[mesh.faces]
     if mesh.face_colors_rgb is not None:
@@ -86,9 +81,8 @@ def _corner_normals(mesh: Mesh) -> np.ndarray:
 
 def _make_surface_arrays(model: ArticulatedModel) -> SurfaceArrays:
     n, album = len(model.shapes), _Album()
-    colors, face_pictures = np.empty((n, 6, 3), dtype=np.float32), np.full((n, 6), NO_PICTURE, dtype=np.int64)
-    counts = np.zeros(n + 1, dtype=np.int64)
-    normals, corner_colors, uv = [np.zeros((0, 3, 3))], [np.zeros((0, 3, 3))], [np.zeros((0, 3, 2))]
+    colors, pictures = np.empty((n, 6, 3), dtype=np.float32), np.full((n, 6), NO_PICTURE, dtype=np.int64)
+    corners = [np.zeros((0, 3, 6))]
     for i, shape in enumerate(model.shapes):
         primitive = shape.primitive
         colors[i] = shape.color_rgb
@@ -97,22 +91,13 @@ def _make_surface_arrays(model: ArticulatedModel) -> SurfaceArrays:
                 colors[i] = primitive.face_colors_rgb
             for j, texture in enumerate(primitive.textures or ()):
                 if texture is not None:
-                    face_pictures[i, j] = album.add(texture)
+                    pictures[i, j] = album.add(texture)
         elif isinstance(primitive, Mesh):
-            counts[i + 1] = len(primitive.faces)
-            normals.append(_corner_normals(primitive))
-            corner_colors.append(_corner_colors(primitive, shape.color_rgb))
-            if primitive.texture is not None and primitive.uv is not None:
-                face_pictures[i] = album.add(primitive.texture)
-                uv.append(np.stack([primitive.uv[..., 0], 1.0 - primitive.uv[..., 1]], axis=-1))
-            else:
-                uv.append(np.zeros((len(primitive.faces), 3, 2)))
-    return SurfaceArrays(
-        colors, face_pictures, np.cumsum(counts),
-        np.concatenate(normals).astype(np.float32), np.concatenate(corner_colors).astype(np.float32),
-        np.concatenate(uv).astype(np.float32),
-        np.array(album.levels, dtype=np.int64).reshape(-1, N_LEVELS, 3), np.concatenate(album.texels),
-    )  # fmt: skip
+            corners.append(np.concatenate([_corner_normals(primitive), _corner_colors(primitive, shape.color_rgb)], axis=-1))
+            if primitive.texture is not None:
+                pictures[i] = album.add(primitive.texture)
+    levels = np.array(album.levels, dtype=np.int64).reshape(-1, N_LEVELS, 3)
+    return SurfaceArrays(colors, pictures, np.concatenate(corners).astype(np.float32), levels, np.concatenate(album.texels))
 
 
 surface_arrays: Callable[[ArticulatedModel], SurfaceArrays] = MadeOnce(_make_surface_arrays)
