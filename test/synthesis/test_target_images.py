@@ -127,7 +127,7 @@ def test_bad_input_says_what_is_expected():
     with TargetStudio(RIG, "raycaster") as studio:
         with pytest.raises(ValueError, match="background for each of 2 cameras, got 1"):
             studio.images(plate((0.0, 0.0)), [None])
-        with pytest.raises(ValueError, match=r"camera 'side': expected a background \(144, 192, 3\), got \(144, 190, 3\)"):
+        with pytest.raises(ValueError, match=r"camera 'side': expected a background \(144, 192, 3\) uint8, got \(144, 190, 3\)"):
             studio.images(plate((0.0, 0.0)), [None, np.zeros((144, 190, 3), np.uint8)])
 
 

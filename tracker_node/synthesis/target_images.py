@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 
+import cv2
 import numpy as np
 
 from ..camera.camera_rig import Camera, CameraRig
@@ -75,35 +76,36 @@ class TargetStudio:
         self, index: int, configuration: Configuration, background: np.ndarray | None = None, image_number: int = 0
     ) -> np.ndarray:
         """BGR image (h, w, 3) uint8 by camera ``index`` of the rig."""
-        lens = self.rig.cameras[index].model
-        if background is None:
-            image = np.zeros((lens.height, lens.width, 3), dtype=np.float32)
-        elif background.shape != (lens.height, lens.width, 3):
-            name = self.rig.cameras[index].name
-            raise ValueError(
-                f"camera '{name}': expected a background ({lens.height}, {lens.width}, 3), got {background.shape}"
-            )  # fmt: skip
-        else:
-            image = background.astype(np.float32)
-        region = body_extent(configuration, self.rig.cameras[index], (0, 0, lens.width, lens.height))
-        if region is not None:
+        camera = self.rig.cameras[index]
+        whole = 0, 0, camera.model.width, camera.model.height
+        shape = camera.model.height, camera.model.width, 3
+        image = np.zeros(shape, dtype=np.uint8) if background is None else background.copy()
+        if image.shape != shape or image.dtype != np.uint8:
+            raise ValueError(f"camera '{camera.name}': expected a background {shape} uint8, got {image.shape} {image.dtype}")
+        u0, v0, u1, v1 = region = body_extent(configuration, camera, whole) or (0, 0, 0, 0)
+        part = image[v0:v1, u0:u1].astype(np.float32)
+        if part.size:
             bgr, cover = self._body(index, configuration, region)
-            part = image[region[1] : region[3], region[0] : region[2]]
             part *= 1.0 - cover[:, :, None]
             part += bgr
-        return self._exposed(image, np.random.default_rng([self.seed, index, image_number]))
+        if self.noise_levels == 0.0:
+            image[v0:v1, u0:u1] = _rounded(part)
+            return image
+        seen = image.astype(np.float32)
+        seen[v0:v1, u0:u1] = part
+        rng = np.random.default_rng([self.seed, index, image_number])
+        sigma = self.noise_levels * np.sqrt(0.5 + seen / 255.0)
+        return _rounded(seen + sigma * rng.standard_normal(shape, dtype=np.float32))
 
     def _body(self, index: int, configuration: Configuration, region: Region) -> tuple[np.ndarray, np.ndarray]:
         """Colors (h, w, 3) BGR float32, already weighted by the share (h, w) of each pixel of ``region`` that the body covers."""
         n = self.supersampling
         u0, v0, u1, v1 = (n * end for end in region)
         view = self._renderer.render_color(configuration, self._large[index], self.rig.lights, (u0, v0, u1, v1))
-        shape = (v1 - v0) // n, n, (u1 - u0) // n, n
-        bgr = view.rgb[:, :, ::-1].reshape(*shape, 3).mean(axis=(1, 3), dtype=np.float32)
-        return bgr, (view.labels > 0).reshape(shape).mean(axis=(1, 3), dtype=np.float32)
+        size = (u1 - u0) // n, (v1 - v0) // n
+        cover = cv2.resize((view.labels > 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
+        return cv2.resize(view.rgb, size, interpolation=cv2.INTER_AREA)[:, :, ::-1], cover
 
-    def _exposed(self, image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        if self.noise_levels > 0.0:
-            sigma = self.noise_levels * np.sqrt(0.5 + image / 255.0)
-            image = image + sigma * rng.standard_normal(image.shape, dtype=np.float32)
-        return np.clip(np.rint(image), 0.0, 255.0).astype(np.uint8)
+
+def _rounded(image: np.ndarray) -> np.ndarray:
+    return np.clip(np.rint(image), 0.0, 255.0).astype(np.uint8)
