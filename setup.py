@@ -25,7 +25,7 @@ RUNTIME_REQUIREMENTS = [
 ]
 # Only where ROS does not come from apt.
 ROS_REQUIREMENTS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"]
-TEST_REQUIREMENTS = ["hypothesis", "import-linter", "mypy", "pytest", "ruff"]
+TEST_REQUIREMENTS = ["geomdl", "hypothesis", "import-linter", "mypy", "pytest", "ruff"]
 
 DATA_SUFFIXES = ["css", "html", "j2", "js", "json", "msg", "xml", "yaml"]
 

@@ -48,3 +48,15 @@ def random_state(model: ArticulatedModel, rng: np.random.Generator, share: float
     middle, half = 0.5 * (model.chain.upper + model.chain.lower), 0.5 * (model.chain.upper - model.chain.lower)
     angles = middle + share * half * rng.uniform(-1.0, 1.0, model.chain.n_axes)
     return State(se3.exp(rng.normal(size=6)), angles)
+
+
+def assert_same_body(shipped: ArticulatedModel, model: ArticulatedModel) -> None:
+    """Everything but the shapes' geometry."""
+    assert (shipped.name, shipped.landmarks) == (model.name, model.landmarks)
+    assert shipped.chain.dof_names == model.chain.dof_names
+    assert np.allclose(shipped.chain.offsets, model.chain.offsets, atol=1e-12)
+    assert np.allclose(shipped.Ts_link_shape, model.Ts_link_shape, atol=1e-12)
+    for a, b in zip(shipped.chain.axes, model.chain.axes, strict=True):
+        assert np.allclose(a.direction, b.direction, atol=1e-12)
+        assert np.allclose((a.lower, a.upper, a.neutral, a.stiffness), (b.lower, b.upper, b.neutral, b.stiffness), atol=1e-12)
+    assert [(s.name, s.link, s.color_rgb) for s in shipped.shapes] == [(s.name, s.link, s.color_rgb) for s in model.shapes]

@@ -13,7 +13,7 @@ from ..model.configuration import Configuration, State
 from ..model.primitives import Ellipsoid, Mesh
 
 _N_AROUND, _N_ALONG = 64, 48  # facets of an ellipsoid
-_N_CANDIDATES = 16  # faces with the nearest centers, among which the nearest face is looked for
+_N_CANDIDATES = 8  # faces with the nearest centers, among which the nearest face is looked for
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
+from ..model.articulated_model import DEFAULT_COLOR_RGB
 from ..model.kinematic_chain import ROOT_DOF_NAMES
+from ..model.nurbs import N_AROUND, RING_SPACING, Loft, Section
+from ..model.primitives import BOX_FACES
 from .yaml_file import FileModel, Number, PositiveNumber, is_number, numbers, problem
 
 Vector = numbers(3)
@@ -18,6 +22,19 @@ def _positive_vector(value: Any) -> tuple[float, float, float]:
     if not ok or any(not is_number(v) or not v > 0 for v in value):
         raise problem("3 positive numbers (metres)", value)
     return float(value[0]), float(value[1]), float(value[2])
+
+
+def _positive_pair(value: Any) -> tuple[float, float]:
+    ok = isinstance(value, (list, tuple)) and len(value) == 2
+    if not ok or any(not is_number(v) or not v > 0 for v in value):
+        raise problem("2 positive numbers (metres)", value)
+    return float(value[0]), float(value[1])
+
+
+def _ring_spacing(value: Any) -> float:
+    if not is_number(value) or not value >= 0.001:
+        raise problem("a number >= 0.001 (metres)", value)
+    return float(value)
 
 
 def _color(value: Any) -> tuple[int, int, int]:
@@ -36,6 +53,7 @@ def _limits(value: Any) -> tuple[float, float]:
 
 
 PositiveVector = Annotated[tuple[float, float, float], BeforeValidator(_positive_vector)]
+PositivePair = Annotated[tuple[float, float], BeforeValidator(_positive_pair)]
 Color = Annotated[tuple[int, int, int], BeforeValidator(_color)]
 Limits = Annotated[tuple[float, float], BeforeValidator(_limits)]
 
@@ -78,7 +96,7 @@ class JointEntry(Placed):
 
 class _ShapeBase(Placed):
     link: str
-    color_rgb: Color = (180, 180, 180)
+    color_rgb: Color = DEFAULT_COLOR_RGB
 
 
 class ConeEntry(_ShapeBase):
@@ -130,17 +148,64 @@ class EllipsoidEntry(_ShapeBase):
 
 
 class BoxEntry(_ShapeBase):
+    """Box; a face of its own color or with a picture is named by the axis that points out of it."""
+
     type: Literal["box"]
     size: PositiveVector
+    face_colors_rgb: dict[str, Color] = Field(default_factory=dict)
+    textures: dict[str, str] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _sound(self) -> BoxEntry:
+        for field, faces in (("face_colors_rgb", self.face_colors_rgb), ("textures", self.textures)):
+            for face in faces:
+                if face not in BOX_FACES:
+                    raise problem(f"a face, one of {list(BOX_FACES)}", face, field)
+        return self
 
 
 class MeshEntry(_ShapeBase):
+    """Mesh file, with its colors; ``texture`` is a picture to put in the place of the file's own."""
+
     type: Literal["mesh"]
     file: str
     scale: PositiveNumber = 1.0
+    texture: str | None = None
 
 
-ShapeEntry = Annotated[ConeEntry | EllipsoidEntry | BoxEntry | MeshEntry, Field(discriminator="type")]
+class SectionEntry(FileModel):
+    """Stadium across z."""
+
+    z: Number
+    half_x: PositiveNumber
+    half_y: PositiveNumber
+    x: Number = 0.0
+    y: Number = 0.0
+
+
+class LoftEntry(_ShapeBase):
+    """Solid through stadium cross-sections in the order of z, with a dome on either end."""
+
+    type: Literal["lofted"]
+    sections: tuple[SectionEntry, ...] = Field(min_length=2)
+    domes: PositivePair
+    vertices_around: Annotated[int, Field(ge=8, le=1024)] = N_AROUND
+    ring_spacing: Annotated[float, BeforeValidator(_ring_spacing)] = RING_SPACING
+
+    @model_validator(mode="after")
+    def _sound(self) -> LoftEntry:
+        for i, (below, above) in enumerate(pairwise(self.sections)):
+            if not below.z < above.z:
+                raise problem(f"a section above the one before it (z > {below.z:g})", above.z, f"sections.{i + 1}.z")
+        return self
+
+    @property
+    def loft(self) -> Loft:
+        """What the model's code makes of it."""
+        return Loft(tuple(Section(s.z, s.half_x, s.half_y, s.x, s.y) for s in self.sections), self.domes)
+
+
+ShapeEntry = Annotated[ConeEntry | EllipsoidEntry | BoxEntry | MeshEntry | LoftEntry, Field(discriminator="type")]
 
 
 class LandmarkEntry(FileModel):

@@ -11,23 +11,26 @@ from ..errors import FileFormatError, ModelError
 from ..geometry import se3, so3
 from ..model.articulated_model import ArticulatedModel, Landmark, Shape
 from ..model.kinematic_chain import Axis, Joint, KinematicChain
-from ..model.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
+from ..model.nurbs import N_AROUND, RING_SPACING, LoftedSolid, loft_mesh
+from ..model.primitives import BOX_FACES, Box, Ellipsoid, Mesh, Primitive, TruncatedCone
 from .mesh_file import read_mesh, write_mesh
 from .model_file import (
     AxisEntry,
     BoxEntry,
     ConeEntry,
     EllipsoidEntry,
+    LoftEntry,
     ModelFile,
     ShapeEntry,
 )
-from .yaml_file import read_mapping, validate, write_mapping
+from .picture_file import read_picture, write_picture
+from .yaml_file import Inline, read_mapping, validate, write_mapping
 
 _X, _Y, _Z = np.eye(3)
 
 
 def load_model(path: str | Path) -> ArticulatedModel:
-    """Body of a model file; mesh files are looked for relative to its folder.
+    """Body of a model file; meshes and pictures are looked for relative to its folder.
 
     Raises
     ------
@@ -42,7 +45,7 @@ def read_model_file(path: str | Path) -> ModelFile:
 
 
 def build_model(model_file: ModelFile, path: str | Path) -> ArticulatedModel:
-    """Body of a validated file; ``path`` is for messages and for finding mesh files."""
+    """Body of a validated file; ``path`` is for messages and for finding meshes and pictures."""
     joints = []
     for name, entry in model_file.joints.items():
         axes = tuple(_axis(axis) for axis in entry.axes)
@@ -60,7 +63,7 @@ def build_model(model_file: ModelFile, path: str | Path) -> ArticulatedModel:
 
 
 def dump_model(model: ArticulatedModel, path: str | Path, comment: str = "") -> None:
-    """Write a body; meshes go beside the file as ``<stem>_<shape>.obj``. ``comment`` stands on top of the file."""
+    """Write a body; meshes and pictures go beside the file as ``<stem>_<shape>...``. ``comment`` stands on top of the file."""
     path = Path(path)
     names = [shape.name for shape in model.shapes]
     if len(set(names)) != len(names):
@@ -135,8 +138,27 @@ def _primitive(entry: ShapeEntry, path: str | Path, field: str) -> Primitive:
     if isinstance(entry, EllipsoidEntry):
         return Ellipsoid(entry.radii)
     if isinstance(entry, BoxEntry):
-        return Box(entry.size)
-    return read_mesh(Path(path).parent / entry.file, entry.scale, path, f"{field}.file")
+        return _box(entry, path, field)
+    if isinstance(entry, LoftEntry):
+        try:
+            return loft_mesh(entry.loft, entry.vertices_around, entry.ring_spacing)
+        except ValueError as error:  # sections too near each other for their size, or too far apart
+            raise FileFormatError(path, f"{field}.sections", "sections that a surface can go through", str(error)) from None
+    folder = Path(path).parent
+    texture = None if entry.texture is None else read_picture(folder / entry.texture, path, f"{field}.texture")
+    return read_mesh(folder / entry.file, entry.scale, path, f"{field}.file", texture)
+
+
+def _box(entry: BoxEntry, path: str | Path, field: str) -> Box:
+    colors = None
+    if entry.face_colors_rgb:
+        colors = np.array([entry.face_colors_rgb.get(face, entry.color_rgb) for face in BOX_FACES], dtype=np.uint8)
+    textures = None
+    if entry.textures:
+        folder = Path(path).parent
+        pictures = {face: read_picture(folder / file, path, f"{field}.textures.{face}") for face, file in entry.textures.items()}
+        textures = tuple(pictures.get(face) for face in BOX_FACES)
+    return Box(entry.size, colors, textures)
 
 
 def _shape_values(shape: Shape, path: Path) -> dict[str, Any]:
@@ -153,13 +175,36 @@ def _shape_values(shape: Shape, path: Path) -> dict[str, Any]:
     elif isinstance(primitive, Ellipsoid):
         values |= {"type": "ellipsoid", "radii": list(primitive.radii)}
     elif isinstance(primitive, Box):
-        values |= {"type": "box", "size": list(primitive.size)}
+        values |= _box_values(primitive, path.with_name(f"{path.stem}_{shape.name}"))
+    elif isinstance(primitive, LoftedSolid) and primitive.loft is not None:
+        values |= _loft_values(primitive)
     elif isinstance(primitive, Mesh):
-        file = path.with_name(f"{path.stem}_{shape.name}.obj")
-        write_mesh(primitive, file)
+        file = write_mesh(primitive, path.with_name(f"{path.stem}_{shape.name}"))
         values |= {"type": "mesh", "file": file.name}
     values = {key: float(value) if isinstance(value, np.floating) else value for key, value in values.items()}
     return values | _placed(shape.T_link_shape) | {"color_rgb": [int(c) for c in shape.color_rgb]}
+
+
+def _box_values(box: Box, stem: Path) -> dict[str, Any]:
+    values: dict[str, Any] = {"type": "box", "size": list(box.size)}
+    if box.face_colors_rgb is not None:
+        values["face_colors_rgb"] = {face: color.tolist() for face, color in zip(BOX_FACES, box.face_colors_rgb, strict=True)}
+    textures = dict(zip(BOX_FACES, box.textures or (), strict=False))
+    files = {face: stem.with_name(f"{stem.name}_{face}.png") for face, picture in textures.items() if picture is not None}
+    for face, file in files.items():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_picture(textures[face], file)  # type: ignore[arg-type]
+    return values | ({"textures": {face: file.name for face, file in files.items()}} if files else {})
+
+
+def _loft_values(solid: LoftedSolid) -> dict[str, Any]:
+    sections = []
+    for section in solid.loft.sections:  # type: ignore[union-attr]
+        row = {name: float(value) for name, value in vars(section).items()}
+        sections.append(Inline({name: value for name, value in row.items() if name not in "xy" or value != 0.0}))
+    values: dict[str, Any] = {"type": "lofted", "sections": sections, "domes": list(solid.loft.domes)}  # type: ignore[union-attr]
+    fineness = {"vertices_around": solid.n_around, "ring_spacing": float(solid.ring_spacing)}
+    return values | ({} if (solid.n_around, solid.ring_spacing) == (N_AROUND, RING_SPACING) else fineness)
 
 
 def _placed(transform: np.ndarray) -> dict[str, Any]:

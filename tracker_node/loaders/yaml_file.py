@@ -67,8 +67,13 @@ def _represent_list(dumper: yaml.SafeDumper, data: list | tuple) -> yaml.Node:
     return dumper.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=plain)
 
 
+class Inline(dict):
+    """A mapping that is written on one line."""
+
+
 _Dumper.add_representer(list, _represent_list)
 _Dumper.add_representer(tuple, _represent_list)
+_Dumper.add_representer(Inline, lambda dumper, data: dumper.represent_mapping("tag:yaml.org,2002:map", data, flow_style=True))
 
 
 def read_text(path: str | Path) -> str:

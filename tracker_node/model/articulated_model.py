@@ -11,6 +11,8 @@ from ..geometry import se3
 from .kinematic_chain import KinematicChain
 from .primitives import Primitive
 
+DEFAULT_COLOR_RGB = (180, 180, 180)  # of a shape whose color nobody has stated
+
 
 @dataclass(frozen=True)
 class Shape:
@@ -20,11 +22,18 @@ class Shape:
     link: str
     primitive: Primitive
     T_link_shape: np.ndarray = field(default_factory=lambda: np.eye(4))
-    color_rgb: tuple[int, int, int] = (180, 180, 180)
+    color_rgb: tuple[int, int, int] = DEFAULT_COLOR_RGB
 
     def __post_init__(self):
         if not se3.is_rigid(self.T_link_shape):
             raise ValueError(f"shape '{self.name}': expected a rigid T_link_shape, got {self.T_link_shape}")
+
+
+    @property
+    def has_color(self) -> bool:
+        """False for a shape whose color nobody has stated (it is shown in gray)."""
+        own = ("face_colors_rgb", "textures", "vertex_colors_rgb", "texture")
+        return tuple(self.color_rgb) != DEFAULT_COLOR_RGB or any(getattr(self.primitive, name, None) is not None for name in own)
 
 
 @dataclass(frozen=True)
@@ -61,6 +70,11 @@ class ArticulatedModel:
     @property
     def landmark_names(self) -> tuple[str, ...]:
         return tuple(landmark.name for landmark in self.landmarks)
+
+    @property
+    def has_colors(self) -> bool:
+        """False for a body on which no shape has a stated color: there is nothing that color could tell."""
+        return any(shape.has_color for shape in self.shapes)
 
     def landmark_index(self, name: str) -> int:
         if name not in self.landmark_names:

@@ -8,6 +8,7 @@ and through the elliptical domes that close both ends.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -20,6 +21,7 @@ N_STADIUM_POINTS = 24  # of a section, that the surface goes through
 N_AROUND = 48  # vertices of a ring of the mesh
 RING_SPACING = 0.020  # metres between rings of the mesh, at most
 SECTION_SPACING = 0.040  # metres; between sections farther apart others are put, so that the surface does not swing
+_MOST_BETWEEN, _MOST_RINGS = 50, 500  # sections put between two, rings of a mesh: for solids of any size
 _DOME_ANGLES = np.deg2rad([30.0, 60.0, 90.0])
 
 
@@ -55,9 +57,11 @@ class Loft:
 
 @dataclass(frozen=True, eq=False)
 class LoftedSolid(Mesh):
-    """The mesh of a loft, which remembers what it is made from."""
+    """The mesh of a loft, which remembers what it is made from (`loft_mesh`)."""
 
     loft: Loft | None = None
+    n_around: int = N_AROUND
+    ring_spacing: float = RING_SPACING
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,12 +100,12 @@ def stadium_points(half_x: float, half_y: float, n: int = N_STADIUM_POINTS) -> n
 def loft_surface(loft: Loft) -> SplineSurface:
     """The surface through all sections of ``loft``, closed at both ends."""
     rings = _rings(loft)  # (n, m, 3)
-    closed = np.concatenate([rings, rings[:, :1]], axis=1)
-    around = make_interp_spline(np.linspace(0.0, 1.0, closed.shape[1]), closed, DEGREE, bc_type="periodic", axis=1)
+    knots_around, interpolation = _around()
+    lines = np.einsum("mk,nkd->nmd", interpolation, rings)
     steps = np.linalg.norm(np.diff(rings, axis=0), axis=2).mean(axis=1)
     u = np.append(0.0, np.cumsum(steps)) / steps.sum()
-    along = make_interp_spline(u, np.moveaxis(around.c, 0, 1), DEGREE, axis=0)
-    return SplineSurface(along.c, along.t, around.t)
+    along = make_interp_spline(u, lines, DEGREE, axis=0)
+    return SplineSurface(along.c, along.t, knots_around)
 
 
 def loft_mesh(loft: Loft, n_around: int = N_AROUND, ring_spacing: float = RING_SPACING) -> LoftedSolid:
@@ -132,7 +136,17 @@ def loft_mesh(loft: Loft, n_around: int = N_AROUND, ring_spacing: float = RING_S
         faces.append(np.column_stack([a + here, b + beside, b + here]))
     last = (n_rings - 1) * n_around
     faces.append(np.column_stack([last + here, last + beside, np.full(n_around, top)]))
-    return LoftedSolid(vertices, np.vstack(faces), normals=normals, loft=loft)
+    return LoftedSolid(vertices, np.vstack(faces), normals=normals, loft=loft, n_around=n_around, ring_spacing=ring_spacing)
+
+
+@cache
+def _around() -> tuple[np.ndarray, np.ndarray]:
+    """Knots of the periodic splines, and the matrix that makes control points (m, .) of the points of a ring."""
+    unit = np.eye(N_STADIUM_POINTS)
+    spline = make_interp_spline(
+        np.linspace(0.0, 1.0, N_STADIUM_POINTS + 1), np.vstack([unit, unit[:1]]), DEGREE, bc_type="periodic"
+    )
+    return spline.t, spline.c
 
 
 def _rings(loft: Loft) -> np.ndarray:
@@ -160,7 +174,7 @@ def _refined(sections: tuple[Section, ...]) -> list[Section]:
     values = np.array([(s.z, s.half_x, s.half_y, s.x, s.y) for s in sections])
     at = [values[0, 0]]
     for low, high in pairwise(values[:, 0]):
-        n = int(np.ceil((high - low) / SECTION_SPACING))
+        n = int(min(np.ceil((high - low) / SECTION_SPACING), _MOST_BETWEEN))
         at += list(np.linspace(low, high, n + 1)[1:])
     return [Section(z, *row) for z, row in zip(at, PchipInterpolator(values[:, 0], values[:, 1:])(at), strict=True)]
 
@@ -171,7 +185,7 @@ def _ring_parameters(loft: Loft, surface: SplineSurface, spacing: float) -> np.n
     z = surface.evaluate(fine, np.zeros(1))[:, 0, 2]
     z = np.maximum.accumulate(z)
     low, high = loft.sections[0].z, loft.sections[-1].z
-    n = int(np.ceil((high - low) / spacing))
+    n = int(min(np.ceil((high - low) / spacing), _MOST_RINGS))
     angles = np.deg2rad([75.0, 60.0, 45.0, 30.0, 15.0])
     wanted = np.concatenate([
         low - loft.domes[0] * np.sin(angles), np.linspace(low, high, n + 1), high + loft.domes[1] * np.sin(angles[::-1]),

@@ -1,0 +1,39 @@
+"""Pictures that other files ask for, such as the textures of a model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ..errors import FileFormatError
+
+
+def read_picture(file: str | Path, referrer: str | Path, field: str) -> np.ndarray:
+    """Picture (h, w, 3) uint8 RGB; a gray one is read as gray RGB.
+
+    Raises
+    ------
+    FileFormatError : naming ``referrer`` and ``field``, where the file is asked for.
+    """
+    file = Path(file)
+    if not file.is_file():
+        raise FileFormatError(referrer, field, "an existing picture", str(file))
+    picture = cv2.imdecode(np.frombuffer(file.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED) if file.stat().st_size else None
+    if picture is None:
+        raise FileFormatError(referrer, field, "a readable picture (PNG, JPEG, ...)", str(file))
+    if picture.ndim == 2:
+        picture = np.repeat(picture[:, :, None], 3, axis=2)
+    if picture.dtype != np.uint8 or picture.shape[2] != 3:
+        got = f"{picture.shape[2]} channels of {8 * picture.dtype.itemsize} bits in {file}"
+        raise FileFormatError(referrer, field, "a picture of 1 or 3 channels of 8 bits", got)
+    return np.ascontiguousarray(picture[:, :, ::-1])
+
+
+def write_picture(picture: np.ndarray, file: str | Path) -> None:
+    """Write (h, w, 3) uint8 RGB without loss, as PNG."""
+    ok, encoded = cv2.imencode(".png", np.ascontiguousarray(picture[:, :, ::-1]))
+    if not ok:
+        raise ValueError(f"expected a picture that PNG can hold, got {picture.shape}")
+    Path(file).write_bytes(encoded.tobytes())
