@@ -148,14 +148,20 @@ def run_python(code, **environment):
     )
 
 
-@pytest.mark.parametrize("platform", ["nonsense", "glx"])
-def test_without_opengl_one_line_says_what_to_install(platform):
-    code = """
+@pytest.mark.parametrize(
+    ("platform", "start"),
+    [
+        ("nonsense", "from tracker_node.render.opengl_context import OpenGLContext as start"),
+        ("glx", "from tracker_node.render.backends import make_renderer\ndef start(): make_renderer('pyrender').__enter__()"),
+    ],
+)
+def test_without_opengl_one_line_says_what_to_install(platform, start):
+    code = f"""
 from tracker_node.errors import TrackerError
-from tracker_node.render.backends import make_renderer
+{start}
 try:
-    with make_renderer("pyrender"):
-        print("started")
+    start()
+    print("started")
 except TrackerError as error:
     print(error)
 """
