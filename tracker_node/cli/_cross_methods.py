@@ -13,7 +13,6 @@ from ..evaluation.video_tracking import refine_video, track_video
 from ..model.configuration import State
 from ..model.pose_variables import N_ROOT
 from ..objective.color_score import ColorOptions
-from ..objective.flat_color_score import FlatColorObjective
 from ..objective.staggered_score import StaggeredObjective
 from ..optimize.score_objective import SearchResult
 from ..optimize.simplex import polish
@@ -71,7 +70,7 @@ def track(
     late_s = scene.late_s if method.knows_time else (0.0,) * len(scene.late_s)
     colors = scene.picked_colors(trial, footage.interpolated(0))
     options = ColorOptions("normalized")
-    objective = StaggeredObjective(scene.model, scene.rigs[method.rig], late_s, options, colors, FlatColorObjective)
+    objective = StaggeredObjective(scene.model, scene.rigs[method.rig], late_s, options, colors)
 
     def show(field: int, velocity: np.ndarray | None) -> None:
         images = footage.interpolated(field)

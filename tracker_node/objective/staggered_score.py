@@ -16,7 +16,6 @@ from ..camera.camera_rig import CameraRig
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from .color_score import ColorObjective, ColorOptions, ColorScore, Verdict
-from .flat_color_score import FlatColorObjective
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,14 +24,13 @@ class _Part:
 
     late_s: float
     cameras: tuple[int, ...]
-    objective: ColorObjective | FlatColorObjective
+    objective: ColorObjective
 
 
 class StaggeredObjective:
     """The `ColorObjective` of a rig whose cameras are late by ``late_s`` (n_cameras,) seconds after the state that is scored.
 
-    ``kind`` makes the scores of cameras that do expose at one instant. ``velocity`` (n_dof,), in the state's tangent per second,
-    may be set at any time; None: the body rests.
+    ``velocity`` (n_dof,), in the state's tangent per second, may be set at any time; None: the body rests.
     """
 
     def __init__(
@@ -42,7 +40,7 @@ class StaggeredObjective:
         late_s: Sequence[float],
         options: ColorOptions | None = None,
         colors_rgb: np.ndarray | None = None,
-        kind: type[ColorObjective] | type[FlatColorObjective] = ColorObjective,
+        threads: int = 2,
     ):
         if len(late_s) != len(rig):
             raise ValueError(f"expected {len(rig)} delays, one of each camera, got {len(late_s)}")
@@ -54,7 +52,7 @@ class StaggeredObjective:
             cameras = tuple(i for i, value in enumerate(late_s) if value == late)
             subset = rig.subset([rig.names[i] for i in cameras])
             colors = None if colors_rgb is None else np.asarray(colors_rgb)[list(cameras)]
-            self._parts.append(_Part(late, cameras, kind(model, subset, each, colors)))
+            self._parts.append(_Part(late, cameras, ColorObjective(model, subset, each, colors, threads)))
 
     def set_images(self, images: Sequence[np.ndarray | None]) -> None:
         """BGR images (h, w, 3) uint8 in the order of the rig; None for a camera that gave none."""
