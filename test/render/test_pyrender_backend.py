@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -134,6 +135,12 @@ def test_two_renderers_do_not_share_their_end(renderer):
     assert (renderer.render_view(ball, camera).labels == before.labels).all()
     with pytest.raises(ValueError, match="closed"):
         other.render_view(ball, camera)
+
+
+def test_another_thread_is_told_what_is_wrong(renderer):
+    ball, camera = single_shape(Ellipsoid((0.1, 0.2, 0.3))), look_at((0.0, -3.0, 0.0), (0.0, 0.0, 0.0), PAL)
+    with ThreadPoolExecutor(1) as pool, pytest.raises(ValueError, match="on the thread that made the renderer"):
+        pool.submit(renderer.render_view, ball, camera).result()
 
 
 def test_too_many_lights(renderer):

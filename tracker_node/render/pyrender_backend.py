@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from typing import Any
 
@@ -33,7 +34,7 @@ class PyrenderRenderer:
     """
 
     def __init__(self):
-        self._context = OpenGLContext()
+        self._context, self._thread = OpenGLContext(), threading.get_ident()
         from . import opengl_lambert  # imports pyrender, which the context has set up
 
         self._lambert = opengl_lambert
@@ -78,6 +79,8 @@ class PyrenderRenderer:
         """Make the shapes of ``model``, and no others, the content of the scene."""
         if not self._context.is_open:
             raise ValueError("expected an open renderer, got one that is closed")
+        if threading.get_ident() != self._thread:
+            raise ValueError("expected a call on the thread that made the renderer: OpenGL knows no other")
         if model is self._model:
             return
         pyrender = self._context.pyrender
