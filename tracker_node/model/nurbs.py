@@ -121,7 +121,10 @@ def loft_mesh(loft: Loft, n_around: int = N_AROUND, ring_spacing: float = RING_S
     v = np.arange(n_around) / n_around
     points = surface.evaluate(u, v)
     normals = np.cross(surface.evaluate(u, v, dv=1), surface.evaluate(u, v, du=1))
-    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    lengths = np.linalg.norm(normals, axis=2, keepdims=True)
+    if not np.all(lengths > 0.0):
+        raise ValueError(f"expected sections whose surface has a direction everywhere, got {loft}")
+    normals /= lengths
     ends = surface.evaluate(np.array([0.0, 1.0]), np.zeros(1))[:, 0]
     n_rings = len(u)
     vertices = np.vstack([points.reshape(-1, 3), ends])
