@@ -17,21 +17,15 @@ import numpy as np
 
 from ..camera.camera_model import NEAR
 from ..camera.camera_rig import CameraRig
-from ..camera.light import AMBIENT, COS_OUTER, DIRECTIONAL, INTENSITY, KIND, POINT, SPOT, pack_lights
 from ..geometry import se3
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..render import raycaster
-from ..render.lighting import lights_in_camera
 from ..render.ray_coefficients import N_COEFFICIENTS
-from ..render.shape_arrays import OTHER, ShapeArrays
-from ..render.surface_arrays import surface_arrays
 from . import color_kernels as kernel
-from .any_shape_kernels import recolor, score_any
+from .any_shapes import score_with_cast
+from .color_constants import ColorConstants
 from .color_score_kernels import make_score_states
 from .color_views import ColorViews, every_nth
-
-REPRESENTATIONS = ("raw", "normalized", "blend")
 
 
 @dataclass(frozen=True)
@@ -91,10 +85,8 @@ class ColorObjective:
         colors_rgb: np.ndarray | None = None,
         threads: int = 2,
     ):
-        self.model, self.options = model, options or ColorOptions()
-        if self.options.representation not in REPRESENTATIONS:
-            raise ValueError(f"expected a representation, one of {REPRESENTATIONS}, got {self.options.representation!r}")
-        self.threads, self.colors_rgb, self._recolored = threads, _colors(model, rig, colors_rgb), colors_rgb is not None
+        self.model, self.options, self._given_colors = model, options or ColorOptions(), colors_rgb
+        self.threads = threads
         self._images: list[np.ndarray | None] = [None] * len(rig)
         self._seen = np.zeros(0, dtype=np.int64)
         self._steps: dict[int, ColorObjective] = {}
@@ -107,43 +99,46 @@ class ColorObjective:
     def _make_arguments(self) -> None:
         """Everything that the kernel takes and that no state changes."""
         model, rig, options = self.model, self.rig, self.options
-        arrays, chain, views = ShapeArrays.from_model(model), model.chain, self._views
-        self._smooth = OTHER not in arrays.kinds
-        self._lights = pack_lights(rig.lights)
-        lights = self._lights.astype(np.float32)
-        weights = {"raw": (1.0, 0.0), "normalized": (0.0, 1.0)}.get(
-            options.representation, (1.0 - options.normalized_weight, options.normalized_weight)
+        chain, views = model.chain, self._views
+        constants = ColorConstants(model, rig, options.representation, options.normalized_weight, self._given_colors)
+        weights = np.array(constants.weights, dtype=np.float32)
+        self._constants = constants
+        self._kernel = make_score_states(
+            constants.n_directional, constants.n_spots, constants.bent, constants.weights[0] > 0.0, constants.weights[1] > 0.0
         )
-        gain, gamma = np.array([camera.gain for camera in rig]), np.array([camera.gamma for camera in rig])
-        kinds = lights[:, KIND].astype(int)
-        ambient = lights[kinds == AMBIENT, INTENSITY : INTENSITY + 3].sum(axis=0)
-        suns, spots = lights[kinds == DIRECTIONAL], lights[(kinds == SPOT) | (kinds == POINT)]
-        spots[spots[:, KIND] == POINT, COS_OUTER] = -3.0  # every direction is well within the cone
-        colored = np.ptp(lights[:, INTENSITY : INTENSITY + 3], axis=1).any()
-        if weights[0] == 0.0 and not colored:  # shading by white light cancels
-            suns, spots, ambient = suns[:0], spots[:0], np.ones(3)
-        directed = np.concatenate([suns, spots])
-        base = gain * ambient
-        if len(directed) == 0:
-            base = base ** (1.0 / gamma[:, None])
-        base = np.column_stack([base, 1.0 / gamma]).astype(np.float32)
-        self._kernel = make_score_states(len(suns), len(spots), bool((gamma != 1.0).any()), weights[0] > 0.0, weights[1] > 0.0)
         self._chain = (chain.parents, chain.offsets, chain.axis_start, chain.axis_count, chain.directions)
-        self._shapes = (arrays.kinds, arrays.dims, arrays.links, model.Ts_link_shape, np.ones(len(model.shapes), dtype=np.bool_))
-        self._cameras = (
-            views.params, views.limits, np.stack([camera.T_cam_world for camera in rig]), gain, base, self.colors_rgb,
-        )  # fmt: skip
+        used = np.ones(len(model.shapes), dtype=np.bool_)
+        self._shapes = (constants.kinds, constants.dims, constants.links, model.Ts_link_shape, used)
         self._pixels = (views.views, views.rays, views.planes)
-        self._what = (directed, np.array(weights, dtype=np.float32))
+        self._what = (constants.directed, weights)
         n, largest = len(model.shapes), max((camera.model.width + 2 * kernel.LANES) * camera.model.height for camera in rig)
         self._work = [
             (
                 np.zeros((n, N_COEFFICIENTS), dtype=np.float32), np.zeros((n, kernel.N_SURFACE), dtype=np.float32),
-                np.zeros((n, 4), dtype=np.int64), np.zeros(directed.size, dtype=np.float32),
+                np.zeros((n, 4), dtype=np.int64), np.zeros(constants.directed.size, dtype=np.float32),
                 np.zeros(largest + kernel.LANES, dtype=np.int32),
             )
             for _ in range(self.threads)
         ]  # fmt: skip
+
+    @property
+    def _cameras(self) -> tuple[np.ndarray, ...]:
+        views, constants = self._views, self._constants
+        return (
+            views.params, views.limits, constants.Ts_cam_world, constants.gain, constants.base, constants.colors_rgb,
+        )  # fmt: skip
+
+    def set_colors(self, colors_rgb: np.ndarray | None) -> None:
+        """Other colors of the shapes, (n_cameras, n_shapes, 3); None: those of the model."""
+        self._given_colors = colors_rgb
+        self._constants.set_colors(self.model, self.rig, colors_rgb)
+        for objective in self._steps.values():
+            objective.set_colors(colors_rgb)
+
+    @property
+    def colors_rgb(self) -> np.ndarray:
+        """(n_cameras, n_shapes, 3) as they are compared with the images."""
+        return self._constants.colors_rgb
 
     def set_images(self, images: Sequence[np.ndarray | None]) -> None:
         """BGR images (h, w, 3) uint8 in the order of the rig; None for a camera that gave none."""
@@ -165,8 +160,7 @@ class ColorObjective:
             return self
         if column_step not in self._steps:
             options = replace(self.options, column_step=column_step)
-            colors = self.colors_rgb if self._recolored else None
-            self._steps[column_step] = ColorObjective(self.model, self._whole_rig, options, colors, self.threads)
+            self._steps[column_step] = ColorObjective(self.model, self._whole_rig, options, self._given_colors, self.threads)
             self._steps[column_step].set_images(self._images)
         return self._steps[column_step]
 
@@ -182,7 +176,7 @@ class ColorObjective:
         """Squares, pixels and the kernel's verdict, (n_states, n_cameras, 3)."""
         self._fill()
         totals = np.zeros((len(states), len(self.rig), 3))
-        if not self._smooth:
+        if not self._constants.smooth:
             totals[:, self._seen, 2] = kernel.NOT_SMOOTH
         else:
             roots = np.array([state.T_world_root for state in states])
@@ -217,20 +211,10 @@ class ColorObjective:
     def _any_shapes(self, configuration: Configuration, index: int) -> np.ndarray:
         """Squares, pixels and verdict (3,) of one camera, whatever the shapes."""
         camera, total = self.rig.cameras[index], np.zeros(3)
-        model = camera.model
         if (se3.apply(camera.T_cam_world, configuration.Ts_world_shape[:, :3, 3])[:, 2] < NEAR).all():
             total[2] = kernel.BEHIND
             return total
-        found = raycaster.cast(configuration, camera, (0, 0, model.width, model.height))
-        if self._recolored:
-            recolor(found.frames, self.colors_rgb[index])
-        surfaces, (u0, v0, u1, _) = surface_arrays(self.model), found.region
-        score_any(
-            found.buffer, found.numbers, found.column, found.table.xs, found.table.ys, u0, v0, u1,
-            found.coefficients, found.frames, found.triangles, surfaces.corners, surfaces.levels, surfaces.texels,
-            lights_in_camera(self._lights, camera.T_cam_world), np.array(camera.gain, dtype=np.float32),
-            np.float32(1.0 / camera.gamma), self._views.planes, self._views.views[index], self._what[1], total,
-        )  # fmt: skip
+        score_with_cast(configuration, camera, self._constants, index, self._views, self._what[1], total)
         return total
 
     def evaluate(self, state: State) -> ColorScore:
@@ -258,13 +242,3 @@ class ColorObjective:
         result = np.full(len(states), math.inf)
         result[valid] = np.sqrt(squares[valid] / (3.0 * pixels[valid]))
         return result
-
-
-def _colors(model: ArticulatedModel, rig: CameraRig, colors_rgb: np.ndarray | None) -> np.ndarray:
-    """(n_cameras, n_shapes, 3) float64."""
-    if colors_rgb is None:
-        return np.tile(np.array([shape.color_rgb for shape in model.shapes], dtype=np.float64), (len(rig), 1, 1))
-    shape = (len(rig), len(model.shapes), 3)
-    if np.shape(colors_rgb) != shape:
-        raise ValueError(f"expected colors {shape}: one of each shape by camera, got {np.shape(colors_rgb)}")
-    return np.array(colors_rgb, dtype=np.float64)

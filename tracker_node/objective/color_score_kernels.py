@@ -95,7 +95,7 @@ def make_score_states(n_directional: int, n_spots: int, gamma: bool, raw: bool, 
         distorted, width = view[DISTORTED], view[WIDTH]
         size = width * view[HEIGHT]
         per_column = rays[view[XS] + 1] - rays[view[XS]]
-        all_squares, all_kept = 0.0, 0.0
+        all_squares, all_kept = np.float64(0.0), np.float64(0.0)
         for v in range(box[1], box[3]):
             first, last = box[0], box[2]
             x_start = view[XS] + v * (width + LANES) * distorted
