@@ -18,7 +18,7 @@ _SHOWN_FIELDS = 7
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--output", default="out/reproduce/cross", metavar="DIR", help="folder of the results (%(default)s)")
-    parser.add_argument("--quick", action="store_true", help="a few small fields: shows that it runs, the figures mean nothing")
+    parser.add_argument("--quick", action="store_true", help="three small fields: shows that it runs, the figures mean nothing")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> int:
 
     folder = Path(args.output)
     folder.mkdir(parents=True, exist_ok=True)
-    scene = cross_scene(0.5, 4) if args.quick else cross_scene()
+    scene = cross_scene(0.25, 3) if args.quick else cross_scene()
     methods = (BEST, AS_PUBLISHED) if args.quick else METHODS
     metrics = _calibration_figures(scene)
     text, sections = [], [_plan(scene, folder)]

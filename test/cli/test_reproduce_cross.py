@@ -1,0 +1,84 @@
+"""``reproduce cross --quick`` runs from one end to the other and leaves what it promises; the scene knows what it should."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from tracker_node.cli import _cross_methods, _cross_scene
+from tracker_node.cli.main import main
+from tracker_node.errors import SourceError
+from tracker_node.synthesis.cross_film import Footage
+
+PICTURES = ("fig3_plan", "fig7_side_mask", "fig8_twist_mask", "fig9_side_pose", "fig10_twist_pose", "side_video", "twist_errors")
+
+
+def test_the_command_leaves_figures_pictures_and_a_page(tmp_path, capsys):
+    assert main(["reproduce", "cross", "--quick", "--output", str(tmp_path)]) == 0
+    metrics = json.loads((tmp_path / "metrics.json").read_text())["metrics"]
+    for trial in ("side", "twist"):
+        for kind in ("", "stepping_dlt_without_time.", "digitizing.", "vs_digitizing."):
+            assert 0.0 < metrics[f"cross.{trial}.{kind}position_rms_mm"] < 60.0
+            assert 0.0 < metrics[f"cross.{trial}.{kind}angle_rms_deg"] < 20.0
+    assert 0.2 < metrics["cross.calibration.none_rms_px"] <= metrics["cross.calibration.centered_rms_px"] + 1e-9
+    for name in PICTURES:
+        assert cv2.imread(str(tmp_path / f"{name}.png")).std() > 5.0
+    table = (tmp_path / "table.txt").read_text()
+    assert "paper: stepping, against digitizing" in table and "< 17 mm" in table
+    assert table in capsys.readouterr().out + "\n"
+    assert (tmp_path / "report.html").read_text().count("data:image/png") == 9
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return _cross_scene.cross_scene(0.25, 3)
+
+
+def test_the_tracker_knows_neither_true_lights_nor_gain_nor_gamma(scene):
+    for rig in scene.rigs.values():
+        assert [camera.gain for camera in rig] == [(1.0, 1.0, 1.0)] * 3 and [camera.gamma for camera in rig] == [1.0] * 3
+        for light, true in zip(rig.lights, scene.rig.lights, strict=True):
+            assert abs(light.intensity[0] / true.intensity[0] - 1.0) == pytest.approx(0.15)
+    centers = {name: np.array([camera.center for camera in rig]) for name, rig in scene.rigs.items()}
+    np.testing.assert_array_equal(centers["true"], [camera.center for camera in scene.rig])
+    assert 0.001 < np.linalg.norm(centers["dlt"] - centers["true"], axis=1).max() < 2.0  # 1 px of so small an image is much
+
+
+def test_colors_are_picked_from_the_cross(scene):
+    trial = scene.trials[0]
+    footage = scene.film(trial, "raycaster")
+    colors = scene.picked_colors(trial, footage.interpolated(0))
+    assert colors.shape == (3, 2, 3)
+    red, green, blue = np.moveaxis(colors, 2, 0)
+    assert (red > 100).all() and (green > 0.6 * red).all() and (blue < 0.5 * green).all()
+
+
+def test_progressive_video_is_refused(scene, monkeypatch):
+    full = _cross_scene.cross_scene(0.5, 8)
+    trial = full.trials[0]
+
+    def film_progressive(*arguments):
+        fields = film(*arguments)
+        return Footage(tuple(tuple(fields.interpolated(k)[i] for k in range(4)) for i in range(3)), 8)
+
+    film = _cross_scene.film
+    monkeypatch.setattr(_cross_scene, "film", film_progressive)
+    with pytest.raises(SourceError, match=r"side somersault, camera left.*no comb"):
+        full.film(trial, "raycaster")
+
+
+def test_the_first_start_is_50_mm_and_5_degrees_off():
+    error = np.array(_cross_methods.START_ERROR)
+    assert np.linalg.norm(error[:3]) == pytest.approx(50.0, abs=0.2) and np.linalg.norm(error[3:]) == pytest.approx(5.0, abs=0.05)
+
+
+def test_the_low_pass_keeps_edges_in_place_and_removes_noise():
+    rng = np.random.default_rng(0)
+    image = np.full((60, 80, 3), 60, np.uint8)
+    image[:, 40:] = 180
+    noisy = np.clip(image + 8.0 * rng.standard_normal(image.shape), 0, 255).astype(np.uint8)
+    (smooth,) = _cross_methods.low_passed([noisy])
+    assert smooth[:, 5:25].std() < 0.4 * noisy[:, 5:25].std()
+    crossing = np.argmax(smooth.mean(axis=(0, 2)) > 120.0)
+    assert crossing == 40
