@@ -6,10 +6,13 @@ make the fourth, the inverse depth w. A line divided by w is the weight of the c
 
 from __future__ import annotations
 
+import math
+
 import numba as nb
 import numpy as np
 
-from ..camera.camera_model import NEAR
+from ..camera.camera_model import NEAR, project_point
+from .pixel_function import pixel_function, pixel_loop
 from .ray_coefficients import pixel_box
 from .ray_kernels import LABEL_BITS, LANES
 
@@ -17,6 +20,10 @@ from .ray_kernels import LABEL_BITS, LANES
 ORIGIN, LINES, INVERSE_DEPTH, SIDE = 0, 2, 11, 14
 N_TRIANGLE_COLUMNS = 15
 _ZERO = np.float32(0.0)
+
+_MARGIN = 1e-3  # pixels: rounding
+_SHORT_BEND = 0.25  # pixels, of edges too short to look at
+_NARROW = 8  # pixels: narrower triangles are drawn one pixel at a time
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -38,55 +45,125 @@ def mesh_box(points, params, limits, region, out):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def draw_mesh(points, faces, params, limits, region, label, first, xs, ys, row_offset, column_offset, rows, buffer, numbers):
-    """Triangles of ``points`` (n, 3) in the camera frame, also those that reach behind the camera.
+def pose_vertices(vertices, T_cam_world, T_world_shape, params, points, pixels):
+    """Vertices (n, 3) in the camera frame, ``points`` (n, 3), and where they are in the image, ``pixels`` (n, 2).
 
-    ``rows`` (m, `N_TRIANGLE_COLUMNS`) float32 receives the triangles, and ``numbers`` (like ``buffer``) the number, from
-    ``first`` on, of the one that is in front.
+    Pixels are not a number where a vertex is behind the camera, or the lens has no pixel for it.
     """
-    box, pixels = np.empty(4), np.empty(4, dtype=np.int64)
-    n = np.empty((3, 3))
+    T = np.zeros((3, 4))
+    for i in range(3):
+        for j in range(4):
+            for m in range(4):
+                T[i, j] += T_cam_world[i, m] * T_world_shape[m, j]
+    for i in range(vertices.shape[0]):
+        a, b, c = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+        x, y, z = (T[0, 0] * a + T[0, 1] * b + T[0, 2] * c + T[0, 3], T[1, 0] * a + T[1, 1] * b + T[1, 2] * c + T[1, 3],
+                   T[2, 0] * a + T[2, 1] * b + T[2, 2] * c + T[2, 3])  # fmt: skip
+        points[i, 0], points[i, 1], points[i, 2] = x, y, z
+        result = project_point(params, x, y, z)
+        pixels[i, 0], pixels[i, 1] = (result[1], result[2]) if result[0] else (np.nan, np.nan)
+
+
+@pixel_function
+def _bend(params, points, pixels, a, b):
+    """How far in pixels the image of an edge is from the straight line between its ends."""
+    if params[5] == 0.0:
+        return 0.0
+    du, dv = pixels[b, 0] - pixels[a, 0], pixels[b, 1] - pixels[a, 1]
+    if du * du + dv * dv < 16.0:
+        return _SHORT_BEND
+    x = 0.5 * (points[a, 0] / points[a, 2] + points[b, 0] / points[b, 2])
+    y = 0.5 * (points[a, 1] / points[a, 2] + points[b, 1] / points[b, 2])
+    middle = project_point(params, x, y, 1.0)
+    u, v = 0.5 * (pixels[a, 0] + pixels[b, 0]), 0.5 * (pixels[a, 1] + pixels[b, 1])
+    return 1.5 * math.hypot(middle[1] - u, middle[2] - v) + _SHORT_BEND
+
+
+@pixel_function
+def _cross(points, a, b):
+    return (
+        points[a, 1] * points[b, 2] - points[a, 2] * points[b, 1],
+        points[a, 2] * points[b, 0] - points[a, 0] * points[b, 2],
+        points[a, 0] * points[b, 1] - points[a, 1] * points[b, 0],
+    )
+
+
+@pixel_function
+def _low_and_high(values, column, i, j, k):
+    a, b, c = values[i, column], values[j, column], values[k, column]
+    return min(a, b, c), max(a, b, c)
+
+
+@pixel_loop
+def draw_mesh(
+    points, pixels, faces, closed, params, region, label, first, xs, ys, row_offset, column_offset, rows, buffer, numbers
+):  # fmt: skip
+    """Triangles of ``points`` and ``pixels`` of `pose_vertices`, also those that reach behind the camera.
+
+    ``rows`` (m, `N_TRIANGLE_COLUMNS`) float32 receives the triangles that may be seen, and ``numbers`` (like ``buffer``) the
+    number, from ``first`` on, of the one that is in front. Of a ``closed`` mesh the triangles that face away are left out.
+    """
     for t in range(faces.shape[0]):
-        x0, y0, in_front = 0.0, 0.0, True
-        box[0], box[1], box[2], box[3] = 1e30, 1e30, -1e30, -1e30
-        for i in range(3):
-            p = points[faces[t, i]]
-            in_front = in_front and p[2] >= NEAR
-            if in_front:
-                x0, y0 = p[0] / p[2], p[1] / p[2]
-                box[0], box[1], box[2], box[3] = min(box[0], x0), min(box[1], y0), max(box[2], x0), max(box[3], y0)
-            a, b = points[faces[t, (i + 1) % 3]], points[faces[t, (i + 2) % 3]]
-            n[i, 0], n[i, 1], n[i, 2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-        corner = points[faces[t, 0]]
-        volume = corner[0] * n[0, 0] + corner[1] * n[0, 1] + corner[2] * n[0, 2]
-        if volume == 0.0:
+        i, j, k = faces[t, 0], faces[t, 1], faces[t, 2]
+        normal = _cross(points, j, k)
+        volume = points[i, 0] * normal[0] + points[i, 1] * normal[1] + points[i, 2] * normal[2]
+        if volume == 0.0 or (closed and volume > 0.0):
             continue
-        if not in_front:
-            x0, y0 = 0.0, 0.0
-            pixels[0], pixels[1], pixels[2], pixels[3] = region[0], region[1], region[2], region[3]
+        (low_u, high_u), (low_v, high_v) = _low_and_high(pixels, 0, i, j, k), _low_and_high(pixels, 1, i, j, k)
+        x0, y0, u0, v0, u1, v1 = 0.0, 0.0, region[0], region[1], region[2], region[3]
+        if not math.isnan(pixels[i, 0] + pixels[j, 0] + pixels[k, 0]):
+            bend = max(
+                _bend(params, points, pixels, i, j), _bend(params, points, pixels, j, k), _bend(params, points, pixels, k, i)
+            )
+            margin = _MARGIN + bend
+            u0, u1 = max(u0, math.ceil(max(low_u - margin, -1.0))), min(u1, math.floor(min(high_u + margin, 1e6)) + 1)
+            v0, v1 = max(v0, math.ceil(max(low_v - margin, -1.0))), min(v1, math.floor(min(high_v + margin, 1e6)) + 1)
+            if u1 <= u0 or v1 <= v0:
+                continue
+            x0, y0 = points[i, 0] / points[i, 2], points[i, 1] / points[i, 2]
+        w0, w1, w2 = 0.0, 0.0, 0.0
+        column = LINES
+        for nx, ny, nz in (normal, _cross(points, k, i), _cross(points, i, j)):
+            lx, ly = nx / volume, ny / volume
+            line = nz / volume + x0 * lx + y0 * ly
+            rows[t, column], rows[t, column + 1], rows[t, column + 2] = line, lx, ly
+            w0, w1, w2 = w0 + line, w1 + lx, w2 + ly
+            column += 3
+        rows[t, ORIGIN], rows[t, ORIGIN + 1] = x0, y0
+        rows[t, INVERSE_DEPTH], rows[t, INVERSE_DEPTH + 1], rows[t, INVERSE_DEPTH + 2] = w0, w1, w2
+        rows[t, SIDE] = 1.0 if volume < 0.0 else -1.0
+        if u1 - u0 <= _NARROW:
+            _draw_narrow(rows, t, label, first + t, xs, ys, u0, v0, u1, v1, row_offset, column_offset, buffer, numbers)
         else:
-            pixel_box(params, box, limits, region, pixels)
-        c = rows[t]
-        c[ORIGIN], c[ORIGIN + 1] = x0, y0
-        c[INVERSE_DEPTH], c[INVERSE_DEPTH + 1], c[INVERSE_DEPTH + 2] = 0.0, 0.0, 0.0
-        for i in range(3):
-            lx, ly, lz = n[i, 0] / volume, n[i, 1] / volume, n[i, 2] / volume
-            line = lz + x0 * lx + y0 * ly, lx, ly
-            for j in range(3):
-                c[LINES + 3 * i + j] = line[j]
-                c[INVERSE_DEPTH + j] += np.float32(line[j])
-        c[SIDE] = 1.0 if volume < 0.0 else -1.0
-        _draw_triangle(c, label, first + t, xs, ys, pixels, row_offset, column_offset, buffer, numbers)
+            _draw_wide(rows, t, label, first + t, xs, ys, u0, v0, u1, v1, row_offset, column_offset, buffer, numbers)
+
+
+@pixel_function
+def _draw_narrow(c, t, label, number, xs, ys, u0, v0, u1, v1, row_offset, column_offset, buffer, numbers):
+    x0, y0, d = c[t, ORIGIN], c[t, ORIGIN + 1], INVERSE_DEPTH
+    tag, upper_bits = np.int32(label), np.int32(~LABEL_BITS)
+    for v in range(v0, v1):
+        for u in range(u0, u1):
+            x, y = xs[v, u] - x0, ys[v, u] - y0
+            e, f, g = (c[t, 2] + c[t, 3] * x + c[t, 4] * y, c[t, 5] + c[t, 6] * x + c[t, 7] * y,
+                       c[t, 8] + c[t, 9] * x + c[t, 10] * y)  # fmt: skip
+            w = c[t, d] + c[t, d + 1] * x + c[t, d + 2] * y
+            packed = (np.float32(w).view(np.int32) & upper_bits) | tag
+            row, column = v - row_offset, u - column_offset
+            if e >= _ZERO and f >= _ZERO and g >= _ZERO and w > _ZERO and packed > buffer[row, column]:
+                buffer[row, column] = packed
+                numbers[row, column] = number
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _draw_triangle(c, label, number, xs, ys, box, row_offset, column_offset, buffer, numbers):
-    x0, y0 = c[ORIGIN], c[ORIGIN + 1]
-    e0, e1, e2, f0, f1, f2, g0, g1, g2 = c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9], c[10]
-    w0, w1, w2 = c[INVERSE_DEPTH], c[INVERSE_DEPTH + 1], c[INVERSE_DEPTH + 2]
+def _draw_wide(c, t, label, number, xs, ys, u0, v0, u1, v1, row_offset, column_offset, buffer, numbers):
+    x0, y0 = c[t, ORIGIN], c[t, ORIGIN + 1]
+    e0, e1, e2, f0, f1, f2, g0, g1, g2 = (c[t, 2], c[t, 3], c[t, 4], c[t, 5], c[t, 6], c[t, 7], c[t, 8], c[t, 9],
+                                          c[t, 10])  # fmt: skip
+    w0, w1, w2 = c[t, INVERSE_DEPTH], c[t, INVERSE_DEPTH + 1], c[t, INVERSE_DEPTH + 2]
     tag, upper_bits, own = np.int32(label), np.int32(~LABEL_BITS), np.int32(number)
-    for v in range(box[1], box[3]):
-        for u in range(box[0] // LANES * LANES, box[2], LANES):
+    for v in range(v0, v1):
+        for u in range(u0 // LANES * LANES, u1, LANES):
             x_row, y_row = xs[v, u : u + LANES], ys[v, u : u + LANES]
             at = u - column_offset
             out, out_numbers = buffer[v - row_offset, at : at + LANES], numbers[v - row_offset, at : at + LANES]

@@ -1,7 +1,8 @@
 """How functions that are called for every pixel are compiled: into their callers, and without counting references.
 
 numba counts the references to arrays whenever they are passed on, by atomic operations that cost five times as much as the
-arithmetic of shading a pixel. Without (``_nrt``) a function takes arrays and numbers, and neither makes nor returns arrays or slices.
+arithmetic of shading a pixel. Without (``_nrt``) a function takes arrays and numbers, and neither makes nor returns arrays or
+slices.
 """
 
 from __future__ import annotations

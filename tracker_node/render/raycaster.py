@@ -18,7 +18,7 @@ from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration
 from ..model.primitives import Box, Mesh
 from .lighting import lights_in_camera
-from .mesh_kernels import N_TRIANGLE_COLUMNS, draw_mesh, mesh_box
+from .mesh_kernels import N_TRIANGLE_COLUMNS, draw_mesh, mesh_box, pose_vertices
 from .ray_coefficients import (
     BOX,
     INVISIBLE,
@@ -33,7 +33,7 @@ from .ray_table import MadeOnce, RayTable, ray_table
 from .renderer import ColoredView, Region, RenderedView
 from .shading import N_FRAME_COLUMNS, fill_frames, shade
 from .shape_arrays import OTHER, ShapeArrays
-from .surface_arrays import surface_arrays
+from .surface_arrays import is_closed, surface_arrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +41,7 @@ class _Drawables:
     kinds: np.ndarray  # as ShapeArrays, with BOX for boxes
     dims: np.ndarray
     meshes: dict[int, Mesh]  # by index of the shape
+    closed: frozenset[int]  # those that are closed
     n_triangles: int
 
 
@@ -54,7 +55,8 @@ def _make_drawables(model: ArticulatedModel) -> _Drawables:
             kinds[i], dims[i, :3] = BOX, shape.primitive.size
         elif isinstance(shape.primitive, Mesh):
             meshes[i] = shape.primitive
-    return _Drawables(kinds, dims, meshes, sum(len(mesh.faces) for mesh in meshes.values()))
+    closed = frozenset(i for i, mesh in meshes.items() if is_closed(mesh))
+    return _Drawables(kinds, dims, meshes, closed, sum(len(mesh.faces) for mesh in meshes.values()))
 
 
 _drawables: Callable[[ArticulatedModel], _Drawables] = MadeOnce(_make_drawables)
@@ -149,9 +151,10 @@ def cast(configuration: Configuration, camera: Camera, region: Region, frames: b
     )  # fmt: skip
     posed = {}
     for i, mesh in drawables.meshes.items():
-        T = T_cam_world @ Ts_world_shape[i]
-        posed[i] = mesh.vertices @ T[:3, :3].T + T[:3, 3]
-        mesh_box(posed[i], params, limits, region, boxes[i])
+        points, pixels = np.empty((len(mesh.vertices), 3)), np.empty((len(mesh.vertices), 2))
+        pose_vertices(mesh.vertices, T_cam_world, Ts_world_shape[i], params, points, pixels)
+        mesh_box(points, params, limits, region, boxes[i])
+        posed[i] = points, pixels
     seen = boxes[(boxes[:, 2] > boxes[:, 0]) & (boxes[:, 3] > boxes[:, 1])]
     if len(seen):
         (u0, v0), (u1, v1) = seen[:, :2].min(axis=0).tolist(), seen[:, 2:].max(axis=0).tolist()
@@ -163,10 +166,12 @@ def cast(configuration: Configuration, camera: Camera, region: Region, frames: b
     numbers = np.zeros(buffer.shape if posed else (0, 0), dtype=np.int32)
     triangles = np.empty((drawables.n_triangles, N_TRIANGLE_COLUMNS), dtype=np.float32)
     first = 0
-    for i, points in posed.items():
-        faces, box = drawables.meshes[i].faces, tuple(boxes[i].tolist())
-        rows = triangles[first : first + len(faces)]
-        draw_mesh(points, faces, params, limits, box, i + 1, first, table.xs, table.ys, v0, start, rows, buffer, numbers)
+    for i, (points, pixels) in posed.items():
+        faces = drawables.meshes[i].faces
+        draw_mesh(
+            points, pixels, faces, i in drawables.closed, params, boxes[i], i + 1, first, table.xs, table.ys, v0, start,
+            triangles[first : first + len(faces)], buffer, numbers,
+        )  # fmt: skip
         first += len(faces)
     shape_frames = np.empty((n if frames else 0, N_FRAME_COLUMNS), dtype=np.float32)
     if frames:
