@@ -16,6 +16,7 @@ from tracker_node.geometry import se3
 from tracker_node.loaders.trc import MarkerTrajectories, load_trc
 from tracker_node.model.articulated_model import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
+from tracker_node.model.ellipsoid_human import ellipsoid_human
 from tracker_node.model.human import human_model
 from tracker_node.model.human_measures import HumanMeasures
 from tracker_node.model.landmark_names import MARKER_OF_LANDMARK
@@ -51,6 +52,19 @@ def length(model, link):
     """Of a limb's link: distance of its child's joint."""
     children = [joint for joint in model.chain.joints if joint.parent == link]
     return np.linalg.norm(children[0].T_parent_joint[:3, 3])
+
+
+def test_the_body_of_18_segments_is_scaled_by_a_trial_too():
+    """Its trunk and shoulders have other links than the human's."""
+    body = ellipsoid_human()
+    stretch = LinkScale((1.0, 1.0, 1.1), (1.0, 1.0, 1.1))
+    wider = LinkScale((1.0, 1.05, 1.0), (1.0, 1.05, 1.0))
+    person = scaled_by_link(body, dict.fromkeys(("pelvis", "torso", "chest", "left_thigh", "right_thigh"), stretch))
+    person = scaled_by_link(person, dict.fromkeys(("left_shoulder", "right_shoulder"), wider))
+    fit = scale_to_trial(body, trial(person), ScalingOptions(joint_sigma_m=0.0))
+    for link in ("torso", "left_thigh", "right_shank", "left_forearm"):
+        assert np.isclose(length(fit.model, link), length(person, link), rtol=0.02), link
+    assert fit.residual_m < 0.005
 
 
 @pytest.mark.parametrize("stature", [1.5, 1.81, 2.0])

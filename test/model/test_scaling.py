@@ -3,7 +3,12 @@ import pytest
 from bodies import crane, random_state
 
 from tracker_node.errors import UnknownNameError
+from tracker_node.model.articulated_model import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration
+from tracker_node.model.kinematic_chain import KinematicChain
+from tracker_node.model.nurbs import Loft, LoftedSolid, Section, loft_mesh
+from tracker_node.model.nurbs_human import nurbs_human
+from tracker_node.model.primitives import Box, Mesh
 from tracker_node.model.scaling import LinkScale, scaled_by_link, scaled_uniformly, with_landmarks
 
 
@@ -50,3 +55,33 @@ def test_bad_scales_are_refused():
         scaled_by_link(crane(), {"leg": LinkScale()})
     with pytest.raises(ValueError, match="positive"):
         scaled_by_link(crane(), {"arm": LinkScale((1.0, 0.0, 1.0))})
+
+
+def test_surfaces_keep_their_colors_and_normals_stand_on_them():
+    rng = np.random.default_rng(0)
+    picture = rng.integers(0, 256, (2, 3, 3), dtype=np.uint8)
+    sphere = loft_mesh(Loft((Section(-0.01, 0.1, 0.1), Section(0.01, 0.1, 0.1)), (0.1, 0.1)))
+    mesh = Mesh(sphere.vertices, sphere.faces, rng.integers(0, 256, (len(sphere.faces), 3)), normals=sphere.normals)
+    box = Box((1.0, 2.0, 3.0), rng.integers(0, 256, (6, 3)), (picture, None, None, None, None, None))
+    shapes = tuple(Shape(f"{i}", "base", primitive) for i, primitive in enumerate((mesh, box)))
+    model = ArticulatedModel("thing", KinematicChain(("base",), ()), shapes)
+    scaled = scaled_by_link(model, {"base": LinkScale(sizes=(1.0, 2.0, 3.0))})
+    mesh_after, box_after = (shape.primitive for shape in scaled.shapes)
+    assert np.array_equal(mesh_after.face_colors_rgb, mesh.face_colors_rgb)
+    assert np.array_equal(box_after.face_colors_rgb, box.face_colors_rgb)
+    assert box_after.size == (1.0, 4.0, 9.0)
+    assert np.array_equal(box_after.textures[0], picture)
+    corners = mesh_after.vertices[mesh_after.faces]
+    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    flat /= np.linalg.norm(flat, axis=1, keepdims=True)
+    assert np.einsum("ij,ikj->ik", flat, mesh_after.normals[mesh_after.faces]).min() > 0.8
+
+
+def test_a_scaled_loft_is_the_loft_of_the_scaled_sections():
+    model = nurbs_human(16, 0.05)
+    larger = scaled_uniformly(model, 1.25)
+    for before, after in zip(model.shapes, larger.shapes, strict=True):
+        assert isinstance(after.primitive, LoftedSolid)
+        extent = np.ptp(before.primitive.vertices, axis=0)
+        assert np.allclose(np.ptp(after.primitive.vertices, axis=0), 1.25 * extent, rtol=0.01)
+        assert np.isclose(after.primitive.loft.domes[0], 1.25 * before.primitive.loft.domes[0])

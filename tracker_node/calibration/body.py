@@ -39,10 +39,12 @@ class Segment:
 
 
 _HIPS, _SHOULDERS = ("left_hip", "right_hip"), ("left_shoulder", "right_shoulder")
+# Names of both bodies; a body is stretched where it has the link.
+_GIRDLE = ("left_clavicle", "right_clavicle", "left_shoulder", "right_shoulder")
 SEGMENTS: tuple[Segment, ...] = (
-    Segment("trunk", _HIPS, _SHOULDERS, ("pelvis", "abdomen", "torso")),
+    Segment("trunk", _HIPS, _SHOULDERS, ("pelvis", "abdomen", "torso", "chest")),
     Segment("shoulders to head", _SHOULDERS, ("head",), ()),
-    Segment("shoulder breadth", _SHOULDERS[:1], _SHOULDERS[1:], ("left_clavicle", "right_clavicle"), 1, ("torso",)),
+    Segment("shoulder breadth", _SHOULDERS[:1], _SHOULDERS[1:], _GIRDLE, 1, ("torso", "chest")),
     Segment("hip breadth", _HIPS[:1], _HIPS[1:], (), 1, ("pelvis",)),
     *(
         Segment(f"{side}_{link}", (f"{side}_{start}",), (f"{side}_{end}",), (f"{side}_{link}",))

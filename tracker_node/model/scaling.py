@@ -9,7 +9,8 @@ import numpy as np
 
 from .articulated_model import ArticulatedModel, Landmark, Shape
 from .kinematic_chain import Joint, KinematicChain
-from .primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
+from .nurbs import Loft, LoftedSolid, Section, loft_mesh
+from .primitives import Box, Ellipsoid, Primitive, TruncatedCone
 
 _ONES = (1.0, 1.0, 1.0)
 
@@ -95,5 +96,17 @@ def _primitive(primitive: Primitive, factors: np.ndarray) -> Primitive:
         return Ellipsoid((a * x, b * y, c * z))
     if isinstance(primitive, Box):
         a, b, c = primitive.size
-        return Box((a * x, b * y, c * z))
-    return Mesh(primitive.vertices * factors, primitive.faces)
+        return replace(primitive, size=(a * x, b * y, c * z))
+    if isinstance(primitive, LoftedSolid) and primitive.loft is not None:
+        return loft_mesh(_loft(primitive.loft, factors), primitive.n_around, primitive.ring_spacing)
+    normals = primitive.normals
+    if normals is not None:
+        normals = normals / factors
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return replace(primitive, vertices=primitive.vertices * factors, normals=normals)
+
+
+def _loft(loft: Loft, factors: np.ndarray) -> Loft:
+    x, y, z = (float(factor) for factor in factors)
+    sections = tuple(Section(s.z * z, s.half_x * x, s.half_y * y, s.x * x, s.y * y) for s in loft.sections)
+    return Loft(sections, (loft.domes[0] * z, loft.domes[1] * z))
