@@ -13,7 +13,7 @@ from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.primitives import Box
 from tracker_node.objective.surface_points import surface_points
 from tracker_node.objective.texture_objective import TextureObjective, TextureOptions
-from tracker_node.optimize.reacquire import align_levels
+from tracker_node.optimize.alignment import AlignmentOptions, align
 from tracker_node.render.raycaster import render_color
 
 
@@ -24,7 +24,7 @@ def objective(images, **options) -> TextureObjective:
 
 
 def aligned(made: TextureObjective, start: State) -> State:
-    return align_levels(made, start, MODEL.chain, range(made.n_levels - 1, -1, -1)).state
+    return align(made, start, MODEL.chain, AlignmentOptions(tolerance=1e-4)).state
 
 
 @pytest.mark.parametrize("seed", range(4))

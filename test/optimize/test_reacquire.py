@@ -5,7 +5,8 @@ import pytest
 from textured_plate import MODEL, TRUE, errors, film, moved, rig
 
 from tracker_node.objective.texture_objective import TextureObjective
-from tracker_node.optimize.reacquire import ReacquireOptions, align_levels, reacquire
+from tracker_node.optimize.alignment import align
+from tracker_node.optimize.reacquire import ReacquireOptions, reacquire
 from tracker_node.optimize.robust_start import RobustStartOptions
 
 OPTIONS = ReacquireOptions(RobustStartOptions(0.3, 0.6, 1000, column_step=8))
@@ -20,7 +21,7 @@ def objective(state=TRUE) -> TextureObjective:
 @pytest.mark.parametrize("seed", range(3))
 def test_a_plate_far_off_is_found_where_alignment_alone_fails(seed):
     made, start = objective(), moved(TRUE, 0.18, 20.0, seed)
-    alone = align_levels(made, start, MODEL.chain, range(made.n_levels - 1, -1, -1))
+    alone = align(made, start, MODEL.chain)
     assert errors(alone.state)[0] > 20.0
     found = reacquire(made, start, MODEL.chain, OPTIONS)
     distance, angle = errors(found.state)
@@ -31,7 +32,7 @@ def test_a_plate_far_off_is_found_where_alignment_alone_fails(seed):
 
 def test_the_same_seed_finds_the_same():
     made, start = objective(), moved(TRUE, 0.1, 10.0)
-    few = ReacquireOptions(RobustStartOptions(0.2, 0.3, 40, rounds=2, column_step=8), 2)
+    few = ReacquireOptions(RobustStartOptions(0.2, 0.3, 40, rounds=2, column_step=8), candidates=2)
     one, two = (reacquire(made, start, MODEL.chain, few) for _ in range(2))
     np.testing.assert_array_equal(one.state.T_world_root, two.state.T_world_root)
 
@@ -47,8 +48,3 @@ def test_nothing_is_found_without_images():
     made = TextureObjective(MODEL, rig())
     made.set_images([None, None, None])
     assert reacquire(made, TRUE, MODEL.chain, OPTIONS) is None
-
-
-def test_levels_are_needed():
-    with pytest.raises(ValueError, match="one level"):
-        align_levels(objective(), TRUE, MODEL.chain, ())
