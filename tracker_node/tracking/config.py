@@ -118,14 +118,71 @@ class StatusConfig:
 
 
 @dataclass(frozen=True)
+class ColorConfig:
+    """The engine that compares colors: what is compared, how it is searched, and when it is believed."""
+
+    representation: str = parameter(
+        "blend",
+        "raw: RGB; normalized: each pixel divided by its intensity, so that white light cancels; blend: both, weighted; affine:"
+        " pictures on the faces of boxes, in each camera's own brightness and contrast",
+        choices=("raw", "normalized", "blend", "affine"),
+    )
+    normalized_weight: float = parameter(0.5, "share of the normalized part in a blend", "1", 0, 1)
+    optimizer: str = parameter(
+        "alignment",
+        "alignment: Levenberg-Marquardt on an image pyramid; stepping: downhill, with the V-algorithm; simplex: Nelder-Mead",
+        choices=("alignment", "stepping", "simplex"),
+    )
+    hierarchical: bool = parameter(True, "root first, then from proximal to distal parts, then all together")
+    schedule: str = parameter(
+        "tracking",
+        "loops of the stepping optimizer: tracking (20, 10, 5 mm; 4, 2, 1 degrees), or those of the paper (50, 30, 20, 10, 10 mm;"
+        " 5, 3, 2, 1, 1 degrees), with two finer ones, or with fewer columns at first",
+        choices=("tracking", "five_loops", "seven_loops", "decimated"),
+    )
+    iterations: int = parameter(4, "iterations of the alignment on each level of the pyramid", "", 1, 1000)
+    first_iterations: int = parameter(15, "the same on the first image set after a start or a reset", "", 1, 1000)
+    levels: int = parameter(4, "levels of the image pyramid", "", 1, 8)
+    robust_scale: float = parameter(40.0, "scale of the robust kernel", "grey levels", 0.1, 1000)
+    reach_px: int = parameter(64, "images farther than this from the predicted body are not looked at", "px", 4, 10000)
+    learn_colors: bool = parameter(False, "take the parts' colors from the first image set instead of the model")
+    color_rate: float = parameter(0.0, "share of the newest image in the parts' colors; 0 keeps them fixed", "1", 0, 1)
+    stay_position: float = parameter(0.0, "pull to the predicted root position", "grey levels^2/m^2", 0.0, 1e15)
+    stay_angle: float = parameter(1e6, "pull to the predicted angles", "grey levels^2/rad^2", 0.0, 1e15)
+    neutral_angle: float = parameter(
+        1e4, "multiplies the stiffness of the model's axes (pull to their neutral angles)", "grey levels^2", 0.0, 1e15
+    )
+    min_pixels: int = parameter(200, "a body that covers less of the images, of all cameras, is LOST", "pixels", 1, 10**9)
+    few_pixels: int = parameter(1000, "and one that covers less than this is DEGRADED", "pixels", 1, 10**9)
+    degraded_agreement: float = parameter(
+        0.5, "share of the difference from the surroundings that the fit explains, below which the status is DEGRADED", "1", 0, 1
+    )
+    lost_agreement: float = parameter(
+        0.3, "the same for LOST; a single camera or part below it is named, and the status DEGRADED", "1", 0, 1
+    )
+    search_radius: float = parameter(0.35, "a lost body is looked for this far around where it is expected", "m", 0, 10)
+    search_angle_deg: float = parameter(35.0, "and turned by up to this; a lost limb, in each of its joints", "deg", 0, 180)
+    search_states: int = parameter(1000, "states tried a round of that search; 0: a lost body is not looked for", "", 0, 10**6)
+    seed: int = parameter(0, "of that search", "", 0, 2**31 - 1)
+    residual_sigma: float = parameter(3.0, "least standard deviation of a color, for the covariance", "grey levels", 0.01, 255)
+    correlation: float = parameter(30.0, "how many neighbouring pixels share one error, for the covariance", "", 1, 10000)
+
+
+@dataclass(frozen=True)
 class TrackerConfig:
     """The tracker's parameters."""
 
+    engine: str = parameter(
+        "contour",
+        "contour: silhouettes and edges; color: the colors of the parts; color_then_contour: contours, where colors have led",
+        choices=("contour", "color", "color_then_contour"),
+    )
     synchronizer: SynchronizerConfig = field(default_factory=SynchronizerConfig)
     evidence: EvidenceConfig = field(default_factory=EvidenceConfig)
     optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
     status: StatusConfig = field(default_factory=StatusConfig)
+    color: ColorConfig = field(default_factory=ColorConfig)
     threads: int = parameter(2, "worker threads; sums are in fixed order whatever their number", "", 1, 64)
 
 

@@ -127,4 +127,20 @@ class Tracker:
 
 
 def _make_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, plates: Mapping) -> Engine:
-    return ContourEngine(rig, model, config, plates, Workers(config.threads).map)
+    """Compiled code of engines that are not used is not loaded."""
+    parallel = Workers(config.threads).map
+    if config.engine == "contour":
+        return ContourEngine(rig, model, config, plates, parallel)
+    if config.color.representation == "affine":
+        from .texture_engine import TextureEngine
+
+        colors: Engine = TextureEngine(rig, model, config)
+    else:
+        from .color_engine import ColorEngine
+
+        colors = ColorEngine(rig, model, config, parallel)
+    if config.engine == "color":
+        return colors
+    from .color_then_contour import ColorThenContourEngine
+
+    return ColorThenContourEngine(colors, ContourEngine(rig, model, config, plates, parallel))

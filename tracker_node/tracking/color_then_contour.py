@@ -1,0 +1,68 @@
+"""Two engines in one step: colors say where the body is, contours from there on how exactly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ..model.configuration import State
+from ..objective.normal_equations import NormalEquations
+from ..observation.image_set import ImageSet
+from ..optimize.result import OptimizerResult
+from .contour_engine import ContourEngine
+from .engine import Engine, Images, Report, Verdict
+from .estimate import Status
+
+
+class ColorThenContourEngine:
+    """The `Engine` of colors, whose answer is where that of contours begins; status and covariance are those of the contours.
+
+    Where colors do not find the body, contours begin where it is expected.
+    """
+
+    def __init__(self, colors: Engine, contours: ContourEngine):
+        self._colors, self._contours = colors, contours
+        self._images: Images = ()
+        self._waiting = True
+
+    def reset(self) -> None:
+        """Both."""
+        self._colors.reset()
+        self._contours.reset()
+
+    def begin(self, images: Images, start: State) -> State:
+        """Contours learn where colors have led."""
+        start = self._colors.begin(images, start)
+        return self._contours.begin(images, start)
+
+    def observe(self, images: Images, expected: State | None) -> None:
+        """What contours see depends on what colors have found, and so is looked at in `fit`."""
+        self._images, self._waiting = images, expected is None
+        self._colors.observe(images, expected)
+
+    def fit(self, start: State, first: bool) -> OptimizerResult:
+        """Iterations and evaluations are those of both."""
+        found = self._colors.fit(start, first)
+        lost = self._waiting or self._colors.judge(found, ImageSet(0, ())).status is Status.LOST
+        begin = start if lost else found.state
+        self._contours.observe(self._images, None if self._waiting else begin)
+        result = self._contours.fit(begin, first)
+        return replace(
+            result, iterations=result.iterations + found.iterations, evaluations=result.evaluations + found.evaluations
+        )
+
+    def judge(self, result: OptimizerResult, image_set: ImageSet) -> Verdict:
+        """Of the contours."""
+        return self._contours.judge(result, image_set)
+
+    def linearize(self, state: State) -> NormalEquations:
+        """Of the contours."""
+        return self._contours.linearize(state)
+
+    def report(self, result: OptimizerResult, image_set: ImageSet) -> Report:
+        """Of the contours."""
+        return self._contours.report(result, image_set)
+
+    def learn(self, images: Images, state: State) -> None:
+        """Both."""
+        self._colors.learn(images, state)
+        self._contours.learn(images, state)
