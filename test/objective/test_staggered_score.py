@@ -4,29 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from wooden_cross import cross
+from late_camera import LATE, MODEL, RIG, STATE, VELOCITY, images
 
-from tracker_node.camera.camera_rig import CameraRig
-from tracker_node.model.configuration import Configuration
 from tracker_node.objective.color_score import ColorObjective, ColorOptions, Verdict
 from tracker_node.objective.staggered_score import StaggeredObjective
-from tracker_node.render import raycaster
-from tracker_node.synthesis.cross import LATE_S, cross_rig, side_somersault
-
-MODEL = cross()
-FULL = cross_rig()
-RIG = CameraRig(tuple(type(c)(c.name, c.model.resized(192, 144), c.T_world_cam) for c in FULL), lights=FULL.lights)
-TRIAL = side_somersault(MODEL)
-STATE, VELOCITY = TRIAL.state(9), TRIAL.state(10).difference(TRIAL.state(9)) / 0.02
-LATE = (0.0, 0.0, LATE_S)
-
-
-def images(late_s) -> list[np.ndarray]:
-    pictures = []
-    for camera, late in zip(RIG, late_s, strict=True):
-        view = raycaster.render_color(Configuration(MODEL, TRIAL.state(9, late)), camera, RIG.lights)
-        pictures.append(np.rint(view.rgb[:, :, ::-1]).astype(np.uint8))
-    return pictures
 
 
 def objective(late_s, options=None, shown=LATE) -> StaggeredObjective:

@@ -23,7 +23,7 @@ class _Part:
     """The cameras, by their index in the rig, that are late by ``late_s``."""
 
     late_s: float
-    cameras: tuple[int, ...]
+    cameras: list[int]
     objective: ColorObjective
 
 
@@ -42,16 +42,13 @@ class StaggeredObjective:
         colors_rgb: np.ndarray | None = None,
         threads: int = 2,
     ):
-        if len(late_s) != len(rig):
-            raise ValueError(f"expected {len(rig)} delays, one of each camera, got {len(late_s)}")
         self.model, self.rig, self.options = model, rig, options or ColorOptions()
         self.velocity: np.ndarray | None = None
         each = replace(self.options, min_pixels=1)  # how many are too few is a matter of all cameras together
         self._parts: list[_Part] = []
-        for late in sorted(set(late_s)):
-            cameras = tuple(i for i, value in enumerate(late_s) if value == late)
+        for late, cameras in cameras_by_delay(rig, late_s).items():
             subset = rig.subset([rig.names[i] for i in cameras])
-            colors = None if colors_rgb is None else np.asarray(colors_rgb)[list(cameras)]
+            colors = None if colors_rgb is None else np.asarray(colors_rgb)[cameras]
             self._parts.append(_Part(late, cameras, ColorObjective(model, subset, each, colors, threads)))
 
     def set_images(self, images: Sequence[np.ndarray | None]) -> None:
@@ -72,7 +69,7 @@ class StaggeredObjective:
         verdict = Verdict.SCORED
         for part in self._parts:
             score = part.objective.at_column_step(column_step).evaluate(self.state_seen(state, part.late_s))
-            camera_rms[list(part.cameras)], pixels[list(part.cameras)] = score.camera_rms, score.camera_pixels
+            camera_rms[part.cameras], pixels[part.cameras] = score.camera_rms, score.camera_pixels
             if score.verdict == Verdict.BEHIND_CAMERA:
                 verdict = score.verdict
         total = int(pixels.sum())
@@ -94,6 +91,13 @@ class StaggeredObjective:
     def at_column_step(self, column_step: int) -> StaggeredObjective | _Decimated:
         """The same images and velocity, every n-th image column only."""
         return self if column_step == 1 else _Decimated(self, column_step)
+
+
+def cameras_by_delay(rig: CameraRig, late_s: Sequence[float]) -> dict[float, list[int]]:
+    """The cameras, by their index in the rig, of every delay."""
+    if len(late_s) != len(rig):
+        raise ValueError(f"expected {len(rig)} delays, one of each camera, got {len(late_s)}")
+    return {late: [i for i, value in enumerate(late_s) if value == late] for late in sorted(set(late_s))}
 
 
 @dataclass(frozen=True)
