@@ -5,6 +5,7 @@ import pytest
 from bodies import assert_same_body, random_state
 from render_scenes import LENSES, look_at
 
+from tracker_node.camera.camera_model import CameraModel
 from tracker_node.loaders.model_yaml import load_model
 from tracker_node.model import anthropometry as m
 from tracker_node.model.configuration import Configuration, State
@@ -69,6 +70,17 @@ def test_the_body_is_of_one_piece_in_the_image(seed):
     for eye in ((4.0, 0.0, -0.2), (0.0, 4.0, -0.2), (2.5, -2.5, 1.5)):
         mask = render_mask(Configuration(model, state), look_at(eye, (0.0, 0.0, -0.2), LENSES["plain"]))
         assert cv2.connectedComponents(mask)[0] == 2  # the ground and the body
+
+
+def test_no_ray_passes_between_two_triangles():
+    """A camera in the plane of symmetry, whose middle column of rays lies on the edges of all trunk segments."""
+    import cv2
+
+    lens = CameraModel(230, 560, np.array([[1120.0, 0.0, 115.0], [0.0, 1120.0, 280.0], [0.0, 0.0, 1.0]]))
+    camera = look_at((4.3, 0.0, -0.28), (0.0, 0.0, -0.28), lens)
+    mask = render_mask(Configuration(MODEL, State.neutral(MODEL)), camera)
+    contours, hierarchy = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    assert len(contours) == 1, f"{np.count_nonzero(hierarchy[0, :, 3] >= 0)} holes"
 
 
 def test_meshes_are_as_fine_as_asked_and_small():

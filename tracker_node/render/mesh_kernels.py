@@ -22,6 +22,7 @@ N_TRIANGLE_COLUMNS = 15
 _ZERO = np.float32(0.0)
 
 _MARGIN = 1e-3  # pixels: rounding
+_EDGE = 1e-7  # of x, y: triangles reach that far over their edges, so that no ray on a common edge passes between by rounding
 _SHORT_BEND = 0.25  # pixels, of edges too short to look at
 _NARROW = 8  # pixels: narrower triangles are drawn one pixel at a time
 
@@ -126,7 +127,7 @@ def draw_mesh(
         for nx, ny, nz in (normal, _cross(points, k, i), _cross(points, i, j)):
             lx, ly = nx / volume, ny / volume
             line = nz / volume + x0 * lx + y0 * ly
-            rows[t, column], rows[t, column + 1], rows[t, column + 2] = line, lx, ly
+            rows[t, column], rows[t, column + 1], rows[t, column + 2] = line + _EDGE * math.hypot(lx, ly), lx, ly
             w0, w1, w2 = w0 + line, w1 + lx, w2 + ly
             column += 3
         rows[t, ORIGIN], rows[t, ORIGIN + 1] = x0, y0
