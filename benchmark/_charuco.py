@@ -1,4 +1,4 @@
-"""The reference of a recorded ChArUco plate: markers found in every image, corners triangulated, a rigid fit. Never shown to a tracker."""
+"""The reference of a recorded ChArUco plate: markers found in images, corners triangulated, a rigid fit. No tracker sees it."""
 
 from __future__ import annotations
 
