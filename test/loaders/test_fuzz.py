@@ -3,6 +3,7 @@
 import copy
 import random
 
+import numpy as np
 import pytest
 import yaml
 from bodies import crane
@@ -10,6 +11,7 @@ from bodies import crane
 from tracker_node.errors import CalibrationError, FileFormatError
 from tracker_node.evaluation.config_file import dump_config, load_config
 from tracker_node.loaders.model_yaml import dump_model, load_model
+from tracker_node.loaders.picture_file import write_picture
 from tracker_node.loaders.rig_yaml import load_rig
 from tracker_node.loaders.state_yaml import dump_state, load_state
 from tracker_node.loaders.trc import load_trc
@@ -27,6 +29,16 @@ cameras:
     T_world_cam: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], source: a.mp4, plate: b.png, time_offset_s: 0.1,
     pixel_map: [[1, 0, 0], [0, 1, 0]], file_image_size: [64, 48], gain: 1.5, gamma: 2.2}
 lights: [{kind: spot, position: [0, 0, 3], direction: [0, 0, -1], cone_deg: 30, intensity: 1}]
+"""
+
+
+PART = """
+name: part
+links: [base]
+shapes:
+  sleeve: {link: base, type: lofted, sections: [{z: 0, half_x: 0.1, half_y: 0.2}, {z: 0.3, half_x: 0.2, half_y: 0.1, x: 0.01}],
+    domes: [0.05, 0.1], vertices_around: 12, ring_spacing: 0.05}
+  box: {link: base, type: box, size: [1, 2, 3], face_colors_rgb: {"+x": [1, 2, 3], "-z": [4, 5, 6]}, textures: {"+y": a.png}}
 """
 
 
@@ -65,11 +77,14 @@ def valid(tmp_path_factory):
     dump_state(State.neutral(model), model, folder / "state.yaml")
     dump_config(TrackerConfig(), folder / "config.yaml")
     (folder / "rig.yaml").write_text(RIG)
+    (folder / "part.yaml").write_text(PART)
+    write_picture(np.zeros((2, 3, 3), np.uint8), folder / "a.png")
     loaders = {"model": load_model, "state": lambda path: load_state(path, model), "config": load_config, "rig": load_rig}
+    loaders["part"] = load_model
     return {kind: (load, yaml.safe_load((folder / f"{kind}.yaml").read_text()), folder) for kind, load in loaders.items()}
 
 
-@pytest.mark.parametrize("kind", ["model", "state", "config", "rig"])
+@pytest.mark.parametrize("kind", ["model", "part", "state", "config", "rig"])
 def test_damaged_yaml(valid, kind):
     load, content, folder = valid[kind]
     rng, refused, path = random.Random(kind), 0, folder / f"damaged_{kind}.yaml"
