@@ -16,9 +16,8 @@ from ..objective.color_score import ColorOptions
 from ..objective.photometric import PhotometricOptions
 from ..objective.staggered_photometric import StaggeredPhotometricObjective
 from ..objective.staggered_score import StaggeredObjective
-from ..optimize.alignment import align
-from ..optimize.result import OptimizerResult
-from ..optimize.score_objective import SearchResult
+from ..observation.deinterlace import field_camera, first_line
+from ..optimize.alignment import AlignmentOptions, align
 from ..optimize.simplex import polish
 from ..optimize.stepping import SEVEN_LOOPS, SteppingOptions, step_downhill
 from ..synthesis.cross import FIELD_PERIOD_S, CrossTrial
@@ -40,28 +39,30 @@ class Method:
     rig : which cameras are known, of `CrossScene.rigs`.
     knows_time : whether it is known that a camera is late.
     fit : "stepping" on the fields as they are is the paper's. With the others noise is filtered out, and once the velocities are
-        known every field is fitted again: "simplex" after stepping, or "alignment" alone.
+        known every field is fitted again: "alignment", or "simplex" after stepping.
     backend : the renderer of the video.
+    own_lines : score only the lines that a field has, instead of interpolating the missing ones.
     """
 
     key: str
     title: str
     rig: str = "true"
     knows_time: bool = True
-    fit: str = "simplex"
+    fit: str = "alignment"
     backend: str = "pyrender"
+    own_lines: bool = False
 
 
-BEST = Method("", "best")
+BEST = Method("", "alignment")
 AS_PUBLISHED = Method("stepping_dlt_without_time.", "stepping, DLT cameras, times unknown", "dlt", False, "stepping")
 METHODS = (
     BEST,
-    Method("without_time.", "best, camera times unknown", knows_time=False),
-    Method("dlt.", "best, DLT cameras", "dlt"),
-    Method("dlt_without_time.", "best, DLT cameras, times unknown", "dlt", knows_time=False),
-    Method("same_backend.", "best, one renderer for all", backend="raycaster"),
-    Method("alignment.", "alignment", fit="alignment"),
-    Method("alignment_dlt.", "alignment, DLT cameras", "dlt", fit="alignment"),
+    Method("without_time.", "alignment, camera times unknown", knows_time=False),
+    Method("dlt.", "alignment, DLT cameras", "dlt"),
+    Method("dlt_without_time.", "alignment, DLT cameras, times unknown", "dlt", knows_time=False),
+    Method("own_lines.", "alignment, no interpolated lines", own_lines=True),
+    Method("same_backend.", "alignment, one renderer for all", backend="raycaster"),
+    Method("simplex.", "stepping and simplex", fit="simplex"),
     Method("stepping.", "stepping", fit="stepping"),
     Method("stepping_without_time.", "stepping, camera times unknown", knows_time=False, fit="stepping"),
     Method("stepping_dlt.", "stepping, DLT cameras", "dlt", fit="stepping"),
@@ -69,46 +70,69 @@ METHODS = (
 )
 
 
+class _Fitter:
+    """Fits the cross to one field at a time, with each of the optimizers."""
+
+    def __init__(self, scene: CrossScene, footage: Footage, method: Method, colors_rgb: np.ndarray):
+        self._footage, self._method, self._chain = footage, method, scene.model.chain
+        late_s = scene.late_s if method.knows_time else (0.0,) * len(scene.late_s)
+        rig = scene.rigs[method.rig]
+        rigs = [rig, rig]
+        if method.own_lines:
+            rigs = [replace(rig, cameras=tuple(field_camera(camera, line) for camera in rig)) for line in (0, 1)]
+        normalized = ColorOptions("normalized"), PhotometricOptions("normalized")
+        self._of_line = [
+            (
+                StaggeredObjective(scene.model, known, late_s, normalized[0], colors_rgb),
+                StaggeredPhotometricObjective(scene.model, known, late_s, normalized[1], colors_rgb),
+            )
+            for known in rigs
+        ]
+        self._score, self._aligned = self._of_line[0]
+
+    def show(self, field: int, velocity: np.ndarray | None) -> None:
+        """What the fits that follow are to."""
+        own = self._method.own_lines
+        images = self._footage.own_lines(field) if own else self._footage.interpolated(field)
+        if self._method.fit != "stepping":
+            images = low_passed(images, LOW_PASS_PX[0], LOW_PASS_PX[1] / (2.0 if own else 1.0))
+        self._score, self._aligned = self._of_line[first_line(field)]
+        for objective in (self._score, self._aligned):
+            objective.set_images(images)
+            objective.velocity = velocity
+
+    def first(self, start: State) -> Found:
+        """A fit from an extrapolation."""
+        if self._method.fit == "alignment":
+            return align(self._aligned, start, self._chain)
+        stepped = step_downhill(self._score, start, self._chain, SteppingOptions(SEVEN_LOOPS), _RIGID)
+        if self._method.fit == "stepping":
+            return stepped
+        polished = polish(self._score, stepped.state, self._chain, active=_RIGID)
+        return replace(polished, evaluations=stepped.evaluations + polished.evaluations)
+
+    def again(self, start: State) -> Found:
+        """A fit from an earlier one."""
+        if self._method.fit == "alignment":
+            return align(self._aligned, start, self._chain, AlignmentOptions(coarsest=1))
+        return polish(self._score, start, self._chain, active=_RIGID)
+
+
 def track(
     scene: CrossScene, trial: CrossTrial, footage: Footage, method: Method, done: Callable[[int], None] = lambda field: None
 ) -> TrackedSequence:
     """The estimates at every field."""
-    late_s = scene.late_s if method.knows_time else (0.0,) * len(scene.late_s)
-    colors, rig, chain = scene.picked_colors(trial, footage.interpolated(0)), scene.rigs[method.rig], scene.model.chain
-    score = StaggeredObjective(scene.model, rig, late_s, ColorOptions("normalized"), colors)
-    aligned = StaggeredPhotometricObjective(scene.model, rig, late_s, PhotometricOptions("normalized"), colors)
-    published = method.fit == "stepping"
-
-    def show(field: int, velocity: np.ndarray | None) -> None:
-        images = footage.interpolated(field)
-        for objective in (score, aligned):
-            objective.set_images(images if published else low_passed(images))
-            objective.velocity = velocity
-
-    def stepping(start: State) -> SearchResult:
-        return step_downhill(score, start, chain, SteppingOptions(SEVEN_LOOPS), _RIGID)
-
-    def finer(start: State) -> SearchResult:
-        return polish(score, start, chain, active=_RIGID)
-
-    def simplex(start: State) -> SearchResult:
-        stepped = stepping(start)
-        polished = finer(stepped.state)
-        return replace(polished, evaluations=stepped.evaluations + polished.evaluations)
-
-    def alignment(start: State) -> OptimizerResult:
-        return align(aligned, start, chain)
-
-    fits: dict[str, Callable[[State], Found]] = {"stepping": stepping, "simplex": simplex, "alignment": alignment}
+    fitter = _Fitter(scene, footage, method, scene.picked_colors(trial, footage.interpolated(0)))
     start = moved(trial.state(0), np.array(START_ERROR))
-    first = track_video(show, trial.n_fields, start, fits[method.fit], FIELD_PERIOD_S, done)
-    if published or not method.knows_time:
+    first = track_video(fitter.show, trial.n_fields, start, fitter.first, FIELD_PERIOD_S, done)
+    if method.fit == "stepping" or not method.knows_time:
         return first
-    again = refine_video(show, first.states, alignment if method.fit == "alignment" else finer, FIELD_PERIOD_S, done)
+    again = refine_video(fitter.show, first.states, fitter.again, FIELD_PERIOD_S, done)
     return TrackedSequence(again.states, first.evaluations + again.evaluations)
 
 
-def low_passed(images: Sequence[np.ndarray]) -> list[np.ndarray]:
+def low_passed(
+    images: Sequence[np.ndarray], along_px: float = LOW_PASS_PX[0], across_px: float = LOW_PASS_PX[1]
+) -> list[np.ndarray]:
     """Images without the noise beyond the bandwidth of chroma."""
-    along, across = LOW_PASS_PX
-    return [cv2.GaussianBlur(image, (0, 0), sigmaX=along, sigmaY=across) for image in images]
+    return [cv2.GaussianBlur(image, (0, 0), sigmaX=along_px, sigmaY=across_px) for image in images]
