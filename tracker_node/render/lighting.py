@@ -64,6 +64,6 @@ def irradiance(lights, x, y, z, nx, ny, nz):
 def displayed(color, light, gain, power):
     """What a camera of ``gain`` and gamma 1 / ``power`` shows of a surface of ``color`` under ``light``, one channel."""
     factor = gain * light
-    if power != _ONE:
-        factor = factor**power
+    if power != _ONE:  # not as a power: that the compiler takes for cheap, and does it always
+        factor = np.exp2(power * np.log2(factor + _TINY))
     return min(color * factor, _WHITE)
