@@ -40,6 +40,11 @@ class RobustStartOptions:
     column_step: int = 8
     seed: int = 0
 
+    @property
+    def evaluations(self) -> int:
+        """Scores of a search around one start."""
+        return 1 + self.n * self.rounds
+
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:

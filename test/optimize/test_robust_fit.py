@@ -1,0 +1,72 @@
+"""A fit that is not believed is tried again from elsewhere; one that is, is not."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from analytic_scores import RIGID, AnalyticScore, state_at
+
+from tracker_node.model.configuration import State
+from tracker_node.model.pose_variables import from_variables, to_variables
+from tracker_node.optimize.robust_fit import RobustFitOptions, fit_robustly
+from tracker_node.optimize.robust_start import RobustStartOptions
+from tracker_node.optimize.simplex import POLISH, search_simplex
+
+START = state_at(0, 0, 0, 0, 0, 0)
+TIP = np.array([0.15, -0.1, 0.08, 0.2, -0.15, 0.1])
+OPTIONS = RobustFitOptions(trusted_score=0.1, search=RobustStartOptions(0.3, 0.5, n=400))
+
+
+def two_pits(x):
+    """A shallow, narrow pit where one starts, and the deep, wide one of the body 200 mm away."""
+    narrow, wide = (np.array([width] * 3 + [2 * width] * 3) for width in (0.05, 0.3))
+    shallow, deep = np.linalg.norm((x - 0.01) / narrow), np.linalg.norm((x - TIP) / wide)
+    return min(1.0, 0.5 + 0.5 * float(shallow), float(deep))
+
+
+def test_the_body_is_found_behind_a_nearer_likeness():
+    objective = AnalyticScore(two_pits)
+    alone = search_simplex(objective, START, RIGID, POLISH)
+    assert alone.score == pytest.approx(0.5, abs=5e-3)
+    found = fit_robustly(objective, START, lambda state: search_simplex(objective, state, RIGID, POLISH), OPTIONS)
+    assert found.trusted and found.score < 1e-2 and found.score == found.best.score
+    np.testing.assert_allclose(to_variables(found.state), TIP, atol=1e-3)
+    assert found.fits > 1 and found.evaluations > alone.evaluations + OPTIONS.search.n
+
+
+@dataclass
+class Stays:
+    """A fit that ends where it starts."""
+
+    state: State
+    evaluations: int = 1
+
+
+def test_a_trusted_fit_is_the_only_one():
+    objective = AnalyticScore(two_pits)
+    found = fit_robustly(objective, from_variables(TIP), Stays, OPTIONS)
+    assert (found.trusted, found.fits, found.evaluations, len(objective.asked)) == (True, 1, 1, 1)
+
+
+def test_the_best_is_kept_though_none_is_trusted():
+    """No more refits than asked for, none from where one has been, and every score counted."""
+    objective, starts = AnalyticScore(two_pits), []
+
+    def fit(state):
+        starts.append(state)
+        return Stays(state)
+
+    options = RobustFitOptions(trusted_score=-1.0, refits=3, apart_m=0.05, apart_rad=0.1, search=OPTIONS.search)
+    found = fit_robustly(objective, START, fit, options)
+    assert not found.trusted and 2 <= found.fits == len(starts) <= 4
+    assert found.score == min(objective.function(to_variables(state)) for state in starts)
+    tangents = [a.difference(b) for i, a in enumerate(starts[1:]) for b in starts[1 : 1 + i]]
+    assert all(np.linalg.norm(t[:3]) >= 0.05 or np.linalg.norm(t[3:]) >= 0.1 for t in tangents)
+    assert found.evaluations == len(starts) + 3 * 400 + 1
+
+
+def test_nothing_to_score_leaves_the_first_fit():
+    found = fit_robustly(AnalyticScore(lambda x: math.inf), START, Stays, OPTIONS)
+    assert (found.trusted, found.fits, found.score) == (False, 1, math.inf)
+    assert found.state is START

@@ -1,0 +1,118 @@
+"""Fit, look at the score, and search wider only where it says that this was not the body.
+
+The shipped default for rigid bodies is `align_robustly`: alone, an alignment loses its way where a background has colors like the
+body's; a score tells, and hypotheses around the start then bring it near enough.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+
+from ..model.configuration import State
+from ..model.kinematic_chain import KinematicChain
+from .alignment import AlignmentOptions, PyramidObjective, align
+from .result import OptimizerResult
+from .robust_start import RobustStartOptions, search
+from .score_objective import ScoreObjective
+
+
+class Fit(Protocol):
+    """What an optimizer returns, at the least."""
+
+    @property
+    def state(self) -> State: ...
+
+    @property
+    def evaluations(self) -> int: ...
+
+
+F = TypeVar("F", bound=Fit)
+
+
+@dataclass(frozen=True)
+class RobustFitOptions:
+    """When a fit is believed, and what is tried if it is not.
+
+    Attributes
+    ----------
+    trusted_score : a fit that scores no more (grey levels) has found the body.
+    refits : so many hypotheses are fitted at most, the best first.
+    apart_m, apart_rad : a hypothesis so near to one that was fitted is passed over.
+    """
+
+    trusted_score: float = 20.0
+    refits: int = 4
+    apart_m: float = 0.04
+    apart_rad: float = 0.08
+    search: RobustStartOptions = field(default_factory=lambda: RobustStartOptions(0.35, 0.6))
+
+
+@dataclass(frozen=True, eq=False)
+class RobustFit(Generic[F]):
+    """The best of all fits and its score.
+
+    Attributes
+    ----------
+    trusted : it scores no more than `RobustFitOptions.trusted_score`.
+    fits : how many there were; one, where nothing had to be searched.
+    evaluations : those of all fits, and the hypotheses.
+    """
+
+    best: F
+    score: float
+    trusted: bool
+    fits: int
+    evaluations: int
+
+    @property
+    def state(self) -> State:
+        return self.best.state
+
+
+def fit_robustly(
+    objective: ScoreObjective, start: State, fit: Callable[[State], F], options: RobustFitOptions | None = None
+) -> RobustFit[F]:
+    """Fit from ``start``; if its score is not to be trusted, search around the start and fit the best hypotheses. Deterministic.
+
+    Parameters
+    ----------
+    objective : its score judges the fits, and hypotheses.
+    fit : any optimizer from a start.
+    """
+    options = options or RobustFitOptions()
+    best = fit(start)
+    score, fits, evaluations = objective.score(best.state), 1, best.evaluations
+    if score <= options.trusted_score:
+        return RobustFit(best, score, True, fits, evaluations)
+    tried: list[State] = []
+    hypotheses = search(objective, start, options.search)
+    evaluations += options.search.evaluations
+    for hypothesis in hypotheses:
+        if fits > options.refits or score <= options.trusted_score:
+            break
+        if any(_near(hypothesis.state, state, options) for state in tried):
+            continue
+        tried.append(hypothesis.state)
+        again = fit(hypothesis.state)
+        fits, evaluations = fits + 1, evaluations + again.evaluations
+        again_score = objective.score(again.state)
+        if again_score < score:
+            best, score = again, again_score
+    return RobustFit(best, score, score <= options.trusted_score, fits, evaluations)
+
+
+def align_robustly(
+    objective: ScoreObjective, pyramid: PyramidObjective, start: State, chain: KinematicChain,
+    options: RobustFitOptions | None = None, alignment: AlignmentOptions | None = None,
+) -> RobustFit[OptimizerResult]:  # fmt: skip
+    """`fit_robustly` by alignment; both objectives look at the same images."""
+    return fit_robustly(objective, start, lambda state: align(pyramid, state, chain, alignment), options)
+
+
+def _near(a: State, b: State, options: RobustFitOptions) -> bool:
+    tangent = a.difference(b)
+    return float(np.linalg.norm(tangent[:3])) < options.apart_m and float(np.linalg.norm(tangent[3:6])) < options.apart_rad
