@@ -181,27 +181,35 @@ def prepare_camera(
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def span(c, y, x_of_0, x_per_column, first, last):
-    """Columns [first, last) of a row that a curved surface may cover: where its quadratic is positive. ``y`` is that of the row,
-    columns are at x = x_of_0 + u x_per_column."""
+def find_spans(c, view, rays, box, spans):
+    """Columns [spans[v, 0], spans[v, 1]) of each row v of ``box`` (u0, v0, u1, v1) that a curved surface may cover, int32.
+
+    Without distortion those between the roots of its quadratic along the row, and some to be sure.
+    """
+    first, last = np.float32(box[0]), np.float32(box[2])
+    x_of_0, y_of_0 = rays[view[XS]] - c[ORIGIN], rays[view[YS]] - c[ORIGIN + 1]
+    per_column, per_row = rays[view[XS] + 1] - rays[view[XS]], rays[view[YS] + LANES] - rays[view[YS]]
     a = c[QUADRATIC + 3]
-    b = c[QUADRATIC + 1] + c[QUADRATIC + 4] * y
-    d = c[QUADRATIC] + y * (c[QUADRATIC + 2] + c[QUADRATIC + 5] * y)
-    if a >= _ZERO:
-        return first, last
-    discriminant = b * b - np.float32(4.0) * a * d
-    if discriminant <= _ZERO:
-        return first, first
-    root = np.sqrt(discriminant)
-    scale = np.float32(0.5) / (a * x_per_column)
-    low = (root - b) * scale - x_of_0 / x_per_column
-    high = (-root - b) * scale - x_of_0 / x_per_column
-    low, high = max(low, np.float32(-4.0)), min(high, np.float32(1e6))
-    return max(first, int(low)), min(last, int(high) + 2)
+    if view[DISTORTED] or a >= _ZERO:
+        for v in range(box[1], box[3]):
+            spans[v, 0], spans[v, 1] = box[0], box[2]
+        return
+    q00, q10, q01, q11, q02 = c[QUADRATIC], c[QUADRATIC + 1], c[QUADRATIC + 2], c[QUADRATIC + 4], c[QUADRATIC + 5]
+    scale, offset = np.float32(0.5) / (a * per_column), -x_of_0 / per_column
+    for v in range(box[1], box[3]):
+        y = y_of_0 + np.float32(v) * per_row
+        b = q10 + q11 * y
+        discriminant = b * b - np.float32(4.0) * a * (q00 + y * (q01 + q02 * y))
+        root = np.sqrt(discriminant if discriminant > _ZERO else _ZERO)
+        low, high = (root - b) * scale + offset, np.float32(2.0) - (root + b) * scale + offset
+        low = low if low > first else first
+        high = high if high < last else last
+        spans[v, 0] = np.int32(low)
+        spans[v, 1] = np.int32(high if (discriminant > _ZERO) & (high > low) else low)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def draw_smooth(c, label, view, rays, box, origin, stride, buffer):
+def draw_smooth(c, label, view, rays, box, spans, origin, stride, buffer):
     """First pass of one shape into the flat ``buffer`` (rows of ``stride``, whose first pixel is ``origin`` (u, v))."""
     x0, y0 = c[ORIGIN], c[ORIGIN + 1]
     q00, q10, q01, q20, q11, q02 = (c[QUADRATIC], c[QUADRATIC + 1], c[QUADRATIC + 2], c[QUADRATIC + 3],
@@ -212,15 +220,11 @@ def draw_smooth(c, label, view, rays, box, origin, stride, buffer):
     b0, b1, b2 = c[LOWER + 3], c[LOWER + 4], c[LOWER + 5]
     tag, upper_bits = np.int32(label), np.int32(~LABEL_BITS)
     distorted, width = view[DISTORTED], view[WIDTH]
-    per_column = rays[view[XS] + 1] - rays[view[XS]]
     for v in range(box[1], box[3]):
-        first, last = box[0], box[2]
         x_start = view[XS] + v * (width + LANES) * distorted
         y_start = view[YS] + v * (width + LANES if distorted else LANES)
-        if not distorted:
-            first, last = span(c, rays[y_start] - y0, rays[view[XS]] - x0, per_column, first, last)
         row = (v - origin[1]) * stride - origin[0]
-        for u in range(first, last, LANES):
+        for u in range(spans[v, 0], spans[v, 1], LANES):
             at_x, at_y, at = np.uint64(x_start + u), np.uint64(y_start + u * distorted), np.uint64(row + u)
             for i in range(_N):
                 x, y = rays[at_x + i] - x0, rays[at_y + i] - y0

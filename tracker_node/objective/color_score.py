@@ -111,11 +111,13 @@ class ColorObjective:
         self._shapes = (constants.kinds, constants.dims, constants.links, model.Ts_link_shape, used)
         self._pixels = (views.views, views.rays, views.planes)
         self._what = (constants.directed, weights)
-        n, largest = len(model.shapes), max((camera.model.width + 2 * kernel.LANES) * camera.model.height for camera in rig)
+        n, height = len(model.shapes), max(camera.model.height for camera in rig)
+        largest = height * max(camera.model.width + 2 * kernel.LANES for camera in rig)
         self._work = [
             (
                 np.zeros((n, N_COEFFICIENTS), dtype=np.float32), np.zeros((n, kernel.N_SURFACE), dtype=np.float32),
-                np.zeros((n, 4), dtype=np.int64), np.zeros(constants.directed.size, dtype=np.float32),
+                np.zeros((n, 4), dtype=np.int64), np.zeros((n, height, 2), dtype=np.int32),
+                np.zeros(constants.directed.size, dtype=np.float32),
                 np.zeros(largest + kernel.LANES, dtype=np.int32),
             )
             for _ in range(self.threads)

@@ -34,8 +34,8 @@ from .color_kernels import (
     XS,
     YS,
     draw_smooth,
+    find_spans,
     prepare_camera,
-    span,
 )
 
 _N = np.uint64(LANES)
@@ -72,7 +72,7 @@ def make_score_states(n_directional: int, n_spots: int, gamma: bool, raw: bool, 
     n_lights = n_directional + n_spots
 
     @nb.njit(nogil=True, error_model="numpy", fastmath=FAST)
-    def score_smooth(c, surface, label, view, rays, planes, box, origin, stride, buffer, lights, base, weights, total):
+    def score_smooth(c, surface, label, view, rays, planes, box, spans, origin, stride, buffer, lights, base, weights, total):
         """Add the squared differences of one shape's pixels to ``total[0]``, their number to ``total[1]``.
 
         ``base`` (4,) is what every pixel gets before the lights with a direction, and 1 / gamma; ``weights`` of the raw and the
@@ -94,17 +94,13 @@ def make_score_states(n_directional: int, n_spots: int, gamma: bool, raw: bool, 
         tag, low_bits = np.int32(label), np.int32(LABEL_BITS)
         distorted, width = view[DISTORTED], view[WIDTH]
         size = width * view[HEIGHT]
-        per_column = rays[view[XS] + 1] - rays[view[XS]]
         all_squares, all_kept = np.float64(0.0), np.float64(0.0)
         for v in range(box[1], box[3]):
-            first, last = box[0], box[2]
             x_start = view[XS] + v * (width + LANES) * distorted
             y_start = view[YS] + v * (width + LANES if distorted else LANES)
-            if not distorted:
-                first, last = span(c, rays[y_start] - y0, rays[view[XS]] - x0, per_column, first, last)
             row = (v - origin[1]) * stride - origin[0]
             pixel = view[PLANES] + v * width
-            for u in range(first, last, LANES):
+            for u in range(spans[v, 0], spans[v, 1], LANES):
                 at_x, at_y, at = np.uint64(x_start + u), np.uint64(y_start + u * distorted), np.uint64(row + u)
                 at_red, at_green, at_blue = np.uint64(pixel + u), np.uint64(pixel + size + u), np.uint64(pixel + 2 * size + u)
                 squares, kept = _ZERO, _ZERO
@@ -176,7 +172,7 @@ def make_score_states(n_directional: int, n_spots: int, gamma: bool, raw: bool, 
                      work, total):  # fmt: skip
         """Squares, pixels and verdict of one camera into ``total`` (3,)."""
         kinds, dims, used = model
-        coefficients, surfaces, boxes, camera_lights, buffer = work
+        coefficients, surfaces, boxes, spans, camera_lights, buffer = work
         total[0], total[1] = 0.0, 0.0
         region = np.empty(4, dtype=np.int64)
         region[0], region[1], region[2], region[3] = 0, 0, view[WIDTH], view[HEIGHT]
@@ -197,10 +193,11 @@ def make_score_states(n_directional: int, n_spots: int, gamma: bool, raw: bool, 
         origin = (u0, v0)
         for s in range(kinds.shape[0]):
             if boxes[s, 2] > boxes[s, 0]:
-                draw_smooth(coefficients[s], s + 1, view, rays, boxes[s], origin, stride, buffer)
+                find_spans(coefficients[s], view, rays, boxes[s], spans[s])
+                draw_smooth(coefficients[s], s + 1, view, rays, boxes[s], spans[s], origin, stride, buffer)
         for s in range(kinds.shape[0]):
             if boxes[s, 2] > boxes[s, 0]:
-                score_smooth(coefficients[s], surfaces[s], s + 1, view, rays, planes, boxes[s], origin, stride, buffer,
+                score_smooth(coefficients[s], surfaces[s], s + 1, view, rays, planes, boxes[s], spans[s], origin, stride, buffer,
                              camera_lights, base, weights, total)  # fmt: skip
 
     @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)

@@ -128,7 +128,8 @@ class _Level:
         self.work = [
             (
                 np.zeros((n, N_COEFFICIENTS), dtype=np.float32), np.zeros((n, kernel.N_SURFACE), dtype=np.float32),
-                np.zeros((n, 4), dtype=np.int64), np.zeros(constants.directed.size, dtype=np.float32),
+                np.zeros((n, 4), dtype=np.int64), np.zeros((n, camera.model.height, 2), dtype=np.int32),
+                np.zeros(constants.directed.size, dtype=np.float32),
                 np.zeros((camera.model.width + 2 * kernel.LANES) * camera.model.height + kernel.LANES, dtype=np.int32),
                 np.zeros(sums.N_SUMS * kernel.LANES, dtype=np.float32),
             )

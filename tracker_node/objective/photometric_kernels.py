@@ -38,8 +38,8 @@ from .color_kernels import (
     XS,
     YS,
     draw_smooth,
+    find_spans,
     prepare_camera,
-    span,
 )  # fmt: skip
 from .color_score_kernels import lights_in_camera
 
@@ -71,7 +71,8 @@ def make_linearize(n_directional: int, n_spots: int, raw: bool, normalized: bool
     n_lights = n_directional + n_spots
 
     @nb.njit(nogil=True, error_model="numpy", fastmath=FAST)
-    def linearize_smooth(c, surface, label, view, rays, planes, box, origin, stride, buffer, lights, base, weights, lanes, sums):
+    def linearize_smooth(c, surface, label, view, rays, planes, box, spans, origin, stride, buffer, lights, base, weights, lanes,
+                         sums):  # fmt: skip
         """Sums (`N_SUMS`,) of one shape; ``lanes`` (16 `N_SUMS`,) float32 is work space."""
         lanes[:] = _ZERO
         x0, y0 = c[ORIGIN], c[ORIGIN + 1]
@@ -95,14 +96,11 @@ def make_linearize(n_directional: int, n_spots: int, raw: bool, normalized: bool
         table_row = width + LANES
         last_column = min(box[2], width - 1)
         for v in range(max(box[1], 1), min(box[3], height - 1)):
-            first, last = max(box[0], 1), last_column
             x_start = view[XS] + v * table_row * distorted
             y_start = view[YS] + v * (table_row if distorted else LANES)
-            if not distorted:
-                first, last = span(c, rays[y_start] - y0, rays[view[XS]] - x0, per_column, first, last)
             row = (v - origin[1]) * stride - origin[0]
             pixel = view[PLANES] + v * width
-            for u in range(first, last, LANES):
+            for u in range(max(spans[v, 0], 1), min(spans[v, 1], last_column), LANES):
                 at_x, at_y, at = np.uint64(x_start + u), np.uint64(y_start + u * distorted), np.uint64(row + u)
                 kept = _ZERO
                 for i in range(_N):
@@ -286,12 +284,12 @@ def make_linearize(n_directional: int, n_spots: int, raw: bool, normalized: bool
         shapes : kinds, dims, used (n,), colors (n, 3).
         camera : params, limits, T_cam_world, gain, base.
         pixels : view, rays, planes.
-        work : coefficients, surfaces, boxes, lights in camera axes, buffer, lanes.
+        work : coefficients, surfaces, boxes, spans, lights in camera axes, buffer, lanes.
         """
         kinds, dims, used, colors = shapes
         params, limits, T_cam_world, gain, base = camera
         view, rays, planes = pixels
-        coefficients, surfaces, boxes, camera_lights, buffer, lanes = work
+        coefficients, surfaces, boxes, spans, camera_lights, buffer, lanes = work
         sums[:] = 0.0
         region = np.empty(4, dtype=np.int64)
         region[0], region[1], region[2], region[3] = 0, 0, view[WIDTH], view[HEIGHT]
@@ -312,11 +310,12 @@ def make_linearize(n_directional: int, n_spots: int, raw: bool, normalized: bool
         origin = (u0, v0)
         for s in range(kinds.shape[0]):
             if boxes[s, 2] > boxes[s, 0]:
-                draw_smooth(coefficients[s], s + 1, view, rays, boxes[s], origin, stride, buffer)
+                find_spans(coefficients[s], view, rays, boxes[s], spans[s])
+                draw_smooth(coefficients[s], s + 1, view, rays, boxes[s], spans[s], origin, stride, buffer)
         for s in range(kinds.shape[0]):
             if boxes[s, 2] > boxes[s, 0]:
-                linearize_smooth(coefficients[s], surfaces[s], s + 1, view, rays, planes, boxes[s], origin, stride, buffer,
-                                 camera_lights, base, weights, lanes, sums[s])  # fmt: skip
+                linearize_smooth(coefficients[s], surfaces[s], s + 1, view, rays, planes, boxes[s], spans[s], origin, stride,
+                                 buffer, camera_lights, base, weights, lanes, sums[s])  # fmt: skip
         return verdict
 
     return linearize_camera
