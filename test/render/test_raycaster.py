@@ -13,6 +13,10 @@ from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 from tracker_node.render.raycaster import render_labels, render_mask, render_view
 
+MUSTACHE = CameraModel(
+    160, 120, np.array([[90.0, 0.0, 80.0], [0.0, 90.0, 60.0], [0.0, 0.0, 1.0]]), "plumb_bob", np.array([-0.25, 0.18, 0, 0, -0.02])
+)  # fmt: skip
+
 
 def assert_like_brute_force(configuration, camera, wrong=0.0005):
     """All labels but a few on outlines, and depth to the precision that packing leaves."""
@@ -91,6 +95,31 @@ def test_a_region_is_the_same_as_that_part_of_the_image():
     np.testing.assert_array_equal(part.depth, whole.depth[inside])
     np.testing.assert_array_equal(render_mask(configuration, camera, region), whole.mask[inside])
     np.testing.assert_array_equal(render_mask(configuration, camera), whole.mask)
+
+
+@pytest.mark.parametrize("lens", LENSES)
+def test_any_region_of_any_scene(lens):
+    """Shapes beside, above and below a region leave no traces in it."""
+    rng = np.random.default_rng(0)
+    for seed in range(8):
+        configuration, camera = scattered_scene(seed), look_at((0.0, -2.0, 0.3), (0.0, 0.0, 0.0), LENSES[lens])
+        whole = render_view(configuration, camera)
+        for _ in range(10):
+            (u0, u1), (v0, v1) = (sorted(rng.choice(size + 1, 2, replace=False).tolist()) for size in (160, 120))
+            part = render_view(configuration, camera, (u0, v0, u1, v1))
+            np.testing.assert_array_equal(part.labels, whole.labels[v0:v1, u0:u1])
+
+
+@pytest.mark.parametrize("lens", [LENSES["fisheye"], LENSES["radial"], MUSTACHE], ids=["fisheye", "radial", "mustache"])
+def test_large_triangles_whose_edges_bend(lens):
+    rng, seen = np.random.default_rng(0), 0
+    camera = look_at((0.0, -1.6, 0.1), (0.0, 0.0, 0.0), lens)
+    for _ in range(12):
+        triangle = Mesh(rng.uniform(-1.6, 1.6, (3, 3)) * (1.0, 0.5, 1.0), np.array([[0, 1, 2]]))
+        labels = naive.render(single_shape(triangle), camera)[0]
+        assert (render_view(single_shape(triangle), camera).labels != labels).sum() <= 1
+        seen += (labels > 0).sum()
+    assert seen > 10_000
 
 
 @pytest.mark.parametrize("margin", [0, 7, 500])

@@ -73,11 +73,14 @@ def _bend(params, points, pixels, a, b):
     du, dv = pixels[b, 0] - pixels[a, 0], pixels[b, 1] - pixels[a, 1]
     if du * du + dv * dv < 16.0:
         return _SHORT_BEND
-    x = 0.5 * (points[a, 0] / points[a, 2] + points[b, 0] / points[b, 2])
-    y = 0.5 * (points[a, 1] / points[a, 2] + points[b, 1] / points[b, 2])
-    middle = project_point(params, x, y, 1.0)
-    u, v = 0.5 * (pixels[a, 0] + pixels[b, 0]), 0.5 * (pixels[a, 1] + pixels[b, 1])
-    return 1.5 * math.hypot(middle[1] - u, middle[2] - v) + _SHORT_BEND
+    x, y, u, v = points[a, 0] / points[a, 2], points[a, 1] / points[a, 2], pixels[a, 0], pixels[a, 1]
+    dx, dy = points[b, 0] / points[b, 2] - x, points[b, 1] / points[b, 2] - y
+    bend = 0.0
+    for i in range(1, 4):
+        share = 0.25 * i
+        between = project_point(params, x + share * dx, y + share * dy, 1.0)
+        bend = max(bend, math.hypot(between[1] - u - share * du, between[2] - v - share * dv))
+    return 1.5 * bend + _SHORT_BEND
 
 
 @pixel_function
