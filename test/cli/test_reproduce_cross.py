@@ -32,7 +32,7 @@ def test_the_command_leaves_figures_pictures_and_a_page(tmp_path, capsys):
 
 @pytest.fixture(scope="module")
 def scene():
-    return _cross_scene.cross_scene(0.25, 3)
+    return _cross_scene.cross_scene(3, 0.25, 3)
 
 
 def test_the_tracker_knows_neither_true_lights_nor_gain_nor_gamma(scene):
@@ -55,7 +55,7 @@ def test_colors_are_picked_from_the_cross(scene):
 
 
 def test_progressive_video_is_refused(scene, monkeypatch):
-    full = _cross_scene.cross_scene(0.5, 8)
+    full = _cross_scene.cross_scene(3, 0.5, 8)
     trial = full.trials[0]
 
     def film_progressive(*arguments):

@@ -23,7 +23,6 @@ from ..synthesis.target_images import TargetStudio
 
 CONTROL_POINT_SIGMA_PX = 1.0
 CLICK_SIGMA_PX = 1.5
-SEED = 20
 _INSIDE_PX = 3  # colors are picked at least so far from the outline
 
 
@@ -37,6 +36,7 @@ class CrossScene:
         those of the DLT. Both have the lights as measured, and no gain or gamma, which nobody knows.
     calibrations : constraint -> DLT of each camera.
     late_s : how much later than the first each camera exposes.
+    seed : of everything that is random.
     """
 
     model: ArticulatedModel
@@ -45,12 +45,13 @@ class CrossScene:
     calibrations: dict[str, list[dlt.DltCalibration]]
     trials: tuple[cross.CrossTrial, ...]
     late_s: tuple[float, ...]
+    seed: int
 
     def film(self, trial: cross.CrossTrial, backend: str) -> Footage:
         """Video of a trial, found to be interlaced."""
-        backgrounds = [cluttered_background(camera, SEED) for camera in self.rig]
+        backgrounds = [cluttered_background(camera, self.seed) for camera in self.rig]
         with TargetStudio(self.rig, backend) as studio:
-            footage = film(self.model, trial, studio, backgrounds, np.random.default_rng(SEED))
+            footage = film(self.model, trial, studio, backgrounds, np.random.default_rng(self.seed))
         for name, images in zip(self.rig.names, footage.images, strict=True):
             check_interlaced(images, f"{trial.name} somersault, camera {name}")
         return footage
@@ -61,7 +62,7 @@ class CrossScene:
 
     def digitize(self, trial: cross.CrossTrial) -> list[State | None]:
         """The pose at every field as a person digitizes it."""
-        rng = np.random.default_rng(SEED)
+        rng = np.random.default_rng(self.seed)
         parameters = np.array([calibration.parameters for calibration in self.calibrations["none"]])
         poses = []
         for field in range(trial.n_fields):
@@ -80,12 +81,12 @@ class CrossScene:
         return np.repeat(np.array(picked)[:, None], len(self.model.shapes), axis=1)
 
 
-def cross_scene(scale: float = 1.0, n_fields: int | None = None) -> CrossScene:
+def cross_scene(seed: int = 20, scale: float = 1.0, n_fields: int | None = None) -> CrossScene:
     """The experiment; for a quick look, smaller images and fewer fields."""
     model, rig = yellow_stick(), cross.cross_rig()
     size = round(scale * cross.IMAGE_SIZE[0]), round(scale * cross.IMAGE_SIZE[1])
     rig = replace(rig, cameras=tuple(replace(camera, model=camera.model.resized(*size)) for camera in rig))
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(seed)
     points = cross.control_points(rng)
     pixels = [cross.digitized(camera, points, CONTROL_POINT_SIGMA_PX, rng) for camera in rig]
     calibrations = {
@@ -99,7 +100,7 @@ def cross_scene(scale: float = 1.0, n_fields: int | None = None) -> CrossScene:
     if n_fields is not None:
         trials = tuple(replace(trial, n_fields=n_fields) for trial in trials)  # type: ignore[assignment]
     late_s = tuple(cross.LATE_S if name == cross.LATE_CAMERA else 0.0 for name in rig.names)
-    return CrossScene(model, rig, rigs, calibrations, trials, late_s)
+    return CrossScene(model, rig, rigs, calibrations, trials, late_s, seed)
 
 
 def _unknown_answer(camera: Camera) -> Camera:
