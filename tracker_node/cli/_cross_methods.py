@@ -60,6 +60,8 @@ METHODS = (
     Method("without_time.", "alignment, camera times unknown", knows_time=False),
     Method("dlt.", "alignment, DLT cameras", "dlt"),
     Method("dlt_without_time.", "alignment, DLT cameras, times unknown", "dlt", knows_time=False),
+    Method("dlt_square.", "alignment, DLT, square pixels", "dlt_square"),
+    Method("dlt_centered.", "alignment, DLT of seven parameters", "dlt_centered"),
     Method("own_lines.", "alignment, no interpolated lines", own_lines=True),
     Method("same_backend.", "alignment, one renderer for all", backend="raycaster"),
     Method("simplex.", "stepping and simplex", fit="simplex"),

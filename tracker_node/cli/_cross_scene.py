@@ -33,7 +33,8 @@ class CrossScene:
     Attributes
     ----------
     rig : cameras and lights as they are; ``rigs`` as known for tracking, by name: "true" has the true lenses and places, "dlt"
-        those of the DLT. Both have the lights as measured, and no gain or gamma, which nobody knows.
+        those of the eleven parameters, "dlt_<constraint>" those of fewer. All have the lights as measured, and no gain or gamma,
+        which nobody knows.
     calibrations : constraint -> DLT of each camera.
     late_s : how much later than the first each camera exposes.
     seed : of everything that is random.
@@ -94,11 +95,13 @@ def cross_scene(seed: int = 20, scale: float = 1.0, n_fields: int | None = None)
         for constraint in dlt.CONSTRAINTS
     }
     lights = cross.measured_lights(rig.lights, rng)
-    known = {"true": rig.cameras, "dlt": tuple(found.camera for found in calibrations["none"])}
+    known = {"true": rig.cameras}
+    for constraint, found in calibrations.items():
+        known["dlt" if constraint == "none" else f"dlt_{constraint}"] = tuple(calibration.camera for calibration in found)
     rigs = {name: CameraRig(tuple(_unknown_answer(c) for c in cameras), lights=lights) for name, cameras in known.items()}
-    trials = cross.side_somersault(model), cross.twisting_somersault(model)
+    trials: tuple[cross.CrossTrial, ...] = cross.side_somersault(model), cross.twisting_somersault(model)
     if n_fields is not None:
-        trials = tuple(replace(trial, n_fields=n_fields) for trial in trials)  # type: ignore[assignment]
+        trials = tuple(replace(trial, n_fields=n_fields) for trial in trials)
     late_s = tuple(cross.LATE_S if name == cross.LATE_CAMERA else 0.0 for name in rig.names)
     return CrossScene(model, rig, rigs, calibrations, trials, late_s, seed)
 
