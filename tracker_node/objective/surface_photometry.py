@@ -37,14 +37,15 @@ class PhotometryOptions:
     representation, normalized_weight : see `color_score.ColorOptions`.
     levels : of the pyramid; level 0 has the full resolution.
     step : every n-th pixel of a level in both directions gives a point (at least every second pixel of the full image).
-    robust_scale : grey levels at which a difference begins to count as something else in front of the body.
+    robust_scale : grey levels at which a difference begins to count as something else in front of the body, on the finest level;
+        the second has twice as many and so on, for a body that is off differs much at first.
     """
 
     representation: str = "raw"
     normalized_weight: float = 0.5
     levels: int = 4
     step: int = 1
-    robust_scale: float = 40.0
+    robust_scale: float = 100.0
 
 
 def features_of(rgb: np.ndarray, options: PhotometryOptions) -> np.ndarray:
@@ -171,6 +172,7 @@ class PhotometryLevel:
         points, of = self._points, self._of
         n_links = len(self.all_links) if derivatives else 0
         used = self.all_links if links is None else links
+        scale = of.options.robust_scale * (1 + self._level)
         self.sums[:] = 0.0
 
         def run(i: int) -> tuple[np.ndarray, np.ndarray]:
@@ -179,7 +181,7 @@ class PhotometryLevel:
             normal, gradient = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6))
             kernel.add_points(
                 (mine.positions, mine.links, mine.features), used, configuration.Ts_world_link, of.cameras[i],
-                picture[self._level], of.options.robust_scale, derivatives, normal, gradient, self.sums[i],
+                picture[self._level], scale, derivatives, normal, gradient, self.sums[i],
             )  # fmt: skip
             self.sums[i] *= mine.area
             return mine.area * normal, mine.area * gradient

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
-from ..model.kinematic_chain import KinematicChain
+from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
 from ..objective.color_score import ColorObjective
 from ..objective.contour_objective import Prior
 from ..objective.surface_photometry import SurfacePhotometry
@@ -24,7 +24,8 @@ _TOLERANCE = 1e-3
 _TRACKING = schedule((20, 10, 5), (4, 2, 1))
 _STEPPING_POLISH = SteppingOptions(schedule((5,), (1,)))
 _SIMPLEX_POLISH = SimplexOptions((SimplexStage(0.01, np.deg2rad(1.0), 0.2, max_evaluations=20),))
-_BEST = 3  # candidates of a lost limb that are aligned
+_BEAM = 6  # places of a lost limb that are followed
+_SEARCH_LEVEL = 2  # of the pyramid
 
 
 class ColorSearch:
@@ -82,25 +83,43 @@ class ColorSearch:
         return search_simplex(score, state, chain, _SIMPLEX_POLISH if polish else SimplexOptions(), variables)
 
     def find_limb(self, limb: Stage, around: State, rng: np.random.Generator) -> State:
-        """The state in which ``limb`` suits the images best of many random ones around, the rest of the body as it is.
+        """The state in which ``limb`` suits the images best of many tried, the rest of the body as it is.
 
-        Only the limb's own points are scored; the best few candidates are aligned.
+        Generate and test, from proximal to distal: for each link in turn random angles, from the few best places of what carries
+        it; only the links placed so far are scored. The best of the whole limb are aligned.
         """
-        config, chain, level = self._config, self._model.chain, min(2, self._config.levels - 1)
-        coarse = self._photometry.at_level(level)
-        coarse.freeze(around)
-        spread = np.deg2rad(config.search_angle_deg)
-        candidates = [around]
-        for turn in rng.uniform(-2.0 * spread, 2.0 * spread, (config.search_states // 4, int(limb.dofs.sum()))):
-            tangent = np.zeros(chain.n_dof)
-            tangent[limb.dofs] = turn
-            candidates.append(clip_to_limits(around.retract(tangent), chain))
-        costs = np.array([coarse.cost(state, limb.links) for state in candidates])
-        best: tuple[float, State] | None = None
+        config, chain = self._config, self._model.chain
+        level = self._photometry.at_level(min(_SEARCH_LEVEL, config.levels - 1))
+        level.freeze(around)
+        spread, beam = np.deg2rad(config.search_angle_deg), [around]
+        links = [link for link in np.flatnonzero(limb.links).tolist() if chain.axis_count[link]]
+        for link in links:
+            own = _own_links(chain, limb, link, links)
+            tried = list(beam)
+            for state in beam:
+                tried += self._turned(state, link, spread, config.search_states // (len(links) * len(beam)), rng)
+            costs = np.array([level.cost(state, own) for state in tried])
+            beam = [tried[i] for i in np.argsort(costs, kind="stable")[:_BEAM]]
         options = LevenbergMarquardtOptions(max_iterations=config.first_iterations, tolerance=_TOLERANCE)
-        for index in np.argsort(costs, kind="stable")[:_BEST]:
-            aligned = minimize(Pulled(coarse, (), limb), candidates[index], chain, options)
-            if best is None or aligned.equations.cost < best[0]:
-                best = (aligned.equations.cost, aligned.state)
-        assert best is not None
-        return best[1]
+        aligned = [minimize(Pulled(level, (), limb), state, chain, options) for state in beam]
+        return min(aligned, key=lambda result: result.equations.cost).state
+
+    def _turned(self, state: State, link: int, spread: float, n: int, rng: np.random.Generator) -> list[State]:
+        """``n`` states with other angles of a link's joint, normally distributed around its present ones."""
+        chain = self._model.chain
+        first, count = int(chain.axis_start[link]), int(chain.axis_count[link])
+        result = []
+        for turn in rng.normal(0.0, spread, (n, count)):
+            angles = state.joint_positions.copy()
+            angles[first : first + count] += turn
+            result.append(clip_to_limits(State(state.T_world_root, angles), chain))
+        return result
+
+
+def _own_links(chain: KinematicChain, limb: Stage, link: int, links: list[int]) -> np.ndarray:
+    """Mask (n_links,) of a limb's links that are in place once ``link`` is: without those that a later joint moves."""
+    placed = limb.links.copy()
+    for later in links[links.index(link) + 1 :]:
+        first = N_ROOT_DOF + int(chain.axis_start[later])
+        placed &= ~chain.link_moved_by[:, first]
+    return placed

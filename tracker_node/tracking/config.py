@@ -143,14 +143,14 @@ class ColorConfig:
     iterations: int = parameter(4, "iterations of the alignment on each level of the pyramid", "", 1, 1000)
     first_iterations: int = parameter(15, "the same on the first image set after a start or a reset", "", 1, 1000)
     levels: int = parameter(4, "levels of the image pyramid", "", 1, 8)
-    robust_scale: float = parameter(40.0, "scale of the robust kernel", "grey levels", 0.1, 1000)
+    robust_scale: float = parameter(100.0, "scale of the robust kernel on the finest level", "grey levels", 0.1, 1000)
     reach_px: int = parameter(64, "images farther than this from the predicted body are not looked at", "px", 4, 10000)
     learn_colors: bool = parameter(False, "take the parts' colors from the first image set instead of the model")
     color_rate: float = parameter(0.0, "share of the newest image in the parts' colors; 0 keeps them fixed", "1", 0, 1)
     stay_position: float = parameter(0.0, "pull to the predicted root position", "grey levels^2/m^2", 0.0, 1e15)
     stay_angle: float = parameter(1e6, "pull to the predicted angles", "grey levels^2/rad^2", 0.0, 1e15)
     neutral_angle: float = parameter(
-        1e4, "multiplies the stiffness of the model's axes (pull to their neutral angles)", "grey levels^2", 0.0, 1e15
+        1e3, "multiplies the stiffness of the model's axes (pull to their neutral angles)", "grey levels^2", 0.0, 1e15
     )
     min_pixels: int = parameter(200, "a body that covers less of the images, of all cameras, is LOST", "pixels", 1, 10**9)
     few_pixels: int = parameter(1000, "and one that covers less than this is DEGRADED", "pixels", 1, 10**9)
