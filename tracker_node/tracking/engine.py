@@ -27,12 +27,14 @@ class Verdict:
     """How far a fit can be trusted.
 
     ``reason`` is empty when the status is TRACKING. ``noise``: what was fitted is not the body at all, and the predicted state is
-    the better answer.
+    the better answer. ``jumped``: the body was found far from where it was expected, and how it got there says nothing of its
+    speed.
     """
 
     status: Status
     reason: str
     noise: bool = False
+    jumped: bool = False
 
 
 @dataclass(frozen=True, eq=False)

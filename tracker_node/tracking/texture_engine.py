@@ -20,7 +20,8 @@ from .config import TrackerConfig
 from .engine import Images, Report, Verdict
 from .estimate import CameraReport, Status
 
-_WIDEN, _WIDEST = 0.5, 2.0  # the search grows by this share with every set that the body stays lost, up to so many times
+_TRIED, _ALIGNED = 3, 40  # times the states of a round, all in one round; so many of them are aligned
+_WIDEN, _WIDEST = 0.5, 2.0  # the search grows by this share with every set that it fails in, up to so many times
 
 
 class TextureEngine:
@@ -52,10 +53,11 @@ class TextureEngine:
         self._score, self._found_again = self._objective.evaluate(result.state), False
         if _agreement(self._score) >= self._config.degraded_agreement:
             return result
-        wider = min(1.0 + _WIDEN * self._lost, _WIDEST)
+        wider = min(1.0 + _WIDEN * max(self._lost - 1, 0), _WIDEST)
+        radius, angle = wider * self._config.search_radius, wider * np.deg2rad(self._config.search_angle_deg)
         around = RobustStartOptions(
-            self._config.search_radius * wider, np.deg2rad(self._config.search_angle_deg) * wider, self._config.search_states,
-            column_step=1 << (self._objective.n_levels - 1), seed=self._config.seed,
+            radius, angle, _TRIED * self._config.search_states, rounds=1,
+            keep=_ALIGNED, column_step=1 << (self._objective.n_levels - 1), seed=self._config.seed,
         )  # fmt: skip
         found = reacquire(self._objective, start, chain, ReacquireOptions(around, self._alignment))
         if found is None:
@@ -81,7 +83,7 @@ class TextureEngine:
         if agreement < config.lost_agreement:
             return Verdict(Status.LOST, figures, noise=True)
         if self._found_again:
-            return Verdict(Status.DEGRADED, f"found again by a search; {figures}")
+            return Verdict(Status.DEGRADED, f"found again by a search; {figures}", jumped=True)
         if agreement < config.degraded_agreement:
             return Verdict(Status.DEGRADED, figures)
         shares = dict(zip(self._rig.names, 1.0 - score.camera_scores, strict=True))

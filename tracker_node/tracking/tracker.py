@@ -80,7 +80,7 @@ class Tracker:
             verdict = engine.judge(result, image_set)
             if verdict.noise:  # stay where the body was last, whatever the optimizer has made of noise
                 result = replace(result, state=predicted, equations=engine.linearize(predicted))
-            self._accept(image_set.stamp_ns, result.state, images, trusted=verdict.status is not Status.LOST)
+            self._accept(image_set.stamp_ns, result.state, images, verdict)
         finished = time.perf_counter()
         report = engine.report(result, image_set)
         return TrackEstimate(
@@ -117,10 +117,13 @@ class Tracker:
             return False, clip_to_limits(predicted, self.model.chain)
         return True, clip_to_limits(self._start or State.neutral(self.model), self.model.chain)
 
-    def _accept(self, stamp_ns: int, state: State, images, trusted: bool) -> None:
+    def _accept(self, stamp_ns: int, state: State, images, verdict: Verdict) -> None:
         self._start = state
-        if trusted:
-            self._motion.update(stamp_ns, state)
+        if verdict.status is not Status.LOST:
+            if verdict.jumped:
+                self._motion.restart(stamp_ns, state)
+            else:
+                self._motion.update(stamp_ns, state)
             self._engine.learn(images, state)
         else:  # nothing is learnt from what is taken for the body then, nor how fast it is
             self._motion.coast(stamp_ns, state)
