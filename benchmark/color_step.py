@@ -2,7 +2,7 @@
 """How long one image set takes: six variables, three cameras of 768x576, a start 60 mm and 6 degrees off.
 
 From handing over the images to the answer, for every optimizer: milliseconds (median and 95th percentile), multiples of the fixed
-reference kernel, how many scores (or linearizations) it asked for, and how far off it ended. ``stepping`` looks at fewer columns
+reference kernel, how many scores (or linearizations) it asked for, and how far off it ended. ``stepping`` looks at fewer rows
 in its early loops, ``stepping_published`` at all of them; the images are drawn by another renderer than the one that scores.
 """
 

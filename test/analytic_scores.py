@@ -25,13 +25,13 @@ def hinged(*limits: tuple[float, float]) -> KinematicChain:
 
 class AnalyticScore:
     """``function`` of the pose variables as a score; ``asked`` are the variables of every state, ``batches`` how many at once and
-    ``column_steps`` on which columns."""
+    ``row_steps`` on which rows."""
 
-    def __init__(self, function: Callable[[np.ndarray], float], column_step: int = 1, record: AnalyticScore | None = None):
-        self.function, self.column_step = function, column_step
+    def __init__(self, function: Callable[[np.ndarray], float], row_step: int = 1, record: AnalyticScore | None = None):
+        self.function, self.row_step = function, row_step
         self.asked: list[np.ndarray] = record.asked if record else []
         self.batches: list[int] = record.batches if record else []
-        self.column_steps: list[int] = record.column_steps if record else []
+        self.row_steps: list[int] = record.row_steps if record else []
 
     def score(self, state: State) -> float:
         return float(self.scores([state])[0])
@@ -40,11 +40,11 @@ class AnalyticScore:
         points = [pose_variables.to_variables(state) for state in states]
         self.asked += points
         self.batches.append(len(points))
-        self.column_steps += [self.column_step] * len(points)
+        self.row_steps += [self.row_step] * len(points)
         return np.array([self.function(x) for x in points])
 
-    def at_column_step(self, column_step: int) -> AnalyticScore:
-        return AnalyticScore(self.function, column_step, self)
+    def at_row_step(self, row_step: int) -> AnalyticScore:
+        return AnalyticScore(self.function, row_step, self)
 
 
 def state_at(*variables: float) -> State:

@@ -54,10 +54,10 @@ def test_a_body_without_velocity_is_scored_where_it_is():
 def test_decimated_scores_are_near_and_not_the_same():
     whole = objective(LATE)
     state = STATE.retract(np.array([0.02, 0.0, 0.0, 0.0, 0.02, 0.0]))
-    half = whole.at_column_step(2)
+    half = whole.at_row_step(2)
     assert half.scores([state])[0] == half.score(state) == pytest.approx(whole.score(state), rel=0.2)
     assert half.score(state) != whole.score(state)
-    assert whole.at_column_step(1) is whole and half.at_column_step(1) is whole
+    assert whole.at_row_step(1) is whole and half.at_row_step(1) is whole
 
 
 def test_what_cannot_be_scored_is_infinite():

@@ -82,7 +82,7 @@ def test_scores_in_threads_are_those_one_by_one_and_the_truth_is_best():
     scores = made.scores(states)
     np.testing.assert_array_equal(scores, [made.score(state) for state in states])
     assert scores.argmin() == 0
-    coarse = made.at_column_step(4)
+    coarse = made.at_row_step(4)
     np.testing.assert_array_equal(coarse.scores(states[:2]), [coarse.score(state) for state in states[:2]])
 
 

@@ -9,7 +9,7 @@ from tracker_node.optimize.alignment import align
 from tracker_node.optimize.reacquire import ReacquireOptions, reacquire
 from tracker_node.optimize.robust_start import RobustStartOptions
 
-OPTIONS = ReacquireOptions(RobustStartOptions(0.3, 0.6, 2000, rounds=1, keep=24, column_step=8))
+OPTIONS = ReacquireOptions(RobustStartOptions(0.3, 0.6, 2000, rounds=1, keep=24, row_step=8))
 
 
 def objective(state=TRUE) -> TextureObjective:
@@ -32,7 +32,7 @@ def test_a_plate_far_off_is_found_where_alignment_alone_fails(seed):
 
 def test_the_same_seed_finds_the_same():
     made, start = objective(), moved(TRUE, 0.1, 10.0)
-    few = ReacquireOptions(RobustStartOptions(0.2, 0.3, 40, rounds=2, column_step=8), candidates=2)
+    few = ReacquireOptions(RobustStartOptions(0.2, 0.3, 40, rounds=2, row_step=8), candidates=2)
     one, two = (reacquire(made, start, MODEL.chain, few) for _ in range(2))
     np.testing.assert_array_equal(one.state.T_world_root, two.state.T_world_root)
 

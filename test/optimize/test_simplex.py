@@ -85,10 +85,10 @@ def test_too_few_evaluations_are_not_convergence():
     assert result.score <= rosenbrock(np.zeros(6))
 
 
-def test_stages_look_at_the_columns_they_are_told():
+def test_stages_look_at_the_rows_they_are_told():
     objective = AnalyticScore(lambda x: float((x**2).sum()))
     search_simplex(objective, START, RIGID)
-    seen = objective.column_steps
+    seen = objective.row_steps
     assert seen == sorted(seen, reverse=True) and set(seen) == {4, 2, 1}
 
 
@@ -119,7 +119,7 @@ class TestRobustStart:
         found = search(objective, START, RobustStartOptions(n=400))
         assert [h.score for h in found] == sorted(h.score for h in found)
         assert found[0].score < 0.6 < self.pit(np.zeros(6))
-        assert set(objective.column_steps) == {8} and len(objective.batches) == 3
+        assert set(objective.row_steps) == {8} and len(objective.batches) == 3
 
     def test_the_first_round_fills_two_balls(self):
         """As many hypotheses in half the radius as its share of the volume."""

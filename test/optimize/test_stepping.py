@@ -78,7 +78,7 @@ def test_a_slope_without_end_is_given_up():
     assert result.variables[2] == pytest.approx(10.0)
 
 
-def test_order_schedule_and_columns_are_those_of_the_options():
+def test_order_schedule_and_rows_are_those_of_the_options():
     objective = AnalyticScore(lambda x: float(np.abs(x).sum()))
     loops = (LoopOptions(0.5, 0.25, 4), LoopOptions(0.125, 0.0625, 1))
     result = step_downhill(objective, START, RIGID, SteppingOptions(loops, order=(5, 0, 3), v="never", trace=True))
@@ -86,7 +86,7 @@ def test_order_schedule_and_columns_are_those_of_the_options():
     line = [(5, 0.25), (5, 0.25), (5, 0.5), (0, 0.5), (0, 0.5), (0, 1.0), (3, 0.25), (3, 0.25), (3, 0.5)]
     fine = [(i, step / 4) for i, step in line]
     np.testing.assert_allclose([m for m in moved if m[1] > 1e-9], line + fine)
-    assert objective.column_steps == [4] * 10 + [1] * 10
+    assert objective.row_steps == [4] * 10 + [1] * 10
     assert [(e.stage, e.variable) for e in result.trace] == [
         (n, i) for n in (0, 1) for i in (None, 5, 5, 5, 0, 0, 0, 3, 3, 3)
     ]  # fmt: skip
@@ -98,8 +98,8 @@ def test_shipped_schedules_are_those_of_the_paper():
         assert [round(1e3 * loop.step_m) for loop in loops[:5]] == [50, 30, 20, 10, 10]
         assert [round(math.degrees(loop.step_rad)) for loop in loops[:5]] == [5, 3, 2, 1, 1]
     assert [len(loops) for loops in (FIVE_LOOPS, DECIMATED_LOOPS, SEVEN_LOOPS)] == [5, 5, 7]
-    assert {loop.column_step for loop in FIVE_LOOPS + SEVEN_LOOPS} == {1}
-    assert DECIMATED_LOOPS[-1].column_step == 1
+    assert {loop.row_step for loop in FIVE_LOOPS + SEVEN_LOOPS} == {1}
+    assert DECIMATED_LOOPS[-1].row_step == 1
 
 
 @settings(max_examples=200)

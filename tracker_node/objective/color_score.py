@@ -37,13 +37,13 @@ class ColorOptions:
     representation : ``raw`` RGB; ``normalized`` by intensity, 255 c / (r + g + b), in which white light and shading cancel;
         ``blend``: the mean square of both, weighted.
     normalized_weight : share of the normalized part in a blend, 0..1.
-    column_step : score every n-th column of the images only.
+    row_step : score every n-th row of the images only.
     min_pixels : a mask of fewer pixels, over all cameras, cannot be scored.
     """
 
     representation: str = "raw"
     normalized_weight: float = 0.5
-    column_step: int = 1
+    row_step: int = 1
     min_pixels: int = 30
 
 
@@ -91,7 +91,7 @@ class ColorObjective:
         self._seen = np.zeros(0, dtype=np.int64)
         self._steps: dict[int, ColorObjective] = {}
         self._stale = True
-        self._whole_rig, self.rig = rig, every_nth(rig, self.options.column_step)
+        self._whole_rig, self.rig = rig, every_nth(rig, 1, self.options.row_step)
         self._views = ColorViews(self.rig)
         self._executor = ThreadPoolExecutor(threads - 1) if threads > 1 else None
         self._make_arguments()
@@ -156,21 +156,21 @@ class ColorObjective:
         for objective in self._steps.values():
             objective.set_images(images)
 
-    def at_column_step(self, column_step: int) -> ColorObjective:
-        """The same, on every n-th column of the images."""
-        if column_step == self.options.column_step:
+    def at_row_step(self, row_step: int) -> ColorObjective:
+        """The same, on every n-th row of the images."""
+        if row_step == self.options.row_step:
             return self
-        if column_step not in self._steps:
-            options = replace(self.options, column_step=column_step)
-            self._steps[column_step] = ColorObjective(self.model, self._whole_rig, options, self._given_colors, self.threads)
-            self._steps[column_step].set_images(self._images)
-        return self._steps[column_step]
+        if row_step not in self._steps:
+            options = replace(self.options, row_step=row_step)
+            self._steps[row_step] = ColorObjective(self.model, self._whole_rig, options, self._given_colors, self.threads)
+            self._steps[row_step].set_images(self._images)
+        return self._steps[row_step]
 
     def _fill(self) -> None:
         """Planar pixels are made when they are first asked for."""
         if self._stale:
-            step = self.options.column_step
-            thin = [image if step == 1 or image is None else np.ascontiguousarray(image[:, ::step]) for image in self._images]
+            step = self.options.row_step
+            thin = [image if step == 1 or image is None else np.ascontiguousarray(image[::step]) for image in self._images]
             self._views.fill(thin)
             self._stale = False
 
@@ -227,7 +227,7 @@ class ColorObjective:
         total = pixels.sum()
         if (verdict == kernel.BEHIND).any():
             return ColorScore(math.inf, Verdict.BEHIND_CAMERA, camera_rms, pixels.astype(np.int64))
-        if total * self.options.column_step < self.options.min_pixels:
+        if total * self.options.row_step < self.options.min_pixels:
             return ColorScore(math.inf, Verdict.EMPTY_MASK, camera_rms, pixels.astype(np.int64))
         return ColorScore(math.sqrt(squares.sum() / (3.0 * total)), Verdict.SCORED, camera_rms, pixels.astype(np.int64))
 
@@ -239,7 +239,7 @@ class ColorObjective:
         """(n,) of `score`."""
         totals = self._totals(states)
         squares, pixels = totals[:, :, 0].sum(axis=1), totals[:, :, 1].sum(axis=1)
-        enough = pixels * self.options.column_step >= max(self.options.min_pixels, 1)
+        enough = pixels * self.options.row_step >= max(self.options.min_pixels, 1)
         valid = enough & (totals[:, :, 2] != kernel.BEHIND).all(axis=1)
         result = np.full(len(states), math.inf)
         result[valid] = np.sqrt(squares[valid] / (3.0 * pixels[valid]))

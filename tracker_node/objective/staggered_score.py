@@ -64,16 +64,16 @@ class StaggeredObjective:
         """The score of one state, camera by camera."""
         return self._evaluate(state, 1)
 
-    def _evaluate(self, state: State, column_step: int) -> ColorScore:
+    def _evaluate(self, state: State, row_step: int) -> ColorScore:
         camera_rms, pixels = np.full(len(self.rig), np.nan), np.zeros(len(self.rig), dtype=np.int64)
         verdict = Verdict.SCORED
         for part in self._parts:
-            score = part.objective.at_column_step(column_step).evaluate(self.state_seen(state, part.late_s))
+            score = part.objective.at_row_step(row_step).evaluate(self.state_seen(state, part.late_s))
             camera_rms[part.cameras], pixels[part.cameras] = score.camera_rms, score.camera_pixels
             if score.verdict == Verdict.BEHIND_CAMERA:
                 verdict = score.verdict
         total = int(pixels.sum())
-        if verdict == Verdict.SCORED and total * column_step < max(self.options.min_pixels, 1):
+        if verdict == Verdict.SCORED and total * row_step < max(self.options.min_pixels, 1):
             verdict = Verdict.EMPTY_MASK
         if verdict != Verdict.SCORED:
             return ColorScore(math.inf, verdict, camera_rms, pixels)
@@ -88,9 +88,9 @@ class StaggeredObjective:
         """(n,) of `score`."""
         return np.array([self.score(state) for state in states])
 
-    def at_column_step(self, column_step: int) -> StaggeredObjective | _Decimated:
-        """The same images and velocity, every n-th image column only."""
-        return self if column_step == 1 else _Decimated(self, column_step)
+    def at_row_step(self, row_step: int) -> StaggeredObjective | _Decimated:
+        """The same images and velocity, every n-th image row only."""
+        return self if row_step == 1 else _Decimated(self, row_step)
 
 
 def cameras_by_delay(rig: CameraRig, late_s: Sequence[float]) -> dict[float, list[int]]:
@@ -102,16 +102,16 @@ def cameras_by_delay(rig: CameraRig, late_s: Sequence[float]) -> dict[float, lis
 
 @dataclass(frozen=True)
 class _Decimated:
-    """A `StaggeredObjective` on every n-th column."""
+    """A `StaggeredObjective` on every n-th row."""
 
     whole: StaggeredObjective
-    column_step: int
+    row_step: int
 
     def score(self, state: State) -> float:
-        return self.whole._evaluate(state, self.column_step).rms
+        return self.whole._evaluate(state, self.row_step).rms
 
     def scores(self, states: Sequence[State]) -> np.ndarray:
         return np.array([self.score(state) for state in states])
 
-    def at_column_step(self, column_step: int) -> StaggeredObjective | _Decimated:
-        return self.whole.at_column_step(column_step)
+    def at_row_step(self, row_step: int) -> StaggeredObjective | _Decimated:
+        return self.whole.at_row_step(row_step)

@@ -104,9 +104,9 @@ class TextureObjective:
         """The objective on one level; what is seen is decided at its first linearization and kept."""
         return TextureLevel(self, self._points[level], self._pyramids)
 
-    def at_column_step(self, column_step: int) -> TextureScores:
-        """Scores on the level whose points are about ``column_step`` times as far apart as the finest."""
-        return TextureScores(self, min(round(math.log2(column_step)), self.options.levels - 1))
+    def at_row_step(self, row_step: int) -> TextureScores:
+        """Scores on the level whose points are about ``row_step`` times as far apart as the finest."""
+        return TextureScores(self, min(round(math.log2(row_step)), self.options.levels - 1))
 
     def evaluate(self, state: State, level: int = 0) -> TextureScore:
         """The score of one state on the finest level, camera by camera."""
@@ -127,8 +127,8 @@ class TextureScores:
     def __init__(self, objective: TextureObjective, level: int):
         self._objective, self._level = objective, level
 
-    def at_column_step(self, column_step: int) -> TextureScores:
-        return self._objective.at_column_step(column_step)
+    def at_row_step(self, row_step: int) -> TextureScores:
+        return self._objective.at_row_step(row_step)
 
     def score(self, state: State) -> float:
         return self._objective.evaluate(state, self._level).score

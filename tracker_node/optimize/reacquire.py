@@ -33,7 +33,7 @@ class ReacquireOptions:
     """
 
     search: RobustStartOptions = field(
-        default_factory=lambda: RobustStartOptions(0.35, 0.6, 3000, rounds=1, keep=40, column_step=8)
+        default_factory=lambda: RobustStartOptions(0.35, 0.6, 3000, rounds=1, keep=40, row_step=8)
     )
     alignment: AlignmentOptions = field(default_factory=lambda: AlignmentOptions(tolerance=1e-4))
     candidates: int = 3
@@ -58,7 +58,7 @@ def reacquire(
     coarsest, finest = min(alignment.coarsest, objective.n_levels - 1), alignment.finest
     evaluations = options.search.n * options.search.rounds
     result: OptimizerResult | None = None
-    coarse = objective.at_column_step(options.search.column_step)
+    coarse = objective.at_row_step(options.search.row_step)
     # Level after level, fewer and fewer
     for first, last, keep in ((coarsest, coarsest, options.candidates), (coarsest - 1, finest + 1, 1), (finest, finest, 1)):
         if first < last:

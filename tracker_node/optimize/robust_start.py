@@ -27,7 +27,7 @@ class RobustStartOptions:
     n : hypotheses a round.
     rounds : each has ``shrink`` times the spread of the one before.
     keep : so many best hypotheses are the centers of the next round.
-    column_step : score every n-th image column only.
+    row_step : score every n-th image row only.
     seed : of the hypotheses; the same seed, the same answer.
     """
 
@@ -37,7 +37,7 @@ class RobustStartOptions:
     rounds: int = 3
     shrink: float = 0.5
     keep: int = 8
-    column_step: int = 8
+    row_step: int = 8
     seed: int = 0
 
     @property
@@ -48,7 +48,7 @@ class RobustStartOptions:
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """A state and its score, on the decimated columns."""
+    """A state and its score, on the rows that are looked at."""
 
     state: State
     score: float
@@ -65,7 +65,7 @@ def search(
     centers : further states to spread around, such as other orientations of a body that looks alike from two sides.
     """
     options = options or RobustStartOptions()
-    coarse = objective.at_column_step(options.column_step) if options.column_step > 1 else objective
+    coarse = objective.at_row_step(options.row_step) if options.row_step > 1 else objective
     best: list[Hypothesis] = []
     around = [start, *centers]
     scale = 1.0

@@ -23,8 +23,8 @@ class ScoreObjective(Protocol):
         """(n,) of `score`, at once."""
         ...
 
-    def at_column_step(self, column_step: int) -> ScoreObjective:
-        """The same images and options, but every n-th image column only."""
+    def at_row_step(self, row_step: int) -> ScoreObjective:
+        """The same images and options, but every n-th image row only."""
         ...
 
 
@@ -74,10 +74,10 @@ class VariableSpace:
         self._whole = self._objective = objective
         self._stage = 0
 
-    def begin_stage(self, stage: int, column_step: int) -> None:
-        """What is scored from now on; a ``column_step`` of 1 leaves the objective as it was given."""
+    def begin_stage(self, stage: int, row_step: int) -> None:
+        """What is scored from now on; a ``row_step`` of 1 leaves the objective as it was given."""
         self._stage = stage
-        self._objective = self._whole if column_step == 1 else self._whole.at_column_step(column_step)
+        self._objective = self._whole if row_step == 1 else self._whole.at_row_step(row_step)
 
     def scores(self, points: Sequence[np.ndarray], variable: int | None = None, active: Sequence[int] = ()) -> np.ndarray:
         """Scores (k,) of the points, counted for ``variable``, or shared out over the ``active`` ones."""

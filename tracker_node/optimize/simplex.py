@@ -26,7 +26,7 @@ class SimplexStage:
     spread_m: float
     spread_rad: float
     tolerance: float = 0.05
-    column_step: int = 1
+    row_step: int = 1
     max_evaluations: int = 60
 
 
@@ -62,7 +62,7 @@ def search_simplex(
     variables = list(range(space.size)) if active is None else list(active)
     x, score, converged = space.start.copy(), math.inf, False
     for number, stage in enumerate(options.stages):
-        space.begin_stage(number, stage.column_step)
+        space.begin_stage(number, stage.row_step)
         x, score, converged = _run_stage(space, x, variables, stage)
         if not math.isfinite(score):
             break

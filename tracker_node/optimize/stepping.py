@@ -26,18 +26,18 @@ V_WHERE = ("every_line", "last_loop", "never")
 
 @dataclass(frozen=True)
 class LoopOptions:
-    """Steps of one loop, for the root's position (m) and for all angles (rad); only every ``column_step``-th column is scored."""
+    """Steps of one loop, for the root's position (m) and for all angles (rad); only every ``row_step``-th image row is scored."""
 
     step_m: float
     step_rad: float
-    column_step: int = 1
+    row_step: int = 1
 
 
-def schedule(steps_mm: Sequence[float], steps_deg: Sequence[float], column_steps: Sequence[int] = ()) -> tuple[LoopOptions, ...]:
+def schedule(steps_mm: Sequence[float], steps_deg: Sequence[float], row_steps: Sequence[int] = ()) -> tuple[LoopOptions, ...]:
     """Loops from steps in millimetres and degrees."""
-    columns = column_steps or [1] * len(steps_mm)
+    rows = row_steps or [1] * len(steps_mm)
     return tuple(
-        LoopOptions(1e-3 * mm, math.radians(deg), n) for mm, deg, n in zip(steps_mm, steps_deg, columns, strict=True)
+        LoopOptions(1e-3 * mm, math.radians(deg), n) for mm, deg, n in zip(steps_mm, steps_deg, rows, strict=True)
     )
 
 
@@ -146,8 +146,8 @@ def step_downhill(
     variables = [i for i in order if active is None or i in active]
     x, score, converged = space.start.copy(), math.inf, False
     for number, loop in enumerate(options.schedule):
-        space.begin_stage(number, loop.column_step)
-        if number == 0 or loop.column_step != options.schedule[number - 1].column_step:
+        space.begin_stage(number, loop.row_step)
+        if number == 0 or loop.row_step != options.schedule[number - 1].row_step:
             score = float(space.scores([x], active=variables)[0])
         if not math.isfinite(score):
             return space.result(x, score, False)

@@ -57,7 +57,7 @@ class TextureEngine:
         radius, angle = wider * self._config.search_radius, wider * np.deg2rad(self._config.search_angle_deg)
         around = RobustStartOptions(
             radius, angle, _TRIED * self._config.search_states, rounds=1,
-            keep=_ALIGNED, column_step=1 << (self._objective.n_levels - 1), seed=self._config.seed,
+            keep=_ALIGNED, row_step=1 << (self._objective.n_levels - 1), seed=self._config.seed,
         )  # fmt: skip
         found = reacquire(self._objective, start, chain, ReacquireOptions(around, self._alignment))
         if found is None:
