@@ -115,10 +115,9 @@ class ColorEngine:
         return self._limb_agreement(self._agreement, limb) < self._config.degraded_agreement
 
     def _limb_agreement(self, agreement: ColorAgreement | None, limb: Stage) -> float:
-        """The worst part of a limb; infinite where none is seen."""
+        """Of all parts of a limb together; infinite where none is seen."""
         assert agreement is not None
-        shares = agreement.parts[limb.links[self._model.shape_links]]
-        return float(np.min(shares[np.isfinite(shares)], initial=np.inf))
+        return agreement.of(limb.links[self._model.shape_links])
 
     def _look_for(self, limb: Stage, result: OptimizerResult) -> OptimizerResult:
         """The result with the limb where it suits better, if such a place is found."""

@@ -47,6 +47,11 @@ class ColorAgreement:
         """(n_shapes,), nan where too little is seen."""
         return _share(self.squares.sum(axis=0), self.chance.sum(axis=0), self.pixels.sum(axis=0) >= _LEAST_PART)
 
+    def of(self, shapes: np.ndarray) -> float:
+        """Of some shapes (mask (n_shapes,)) together; infinite where too little of them is seen."""
+        squares, chance = self.squares[:, shapes].sum(), self.chance[:, shapes].sum()
+        return float(1.0 - squares / max(chance, 1e-6)) if self.pixels[:, shapes].sum() >= _LEAST_PART else float("inf")
+
     @property
     def middle(self) -> float:
         """Of the middle camera (of an even number the better): half of them may be covered, and one may agree by chance."""

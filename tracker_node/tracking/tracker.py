@@ -33,7 +33,8 @@ class Tracker:
 
     Raises
     ------
-    CalibrationError : from `step`, when an image does not have the size that its camera was calibrated for.
+    CalibrationError : from `step`, when an image does not have the size that its camera was calibrated for, or no colors where
+        the engine goes by them.
     """
 
     def __init__(
@@ -108,6 +109,8 @@ class Tracker:
                 raise CalibrationError(
                     camera.name, f"expected images of {model.width}x{model.height} as calibrated, got {got[1]}x{got[0]}"
                 )
+            if image is not None and image.encoding == "mono8" and self.config.engine != "contour":
+                raise CalibrationError(camera.name, f"expected color images for the engine '{self.config.engine}', got mono8")
             result.append(None if image is None else image.bgr)
         return result
 
@@ -138,6 +141,10 @@ def _make_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig,
         from .texture_engine import TextureEngine
 
         colors: Engine = TextureEngine(rig, model, config)
+    elif config.color.representation == "scene":
+        from .scene_engine import SceneEngine
+
+        colors = SceneEngine(rig, model, config, plates, parallel)
     else:
         from .color_engine import ColorEngine
 
