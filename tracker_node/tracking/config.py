@@ -124,8 +124,8 @@ class ColorConfig:
     representation: str = parameter(
         "blend",
         "raw: RGB; normalized: each pixel divided by its intensity, so that white light cancels; blend: both, weighted; affine:"
-        " pictures on the faces of boxes, in each camera's own brightness and contrast",
-        choices=("raw", "normalized", "blend", "affine"),
+        " pictures on the faces of boxes, in each camera's brightness and contrast; scene: parts of one color over the plates",
+        choices=("raw", "normalized", "blend", "affine", "scene"),
     )
     normalized_weight: float = parameter(0.5, "share of the normalized part in a blend", "1", 0, 1)
     optimizer: str = parameter(

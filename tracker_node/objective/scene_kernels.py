@@ -1,0 +1,121 @@
+"""A body of smooth shapes drawn over the empty scene, and how much better it explains an image than the empty scene alone.
+
+Only labels are drawn (first pass of `color_kernels`); each part has one color per camera.
+"""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+
+from ..model.kinematic_chain import forward_kinematics
+from .color_kernels import HEIGHT, LABEL_BITS, LANES, PLANES, WIDTH, draw_smooth, find_spans, prepare_camera
+
+_DARK = np.float32(30.0)  # added to an intensity, so that the hue of dark pixels, which is noise, counts little
+_HUE = np.float32(255.0)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def color_cost(r, g, b, red, green, blue, caps):
+    """Robust cost, 0..2, of one color against another: half of it by RGB, half by RGB over intensity.
+
+    ``caps`` (2,) are the squared differences that cost one half of the most.
+    """
+    dr, dg, db = r - red, g - green, b - blue
+    raw = dr * dr + dg * dg + db * db
+    one, two = _HUE / (r + g + b + _DARK), _HUE / (red + green + blue + _DARK)
+    dr, dg, db = r * one - red * two, g * one - green * two, b * one - blue * two
+    hue = dr * dr + dg * dg + db * db
+    return raw / (raw + caps[0]) + hue / (hue + caps[1])
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def scene_costs(planes, view, plate, caps, costs):
+    """Cost (h * w) of every pixel of a camera if the empty scene (h, w, 3) RGB is what it shows."""
+    size = view[WIDTH] * view[HEIGHT]
+    at = view[PLANES]
+    for i in range(size):
+        v, u = i // view[WIDTH], i % view[WIDTH]
+        costs[i] = color_cost(
+            np.float32(planes[at + i]), np.float32(planes[at + size + i]), np.float32(planes[at + 2 * size + i]),
+            np.float32(plate[v, u, 0]), np.float32(plate[v, u, 1]), np.float32(plate[v, u, 2]), caps,
+        )  # fmt: skip
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _score_camera(shapes, camera, view, rays, planes, costs, colors, caps, work, Ts_world_shape, total):
+    """Add to ``total``: by how much the body's pixels cost less than the scene's, pixels, and pixels at full cost of the body."""
+    kinds, dims, used, unused_colors = shapes
+    params, limits, T_cam_world = camera
+    coefficients, surfaces, boxes, spans, buffer = work
+    region = np.empty(4, dtype=np.int64)
+    region[0], region[1], region[2], region[3] = 0, 0, view[WIDTH], view[HEIGHT]
+    prepare_camera(
+        kinds, dims, unused_colors, T_cam_world, Ts_world_shape, params, limits, view, region, used, coefficients, surfaces, boxes
+    )
+    u0, v0, u1, v1 = 1 << 30, 1 << 30, 0, 0
+    for s in range(kinds.shape[0]):
+        if boxes[s, 2] > boxes[s, 0] and boxes[s, 3] > boxes[s, 1]:
+            u0, v0, u1, v1 = min(u0, boxes[s, 0]), min(v0, boxes[s, 1]), max(u1, boxes[s, 2]), max(v1, boxes[s, 3])
+    if u1 <= u0 or v1 <= v0:
+        return
+    stride = u1 - u0 + LANES
+    buffer[: stride * (v1 - v0) + LANES] = 0
+    for s in range(kinds.shape[0]):
+        if boxes[s, 2] > boxes[s, 0] and boxes[s, 3] > boxes[s, 1]:
+            find_spans(coefficients[s], view, rays, boxes[s], spans)
+            draw_smooth(coefficients[s], s + 1, view, rays, boxes[s], spans, (u0, v0), stride, buffer)
+    width = view[WIDTH]
+    size, at = width * view[HEIGHT], view[PLANES]
+    gain, pixels = 0.0, 0
+    for v in range(v0, v1):
+        row = (v - v0) * stride - u0
+        for u in range(u0, u1):
+            label = buffer[row + u] & LABEL_BITS
+            if label > 0:
+                i = v * width + u
+                cost = color_cost(
+                    np.float32(planes[at + i]), np.float32(planes[at + size + i]), np.float32(planes[at + 2 * size + i]),
+                    colors[label - 1, 0], colors[label - 1, 1], colors[label - 1, 2], caps,
+                )  # fmt: skip
+                gain += costs[i] - cost
+                pixels += 1
+    total[0] += gain
+    total[1] += pixels
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def score_states(chain, shapes, cameras, images, colors, caps, roots, joints, seen, work, totals):
+    """Gains and pixels (n_states, n_cameras, 2) of states.
+
+    Parameters
+    ----------
+    chain : what `forward_kinematics` takes of a kinematic chain.
+    shapes : kinds, dims, links (n,), Ts_link_shape (n, 4, 4), used (n,), colors for the kernels that shade (not used here).
+    cameras : params, limits, T_cam_world, stacked over the cameras.
+    images : views, rays, planes (flat), costs of the empty scene (flat, at a third of where the planes are).
+    colors : (n_cameras, n_shapes, 3) float32.
+    roots, joints : (n_states, 4, 4), (n_states, n_axes).
+    seen : indices of the cameras with an image.
+    """
+    parents, offsets, axis_start, axis_count, directions = chain
+    kinds, dims, links, Ts_link_shape, used, unused_colors = shapes
+    params, limits, T_cam_world = cameras
+    views, rays, planes, costs = images
+    Ts_world_link, Ts_world_shape = np.empty((parents.shape[0], 4, 4)), np.empty((kinds.shape[0], 4, 4))
+    twists = np.empty((6 + joints.shape[1], 6))
+    for n in range(roots.shape[0]):
+        forward_kinematics(parents, offsets, axis_start, axis_count, directions, roots[n], joints[n], Ts_world_link, twists)
+        for s in range(kinds.shape[0]):
+            for i in range(4):
+                for j in range(4):
+                    value = 0.0
+                    for k in range(4):
+                        value += Ts_world_link[links[s], i, k] * Ts_link_shape[s, k, j]
+                    Ts_world_shape[s, i, j] = value
+        for index in range(seen.shape[0]):
+            c = seen[index]
+            _score_camera(
+                (kinds, dims, used, unused_colors), (params[c], limits[c], T_cam_world[c]), views[c], rays, planes,
+                costs[views[c, PLANES] // 3 :], colors[c], caps, work, Ts_world_shape, totals[n, c],
+            )  # fmt: skip
