@@ -1,5 +1,7 @@
 """The somersault flies as bodies fly, has the paper's ranges, and stays in view."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -45,7 +47,7 @@ def test_angular_momentum_is_lateral_and_constant():
     """From the angles alone, by differences; what scaling them to the paper's ranges costs is a part in a hundred."""
     rotations = [so3.from_somersault_tilt_twist(*row) for row in somersault_variables(401)[:, 3:]]
     momenta = []
-    for before, after in zip(rotations, rotations[1:], strict=False):
+    for before, after in itertools.pairwise(rotations):
         spin = so3.log(after @ before.T) * 400.0
         middle = so3.exp(0.5 * spin / 400.0) @ before
         momenta.append(middle @ INERTIA @ middle.T @ spin)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from ..model.configuration import State
 from ..model.pose_variables import N_ROOT, ROOT_NAMES, from_variables, to_variables
@@ -90,7 +91,7 @@ def pose_error(state: State, truth: State) -> np.ndarray:
     return ((to_variables(state, true)[:N_ROOT] - true)[_COLUMNS]) * _SCALES
 
 
-def moved(state: State, changes: np.ndarray) -> State:
+def moved(state: State, changes: npt.ArrayLike) -> State:
     """The state with its variables changed by ``changes`` (6,), mm and degrees, in the order of `VARIABLES`."""
     variables = to_variables(state)
     variables[_COLUMNS] += np.asarray(changes) / _SCALES

@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 
 from ..camera.camera_rig import Camera, CameraRig
 from ..model.configuration import Configuration
-from ..render.renderer import ColoredView, Renderer
+from ..render.raycaster import render_color
+from ..render.renderer import ColoredView
 from .plots import CYCLE, GREY
 
 _BACKGROUND = 255
@@ -66,7 +67,7 @@ def success_figure(starts: Sequence[str], rates: Mapping[str, Sequence[float]]) 
         ax.plot(np.arange(len(starts)), values, "os^Dv"[i % 5] + "-", color=color, lw=1.6, ms=5, label=name)
     ax.set_xticks(np.arange(len(starts)), starts)
     ax.set_ylim(-0.03, 1.03)
-    ax.set_ylabel("share within 5 mm of the truth")
+    ax.set_ylabel("share that arrives")
     _plain(ax, "", "error of the start")
     ax.legend(frameon=False, fontsize=8, loc="lower left")
     return figure
@@ -114,20 +115,21 @@ def matching_figure(target: np.ndarray, view: ColoredView, camera: Camera) -> Fi
     return figure
 
 
-def bodies_figure(bodies: Mapping[str, Configuration], renderer: Renderer, rig: CameraRig) -> Figure:
+def bodies_figure(bodies: Mapping[str, Configuration], rig: CameraRig) -> Figure:
     """Bodies side by side in one pose, from every camera (Fig. 1)."""
-    figure = Figure(figsize=(2.6 * len(bodies) * len(rig), 5.2), layout="constrained")
-    axes = figure.subplots(1, len(bodies) * len(rig), squeeze=False)[0]
     images = {
-        (title, camera.name): bgr_of(renderer.render_color(body, camera, rig.lights), camera)
+        (title, camera.name): bgr_of(render_color(body, camera, rig.lights), camera)
         for title, body in bodies.items()
         for camera in rig
     }
     boxes = {camera.name: _body_box(_any_body([images[t, camera.name] for t in bodies]), margin=12) for camera in rig}
+    top, bottom = min(box[0] for box in boxes.values()), max(box[1] for box in boxes.values())
+    widths = [boxes[camera][3] - boxes[camera][2] for _, camera in images]
+    figure = Figure(figsize=(5.6 * sum(widths) / (bottom - top), 6.0), layout="constrained")
+    axes = figure.subplots(1, len(images), squeeze=False, gridspec_kw={"width_ratios": widths})[0]
     for ax, ((title, camera), image) in zip(axes, images.items(), strict=True):
-        top, bottom, left, right = boxes[camera]
-        ax.imshow(_on_white(image)[top:bottom, left:right, ::-1])
-        ax.set_title(f"{title}, {camera}", fontsize=9)
+        ax.imshow(_on_white(image)[top:bottom, boxes[camera][2] : boxes[camera][3], ::-1])
+        ax.set_title(f"{title},\n{camera}", fontsize=9)
         ax.set_axis_off()
     return figure
 
