@@ -26,7 +26,7 @@ def run(args: argparse.Namespace) -> int:
     from ..evaluation.color_experiments import text_table
     from ..evaluation.experiment_page import Section, write_page
     from ..evaluation.metrics_file import format_metrics, write_metrics
-    from ._cross_methods import AS_PUBLISHED, BEST, METHODS, track
+    from ._cross_methods import AS_PUBLISHED, BEST, METHODS, camera_times, track
     from ._cross_scene import cross_scene
 
     folder = Path(args.output)
@@ -44,7 +44,10 @@ def run(args: argparse.Namespace) -> int:
         tracked = {}
         for method in methods:
             _say(f"{trial.name} somersault: {method.title}")
-            tracked[method] = track(scene, trial, footage[method.backend], method)
+            late_s = camera_times(scene, trial, footage[method.backend], method)
+            tracked[method] = track(scene, trial, footage[method.backend], method, late_s)
+            if method.times == "estimated":
+                metrics[f"cross.{trial.name}.{method.key}delay_ms"] = 1e3 * max(late_s, key=abs)
         table = _compare(trial, tracked, digitized, metrics)
         text += [f"{trial.name} somersault, {trial.n_fields} fields: rms / maximum of the worst variable", text_table(table), ""]
         sections.append(Section(f"The {trial.name} somersault", "Rms / maximum of the worst variable.", table))
