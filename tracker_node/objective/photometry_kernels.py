@@ -50,7 +50,7 @@ def add_points(points, used_links, Ts_world_link, camera, picture, robust_scale,
         )
         sums[COUNT] += 1.0
         u, v = (u - u0 + 0.5) * shrink - 0.5, (v - v0 + 0.5) * shrink - 0.5
-        if not ok or u < 0.0 or v < 0.0 or u >= width - 1.0 or v >= height - 1.0:
+        if not ok or u < 1.0 or v < 1.0 or u >= width - 2.0 or v >= height - 2.0:
             sums[COST] += scale2 * math.log(2.0)
             continue
         left, top = int(u), int(v)
@@ -67,7 +67,13 @@ def add_points(points, used_links, Ts_world_link, camera, picture, robust_scale,
             r = upper + fv * (lower - upper) - features[i, c]
             square += r * r
             if derivatives:
-                along_u, along_v = (q01 - q00 + fv * (q11 - q10 - q01 + q00)) * shrink, (lower - upper) * shrink
+                # Central differences at the four pixels around, interpolated: those of the bilinear surface itself jump at pixels
+                left_u = (1.0 - fv) * (q01 - pixels[top, left - 1, c]) + fv * (q11 - pixels[top + 1, left - 1, c])
+                right_u = (1.0 - fv) * (pixels[top, left + 2, c] - q00) + fv * (pixels[top + 1, left + 2, c] - q10)
+                upper_v = (1.0 - fu) * (q10 - pixels[top - 1, left, c]) + fu * (q11 - pixels[top - 1, left + 1, c])
+                lower_v = (1.0 - fu) * (pixels[top + 2, left, c] - q00) + fu * (pixels[top + 2, left + 1, c] - q01)
+                along_u = 0.5 * (left_u + fu * (right_u - left_u)) * shrink
+                along_v = 0.5 * (upper_v + fv * (lower_v - upper_v)) * shrink
                 gx, gy, gz = along_u * ux + along_v * vx, along_u * uy + along_v * vy, along_u * uz + along_v * vz
                 for a in range(3):
                     g[a] = gx * R[0, a] + gy * R[1, a] + gz * R[2, a]

@@ -25,6 +25,7 @@ _TRACKING = schedule((20, 10, 5), (4, 2, 1))
 _STEPPING_POLISH = SteppingOptions(schedule((5,), (1,)))
 _SIMPLEX_POLISH = SimplexOptions((SimplexStage(0.01, np.deg2rad(1.0), 0.2, max_evaluations=20),))
 _BEAM = 6  # places of a lost limb that are followed
+_LIMB_ITERATIONS = 15
 _SEARCH_LEVEL = 2  # of the pyramid
 
 
@@ -51,11 +52,11 @@ class ColorSearch:
 
     def _align(self, start: State, priors: Sequence[Prior], first: bool) -> OptimizerResult:
         config, chain = self._config, self._model.chain
-        n = config.first_iterations if first else config.iterations
-        options = LevenbergMarquardtOptions(max_iterations=n, tolerance=_TOLERANCE)
+        passes = config.first_passes if first else config.passes
+        options = LevenbergMarquardtOptions(max_iterations=config.iterations, tolerance=_TOLERANCE)
         coarsest, state, iterations, evaluations = config.levels - 1, start, 0, 0
-        steps: list[tuple[int, Stage | None]] = [(coarsest, stage) for stage in self._stages]
-        steps += [(level, None) for level in range(coarsest, -1, -1)]
+        steps: list[tuple[int, Stage | None]] = [(coarsest, stage) for stage in self._stages for _ in range(passes)]
+        steps += [(level, None) for level in range(coarsest, -1, -1) for _ in range(passes)]
         for level, stage in steps:
             result = minimize(Pulled(self._photometry.at_level(level), priors, stage), state, chain, options)
             state, iterations, evaluations = result.state, iterations + result.iterations, evaluations + result.evaluations
@@ -100,7 +101,7 @@ class ColorSearch:
                 tried += self._turned(state, link, spread, config.search_states // (len(links) * len(beam)), rng)
             costs = np.array([level.cost(state, own) for state in tried])
             beam = [tried[i] for i in np.argsort(costs, kind="stable")[:_BEAM]]
-        options = LevenbergMarquardtOptions(max_iterations=config.first_iterations, tolerance=_TOLERANCE)
+        options = LevenbergMarquardtOptions(max_iterations=_LIMB_ITERATIONS, tolerance=_TOLERANCE)
         aligned = [minimize(Pulled(level, (), limb), state, chain, options) for state in beam]
         return min(aligned, key=lambda result: result.equations.cost).state
 

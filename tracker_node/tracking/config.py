@@ -140,10 +140,13 @@ class ColorConfig:
         " 5, 3, 2, 1, 1 degrees), with two finer ones, or with fewer columns at first",
         choices=("tracking", "five_loops", "seven_loops", "decimated"),
     )
-    iterations: int = parameter(4, "iterations of the alignment on each level of the pyramid", "", 1, 1000)
-    first_iterations: int = parameter(15, "the same on the first image set after a start or a reset", "", 1, 1000)
+    passes: int = parameter(
+        2, "times that the alignment looks anew, on each level of the pyramid, which points are seen", "", 1, 100
+    )
+    first_passes: int = parameter(6, "the same on the first image set after a start or a reset", "", 1, 1000)
+    iterations: int = parameter(2, "iterations of the alignment in each pass", "", 1, 1000)
     levels: int = parameter(4, "levels of the image pyramid", "", 1, 8)
-    robust_scale: float = parameter(100.0, "scale of the robust kernel on the finest level", "grey levels", 0.1, 1000)
+    robust_scale: float = parameter(50.0, "scale of the robust kernel on the finest level", "grey levels", 0.1, 1000)
     reach_px: int = parameter(64, "images farther than this from the predicted body are not looked at", "px", 4, 10000)
     learn_colors: bool = parameter(False, "take the parts' colors from the first image set instead of the model")
     color_rate: float = parameter(0.0, "share of the newest image in the parts' colors; 0 keeps them fixed", "1", 0, 1)
