@@ -11,7 +11,7 @@ import pytest
 @pytest.fixture(scope="module")
 def benchmarks(repository):
     sys.path.insert(0, str(repository / "benchmark"))
-    yield {name: importlib.import_module(name) for name in ("_color_scene", "color_basin", "color_step")}
+    yield {name: importlib.import_module(name) for name in ("_color_fits", "_color_scene", "color_basin", "color_step")}
     sys.path.remove(str(repository / "benchmark"))
 
 
@@ -52,6 +52,11 @@ def test_every_optimizer_has_its_figures(benchmarks, scene):
         assert metrics[f"step.{name}_error_mm_p50"] < 20.0
     assert 90 < metrics["step.stepping_evaluations"] < 180
     assert metrics["step.default_error_mm_p90"] < 5.0
+
+
+def test_the_default_arrives_from_200_mm_and_20_degrees(benchmarks, scene):
+    default = benchmarks["_color_fits"].contestants(scene)["default"]
+    assert benchmarks["color_basin"].arrival_rate(scene, default, 200, 20, 6) == 1.0
 
 
 def test_writes_json(benchmarks, scene, tmp_path, monkeypatch):

@@ -89,7 +89,7 @@ def test_stages_look_at_the_rows_they_are_told():
     objective = AnalyticScore(lambda x: float((x**2).sum()))
     search_simplex(objective, START, RIGID)
     seen = objective.row_steps
-    assert seen == sorted(seen, reverse=True) and set(seen) == {4, 2, 1}
+    assert seen == sorted(seen, reverse=True) and set(seen) == {8, 4, 1}
 
 
 def test_polish_stays_where_it_was_put():

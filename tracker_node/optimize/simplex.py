@@ -35,8 +35,8 @@ class SimplexOptions:
     """Stages in order; the last one decides whether the search has converged."""
 
     stages: tuple[SimplexStage, ...] = (
-        SimplexStage(0.08, math.radians(8.0), 0.15, 4),
-        SimplexStage(0.02, math.radians(2.0), 0.1, 2),
+        SimplexStage(0.08, math.radians(8.0), 0.15, 8),
+        SimplexStage(0.02, math.radians(2.0), 0.1, 4),
         SimplexStage(0.003, math.radians(0.3), 0.02, 1),
     )
     trace: bool = False

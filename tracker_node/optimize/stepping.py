@@ -43,7 +43,7 @@ def schedule(steps_mm: Sequence[float], steps_deg: Sequence[float], row_steps: S
 
 FIVE_LOOPS = schedule((50, 30, 20, 10, 10), (5, 3, 2, 1, 1))
 SEVEN_LOOPS = schedule((50, 30, 20, 10, 10, 5, 2), (5, 3, 2, 1, 1, 0.5, 0.2))
-DECIMATED_LOOPS = schedule((50, 30, 20, 10, 10), (5, 3, 2, 1, 1), (4, 4, 4, 2, 1))
+DECIMATED_LOOPS = schedule((50, 30, 20, 10, 10), (5, 3, 2, 1, 1), (8, 8, 4, 2, 2))
 SCHEDULES = {"five_loops": FIVE_LOOPS, "seven_loops": SEVEN_LOOPS, "decimated": DECIMATED_LOOPS}
 
 
