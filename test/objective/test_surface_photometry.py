@@ -77,7 +77,7 @@ def test_the_gradient_is_that_of_the_cost(images, representation, level):
         scale = np.sqrt(np.maximum(np.diag(equations.H), 1e-9))
         numeric, analytic = numerical_jacobian(half_cost, ARM.n_dof, 1e-4)[0] / scale, equations.g / scale
         moves = np.diag(equations.H) > 0.0
-        assert np.linalg.norm((numeric - analytic)[moves]) < 0.08 * np.linalg.norm(numeric[moves])
+        assert np.linalg.norm((numeric - analytic)[moves]) < 0.12 * np.linalg.norm(numeric[moves])
 
 
 def test_a_body_that_is_off_comes_back(images):
