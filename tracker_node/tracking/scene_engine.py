@@ -19,6 +19,7 @@ from ..model.configuration import Configuration, State
 from ..objective.contour_objective import Prior
 from ..objective.scene_objective import SceneObjective
 from ..objective.surface_photometry import SurfacePhotometry
+from ..observation.image_set import ImageSet
 from ..optimize.levenberg_marquardt import clip_to_limits
 from ..optimize.result import OptimizerResult
 from ..optimize.stepping import SteppingOptions, schedule, step_downhill
@@ -26,7 +27,8 @@ from ..render.raycaster import render_labels
 from .color_engine import ColorEngine
 from .color_search import ColorSearch
 from .config import ColorConfig, TrackerConfig
-from .engine import Images
+from .engine import Images, Verdict
+from .estimate import Status
 from .hierarchy import Pulled, Stage
 
 _LONGEST_PX = 480  # images are shrunk to this, which is enough for parts of one color
@@ -34,6 +36,7 @@ _MARGIN_PX = 15  # around the expected body, of those images
 _STAGE = SteppingOptions(schedule((20, 8), (5, 2), (2, 2)))
 _FIRST_STAGE = SteppingOptions(schedule((50, 20, 8), (10, 5, 2), (2, 2, 2)))
 _POLISH = SteppingOptions(schedule((4,), (1,)))
+_LOST_SHARE, _DEGRADED_SHARE = 0.2, 0.3  # of what is to be explained around the body
 _SQUARED_LEVELS = 3e7  # of the other color scores, that a share of one is worth to the priors
 
 
@@ -71,6 +74,17 @@ class SceneEngine(ColorEngine):
         """Shrink the images, too."""
         super().observe(images, expected)
         self._scene.observe(self._images, expected)
+
+    def judge(self, result: OptimizerResult, image_set: ImageSet) -> Verdict:
+        """By colors, and by how much the body explains in the middle camera: colors learnt in a wrong place agree there, too."""
+        shares = 1.0 - self._scene.objective.evaluate(result.state).camera_scores
+        seen = shares[np.isfinite(shares)]
+        middle = float(np.median(seen)) if len(seen) else 0.0
+        verdict = super().judge(result, image_set)
+        if verdict.status is Status.LOST or middle >= _DEGRADED_SHARE:
+            return verdict
+        reason = f"the body explains {100.0 * max(middle, 0.0):.0f} % of what is not the empty scene"
+        return Verdict(Status.LOST if middle < _LOST_SHARE else Status.DEGRADED, reason)
 
 
 class _Scene:
