@@ -24,7 +24,7 @@ from ..render.ray_coefficients import N_COEFFICIENTS
 from . import color_kernels as kernel
 from .any_shapes import score_with_cast
 from .color_constants import ColorConstants
-from .color_score_kernels import make_score_states
+from .color_score_kernels import form_of, score_states
 from .color_views import ColorViews, every_nth
 
 
@@ -103,7 +103,7 @@ class ColorObjective:
         constants = ColorConstants(model, rig, options.representation, options.normalized_weight, self._given_colors)
         weights = np.array(constants.weights, dtype=np.float32)
         self._constants = constants
-        self._kernel = make_score_states(
+        self._form = form_of(
             constants.n_directional, constants.n_spots, constants.bent, constants.weights[0] > 0.0, constants.weights[1] > 0.0
         )
         self._chain = (chain.parents, chain.offsets, chain.axis_start, chain.axis_count, chain.directions)
@@ -192,9 +192,9 @@ class ColorObjective:
         """Run the kernel for smooth shapes, on several threads where there is enough to do."""
 
         def run(thread: int, states: slice, cameras: np.ndarray) -> None:
-            self._kernel(
-                self._chain, self._shapes, self._cameras, self._pixels, self._what, roots[states], joints[states], cameras,
-                self._work[thread], totals[states],
+            score_states(
+                self._form, self._chain, self._shapes, self._cameras, self._pixels, self._what, roots[states],
+                joints[states], cameras, self._work[thread], totals[states],
             )  # fmt: skip
 
         n = self.threads

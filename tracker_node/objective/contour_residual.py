@@ -272,7 +272,10 @@ def assemble(link_normal, link_gradient, moved_by, twists, H, g):
     g[:] = 0.0
     product = np.empty((n, 6))
     for link in range(link_normal.shape[0]):
-        if link_normal[link, 0, 0] + link_normal[link, 1, 1] + link_normal[link, 2, 2] == 0.0:
+        trace = 0.0
+        for a in range(6):
+            trace += link_normal[link, a, a]
+        if trace == 0.0:
             continue
         for i in range(n):
             if not moved_by[link, i]:

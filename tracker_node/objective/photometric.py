@@ -119,7 +119,7 @@ class _Level:
         self.weights = np.array([*constants.weights, 0.0], dtype=np.float32)
         if options.robust_scale > 0.0:
             self.weights[2] = 1.0 / options.robust_scale**2
-        self.linearize = sums.make_linearize(
+        self.form = sums.form_of(
             constants.n_directional, constants.n_spots, constants.weights[0] > 0, constants.weights[1] > 0,
             options.robust_scale > 0,
         )  # fmt: skip
@@ -148,7 +148,8 @@ class _Level:
         constants, views = self.constants, self.views
         verdict = kernel.NOT_SMOOTH
         if constants.vectorized:
-            verdict = self.linearize(
+            verdict = sums.linearize_camera(
+                self.form,
                 (constants.kinds, constants.dims, self.used, constants.colors_rgb[index]),
                 (
                     views.params[index], views.limits[index], constants.Ts_cam_world[index], constants.gain[index],
