@@ -13,6 +13,7 @@ import json
 import sys
 import tempfile
 from collections import Counter
+from itertools import islice
 from pathlib import Path
 
 import cv2
@@ -95,12 +96,7 @@ def _aside(n_dof: int) -> np.ndarray:
 
 
 def _first_sets(rig, config, n: int) -> list[ImageSet]:
-    stream, sets = SourceStream(rig, config.synchronizer), []
-    for image_set in stream:
-        sets.append(image_set)
-        if len(sets) == n:
-            break
-    return sets
+    return list(islice(SourceStream(rig, config.synchronizer), n))
 
 
 def _write_pictures(folder: Path, rig, model, sets: list[ImageSet], estimates: list[TrackEstimate]) -> None:

@@ -14,6 +14,7 @@ import os
 import sys
 import tempfile
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 
 import cv2
@@ -98,12 +99,12 @@ def plate() -> ArticulatedModel:
     return plate_model("plate", framed(board, BORDERS), TEXELS_PER_M, origin, THICKNESS_M)
 
 
-def read(folder: Path, config: TrackerConfig) -> Recording:
-    """Images and reference of all sets."""
+def read(folder: Path, config: TrackerConfig, at_most: int | None = None) -> Recording:
+    """Images and reference of all sets, or of the first ones."""
     rig = load_pose2sim(folder / "camera_array.toml")
     rig = replace(rig, cameras=tuple(replace(camera, source=str(folder / f"{camera.name}.mp4")) for camera in rig))
     reference, sets, truth, fits = CharucoReference(rig), [], [], []
-    for image_set in SourceStream(rig, config.synchronizer):
+    for image_set in islice(SourceStream(rig, config.synchronizer), at_most):
         found = reference.pose([image_set.get(camera.name).bgr for camera in rig])
         if found is not None:
             sets.append(image_set)

@@ -47,6 +47,12 @@ def test_a_rotation_matrix_and_nested_tables_are_taken_too(tmp_path):
     np.testing.assert_allclose(rig["cam_0"].T_world_cam, expected, atol=1e-12)
 
 
+def test_cameras_to_be_ignored_are_left_out(tmp_path):
+    second = CAMERA.split("[metadata]")[0].replace("cam_0", "cam_1").replace('"left"', '"right"')
+    assert load(tmp_path, second + "ignore = false\n" + CAMERA).names == ("right", "left")
+    assert load(tmp_path, second + "ignore = true\n" + CAMERA).names == ("left",)
+
+
 def test_a_fisheye_lens_is_equidistant(tmp_path):
     assert load(tmp_path, CAMERA.replace("fisheye = false", "fisheye = true"))["left"].model.distortion_model == "equidistant"
 

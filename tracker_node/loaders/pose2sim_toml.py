@@ -2,7 +2,7 @@
 
 One table per camera: ``size`` [width, height], ``matrix`` (3 x 3), ``distortions`` (4 or 5 coefficients; 4 of the
 equidistant model with ``fisheye = true``), ``rotation`` (Rodrigues vector, radians) and ``translation`` (metres), both from
-the world to the camera.
+the world to the camera. Cameras that Caliscope is told to ``ignore`` are left out.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def load_pose2sim(path: str | Path) -> CameraRig:
         tables = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise FileFormatError(path, "(file)", "a TOML file", str(error)) from error
-    cameras = {key: value for key, value in _flat(tables).items() if "matrix" in value}
+    cameras = {key: value for key, value in _flat(tables).items() if "matrix" in value and not value.get("ignore")}
     if not cameras:
         raise FileFormatError(path, "(top level)", "one table per camera with size, matrix, rotation, translation", list(tables))
     built = tuple(_camera(path, key, table) for key, table in cameras.items())
