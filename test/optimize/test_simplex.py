@@ -135,6 +135,17 @@ class TestRobustStart:
             assert np.mean(radius < 0.5 * limit) == pytest.approx(1 / 8, abs=0.02)
         assert np.linalg.norm(np.mean([x[:3] for x in objective.asked], axis=0)) < 0.01
 
+    def test_hypotheses_that_are_kept_stand_apart(self):
+        def nearest(options):
+            """Of all pairs, in shares of the last round's spread."""
+            found = [h.state for h in search(AnalyticScore(self.pit), START, options)]
+            spreads = np.repeat([options.spread_m, options.spread_rad], 3) * options.shrink ** (options.rounds - 1)
+            tangents = [a.difference(b) / spreads for i, a in enumerate(found) for b in found[:i]]
+            return min(max(np.linalg.norm(t[:3]), np.linalg.norm(t[3:])) for t in tangents)
+
+        assert nearest(RobustStartOptions(n=400, keep=24, apart=0.0)) < 0.6
+        assert nearest(RobustStartOptions(n=400, keep=24, apart=0.8)) >= 0.8 - 1e-6
+
     def test_the_seed_decides(self):
         runs = [search(AnalyticScore(self.pit), START, RobustStartOptions(seed=s)) for s in (3, 3, 4)]
         np.testing.assert_array_equal(runs[0][0].state.T_world_root, runs[1][0].state.T_world_root)

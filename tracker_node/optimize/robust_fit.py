@@ -7,10 +7,8 @@ body's; a score tells, and hypotheses around the start then bring it near enough
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Generic, Protocol, TypeVar
-
-import numpy as np
 
 from ..model.configuration import State
 from ..model.kinematic_chain import KinematicChain
@@ -40,14 +38,13 @@ class RobustFitOptions:
     Attributes
     ----------
     trusted_score : a fit that scores no more (grey levels) has found the body.
-    refits : so many hypotheses are fitted at most, the best first.
-    apart_m, apart_rad : a hypothesis so near to one that was fitted is passed over.
+    refits : so many hypotheses of a search are fitted at most, the best first.
+    searches : so often, each with other hypotheses and twice as many, until a fit is believed.
     """
 
     trusted_score: float = 20.0
     refits: int = 4
-    apart_m: float = 0.04
-    apart_rad: float = 0.08
+    searches: int = 3
     search: RobustStartOptions = field(default_factory=lambda: RobustStartOptions(0.35, 0.6))
 
 
@@ -88,21 +85,18 @@ def fit_robustly(
     score, fits, evaluations = objective.score(best.state), 1, best.evaluations
     if score <= options.trusted_score:
         return RobustFit(best, score, True, fits, evaluations)
-    tried: list[State] = []
-    hypotheses = search(objective, start, options.search)
-    evaluations += options.search.evaluations
-    for hypothesis in hypotheses:
-        if fits > options.refits or score <= options.trusted_score:
-            break
-        if any(_near(hypothesis.state, state, options) for state in tried):
-            continue
-        tried.append(hypothesis.state)
-        again = fit(hypothesis.state)
-        fits, evaluations = fits + 1, evaluations + again.evaluations
-        again_score = objective.score(again.state)
-        if again_score < score:
-            best, score = again, again_score
-    return RobustFit(best, score, score <= options.trusted_score, fits, evaluations)
+    for number in range(options.searches):
+        ways = replace(options.search, n=options.search.n << number, seed=options.search.seed + 100 * number)
+        evaluations += ways.evaluations
+        for hypothesis in search(objective, start, ways)[: options.refits]:
+            again = fit(hypothesis.state)
+            fits, evaluations = fits + 1, evaluations + again.evaluations
+            again_score = objective.score(again.state)
+            if again_score < score:
+                best, score = again, again_score
+            if score <= options.trusted_score:
+                return RobustFit(best, score, True, fits, evaluations)
+    return RobustFit(best, score, False, fits, evaluations)
 
 
 def align_robustly(
@@ -111,8 +105,3 @@ def align_robustly(
 ) -> RobustFit[OptimizerResult]:  # fmt: skip
     """`fit_robustly` by alignment; both objectives look at the same images."""
     return fit_robustly(objective, start, lambda state: align(pyramid, state, chain, alignment), options)
-
-
-def _near(a: State, b: State, options: RobustFitOptions) -> bool:
-    tangent = a.difference(b)
-    return float(np.linalg.norm(tangent[:3])) < options.apart_m and float(np.linalg.norm(tangent[3:6])) < options.apart_rad

@@ -27,6 +27,8 @@ class RobustStartOptions:
     n : hypotheses a round.
     rounds : each has ``shrink`` times the spread of the one before.
     keep : so many best hypotheses are the centers of the next round.
+    apart : of two hypotheses that are nearer to each other than this share of the round's spread, in position and in angle, only
+        the better one is kept: or all would soon stand in the first hollow that was found.
     row_step : score every n-th image row only.
     seed : of the hypotheses; the same seed, the same answer.
     """
@@ -37,6 +39,7 @@ class RobustStartOptions:
     rounds: int = 3
     shrink: float = 0.5
     keep: int = 8
+    apart: float = 0.25
     row_step: int = 8
     seed: int = 0
 
@@ -77,12 +80,30 @@ def search(
         states += [_moved(around[i % len(around)], tangent) for i, tangent in enumerate(tangents)]
         scores = coarse.scores(states)
         best += [Hypothesis(state, float(score)) for state, score in zip(states, scores, strict=True) if np.isfinite(score)]
-        best = sorted(best, key=lambda hypothesis: hypothesis.score)[: options.keep]
+        best = _distinct(best, options, scale * options.apart)
         if not best:
             return []
         around = [hypothesis.state for hypothesis in best]
         scale *= options.shrink
     return best
+
+
+def _distinct(hypotheses: list[Hypothesis], options: RobustStartOptions, apart: float) -> list[Hypothesis]:
+    """The best ``keep`` that are ``apart`` of the spreads from each other, best first."""
+    kept: list[Hypothesis] = []
+    positions, rotations = np.empty((options.keep, 3)), np.empty((options.keep, 3, 3))
+    for hypothesis in sorted(hypotheses, key=lambda hypothesis: hypothesis.score):
+        n, T = len(kept), hypothesis.state.T_world_root
+        near = np.linalg.norm(positions[:n] - T[:3, 3], axis=1) < apart * options.spread_m
+        if near.any():
+            cosines = 0.5 * (np.einsum("nij,ij->n", rotations[:n][near], T[:3, :3]) - 1.0)
+            if (cosines > np.cos(min(apart * options.spread_rad, np.pi))).any():
+                continue
+        positions[n], rotations[n] = T[:3, 3], T[:3, :3]
+        kept.append(hypothesis)
+        if len(kept) == options.keep:
+            break
+    return kept
 
 
 def _moved(state: State, root_tangent: np.ndarray) -> State:
