@@ -61,8 +61,7 @@ class ColorViews:
         """Take in BGR images (h, w, 3) uint8, or None for a camera without one, whose pixels then are never asked for."""
         for view, image in zip(self.views, images, strict=True):
             if image is not None:
-                for channel in range(3):
-                    cv2.extractChannel(image, 2 - channel, self.plane(view, channel))
+                cv2.split(image, [self.plane(view, channel) for channel in (2, 1, 0)])  # into these very planes
 
     def plane(self, view: np.ndarray, channel: int) -> np.ndarray:
         """(h, w) of one channel (0 is red) of the camera with this row of ``views``."""
