@@ -61,6 +61,7 @@ class ColorEngine:
         """The colors are those of the model."""
         self._colors = PartColors(self._model, self._rig)
         self._take_colors()
+        self._learnt = False
         self._rng = np.random.default_rng(self._config.seed)
         self._images: Images = [None] * len(self._rig)
         self._priors: list[Prior] = []
@@ -72,9 +73,10 @@ class ColorEngine:
             self._score.set_colors(self._colors.rgb)
 
     def begin(self, images: Images, start: State) -> State:
-        """Where colors are to be learnt: learn them, fit, and learn again, since the first pose given is rarely exact."""
-        if not self._config.learn_colors:
+        """Where colors are yet to be learnt: learn them, fit, and learn again, since the first pose given is rarely exact."""
+        if not self._config.learn_colors or self._learnt:
             return start
+        self._learnt = True
         self._learn(images, start, 1.0)
         self.observe(images, start)
         start = self.fit(start, first=True).state

@@ -24,7 +24,8 @@ from .estimate import Status
 
 _RING_PX = 24  # width of what is taken for the surroundings
 _STEP = 2  # every second pixel is enough
-_LEAST_PART = 30  # pixels of a part, over all cameras, below which nothing is said of it
+_LEAST_PART = 200  # pixels of a part, over all cameras, below which nothing is said of it
+_PLAIN = 0.5  # a part whose difference from the surroundings is below this share of the whole body's cannot be told from them
 _LEAST_CAMERA = 50
 _NOISE = 0.1  # agreement that a body has anywhere
 
@@ -44,8 +45,10 @@ class ColorAgreement:
 
     @property
     def parts(self) -> np.ndarray:
-        """(n_shapes,), nan where too little is seen."""
-        return _share(self.squares.sum(axis=0), self.chance.sum(axis=0), self.pixels.sum(axis=0) >= _LEAST_PART)
+        """(n_shapes,), nan where too little is seen, or where the surroundings have much the same color."""
+        chance, pixels = self.chance.sum(axis=0), self.pixels.sum(axis=0)
+        telling = chance / np.maximum(pixels, 1.0) >= _PLAIN * chance.sum() / max(pixels.sum(), 1.0)
+        return _share(self.squares.sum(axis=0), chance, telling & (pixels >= _LEAST_PART))
 
     def of(self, shapes: np.ndarray) -> float:
         """Of some shapes (mask (n_shapes,)) together; infinite where too little of them is seen."""
@@ -54,9 +57,9 @@ class ColorAgreement:
 
     @property
     def middle(self) -> float:
-        """Of the middle camera (of an even number the better): half of them may be covered, and one may agree by chance."""
-        shares = np.sort(self.cameras[np.isfinite(self.cameras)])
-        return float(shares[len(shares) // 2]) if len(shares) else 0.0
+        """Of the middle camera: some may be covered, and one may agree by chance."""
+        seen = self.cameras[np.isfinite(self.cameras)]
+        return float(np.median(seen)) if len(seen) else 0.0
 
     @property
     def camera_rms(self) -> np.ndarray:
@@ -119,19 +122,20 @@ def judge_colors(
     """Status and reason; the middle camera decides, and cameras and parts that do not agree are named."""
     pixels, middle = int(agreement.pixels.sum()), agreement.middle
     if pixels < config.min_pixels:
-        where = "no camera sees where the body is expected" if pixels == 0 else f"the body covers only {pixels} pixels"
-        return Verdict(Status.LOST, where, noise=True)
+        few = "no camera sees where the body is expected" if pixels == 0 else f"the body covers only {pixels} pixels"
+        return Verdict(Status.LOST, few, noise=True)
     figures = f"colors differ by {agreement.rms:.0f} grey levels, and agree to {100 * middle:.0f} %"
     if middle < config.lost_agreement:
         return Verdict(Status.LOST, figures, noise=middle < _NOISE)
     if middle < config.degraded_agreement:
         return Verdict(Status.DEGRADED, figures)
-    for names, shares in ((rig.names, agreement.cameras), ([s.name for s in model.shapes], agreement.parts)):
+    named = (("in", rig.names, agreement.cameras), ("of", [s.name for s in model.shapes], agreement.parts))
+    for where, names, shares in named:
         against = [
             f"{name} ({100 * max(s, 0.0):.0f} %)" for name, s in zip(names, shares, strict=True) if s < config.lost_agreement
         ]
         if against:
-            return Verdict(Status.DEGRADED, f"colors do not agree {'in' if names is rig.names else 'of'} {', '.join(against)}")
+            return Verdict(Status.DEGRADED, f"colors do not agree {where} {', '.join(against)}")
     if pixels < config.few_pixels:
         return Verdict(Status.DEGRADED, f"the body covers only {pixels} pixels")
     if len(present) < len(rig):

@@ -11,7 +11,7 @@ from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
 from ..objective.color_score import ColorObjective
 from ..objective.contour_objective import Prior
-from ..objective.surface_photometry import SurfacePhotometry
+from ..objective.surface_photometry import PhotometryLevel, SurfacePhotometry
 from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, clip_to_limits, minimize
 from ..optimize.result import OptimizerResult
 from ..optimize.score_objective import SearchResult
@@ -55,10 +55,12 @@ class ColorSearch:
         passes = config.first_passes if first else config.passes
         options = LevenbergMarquardtOptions(max_iterations=config.iterations, tolerance=_TOLERANCE)
         coarsest, state, iterations, evaluations = config.levels - 1, start, 0, 0
-        steps: list[tuple[int, Stage | None]] = [(coarsest, stage) for stage in self._stages for _ in range(passes)]
-        steps += [(level, None) for level in range(coarsest, -1, -1) for _ in range(passes)]
-        for level, stage in steps:
-            result = minimize(Pulled(self._photometry.at_level(level), priors, stage), state, chain, options)
+        steps: list[tuple[PhotometryLevel, Stage | None]]
+        coarse = self._photometry.at_level(coarsest)  # all stages share its points
+        steps = [(coarse, stage) for stage in self._stages]
+        steps += [(self._photometry.at_level(level), None) for level in range(coarsest, -1, -1) for _ in range(passes)]
+        for objective, stage in steps:
+            result = minimize(Pulled(objective, priors, stage), state, chain, options)
             state, iterations, evaluations = result.state, iterations + result.iterations, evaluations + result.evaluations
         return OptimizerResult(state, result.equations, iterations, evaluations, result.converged)
 

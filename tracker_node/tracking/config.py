@@ -161,7 +161,7 @@ class ColorConfig:
         0.5, "share of the difference from the surroundings that the fit explains, below which the status is DEGRADED", "1", 0, 1
     )
     lost_agreement: float = parameter(
-        0.3, "the same for LOST; a single camera or part below it is named, and the status DEGRADED", "1", 0, 1
+        0.4, "the same for LOST; a single camera or part below it is named, and the status DEGRADED", "1", 0, 1
     )
     search_radius: float = parameter(0.35, "a lost body is looked for this far around where it is expected", "m", 0, 10)
     search_angle_deg: float = parameter(35.0, "and turned by up to this; a lost limb, in each of its joints", "deg", 0, 180)
