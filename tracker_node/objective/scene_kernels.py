@@ -12,7 +12,7 @@ from ..model.kinematic_chain import forward_kinematics
 from .color_kernels import HEIGHT, LABEL_BITS, LANES, PLANES, WIDTH, draw_smooth, find_spans, prepare_camera
 
 _DARK = np.float32(30.0)  # added to an intensity, so that the hue of dark pixels, which is noise, counts little
-_HUE = np.float32(255.0)
+_HUE, _ZERO, _ONE = np.float32(255.0), np.float32(0.0), np.float32(1.0)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
@@ -43,8 +43,40 @@ def scene_costs(planes, view, plate, caps, costs):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _add_shape(label, view, box, spans, u0, v0, stride, buffer, planes, costs, color, caps, total):
+    """Add what one shape's pixels cost less than the scene's, and their number; one color, so that many pixels go at a time."""
+    width = view[WIDTH]
+    size = width * view[HEIGHT]
+    red, green, blue, caps_0, caps_1 = color[0], color[1], color[2], caps[0], caps[1]
+    of_color = _HUE / (red + green + blue + _DARK)
+    hue_r, hue_g, hue_b = red * of_color, green * of_color, blue * of_color
+    tag, low_bits = np.int32(label), np.int32(LABEL_BITS)
+    gain, pixels = 0.0, 0.0
+    for v in range(box[1], box[3]):
+        row = (v - v0) * stride - u0
+        pixel = v * width
+        at = view[PLANES] + pixel
+        row_gain, kept = _ZERO, _ZERO
+        for u in range(spans[v, 0], spans[v, 1]):
+            own = _ONE if (buffer[np.uint64(row + u)] & low_bits) == tag else _ZERO
+            r, g = np.float32(planes[np.uint64(at + u)]), np.float32(planes[np.uint64(at + size + u)])
+            b = np.float32(planes[np.uint64(at + 2 * size + u)])
+            dr, dg, db = r - red, g - green, b - blue
+            raw = dr * dr + dg * dg + db * db
+            scale = _HUE / (r + g + b + _DARK)
+            dr, dg, db = r * scale - hue_r, g * scale - hue_g, b * scale - hue_b
+            hue = dr * dr + dg * dg + db * db
+            row_gain += own * (costs[np.uint64(pixel + u)] - raw / (raw + caps_0) - hue / (hue + caps_1))
+            kept += own
+        gain += row_gain
+        pixels += kept
+    total[0] += gain
+    total[1] += pixels
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _score_camera(shapes, camera, view, rays, planes, costs, colors, caps, work, Ts_world_shape, total):
-    """Add to ``total``: by how much the body's pixels cost less than the scene's, pixels, and pixels at full cost of the body."""
+    """Add to ``total``: by how much the body's pixels cost less than the scene's, and pixels."""
     kinds, dims, used, unused_colors = shapes
     params, limits, T_cam_world = camera
     coefficients, surfaces, boxes, spans, buffer = work
@@ -63,25 +95,11 @@ def _score_camera(shapes, camera, view, rays, planes, costs, colors, caps, work,
     buffer[: stride * (v1 - v0) + LANES] = 0
     for s in range(kinds.shape[0]):
         if boxes[s, 2] > boxes[s, 0] and boxes[s, 3] > boxes[s, 1]:
-            find_spans(coefficients[s], view, rays, boxes[s], spans)
-            draw_smooth(coefficients[s], s + 1, view, rays, boxes[s], spans, (u0, v0), stride, buffer)
-    width = view[WIDTH]
-    size, at = width * view[HEIGHT], view[PLANES]
-    gain, pixels = 0.0, 0
-    for v in range(v0, v1):
-        row = (v - v0) * stride - u0
-        for u in range(u0, u1):
-            label = buffer[row + u] & LABEL_BITS
-            if label > 0:
-                i = v * width + u
-                cost = color_cost(
-                    np.float32(planes[at + i]), np.float32(planes[at + size + i]), np.float32(planes[at + 2 * size + i]),
-                    colors[label - 1, 0], colors[label - 1, 1], colors[label - 1, 2], caps,
-                )  # fmt: skip
-                gain += costs[i] - cost
-                pixels += 1
-    total[0] += gain
-    total[1] += pixels
+            find_spans(coefficients[s], view, rays, boxes[s], spans[s])
+            draw_smooth(coefficients[s], s + 1, view, rays, boxes[s], spans[s], (u0, v0), stride, buffer)
+    for s in range(kinds.shape[0]):
+        if boxes[s, 2] > boxes[s, 0] and boxes[s, 3] > boxes[s, 1]:
+            _add_shape(s + 1, view, boxes[s], spans[s], u0, v0, stride, buffer, planes, costs, colors[s], caps, total)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

@@ -105,7 +105,7 @@ class SceneObjective:
         self._work = [
             (
                 np.zeros((n, N_COEFFICIENTS), dtype=np.float32), np.zeros((n, kernel.N_SURFACE), dtype=np.float32),
-                np.zeros((n, 4), dtype=np.int64), np.zeros((tallest, 2), dtype=np.int32),
+                np.zeros((n, 4), dtype=np.int64), np.zeros((n, tallest, 2), dtype=np.int32),
                 np.zeros(largest + kernel.LANES, dtype=np.int32),
             )
             for _ in range(threads)
