@@ -26,6 +26,8 @@ from .color_views import ColorViews, every_nth
 from .contour_residual import assemble
 from .normal_equations import NormalEquations
 
+_WORTH_THREADS = 8000  # pixels: with fewer, handing work to a thread takes longer than the work
+
 
 @dataclass(frozen=True)
 class PhotometricOptions:
@@ -178,7 +180,11 @@ class LevelObjective:
         level, owner = self._level, self._level.owner
         configuration, chain = Configuration(owner.model, state), owner.model.chain
         Ts_world_shape = np.ascontiguousarray(configuration.Ts_world_shape)
-        owner.map(lambda i: level.camera_sums(i, configuration, Ts_world_shape), level.seen)
+        if self._pixels > _WORTH_THREADS:
+            owner.map(lambda i: level.camera_sums(i, configuration, Ts_world_shape), level.seen)
+        else:
+            for i in level.seen:
+                level.camera_sums(i, configuration, Ts_world_shape)
         normal, gradient = np.zeros((len(chain.links), 6, 6)), np.zeros((len(chain.links), 6))
         squares = pixels = 0.0
         for i in level.seen:

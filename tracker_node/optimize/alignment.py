@@ -23,12 +23,14 @@ class PyramidObjective(Protocol):
 
 @dataclass(frozen=True)
 class AlignmentOptions:
-    """``coarsest`` level to start on (of those that there are), ``finest`` to end on; iterations and tolerance on each level."""
+    """``coarsest`` level to start on (of those that there are), ``finest`` to end on; iterations on each level, and the relative fall
+    of the cost at which the finest level, and each coarser one, is left."""
 
     coarsest: int = 3
     finest: int = 0
     max_iterations: int = 12
-    tolerance: float = 1e-3
+    tolerance: float = 3e-3
+    coarse_tolerance: float = 3e-2
     step_tolerance: float = 2e-5
     damping: float = 1e-3
 
@@ -45,7 +47,8 @@ def align(
     iterations = evaluations = 0
     result = None
     for level in range(min(options.coarsest, objective.n_levels - 1), options.finest - 1, -1):
-        result = minimize(objective.at_level(level), start if result is None else result.state, chain, lm)
+        here = lm if level == options.finest else replace(lm, tolerance=options.coarse_tolerance)
+        result = minimize(objective.at_level(level), start if result is None else result.state, chain, here)
         iterations, evaluations = iterations + result.iterations, evaluations + result.evaluations
     if result is None:
         raise ValueError(f"expected levels from coarsest to finest, got {options.coarsest} to {options.finest}")
