@@ -44,7 +44,7 @@ class SearchResult:
     Attributes
     ----------
     variables : (n,) of ``model/pose_variables``; ``state`` is the same.
-    score : infinite where not even the start could be scored.
+    score : on the rows that the last stage looked at; infinite where not even the start could be scored.
     evaluations : scores asked for.
     evaluations_per_variable : (n,) those along each variable; what served all at once is shared out evenly over the active ones.
     converged : the rule that ends the search was met; a fact of the run, not an error.
