@@ -23,8 +23,8 @@ class PyramidObjective(Protocol):
 
 @dataclass(frozen=True)
 class AlignmentOptions:
-    """``coarsest`` level to start on (of those that there are), ``finest`` to end on; iterations on each level, and the relative fall
-    of the cost at which the finest level, and each coarser one, is left."""
+    """``coarsest`` level to start on (of those that there are), ``finest`` to end on; iterations on each level, and the relative
+    fall of the cost at which the finest level, and each coarser one, is left."""
 
     coarsest: int = 3
     finest: int = 0
