@@ -68,8 +68,8 @@ def _add_shape(label, view, box, spans, u0, v0, stride, buffer, planes, costs, c
             hue = dr * dr + dg * dg + db * db
             row_gain += own * (costs[np.uint64(pixel + u)] - raw / (raw + caps_0) - hue / (hue + caps_1))
             kept += own
-        gain += row_gain
-        pixels += kept
+        gain += float(row_gain)
+        pixels += float(kept)
     total[0] += gain
     total[1] += pixels
 
