@@ -13,6 +13,7 @@ from tracker_node.cli.main import main
 from tracker_node.loaders.bag_images import stamp_ns_of
 from tracker_node.loaders.bag_reader import BagReader
 from tracker_node.loaders.trajectory_file import read_states
+from tracker_node.model.configuration import Configuration, State
 
 N_IMAGES = 12
 
@@ -109,3 +110,33 @@ def test_resampled_images_are_tracked_with_the_recorded_calibration(clip: Clip, 
     run_pipeline(start, clip, live, "--images", "--resize", "120x90", "--cameras", "cam01", "cam03")
     track_again(clip, tmp_path / "again", "--from-run-bag", str(live), "--cameras", "cam01", "cam03")
     assert_same_states(live, tmp_path / "again/bag")
+
+
+def test_the_engine_of_colors_is_reproduced_bit_for_bit(clip: Clip, tmp_path: Path, start) -> None:
+    """With colors learnt from the first images, and a limb looked for; what the mask shows of the images is the same too."""
+    color = {"learn_colors": "true", "color_rate": 0.1, "degraded_agreement": 0.95, "search_states": 60, "levels": 3}
+    config = tmp_path / "config.yaml"
+    config.write_text("engine: color\n" + "".join(f"color.{name}: {value}\n" for name, value in color.items()))
+    colored = replace_option(clip.arguments(), "--config", config)
+    pipeline = start("pipeline", *colored, "--bag", str(tmp_path / "live"), "--images", "--through-masks")
+    assert pipeline.process.wait(120) == 0, pipeline.text
+    again = ["track_offline", *colored, "--output", str(tmp_path / "again"), "--quiet", "--through-masks"]
+    assert main([*again, "--from-run-bag", str(tmp_path / "live")]) == 0
+    assert_same_states(tmp_path / "live", tmp_path / "again/bag")
+    states = decoded(tmp_path / "live", "/tracker/state")
+    assert len(states) == N_IMAGES
+    wrists = [
+        Configuration(clip.model, State.from_values(np.array(m.values))).landmarks_world[2] for m in (states[0], states[-1])
+    ]
+    truth = [Configuration(clip.model, clip.states[i]).landmarks_world[2] for i in (0, N_IMAGES - 1)]
+    assert np.linalg.norm(np.array(wrists) - truth, axis=1).max() < 0.03
+    topic = "/tracker/cam02/target_through_mask"
+    live, offline = decoded(tmp_path / "live", topic), decoded(tmp_path / "again/bag", topic)
+    assert len(live) == N_IMAGES
+    assert [m.data.tobytes() for m in live] == [m.data.tobytes() for m in offline]
+
+
+def replace_option(arguments: list[str], name: str, value: Path) -> list[str]:
+    """The arguments with another value of one option."""
+    place = arguments.index(name) + 1
+    return [*arguments[:place], str(value), *arguments[place + 1 :]]
