@@ -13,6 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
+import cv2
 import numpy as np
 
 from ..camera.camera_model import NEAR
@@ -25,7 +26,7 @@ from . import color_kernels as kernel
 from .any_shapes import score_with_cast
 from .color_constants import ColorConstants
 from .color_score_kernels import form_of, score_states
-from .color_views import ColorViews, every_nth
+from .color_views import EXCHANGE, ColorViews, every_nth, is_pinhole, lying
 
 
 @dataclass(frozen=True)
@@ -88,11 +89,14 @@ class ColorObjective:
         self.model, self.options, self._given_colors = model, options or ColorOptions(), colors_rgb
         self.threads = threads
         self._images: list[np.ndarray | None] = [None] * len(rig)
-        self._seen = np.zeros(0, dtype=np.int64)
+        self._rows = np.zeros(0, dtype=np.int64)
+        self._filled: list[bool] = []
         self._steps: dict[int, ColorObjective] = {}
         self._stale = True
         self._whole_rig, self.rig = rig, every_nth(rig, 1, self.options.row_step)
-        self._views = ColorViews(self.rig)
+        self._can_lie = np.array([is_pinhole(camera) for camera in self.rig])
+        exchanged = [lying(camera) if can else camera for camera, can in zip(self.rig, self._can_lie, strict=True)]
+        self._views = ColorViews([*self.rig, *exchanged])
         self._executor = ThreadPoolExecutor(threads - 1) if threads > 1 else None
         self._make_arguments()
 
@@ -110,9 +114,10 @@ class ColorObjective:
         used = np.ones(len(model.shapes), dtype=np.bool_)
         self._shapes = (constants.kinds, constants.dims, constants.links, model.Ts_link_shape, used)
         self._pixels = (views.views, views.rays, views.planes)
+        self._cameras = self._make_cameras()
         self._what = (constants.directed, weights)
-        n, height = len(model.shapes), max(camera.model.height for camera in rig)
-        largest = height * max(camera.model.width + 2 * kernel.LANES for camera in rig)
+        n, height = len(model.shapes), max(max(camera.model.width, camera.model.height) for camera in rig)
+        largest = max((c.model.width + 2 * kernel.LANES) * (c.model.height + 2 * kernel.LANES) for c in rig)
         self._work = [
             (
                 np.zeros((n, N_COEFFICIENTS), dtype=np.float32), np.zeros((n, kernel.N_SURFACE), dtype=np.float32),
@@ -123,17 +128,18 @@ class ColorObjective:
             for _ in range(self.threads)
         ]  # fmt: skip
 
-    @property
-    def _cameras(self) -> tuple[np.ndarray, ...]:
+    def _make_cameras(self) -> tuple[np.ndarray, ...]:
+        """What the kernel takes of the cameras: all of them, then all again with rows and columns exchanged."""
         views, constants = self._views, self._constants
-        return (
-            views.params, views.limits, constants.Ts_cam_world, constants.gain, constants.base, constants.colors_rgb,
-        )  # fmt: skip
+        twice = [np.concatenate([a, a]) for a in (constants.gain, constants.base, constants.colors_rgb)]
+        Ts_cam_world = np.concatenate([constants.Ts_cam_world, EXCHANGE @ constants.Ts_cam_world])
+        return (views.params, views.limits, Ts_cam_world, *twice)
 
     def set_colors(self, colors_rgb: np.ndarray | None) -> None:
         """Other colors of the shapes, (n_cameras, n_shapes, 3); None: those of the model."""
         self._given_colors = colors_rgb
         self._constants.set_colors(self.model, self.rig, colors_rgb)
+        self._cameras = self._make_cameras()
         for objective in self._steps.values():
             objective.set_colors(colors_rgb)
 
@@ -151,7 +157,6 @@ class ColorObjective:
             if image is not None and (image.shape != shape or image.dtype != np.uint8):
                 raise ValueError(f"camera '{camera.name}': expected an image {shape} uint8, got {image.shape} {image.dtype}")
         self._images = list(images)
-        self._seen = np.array([i for i, image in enumerate(images) if image is not None], dtype=np.int64)
         self._stale = True
         for objective in self._steps.values():
             objective.set_images(images)
@@ -166,27 +171,50 @@ class ColorObjective:
             self._steps[row_step].set_images(self._images)
         return self._steps[row_step]
 
-    def _fill(self) -> None:
-        """Planar pixels are made when they are first asked for."""
-        if self._stale:
-            step = self.options.row_step
-            thin = [image if step == 1 or image is None else np.ascontiguousarray(image[::step]) for image in self._images]
-            self._views.fill(thin)
-            self._stale = False
+    def _fill(self, state: State) -> None:
+        """Planar pixels are made when they are first asked for, of each camera in the one way that is needed.
+
+        Kernels scan along rows and are quicker on few long ones than on many short ones: where the body stands upright in an
+        image, its rows and columns are exchanged.
+        """
+        if not self._stale:
+            return
+        n, step = len(self.rig), self.options.row_step
+        lies = self._stands_in_image(state) & self._can_lie & self._constants.smooth
+        thin = [image if step == 1 or image is None else np.ascontiguousarray(image[::step]) for image in self._images]
+        upright = [None if lie else image for image, lie in zip(thin, lies, strict=True)]
+        exchanged = [None if image is None or not lie else cv2.transpose(image) for image, lie in zip(thin, lies, strict=True)]
+        self._views.fill([*upright, *exchanged])
+        self._rows = np.array([i + n * int(lies[i]) for i in range(n) if thin[i] is not None], dtype=np.int64)
+        self._filled = [image is not None for image in upright]
+        self._stale = False
+
+    def _stands_in_image(self, state: State) -> np.ndarray:
+        """Whether the body reaches further down the image than across it, (n_cameras,)."""
+        points = Configuration(self.model, state).Ts_world_shape[:, :3, 3]
+        result = np.zeros(len(self.rig), dtype=bool)
+        for i, camera in enumerate(self.rig):
+            x, y, z = se3.apply(camera.T_cam_world, points).T
+            z = np.maximum(z, NEAR)
+            result[i] = np.ptp(y / z) * camera.model.K[1, 1] > 1.3 * np.ptp(x / z) * camera.model.K[0, 0]
+        return result
 
     def _totals(self, states: Sequence[State]) -> np.ndarray:
         """Squares, pixels and the kernel's verdict, (n_states, n_cameras, 3)."""
-        self._fill()
-        totals = np.zeros((len(states), len(self.rig), 3))
-        if not self._constants.smooth:
-            totals[:, self._seen, 2] = kernel.NOT_SMOOTH
-        else:
+        self._fill(states[0])
+        n = len(self.rig)
+        totals = np.zeros((len(states), 2 * n, 3))
+        if self._constants.smooth:
             roots = np.array([state.T_world_root for state in states])
             joints = np.array([state.joint_positions for state in states]).reshape(len(states), -1)
             self._share_out(roots, joints, totals)
-        for n, i in np.argwhere(totals[:, :, 2] == kernel.NOT_SMOOTH):
-            totals[n, i] = self._any_shapes(Configuration(self.model, states[n]), int(i))
-        return totals
+        else:
+            totals[:, self._rows, 2] = kernel.NOT_SMOOTH
+        folded = totals[:, :n] + totals[:, n:]
+        if (folded[:, :, 2] == kernel.NOT_SMOOTH).any():
+            for k, i in np.argwhere(folded[:, :, 2] == kernel.NOT_SMOOTH):
+                folded[k, i] = self._any_shapes(Configuration(self.model, states[k]), int(i))
+        return folded
 
     def _share_out(self, roots: np.ndarray, joints: np.ndarray, totals: np.ndarray) -> None:
         """Run the kernel for smooth shapes, on several threads where there is enough to do."""
@@ -198,13 +226,13 @@ class ColorObjective:
             )  # fmt: skip
 
         n = self.threads
-        if self._executor is None or len(roots) * len(self._seen) < 2:
-            return run(0, slice(None), self._seen)
+        if self._executor is None or len(roots) * len(self._rows) < 2:
+            return run(0, slice(None), self._rows)
         if len(roots) >= n:
             ends = [len(roots) * k // n for k in range(n + 1)]
-            parts = [(slice(ends[k], ends[k + 1]), self._seen) for k in range(n)]
+            parts = [(slice(ends[k], ends[k + 1]), self._rows) for k in range(n)]
         else:
-            parts = [(slice(None), self._seen[k::n]) for k in range(n)]
+            parts = [(slice(None), self._rows[k::n]) for k in range(n)]
         others = [self._executor.submit(run, k, *parts[k]) for k in range(1, n)]
         run(0, *parts[0])
         for other in others:
@@ -216,6 +244,11 @@ class ColorObjective:
         if (se3.apply(camera.T_cam_world, configuration.Ts_world_shape[:, :3, 3])[:, 2] < NEAR).all():
             total[2] = kernel.BEHIND
             return total
+        if not self._filled[index]:
+            image = self._images[index]
+            assert image is not None
+            self._views.fill([image[:: self.options.row_step] if i == index else None for i in range(2 * len(self.rig))])
+            self._filled[index] = True
         score_with_cast(configuration, camera, self._constants, index, self._views, self._what[1], total)
         return total
 

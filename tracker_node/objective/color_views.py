@@ -8,6 +8,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from ..camera.camera_model import CameraModel
 from ..camera.camera_rig import Camera, CameraRig
 from ..render.ray_table import ray_table
 from . import color_kernels as kernel
@@ -29,6 +30,20 @@ def every_nth(rig: CameraRig, columns: int, rows: int = 1) -> CameraRig:
     return replace(rig, cameras=tuple(thinned(camera) for camera in rig))
 
 
+EXCHANGE = np.array([[0.0, 1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+"""Exchanges the x and y axes of a camera frame."""
+
+
+def lying(camera: Camera) -> Camera:
+    """The lens of an undistorted camera for images whose rows and columns are exchanged.
+
+    What it sees is a mirror image in camera axes that `EXCHANGE` gives, which a score does not mind.
+    """
+    K = camera.model.K
+    exchanged = np.array([[K[1, 1], 0.0, K[1, 2]], [0.0, K[0, 0], K[0, 2]], [0.0, 0.0, 1.0]])
+    return replace(camera, model=CameraModel(camera.model.height, camera.model.width, exchanged))
+
+
 class ColorViews:
     """Where the pixels and rays of every camera lie, and the pixels of one image set.
 
@@ -40,11 +55,11 @@ class ColorViews:
     params, limits : (n_cameras, .), of the lenses and their rays.
     """
 
-    def __init__(self, rig: CameraRig):
-        self.views = np.zeros((len(rig), kernel.N_VIEW), dtype=np.int64)
+    def __init__(self, cameras: Sequence[Camera]):
+        self.views = np.zeros((len(cameras), kernel.N_VIEW), dtype=np.int64)
         rays: list[np.ndarray] = []
         n_rays = n_pixels = 0
-        for view, camera in zip(self.views, rig, strict=True):
+        for view, camera in zip(self.views, cameras, strict=True):
             xs, ys = _rays(camera)
             height, width = camera.model.height, camera.model.width
             view[kernel.PLANES], view[kernel.XS], view[kernel.YS] = n_pixels, n_rays, n_rays + xs.size
@@ -54,8 +69,8 @@ class ColorViews:
             n_pixels += 3 * width * height
         self.rays = np.concatenate(rays)
         self.planes = np.zeros(n_pixels + kernel.LANES, dtype=np.uint8)  # lanes reach beyond the last pixel
-        self.params = np.stack([camera.model.params for camera in rig])
-        self.limits = np.stack([ray_table(camera.model).limits for camera in rig])
+        self.params = np.stack([camera.model.params for camera in cameras])
+        self.limits = np.stack([ray_table(camera.model).limits for camera in cameras])
 
     def fill(self, images: Sequence[np.ndarray | None]) -> None:
         """Take in BGR images (h, w, 3) uint8, or None for a camera without one, whose pixels then are never asked for."""

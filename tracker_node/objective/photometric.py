@@ -114,7 +114,7 @@ class _Level:
 
     def __init__(self, owner: PhotometricObjective, rig: CameraRig):
         self.owner, self.rig, self.stale = owner, rig, True
-        self.views = ColorViews(rig)
+        self.views = ColorViews(rig.cameras)
         options, model = owner.options, owner.model
         self.constants = ColorConstants(model, rig, options.representation, options.normalized_weight, owner.colors_rgb)
         constants = self.constants

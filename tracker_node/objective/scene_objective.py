@@ -85,7 +85,7 @@ class SceneObjective:
         self.model, self.options, self.threads = model, options or SceneOptions(), threads
         self._whole_rig, self.rig = rig, every_nth(rig, 1, self.options.row_step)
         self._plates, self._colors = list(plates), np.asarray(colors_rgb, dtype=np.float32)
-        self._views = ColorViews(self.rig)
+        self._views = ColorViews(self.rig.cameras)
         self._costs = np.zeros(self._views.planes.size // 3 + 1, dtype=np.float32)
         self._caps = 3.0 * np.array([self.options.raw_scale, self.options.hue_scale], dtype=np.float32) ** 2
         self._images: list[np.ndarray | None] = [None] * len(rig)
