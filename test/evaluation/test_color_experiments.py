@@ -9,10 +9,13 @@ from tracker_node.evaluation.color_experiments import (
     VARIABLES,
     basin,
     error_metrics,
+    motion_ranges,
     moved,
     pose_error,
     profile,
     success_rate,
+    table1,
+    text_table,
     track,
 )
 from tracker_node.geometry import se3
@@ -111,3 +114,15 @@ def test_share_of_starts_from_which_a_fit_arrives():
     elsewhere = State(se3.exp(np.full(6, 2.0)), np.zeros(0))  # where that fit stays put
     assert rate(pull, [TRUTH, elsewhere], 20.0, 5.0, 4) == 0.5
     assert shown == [0, 1, 0, 1]
+
+
+def test_table_stands_beside_the_paper():
+    errors = np.zeros((2, 6))
+    errors[:, 0] = [3.0, -4.0]
+    motion = motion_ranges(np.array([[0.0, 0.0, 1.0, 0.0, 0.0, 0.0], [1.0, 0.01, 1.79, 2 * np.pi, np.deg2rad(8.0), np.pi]]))
+    assert np.allclose(motion, [790.0, 1000.0, 10.0, 360.0, 8.0, 180.0])
+    rows = table1({"ours": errors}, motion)
+    assert rows[1] == ["vertical", "790 mm", "790 mm", "8.0 / 4.8 mm", "4.00 / 3.54 mm"]
+    assert rows[2][0] == "A-P" and rows[6][3] == "0.6 / 0.3 deg"
+    lines = text_table(rows).splitlines()
+    assert len(lines) == 7 and len({len(line) for line in lines}) == 1  # columns end below each other

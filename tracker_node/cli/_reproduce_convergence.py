@@ -14,6 +14,7 @@ EXAMPLE = "tracker_node reproduce convergence --output out/reproduce/convergence
 REACH_MM, REACH_DEG = 400.0, 80.0
 SHOWN_IMAGE = 3  # the image set of the plots; the widths are over all
 NEAR_MM = {"ellipsoid": 5.0, "nurbs": 15.0}  # a fit so near the truth has arrived; where shapes differ, the minimum itself is off
+TITLES = {"ellipsoid": "ellipsoids on ellipsoids", "nurbs": "ellipsoids on NURBS"}
 START_ERRORS = ((60.0, 6.0), (100.0, 10.0), (150.0, 15.0), (200.0, 20.0), (300.0, 30.0))  # mm, degrees
 
 
@@ -42,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
     profiles, rates = {}, {}
     starts, trials = (START_ERRORS[:1], 2) if args.quick else (START_ERRORS, args.trials)
     for key, body in (("ellipsoid", scene.tracked), ("nurbs", scene.measured)):
-        _say(f"ellipsoid on {key}: drawing {len(scene.truth)} target image sets")
+        _say(f"{TITLES[key]}: drawing {len(scene.truth)} target image sets")
         images = scene.film(body)
 
         def show(i: int, images: Any = images) -> None:
@@ -126,7 +127,7 @@ def _rates(
 
 
 def _write_pictures(folder: Path, profiles: Any, starts: Any, rates: Any, metrics: dict[str, float | int]) -> None:
-    from ..evaluation.color_experiments import UNITS, VARIABLES
+    from ..evaluation.color_experiments import LABELS, UNITS, VARIABLES
     from ..evaluation.color_plots import convergence_figure, save, success_figure
     from ..evaluation.experiment_page import Section, write_page
     from ..evaluation.metrics_file import format_metrics
@@ -135,7 +136,7 @@ def _write_pictures(folder: Path, profiles: Any, starts: Any, rates: Any, metric
     for number, unit in ((5, "mm"), (6, "deg")):
         names = [name for name, own in zip(VARIABLES, UNITS, strict=True) if own == unit]
         panels = {
-            f"ellipsoid on {key}": {name: of[min(SHOWN_IMAGE, len(of) - 1)][name] for name in names}
+            TITLES[key]: {LABELS[name]: of[min(SHOWN_IMAGE, len(of) - 1)][name] for name in names}
             for key, of in profiles.items()
         }
         path = folder / f"fig{number}.png"
@@ -144,7 +145,7 @@ def _write_pictures(folder: Path, profiles: Any, starts: Any, rates: Any, metric
     for key, of in rates.items():
         path = folder / f"success_{key}.png"
         save(success_figure([f"{mm:.0f} mm\n{deg:.0f}°" for mm, deg in starts], of), path)
-        title = f"From how far each optimizer arrives within {NEAR_MM[key]:.0f} mm, ellipsoid on {key}"
+        title = f"From how far each optimizer arrives within {NEAR_MM[key]:.0f} mm, {TITLES[key]}"
         sections.append(Section(title, picture=path))
     sections.append(Section("Figures", preformatted=format_metrics(metrics)))
     write_page(folder / "report.html", "How wide the score's valley is", sections)

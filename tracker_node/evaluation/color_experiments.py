@@ -19,6 +19,7 @@ from ..optimize.score_objective import ScoreObjective
 
 VARIABLES = ("vertical", "ap", "lateral", "somersault", "tilt", "twist")  # in the order of the paper's Table 1
 _COLUMNS = [ROOT_NAMES.index(name) for name in ("z", "x", "y", "somersault", "tilt", "twist")]
+LABELS = {name: name for name in VARIABLES} | {"ap": "A-P"}
 UNITS = ("mm", "mm", "mm", "deg", "deg", "deg")
 _SCALES = np.array([1e3] * 3 + [np.degrees(1.0)] * 3)
 
@@ -126,7 +127,7 @@ def table1(columns: Mapping[str, np.ndarray], motion: np.ndarray) -> list[list[s
         digits = 2 if unit == "mm" else 3
         for errors in columns.values():
             cells.append(f"{np.abs(errors[:, i]).max():.{digits}f} / {_of(np.sqrt(np.mean(errors[:, i] ** 2)), unit, digits)}")
-        rows.append(["A-P" if name == "ap" else name, *cells])
+        rows.append([LABELS[name], *cells])
     return rows
 
 
