@@ -34,6 +34,7 @@ from tracker_node.model.configuration import Configuration
 from tracker_node.model.human import human_model
 from tracker_node.render.overlay import draw_overlay
 from tracker_node.render.through_mask import target_through_mask
+from tracker_node.synthesis.motions import PROCEDURAL
 from tracker_node.synthesis.scenes import SceneConfig
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.tracker import Tracker
@@ -66,14 +67,18 @@ def main() -> int:
     args = _arguments()
     size = "quick" if args.quick else "full"
     figures: dict[str, float | int] = {}
-    if args.motions is None:
-        print("NOT MEASURED: name the folder of the captured clips with --motions, or what holds it with TRACKER_SHARED_DATA",
-              file=sys.stderr)  # fmt: skip
-        return 2
+    clips = args.only or CLIPS[size]
+    if args.motions is None and clips != [PROCEDURAL]:
+        print(
+            f"NOT MEASURED: {', '.join(clips)}. Name the folder of the captured clips with --motions, or the folder that holds"
+            " bullet_motions/ with TRACKER_SHARED_DATA. The procedural motion stands in.",
+            file=sys.stderr,
+        )
+        clips = [PROCEDURAL]
     try:
         runs = []
-        for clip in args.only or CLIPS[size]:
-            folder = recording(clip, args.motions, args.cache)
+        for clip in clips:
+            folder = recording(clip, args.motions, args.cache, args.max_sets if clip == PROCEDURAL else None)
             runs.append(track(folder, clip, {"optimizer": args.optimizer}, args.max_sets, args.pictures))
             figures |= _figures(f"articulated.{clip}", [runs[-1]])
         figures = _figures("articulated", runs) | figures
@@ -103,7 +108,7 @@ def _arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def recording(clip: str, motions: str, cache: Path) -> Path:
+def recording(clip: str, motions: str | None, cache: Path, n_images: int | None = None) -> Path:
     """Folder of the recording, rendered if it is not there."""
     cache.mkdir(parents=True, exist_ok=True)
     suit = human_model()
@@ -111,8 +116,9 @@ def recording(clip: str, motions: str, cache: Path) -> Path:
     dump_model(suit, cache / "suit.yaml", comment="The human in the colors of the suit that the mannequin wears.")
     folder = cache / f"suit_{clip}"
     request = Request(
-        motion=clip, motions=motions, model=str(cache / "suit.yaml"), colors="parts", scene=SceneConfig(n_cameras=4)
-    )
+        motion=clip, n_images=n_images, motions=motions, model=str(cache / "suit.yaml"), colors="parts",
+        scene=SceneConfig(n_cameras=4),
+    )  # fmt: skip
     made = produce(request, folder, progress=show_progress)
     print(f"{clip}: {'rendered into' if made else 'found in'} {folder}", file=sys.stderr)
     return folder
