@@ -14,7 +14,7 @@ from ..model.configuration import State
 from ..model.kinematic_chain import KinematicChain
 from .alignment import AlignmentOptions, PyramidObjective, align
 from .result import OptimizerResult
-from .robust_start import RobustStartOptions, search
+from .robust_start import RobustStartOptions, chance_level, search
 from .score_objective import ScoreObjective
 
 
@@ -37,12 +37,14 @@ class RobustFitOptions:
 
     Attributes
     ----------
-    trusted_score : a fit that scores no more (grey levels) has found the body.
+    trusted_share : a fit that scores no more than this share of what the body scores by chance around it has found the body.
+    chance : so many hypotheses tell what that is.
     refits : so many hypotheses of a search are fitted at most, the best first.
     searches : so often, each with other hypotheses and twice as many, until a fit is believed.
     """
 
-    trusted_score: float = 20.0
+    trusted_share: float = 0.5
+    chance: int = 16
     refits: int = 4
     searches: int = 3
     search: RobustStartOptions = field(default_factory=lambda: RobustStartOptions(0.35, 0.6))
@@ -54,9 +56,9 @@ class RobustFit(Generic[F]):
 
     Attributes
     ----------
-    trusted : it scores no more than `RobustFitOptions.trusted_score`.
+    trusted : it scores far better than chance, see `RobustFitOptions.trusted_share`.
     fits : how many there were; one, where nothing had to be searched.
-    evaluations : those of all fits, and the hypotheses.
+    evaluations : those of all fits, and all hypotheses.
     """
 
     best: F
@@ -82,8 +84,9 @@ def fit_robustly(
     """
     options = options or RobustFitOptions()
     best = fit(start)
-    score, fits, evaluations = objective.score(best.state), 1, best.evaluations
-    if score <= options.trusted_score:
+    score, fits, evaluations = objective.score(best.state), 1, best.evaluations + options.chance
+    trusted_score = options.trusted_share * chance_level(objective, best.state, options.chance, options.search)
+    if score <= trusted_score:
         return RobustFit(best, score, True, fits, evaluations)
     for number in range(options.searches):
         ways = replace(options.search, n=options.search.n << number, seed=options.search.seed + 100 * number)
@@ -94,7 +97,7 @@ def fit_robustly(
             again_score = objective.score(again.state)
             if again_score < score:
                 best, score = again, again_score
-            if score <= options.trusted_score:
+            if score <= trusted_score:
                 return RobustFit(best, score, True, fits, evaluations)
     return RobustFit(best, score, False, fits, evaluations)
 

@@ -68,16 +68,13 @@ def search(
     centers : further states to spread around, such as other orientations of a body that looks alike from two sides.
     """
     options = options or RobustStartOptions()
-    coarse = objective.at_row_step(options.row_step) if options.row_step > 1 else objective
+    coarse = _coarse(objective, options)
     best: list[Hypothesis] = []
     around = [start, *centers]
     scale = 1.0
     for number in range(options.rounds):
-        tangents = _ball_points(options.n, options.seed + number) * scale
-        tangents[:, :3] *= options.spread_m
-        tangents[:, 3:] *= options.spread_rad
         states = list(around) if number == 0 else []
-        states += [_moved(around[i % len(around)], tangent) for i, tangent in enumerate(tangents)]
+        states += _spread(around, options.n, options, scale, options.seed + number)
         scores = coarse.scores(states)
         best += [Hypothesis(state, float(score)) for state, score in zip(states, scores, strict=True) if np.isfinite(score)]
         best = _distinct(best, options, scale * options.apart)
@@ -86,6 +83,24 @@ def search(
         around = [hypothesis.state for hypothesis in best]
         scale *= options.shrink
     return best
+
+
+def chance_level(objective: ScoreObjective, state: State, n: int, options: RobustStartOptions | None = None) -> float:
+    """What a body scores by chance: the median of ``n`` hypotheses spread around ``state``; 0 where none can be scored."""
+    options = options or RobustStartOptions()
+    scores = _coarse(objective, options).scores(_spread([state], n, options, 1.0, options.seed))
+    scores = scores[np.isfinite(scores)]
+    return float(np.median(scores)) if scores.size else 0.0
+
+
+def _coarse(objective: ScoreObjective, options: RobustStartOptions) -> ScoreObjective:
+    return objective.at_row_step(options.row_step) if options.row_step > 1 else objective
+
+
+def _spread(around: Sequence[State], n: int, options: RobustStartOptions, scale: float, seed: int) -> list[State]:
+    """``n`` states around these in turn, within ``scale`` times the spreads."""
+    tangents = _ball_points(n, seed) * np.repeat([scale * options.spread_m, scale * options.spread_rad], 3)
+    return [_moved(around[i % len(around)], tangent) for i, tangent in enumerate(tangents)]
 
 
 def _distinct(hypotheses: list[Hypothesis], options: RobustStartOptions, apart: float) -> list[Hypothesis]:
