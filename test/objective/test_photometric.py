@@ -15,6 +15,7 @@ from tracker_node.geometry import se3, so3
 from tracker_node.model.articulated_model import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.ellipsoid_human import ellipsoid_human
+from tracker_node.model.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.yellow_stick import yellow_stick
 from tracker_node.objective.color_score import ColorObjective, ColorOptions
@@ -22,6 +23,11 @@ from tracker_node.objective.photometric import PhotometricObjective, Photometric
 from tracker_node.optimize.alignment import AlignmentOptions, align
 from tracker_node.render.raycaster import render_color
 from tracker_node.synthesis.target_images import TargetStudio
+
+SPOT = (
+    Light("ambient", (0.4, 0.4, 0.4)),
+    Light("spot", (0.7, 0.7, 0.7), position=(4.0, 3.0, 4.0), direction=(-4.0, -3.0, -3.0), half_angle=0.7),
+)
 
 
 def smooth_images(rig, seed=0):
@@ -132,10 +138,28 @@ def test_no_mask_costs_infinity():
     assert objective.at_level(2).linearize(away).cost == math.inf
 
 
-SPOT = (
-    Light("ambient", (0.4, 0.4, 0.4)),
-    Light("spot", (0.7, 0.7, 0.7), position=(4.0, 3.0, 4.0), direction=(-4.0, -3.0, -3.0), half_angle=0.7),
+@pytest.mark.parametrize(
+    "options",
+    [PhotometricOptions(), PhotometricOptions("blend", robust_scale=60.0)],
+    ids=["raw", "robust blend"],
 )
+@pytest.mark.parametrize("make_model", [ellipsoid_human, human_model])
+def test_both_kernels_agree(make_model, options):
+    """That of smooth shapes, sixteen pixels at a time, and that of any shapes; with colors at their limit, and a tinted spot."""
+    model = make_model()
+    lights = (Light("ambient", (0.8, 0.7, 0.6)), replace(SPOT[1], intensity=(0.9, 0.5, 0.3)))
+    rig = replace(circle_rig(2), lights=lights)
+    state, images, results = bent_state(model), smooth_images(rig), []
+    for vectorized in (True, False):
+        objective = PhotometricObjective(model, rig, replace(options, levels=1))
+        objective.set_images(images)
+        assert objective._levels[0].constants.vectorized
+        objective._levels[0].constants.vectorized = vectorized
+        results.append(objective.at_level(0).linearize(state))
+    fast, slow = results
+    assert fast.cost == pytest.approx(slow.cost, rel=1e-4)
+    assert np.linalg.norm(fast.g - slow.g) < 0.01 * np.linalg.norm(slow.g)
+    assert np.linalg.norm(fast.H - slow.H) < 0.01 * np.linalg.norm(slow.H)
 
 
 @pytest.mark.parametrize(

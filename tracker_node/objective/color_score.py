@@ -270,6 +270,8 @@ class ColorObjective:
 
     def scores(self, states: Sequence[State]) -> np.ndarray:
         """(n,) of `score`."""
+        if not states:
+            return np.zeros(0)
         totals = self._totals(states)
         squares, pixels = totals[:, :, 0].sum(axis=1), totals[:, :, 1].sum(axis=1)
         enough = pixels * self.options.row_step >= max(self.options.min_pixels, 1)

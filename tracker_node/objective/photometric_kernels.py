@@ -155,9 +155,13 @@ def _linearize_smooth(form, c, surface, label, view, rays, planes, box, spans, o
                         rx, ry, rz = rx + ir * tx, ry + ir * ty, rz + ir * tz
                         gx, gy, gz = gx + ig * tx, gy + ig * ty, gz + ig * tz
                         bx, by, bz = bx + ib * tx, by + ib * ty, bz + ib * tz
-                    rx, ry, rz = red * rx, red * ry, red * rz
-                    gx, gy, gz = green * gx, green * gy, green * gz
-                    bx, by, bz = blue * bx, blue * by, blue * bz
+                    # A channel that is at its limit stays there
+                    open_r = red if red * r < _FULL else _ZERO
+                    open_g = green if green * g < _FULL else _ZERO
+                    open_b = blue if blue * b < _FULL else _ZERO
+                    rx, ry, rz = open_r * rx, open_r * ry, open_r * rz
+                    gx, gy, gz = open_g * gx, open_g * gy, open_g * gz
+                    bx, by, bz = open_b * bx, open_b * by, open_b * bz
                 r, g, b = red * r, green * g, blue * b
                 r, g, b = r if r < _FULL else _FULL, g if g < _FULL else _FULL, b if b < _FULL else _FULL
                 tr, tg, tb = np.float32(planes[at_red + i]), np.float32(planes[at_green + i]), np.float32(planes[at_blue + i])

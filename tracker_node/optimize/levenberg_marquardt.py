@@ -78,4 +78,4 @@ def minimize(
     if not accepted:  # whatever the objective keeps of its last evaluation is that of the result
         equations = objective.linearize(state)
         evaluations += 1
-    return OptimizerResult(state, equations, iterations, evaluations, converged)
+    return OptimizerResult(state, equations, iterations, evaluations, converged and bool(np.isfinite(equations.cost)))
