@@ -42,7 +42,7 @@ def test_table1(tmp_path, capsys):
     assert "paper: max / rms" in table and "8.0 / 4.8 mm" in table and table in capsys.readouterr().out + "\n"
     assert colors_on(tmp_path / "fig4.png") > 0.02
     page = (tmp_path / "report.html").read_text()
-    assert page.count("data:image/png") == 1 and "left_upper_arm" in page
+    assert page.count("data:image/png") == 1 and "one renderer: stepping" in page
 
 
 def test_convergence(tmp_path):

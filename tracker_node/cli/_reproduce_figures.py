@@ -30,6 +30,7 @@ def run(args: argparse.Namespace) -> int:
     from ..model.ellipsoid_human import ellipsoid_human
     from ..model.nurbs_human import nurbs_human
 
+    rig, paths = _plan(args.rig)
     folder = Path(args.output)
     folder.mkdir(parents=True, exist_ok=True)
     bodies = {"NURBS": nurbs_human(), "ellipsoids": ellipsoid_human()}
@@ -38,7 +39,6 @@ def run(args: argparse.Namespace) -> int:
     save(bodies_figure(standing, _portrait_rig(160 if args.quick else 480)), folder / "fig1.png")
     target, view, camera = _match(192 if args.quick else 768)
     save(matching_figure(target, view, camera), folder / "fig2.png")
-    rig, paths = _plan(args.rig)
     save(plan_figure(rig, paths), folder / "fig3.png")
     table = distance_table(bodies["ellipsoids"], bodies["NURBS"])
     print(table)

@@ -183,7 +183,6 @@ def _write_pictures(folder: Path, scene: Any, targets: Any, states: Any, tables:
     """Fig. 4, and the page."""
     from ..evaluation.color_plots import save, sequence_figure
     from ..evaluation.experiment_page import Section, write_page
-    from ..evaluation.surface_distance import distance_table
 
     tracked = scene.draw(scene.tracked, states)
     rows = {}
@@ -195,7 +194,6 @@ def _write_pictures(folder: Path, scene: Any, targets: Any, states: Any, tables:
         Section("What it is", remarks),
         *(Section(title, "Maximum and rms over all image sets.", table) for title, table in tables.items()),
         Section("Fig. 4", "What was filmed, and the ellipsoid body where stepping found it.", picture=folder / "fig4.png"),
-        Section("The two bodies", preformatted=distance_table(scene.tracked, scene.measured)),
     ])  # fmt: skip
 
 
