@@ -99,9 +99,12 @@ class SurfacePhotometry:
     def n_levels(self) -> int:
         return self.options.levels
 
-    def set_colors(self, colors_rgb: np.ndarray) -> None:
-        """(n_cameras, n_shapes, 3) in 0..255: the shapes' colors as each camera shows them, instead of those of the model."""
-        self.painted = [_painted(self.model, colors) for colors in colors_rgb]
+    def set_colors(self, colors_rgb: np.ndarray | None) -> None:
+        """(n_cameras, n_shapes, 3) in 0..255: the shapes' colors as each camera shows them; None: those of the model."""
+        if colors_rgb is None:
+            self.painted = [self.model] * len(self.rig)
+        else:
+            self.painted = [_painted(self.model, colors) for colors in colors_rgb]
 
     def set_images(self, images: Sequence[np.ndarray | None], expected: State, margin_px: int) -> None:
         """BGR images in the order of the rig (None for a camera that gave none), looked at within ``margin_px`` of the body in

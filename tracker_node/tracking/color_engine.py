@@ -24,6 +24,7 @@ from .engine import Images, Report, Verdict
 from .estimate import CameraReport
 from .hierarchy import Pulled, Stage
 from .part_colors import PartColors, check_colors
+from .rigid_search import RigidSearch
 
 
 class ColorEngine:
@@ -50,11 +51,16 @@ class ColorEngine:
             color.representation, color.normalized_weight, color.levels, robust_scale=color.robust_scale
         )
         self._photometry = SurfacePhotometry(model, rig, self._options, parallel)
-        self._score: ColorObjective | None = None
-        if color.optimizer != "alignment":
-            options = ColorOptions(color.representation, color.normalized_weight)
-            self._score = ColorObjective(model, rig, options, threads=config.threads)
-        self._search = ColorSearch(model, color, self._photometry, self._score)
+        self._score: ColorObjective | RigidSearch | None = None  # what else looks at images in the parts' colors
+        self._search: ColorSearch
+        if color.optimizer == "alignment" and model.chain.n_axes == 0:
+            self._score = self._search = RigidSearch(model, rig, color, self._photometry, config.threads)
+        else:
+            score = None
+            if color.optimizer != "alignment":
+                options = ColorOptions(color.representation, color.normalized_weight)
+                self._score = score = ColorObjective(model, rig, options, threads=config.threads)
+            self._search = ColorSearch(model, color, self._photometry, score)
         self.reset()
 
     def reset(self) -> None:
@@ -68,9 +74,11 @@ class ColorEngine:
         self._agreement: ColorAgreement | None = None
 
     def _take_colors(self) -> None:
-        self._photometry.set_colors(self._colors.rgb)
+        """Those of the model are left to the model, whose faces may have colors of their own."""
+        colors = self._colors.rgb if self._colors.learnt else None
+        self._photometry.set_colors(colors)
         if self._score is not None:
-            self._score.set_colors(self._colors.rgb)
+            self._score.set_colors(colors)
 
     def begin(self, images: Images, start: State) -> State:
         """Where colors are yet to be learnt: learn them, fit, and learn again, since the first pose given is rarely exact."""

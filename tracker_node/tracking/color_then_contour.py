@@ -23,6 +23,7 @@ class ColorThenContourEngine:
         self._colors, self._contours = colors, contours
         self._images: Images = ()
         self._waiting = True
+        self._jumped = False
 
     def reset(self) -> None:
         """Both."""
@@ -42,7 +43,9 @@ class ColorThenContourEngine:
     def fit(self, start: State, first: bool) -> OptimizerResult:
         """Iterations and evaluations are those of both."""
         found = self._colors.fit(start, first)
-        lost = self._waiting or self._colors.judge(found, ImageSet(0, ())).status is Status.LOST
+        verdict = None if self._waiting else self._colors.judge(found, ImageSet(0, ()))
+        lost = verdict is None or verdict.status is Status.LOST
+        self._jumped = not lost and verdict is not None and verdict.jumped
         begin = start if lost else found.state
         self._contours.observe(self._images, None if self._waiting else begin)
         result = self._contours.fit(begin, first)
@@ -51,8 +54,8 @@ class ColorThenContourEngine:
         )
 
     def judge(self, result: OptimizerResult, image_set: ImageSet) -> Verdict:
-        """Of the contours."""
-        return self._contours.judge(result, image_set)
+        """Of the contours; colors know whether the body was found far from where it was expected."""
+        return replace(self._contours.judge(result, image_set), jumped=self._jumped)
 
     def linearize(self, state: State) -> NormalEquations:
         """Of the contours."""

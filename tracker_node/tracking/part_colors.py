@@ -51,10 +51,12 @@ class PartColors:
     Attributes
     ----------
     rgb : (n_cameras, n_shapes, 3) in 0..255, under light of factor one.
+    learnt : whether any of them comes from an image.
     """
 
     def __init__(self, model: ArticulatedModel, rig: CameraRig):
         self._model, self._rig = model, rig
+        self.learnt = False
         self._grey = replace(model, shapes=tuple(replace(s, color_rgb=(int(_GREY),) * 3) for s in model.shapes))
         self.rgb = np.tile(np.array([shape.color_rgb for shape in model.shapes], dtype=np.float64), (len(rig), 1, 1))
 
@@ -69,6 +71,7 @@ class PartColors:
             if image is not None:
                 self._look(i, image, state, found[i])
         seen = np.isfinite(found)
+        self.learnt |= bool(seen.any())
         if share == 1.0:
             with np.errstate(invalid="ignore"):
                 elsewhere = np.where(seen, found, 0.0).sum(axis=0) / seen.sum(axis=0)
