@@ -60,6 +60,14 @@ def test_decimated_scores_are_near_and_not_the_same():
     assert whole.at_row_step(1) is whole and half.at_row_step(1) is whole
 
 
+def test_rows_are_left_out_from_the_beginning_where_options_say_so():
+    whole, thin = objective(LATE), objective(LATE, ColorOptions(row_step=2))
+    state = STATE.retract(np.array([0.02, 0.0, 0.0, 0.0, 0.02, 0.0]))
+    assert thin.score(state) == whole.at_row_step(2).score(state) != whole.score(state)
+    assert thin.evaluate(state).camera_pixels.sum() == pytest.approx(0.5 * whole.evaluate(state).camera_pixels.sum(), rel=0.1)
+    assert thin.at_row_step(2) is thin and thin.at_row_step(1).score(state) == whole.score(state)
+
+
 def test_what_cannot_be_scored_is_infinite():
     whole = objective(LATE)
     away = STATE.retract(np.array([50.0, 0.0, 0.0, 0.0, 0.0, 0.0]))

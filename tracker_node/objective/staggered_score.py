@@ -62,7 +62,7 @@ class StaggeredObjective:
 
     def evaluate(self, state: State) -> ColorScore:
         """The score of one state, camera by camera."""
-        return self._evaluate(state, 1)
+        return self._evaluate(state, self.options.row_step)
 
     def _evaluate(self, state: State, row_step: int) -> ColorScore:
         camera_rms, pixels = np.full(len(self.rig), np.nan), np.zeros(len(self.rig), dtype=np.int64)
@@ -90,7 +90,7 @@ class StaggeredObjective:
 
     def at_row_step(self, row_step: int) -> StaggeredObjective | _Decimated:
         """The same images and velocity, every n-th image row only."""
-        return self if row_step == 1 else _Decimated(self, row_step)
+        return self if row_step == self.options.row_step else _Decimated(self, row_step)
 
 
 def cameras_by_delay(rig: CameraRig, late_s: Sequence[float]) -> dict[float, list[int]]:
