@@ -76,6 +76,20 @@ def test_shares_are_those_of_plain_numpy(seed):
     np.testing.assert_allclose(objective(given).evaluate(state).camera_scores, plain(state, given), atol=2e-3)
 
 
+def test_a_camera_within_the_body_is_scored_by_the_ray_caster_and_leaves_nothing_behind():
+    """What vector instructions cannot draw: shapes around the camera's own center."""
+    made, given = objective(images()), images()
+    before = made.evaluate(STATE)
+    around = State(STATE.T_world_root.copy(), STATE.joint_positions)
+    around.T_world_root[:3, 3] = RIG.cameras[0].center + np.array([-0.22, 0.12, 0.04])
+    within = made.evaluate(around)
+    shares = plain(around, given)
+    np.testing.assert_allclose(within.camera_scores, shares, atol=5e-3)
+    assert within.camera_pixels[0] > 1000
+    after = made.evaluate(STATE)
+    np.testing.assert_array_equal(after.camera_scores, before.camera_scores)
+
+
 def test_the_truth_explains_nearly_all_and_nothing_near_it_more():
     made = objective(images())
     best = made.score(STATE)

@@ -76,6 +76,19 @@ def test_what_leaves_the_image_does_not_pay():
     assert np.all(away.g == 0.0)
 
 
+def test_the_same_state_costs_the_same_again_at_the_border_of_an_image_too():
+    """A camera that shows but a few points is left out for good."""
+    made, few = objective(film()), 0
+    for shift in np.linspace(0.2, 0.6, 40):
+        state = State(TRUE.T_world_root.copy(), TRUE.joint_positions)
+        state.T_world_root[1, 3] += shift
+        level = made.at_level(2)
+        first, again = level.linearize(state), level.linearize(state)
+        assert (again.cost, again.count) == (first.cost, first.count)
+        few += first.count < 3 * 3 * len(made.at_level(2)._points.positions)
+    assert few > 10, "the plate does leave images on its way"
+
+
 def test_scores_in_threads_are_those_one_by_one_and_the_truth_is_best():
     made = objective(film())
     states = [TRUE, *(moved(TRUE, 0.02 + 0.01 * i, 4.0, i) for i in range(15))]

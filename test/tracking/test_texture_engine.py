@@ -59,6 +59,24 @@ def test_without_images_the_plate_is_lost():
     assert np.isfinite(estimate.covariance).all()
 
 
+def test_it_waits_for_a_state_without_looking():
+    tracker = Tracker(rig(), MODEL, CONFIG)
+    waiting = tracker.step(image_set(0, film()))
+    assert waiting.status is Status.INITIALISING
+    assert waiting.evaluations < 20
+    tracker.set_state(TRUE)
+    assert tracker.step(image_set(PERIOD_NS, film())).status is Status.TRACKING
+
+
+def test_the_search_can_be_switched_off():
+    config = from_dict({"engine": "color", "color": {"representation": "affine", "search_states": 0}})
+    tracker = Tracker(rig(), MODEL, config, initial_state=TRUE)
+    estimate = tracker.step(image_set(0, film(None)))
+    assert estimate.status is Status.LOST
+    assert estimate.evaluations < 200
+    np.testing.assert_array_equal(estimate.state.T_world_root, TRUE.T_world_root)
+
+
 def test_a_camera_that_shows_something_else_is_named():
     pictures = film()
     pictures[1] = film(None, seed=9)[1]

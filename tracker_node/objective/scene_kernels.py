@@ -9,7 +9,7 @@ import numba as nb
 import numpy as np
 
 from ..model.kinematic_chain import forward_kinematics
-from .color_kernels import HEIGHT, LABEL_BITS, LANES, PLANES, WIDTH, draw_smooth, find_spans, prepare_camera
+from .color_kernels import ALL_SMOOTH, HEIGHT, LABEL_BITS, LANES, PLANES, WIDTH, draw_smooth, find_spans, prepare_camera
 
 _DARK = np.float32(30.0)  # added to an intensity, so that the hue of dark pixels, which is noise, counts little
 _HUE, _ZERO, _ONE = np.float32(255.0), np.float32(0.0), np.float32(1.0)
@@ -76,15 +76,17 @@ def _add_shape(label, view, box, spans, u0, v0, stride, buffer, planes, costs, c
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _score_camera(shapes, camera, view, rays, planes, costs, colors, caps, work, Ts_world_shape, total):
-    """Add to ``total``: by how much the body's pixels cost less than the scene's, and pixels."""
+    """Add to ``total``: by how much the body's pixels cost less than the scene's, and pixels; its third is why there are none."""
     kinds, dims, used, unused_colors = shapes
     params, limits, T_cam_world = camera
     coefficients, surfaces, boxes, spans, buffer = work
     region = np.empty(4, dtype=np.int64)
     region[0], region[1], region[2], region[3] = 0, 0, view[WIDTH], view[HEIGHT]
-    prepare_camera(
+    total[2] = prepare_camera(
         kinds, dims, unused_colors, T_cam_world, Ts_world_shape, params, limits, view, region, used, coefficients, surfaces, boxes
     )
+    if total[2] != ALL_SMOOTH:  # boxes are not valid then
+        return
     u0, v0, u1, v1 = 1 << 30, 1 << 30, 0, 0
     for s in range(kinds.shape[0]):
         if boxes[s, 2] > boxes[s, 0] and boxes[s, 3] > boxes[s, 1]:
@@ -104,7 +106,7 @@ def _score_camera(shapes, camera, view, rays, planes, costs, colors, caps, work,
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def score_states(chain, shapes, cameras, images, colors, caps, roots, joints, seen, work, totals):
-    """Gains and pixels (n_states, n_cameras, 2) of states.
+    """Gains, pixels and the verdict of `prepare_camera` (n_states, n_cameras, 3) of states.
 
     Parameters
     ----------
@@ -137,3 +139,19 @@ def score_states(chain, shapes, cameras, images, colors, caps, roots, joints, se
                 (kinds, dims, used, unused_colors), (params[c], limits[c], T_cam_world[c]), views[c], rays, planes,
                 costs[views[c, PLANES] // 3 :], colors[c], caps, work, Ts_world_shape, totals[n, c],
             )  # fmt: skip
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def add_labels(labels, u0, v0, view, planes, costs, colors, caps, total):
+    """As `_add_shape` for all shapes, whose labels (h, w) on the region from (u0, v0) somebody else has drawn."""
+    size = view[WIDTH] * view[HEIGHT]
+    for row in range(labels.shape[0]):
+        for column in range(labels.shape[1]):
+            label = labels[row, column]
+            if label > 0:
+                pixel = (v0 + row) * view[WIDTH] + u0 + column
+                at = view[PLANES] + pixel
+                red, green, blue = colors[label - 1, 0], colors[label - 1, 1], colors[label - 1, 2]
+                r, g, b = np.float32(planes[at]), np.float32(planes[at + size]), np.float32(planes[at + 2 * size])
+                total[0] += costs[pixel] - color_cost(r, g, b, red, green, blue, caps)
+                total[1] += 1.0

@@ -18,8 +18,9 @@ import numpy as np
 from ..camera.camera_rig import CameraRig
 from ..errors import ModelError
 from ..model.articulated_model import ArticulatedModel
-from ..model.configuration import State
+from ..model.configuration import Configuration, State
 from ..render.ray_coefficients import N_COEFFICIENTS
+from ..render.raycaster import render_labels
 from ..render.shape_arrays import OTHER, ShapeArrays
 from . import color_kernels as kernel
 from . import scene_kernels
@@ -151,7 +152,7 @@ class SceneObjective:
 
     def evaluate(self, state: State) -> SceneScore:
         """The score of one state, camera by camera."""
-        gains, pixels = self._totals([state])[0].T
+        gains, pixels, _ = self._totals([state])[0].T
         shares = np.full(len(self.rig), np.nan)
         known = self._all > 0.0
         shares[known] = 1.0 - gains[known] / self._all[known]
@@ -171,10 +172,18 @@ class SceneObjective:
         return np.where(pixels.sum(axis=1) > 0, 1.0 - gains.sum(axis=1) / everything, math.inf)
 
     def _totals(self, states: Sequence[State]) -> np.ndarray:
+        """Gains, pixels and the kernel's verdict, (n_states, n_cameras, 3)."""
         self._fill()
-        totals = np.zeros((len(states), len(self.rig), 2))
+        totals = np.zeros((len(states), len(self.rig), 3))
         roots = np.array([state.T_world_root for state in states])
         joints = np.array([state.joint_positions for state in states]).reshape(len(states), -1)
+        self._share_out(roots, joints, totals)
+        for n, i in np.argwhere(totals[:, :, 2] == kernel.NOT_SMOOTH):
+            self._cast(states[n], int(i), totals[n, i])
+        return totals
+
+    def _share_out(self, roots: np.ndarray, joints: np.ndarray, totals: np.ndarray) -> None:
+        """Run the kernel, on several threads where there is enough to do."""
         images = (self._views.views, self._views.rays, self._views.planes, self._costs)
 
         def run(thread: int, part: slice, seen: np.ndarray) -> None:
@@ -184,18 +193,26 @@ class SceneObjective:
             )  # fmt: skip
 
         n = self.threads
-        if self._executor is None or len(states) * len(self._seen) < 2:
-            run(0, slice(None), self._seen)
-            return totals
-        if len(states) >= n:
-            parts = [(slice(len(states) * k // n, len(states) * (k + 1) // n), self._seen) for k in range(n)]
+        if self._executor is None or len(roots) * len(self._seen) < 2:
+            return run(0, slice(None), self._seen)
+        if len(roots) >= n:
+            parts = [(slice(len(roots) * k // n, len(roots) * (k + 1) // n), self._seen) for k in range(n)]
         else:
             parts = [(slice(None), self._seen[k::n]) for k in range(n)]
         others = [self._executor.submit(run, k, *parts[k]) for k in range(1, n)]
         run(0, *parts[0])
         for other in others:
             other.result()
-        return totals
+
+    def _cast(self, state: State, i: int, total: np.ndarray) -> None:
+        """One camera by the ray-caster, which draws what the kernel cannot: shapes that the camera is within reach of."""
+        total[:2] = 0.0
+        sight = render_labels(Configuration(self.model, state), self.rig.cameras[i])
+        if sight is not None:
+            (u0, v0, _, _), labels = sight
+            view = self._views.views[i]
+            costs = self._costs[int(view[kernel.PLANES]) // 3 :]
+            scene_kernels.add_labels(labels, u0, v0, view, self._views.planes, costs, self._colors[i], self._caps, total)
 
     def _fill(self) -> None:
         """Planes and costs of the empty scene are made when they are first asked for."""

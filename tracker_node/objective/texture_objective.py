@@ -96,6 +96,11 @@ class TextureObjective:
     def n_levels(self) -> int:
         return self.options.levels
 
+    @property
+    def sees(self) -> bool:
+        """Whether any camera has an image."""
+        return any(pyramid is not None for pyramid in self._pyramids)
+
     def set_images(self, images: Sequence[np.ndarray | None]) -> None:
         """BGR images (h, w, 3) uint8 in the order of the rig; None for a camera that gave none."""
         self._pyramids = [None if image is None else _pyramid(image) for image in images]
@@ -237,7 +242,10 @@ class TextureLevel:
             self._kernel_points, configuration.Ts_world_link, self._cameras[i], (pyramid[octave], octave), frozen,
             self._flags[i], self._values, self._gradients, self._places,
         )  # fmt: skip
-        return frozen or inside >= kernel.LEAST_POINTS
+        if not frozen and inside < kernel.LEAST_POINTS:
+            self._flags[i] = kernel.UNSEEN  # not counted later either
+            return False
+        return True
 
     def _fit(self, i: int, channel: int) -> tuple:
         return kernel.fit_brightness(

@@ -43,15 +43,16 @@ class TextureEngine:
         return start
 
     def observe(self, images: Images, expected: State | None) -> None:
-        """Halve the images again and again."""
-        self._objective.set_images(images)
+        """Halve the images again and again; where nobody knows where the body is, none is looked at."""
+        self._objective.set_images([None] * len(self._rig) if expected is None else images)
 
     def fit(self, start: State, first: bool) -> OptimizerResult:
         """Alignment from coarse to fine, and a search where that has not led to the body."""
         chain = self._model.chain
         result = align(self._objective, start, chain, self._alignment)
         self._score, self._found_again = self._objective.evaluate(result.state), False
-        if _agreement(self._score) >= self._config.degraded_agreement:
+        searches = self._config.search_states > 0 and self._objective.sees
+        if _agreement(self._score) >= self._config.degraded_agreement or not searches:
             return result
         wider = min(1.0 + _WIDEN * max(self._lost - 1, 0), _WIDEST)
         radius, angle = wider * self._config.search_radius, wider * np.deg2rad(self._config.search_angle_deg)
@@ -98,6 +99,7 @@ class TextureEngine:
 
     def linearize(self, state: State) -> NormalEquations:
         """On the finest level."""
+        self._score = self._objective.evaluate(state)
         return self._objective.at_level(0).linearize(state)
 
     def report(self, result: OptimizerResult, image_set: ImageSet) -> Report:
