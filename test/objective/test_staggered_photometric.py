@@ -40,6 +40,35 @@ def test_parts_add_up_where_each_camera_sees_the_body():
     assert whole.count == count and whole.cost == pytest.approx(total, rel=1e-3)
 
 
+@pytest.mark.parametrize("dropped", [None, 0])
+def test_split_into_parts_it_stays_the_plain_problem(dropped):
+    """Delays of a nanosecond make every camera a part; one of them may give no image, or lose sight of the body."""
+    shown = [None if i == dropped else image for i, image in enumerate(images((0.0, 0.0, 0.0)))]
+    plain, split = PhotometricObjective(MODEL, RIG, OPTIONS), objective((0.0, 1e-9, 2e-9))
+    for made in (plain, split):
+        made.set_images(shown)
+    sideways = 1.2 * RIG.cameras[1].T_world_cam[:3, 0]
+    levels, costs = [made.at_level(1) for made in (plain, split)], []
+    for change in (np.zeros(6), OFF, np.r_[sideways, np.zeros(3)]):
+        expected, got = (level.linearize(STATE.retract(change)) for level in levels)
+        np.testing.assert_allclose(got.H, expected.H, rtol=1e-4, atol=1e-6 * np.abs(expected.H).max())
+        np.testing.assert_allclose(got.g, expected.g, rtol=1e-3, atol=1e-5 * np.abs(expected.g).max())
+        assert (got.cost, got.count) == (pytest.approx(expected.cost, rel=1e-4), expected.count)
+        costs.append(got.cost)
+    assert np.isfinite(costs).all() and costs[0] == min(costs)
+
+
+def test_too_little_in_all_cameras_together_is_infinite():
+    away = STATE.retract(np.array([50.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    assert np.isinf(objective(LATE).at_level(0).linearize(away).cost)
+    pixels = objective(LATE).at_level(0).linearize(STATE).count // 3
+    for few, finite in ((pixels, True), (pixels + 1, False)):
+        made = StaggeredPhotometricObjective(MODEL, RIG, LATE, PhotometricOptions("raw", min_pixels=few, levels=1))
+        made.set_images(images(LATE))
+        made.velocity = VELOCITY
+        assert np.isfinite(made.at_level(0).linearize(STATE).cost) == finite
+
+
 def test_a_known_delay_brings_the_alignment_nearer_to_the_truth():
     late, errors, costs = (0.0, 0.0, 0.02), [], []
     for velocity in (VELOCITY, None):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
@@ -32,11 +33,14 @@ class StaggeredPhotometricObjective:
         threads: int = 2,
     ):
         self.velocity: np.ndarray | None = None
+        options = options or PhotometricOptions()
+        self._min_pixels, self._n_dof = options.min_pixels, model.n_dof
+        each = replace(options, min_pixels=1)  # how many are too few is a matter of all cameras together
         self._parts: list[tuple[float, list[int], PhotometricObjective]] = []
         for late, cameras in cameras_by_delay(rig, late_s).items():
             subset = rig.subset([rig.names[i] for i in cameras])
             colors = None if colors_rgb is None else np.asarray(colors_rgb)[cameras]
-            self._parts.append((late, cameras, PhotometricObjective(model, subset, options, colors, threads)))
+            self._parts.append((late, cameras, PhotometricObjective(model, subset, each, colors, threads)))
 
     @property
     def n_levels(self) -> int:
@@ -49,19 +53,37 @@ class StaggeredPhotometricObjective:
 
     def at_level(self, level: int) -> _Level:
         """The least-squares problem on one level; 0 is the finest."""
-        return _Level(self.velocity, [(late, objective.at_level(level)) for late, _, objective in self._parts])
+        parts = [(late, objective.at_level(level)) for late, _, objective in self._parts]
+        return _Level(self._n_dof, self.velocity, parts, max(self._min_pixels / 4.0**level, 1.0))
 
 
-@dataclass(frozen=True, eq=False)
 class _Level:
-    """One level with the velocity of its making."""
+    """One level with the velocity of its making.
 
-    velocity: np.ndarray | None
-    parts: list[tuple[float, LeastSquaresObjective]]
+    Each part's cost is its mean times the residuals that it had at first; here it is the mean over all parts times the residuals
+    of all, so that a body does not gain by leaving the images of one part.
+    """
+
+    def __init__(
+        self, n_dof: int, velocity: np.ndarray | None, parts: Sequence[tuple[float, LeastSquaresObjective]], min_pixels: float
+    ):
+        self._n_dof = n_dof
+        self._velocity, self._parts, self._min_pixels = velocity, parts, min_pixels
+        self._first = [0] * len(parts)
+        self._first_of_all = 0
 
     def linearize(self, state: State) -> NormalEquations:
-        """Sums over the parts; no mask in any of them costs infinity."""
-        seen = [state if self.velocity is None else state.retract(late * self.velocity) for late, _ in self.parts]
-        each = [objective.linearize(where) for (_, objective), where in zip(self.parts, seen, strict=True)]
-        H, g = np.sum([e.H for e in each], axis=0), np.sum([e.g for e in each], axis=0)
-        return NormalEquations(H, g, sum(e.cost for e in each), sum(e.count for e in each))
+        """Sums over the parts that show the body; too little of it in all of them costs infinity."""
+        H, g, cost, count = np.zeros((self._n_dof, self._n_dof)), np.zeros(self._n_dof), 0.0, 0
+        for i, (late, objective) in enumerate(self._parts):
+            part = objective.linearize(state if self._velocity is None else state.retract(late * self._velocity))
+            if part.count == 0:
+                continue
+            self._first[i] = self._first[i] or part.count
+            unscaled = part.count / self._first[i]
+            H, g, cost, count = H + unscaled * part.H, g + unscaled * part.g, cost + unscaled * part.cost, count + part.count
+        if count < 3 * self._min_pixels:
+            return NormalEquations(H, g, math.inf, 0)
+        self._first_of_all = self._first_of_all or count
+        scale = self._first_of_all / count
+        return NormalEquations(scale * H, scale * g, scale * cost, count)
