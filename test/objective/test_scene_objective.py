@@ -5,13 +5,16 @@ import numpy as np
 import pytest
 from small_studio import SCENE
 
+from test.render_scenes import look_at, single_shape
+from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.camera_rig import CameraRig
 from tracker_node.errors import ModelError
 from tracker_node.geometry import se3
 from tracker_node.model.articulated_model import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Box
+from tracker_node.model.primitives import Box, TruncatedCone
 from tracker_node.objective.scene_objective import SceneObjective, SceneOptions
 from tracker_node.render.raycaster import render_view
 from tracker_node.synthesis.scenes import make_rig
@@ -88,6 +91,27 @@ def test_a_camera_within_the_body_is_scored_by_the_ray_caster_and_leaves_nothing
     assert within.camera_pixels[0] > 1000
     after = made.evaluate(STATE)
     np.testing.assert_array_equal(after.camera_scores, before.camera_scores)
+
+
+def test_a_camera_close_to_the_axis_of_a_cone_scores_the_same_whatever_came_before():
+    """Seen from within the wedge of a cone the closed form of the fast kernel does not hold."""
+    model = single_shape(TruncatedCone(0.3, 0.3, 0.4, 0.0, 0.5)).model
+    lens = CameraModel(160, 120, np.array([[100.0, 0.0, 80.0], [0.0, 100.0, 60.0], [0.0, 0.0, 1.0]]))
+    camera = look_at((0.0, 0.01, 3.0), (0.0, 0.0, 0.0), lens)
+    rng, color, unknown = np.random.default_rng(0), np.array([[[200.0, 40.0, 90.0]]]), 0.7
+    image = rng.integers(0, 255, (120, 160, 3), dtype=np.uint8)
+    states = [State.neutral(model, se3.exp([x, 0.0, 0.0, 0.0, tilt, 0.0])) for x, tilt in ((0.5, 0.9), (0.0, 0.0), (-0.6, 1.2))]
+    expected = []
+    for state in states:
+        inside = render_view(Configuration(model, state), camera).labels > 0
+        assert inside.sum() > 100
+        gain = unknown * inside.sum() - cost(image[:, :, ::-1][inside].astype(float), color[0, 0]).sum()
+        expected.append(1.0 - gain / (unknown * inside.size))
+    for threads in (1, 2):
+        made = SceneObjective(model, CameraRig((camera,)), color, [None], SceneOptions(unknown_cost=unknown), threads)
+        made.set_images([image])
+        np.testing.assert_allclose(made.scores(states), expected, atol=2e-3)
+        np.testing.assert_array_equal(made.scores(states[::-1])[::-1], made.scores(states))
 
 
 def test_the_truth_explains_nearly_all_and_nothing_near_it_more():

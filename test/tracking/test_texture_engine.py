@@ -6,6 +6,8 @@ from textured_plate import MODEL, TRUE, errors, film, image_set, moved, rig
 
 from tracker_node.errors import ModelError
 from tracker_node.model.human import human_model
+from tracker_node.objective.texture_objective import TextureObjective
+from tracker_node.tracking import texture_engine
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.tracker import Tracker
@@ -15,6 +17,7 @@ CONFIG = from_dict({
     "color": {"representation": "affine", "search_states": 1000},
     "motion.velocity_gain": 1.0,
 })  # fmt: skip
+FEW = from_dict({"engine": "color", "color": {"representation": "affine", "search_states": 20}})
 PERIOD_NS = 10**8
 
 
@@ -59,22 +62,44 @@ def test_without_images_the_plate_is_lost():
     assert np.isfinite(estimate.covariance).all()
 
 
-def test_it_waits_for_a_state_without_looking():
+@pytest.fixture
+def searches(monkeypatch) -> list:
+    """One entry for every search."""
+    made: list = []
+    search = texture_engine.reacquire
+    monkeypatch.setattr(texture_engine, "reacquire", lambda *arguments: made.append(1) or search(*arguments))
+    return made
+
+
+def test_it_waits_for_a_state_without_looking(searches):
     tracker = Tracker(rig(), MODEL, CONFIG)
-    waiting = tracker.step(image_set(0, film()))
+    waiting = tracker.step(image_set(0, film(None)))
     assert waiting.status is Status.INITIALISING
-    assert waiting.evaluations < 20
+    assert not searches
     tracker.set_state(TRUE)
     assert tracker.step(image_set(PERIOD_NS, film())).status is Status.TRACKING
 
 
-def test_the_search_can_be_switched_off():
+def test_the_search_can_be_switched_off(searches):
     config = from_dict({"engine": "color", "color": {"representation": "affine", "search_states": 0}})
     tracker = Tracker(rig(), MODEL, config, initial_state=TRUE)
     estimate = tracker.step(image_set(0, film(None)))
     assert estimate.status is Status.LOST
-    assert estimate.evaluations < 200
+    assert not searches
     np.testing.assert_array_equal(estimate.state.T_world_root, TRUE.T_world_root)
+    Tracker(rig(), MODEL, FEW, initial_state=TRUE).step(image_set(0, film(None)))
+    assert searches, "where it is not, a lost plate is looked for"
+
+
+def test_a_lost_plate_is_reported_where_it_stays():
+    tracker = Tracker(rig(), MODEL, FEW, initial_state=TRUE)
+    estimate = tracker.step(image_set(0, film(None)))
+    assert estimate.status is Status.LOST
+    objective = TextureObjective(MODEL, rig())
+    objective.set_images(film(None))
+    there = objective.evaluate(estimate.state)
+    assert [camera.samples for camera in estimate.cameras] == list(there.camera_points)
+    np.testing.assert_allclose([camera.residual_px for camera in estimate.cameras], there.camera_rms)
 
 
 def test_a_camera_that_shows_something_else_is_named():
