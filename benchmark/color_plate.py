@@ -44,7 +44,7 @@ from tracker_node.tracking.tracker import Tracker
 FOLDER = "caliscope_board/post_optimization"
 CONFIG = Path(__file__).resolve().parents[1] / "config/textured_plate.yaml"
 TEXELS_PER_M = 1000.0
-# Around the printed board, in millimetres as its images show it: white paper, the rim of the sleeve, the black frame (left, right,
+# Around the printed board, in millimetres as images show it: white paper, the rim of the sleeve, the black frame (left, right,
 # top, bottom), grey level
 BORDERS = ((6, 1, 5, 5, WHITE), (8, 7, 17, 10, GREY), (25, 25, 31, 32, BLACK))
 THICKNESS_M = 0.005
