@@ -41,6 +41,8 @@ from tracker_node.tracking.tracker import Tracker
 
 CLIPS = {"quick": ("walk",), "full": ("walk", "dance_a", "dance_b")}
 OPTIMIZERS = ("alignment", "stepping", "simplex")
+# Dances turn quickly, and the mask of a round pelvis hardly tells its turn: a stronger pull to the prediction than the default
+COLOR = {"learn_colors": True, "stay_angle": 1e7}
 DEFAULT_CACHE = Path("out/synthetic")
 PICTURED = 0.5  # which image set of a clip is drawn, as a share of its length
 
@@ -127,7 +129,7 @@ def recording(clip: str, motions: str | None, cache: Path, n_images: int | None 
 def track(folder: Path, name: str, color: dict, max_sets: int | None = None, pictures: Path | None = None) -> Run:
     """Track a recording from its first pose, and hold the states against its truth."""
     rig, model = load_rig(folder / "rig.yaml"), load_model(folder / "person.yaml")
-    config = from_dict({"engine": "color", "color": {"learn_colors": True, **color}})
+    config = from_dict({"engine": "color", "color": {**COLOR, **color}})
     tracker = Tracker(rig, model, config, None, load_state(folder / "state.yaml", model))
     stream = SourceStream(rig, config.synchronizer, SourceOptions())
     truth = load_truth(folder / "truth.csv")
