@@ -181,7 +181,8 @@ class ImageSynchronizer:
             anchor = min(heads, key=lambda w: w.image.stamp_ns)
             group = self._group(anchor.image.stamp_ns)
             missing = [lane for camera, lane in self._lanes.items() if camera not in group]
-            if missing and not final and any(self._worth_waiting(lane, anchor) for lane in missing):
+            needed = len(group) < self.min_cameras
+            if missing and not final and any(self._worth_waiting(lane, anchor, needed) for lane in missing):
                 return sets
             if len(group) >= self.min_cameras and (not missing or self._best_choice(group, missing)):
                 sets.append(self._take(group))
@@ -198,10 +199,11 @@ class ImageSynchronizer:
                 group[camera] = first
         return group
 
-    def _worth_waiting(self, lane: _Lane, anchor: _Waiting) -> bool:
-        """Whether ``lane``, which has no image with ``anchor``, may still send one."""
+    def _worth_waiting(self, lane: _Lane, anchor: _Waiting, needed: bool) -> bool:
+        """Whether ``lane``, which has no image with ``anchor``, may still send one; a silent one only where a set ``needed`` it."""
         start_ns = anchor.image.stamp_ns
-        if max(self._stream_ns - lane.active_ns, self._stream_ns - anchor.since_ns) > self._queue_ns:
+        silent_ns = 0 if needed else self._stream_ns - lane.active_ns
+        if max(silent_ns, self._stream_ns - anchor.since_ns) > self._queue_ns:
             return False
         if lane.newest_ns is None:
             return True
