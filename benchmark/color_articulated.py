@@ -41,8 +41,7 @@ from tracker_node.tracking.tracker import Tracker
 
 CLIPS = {"quick": ("walk",), "full": ("walk", "dance_a", "dance_b")}
 OPTIMIZERS = ("alignment", "stepping", "simplex")
-# Dances turn quickly, and the mask of a round pelvis hardly tells its turn: a stronger pull to the prediction than the default
-COLOR = {"learn_colors": True, "stay_angle": 1e7}
+COLOR = {"learn_colors": True}
 DEFAULT_CACHE = Path("out/synthetic")
 PICTURED = 0.5  # which image set of a clip is drawn, as a share of its length
 

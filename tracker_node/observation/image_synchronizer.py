@@ -200,7 +200,7 @@ class ImageSynchronizer:
         return group
 
     def _worth_waiting(self, lane: _Lane, anchor: _Waiting, needed: bool) -> bool:
-        """Whether ``lane``, which has no image with ``anchor``, may still send one; a silent one only where a set ``needed`` it."""
+        """Whether ``lane``, which has no image with ``anchor``, may still send one (silent ones only where ``needed``)."""
         start_ns = anchor.image.stamp_ns
         silent_ns = 0 if needed else self._stream_ns - lane.active_ns
         if max(silent_ns, self._stream_ns - anchor.since_ns) > self._queue_ns:

@@ -151,7 +151,7 @@ class ColorConfig:
     learn_colors: bool = parameter(False, "take the parts' colors from the first image set instead of the model")
     color_rate: float = parameter(0.0, "share of the newest image in the parts' colors; 0 keeps them fixed", "1", 0, 1)
     stay_position: float = parameter(0.0, "pull to the predicted root position", "grey levels^2/m^2", 0.0, 1e15)
-    stay_angle: float = parameter(1e6, "pull to the predicted angles", "grey levels^2/rad^2", 0.0, 1e15)
+    stay_angle: float = parameter(1e7, "pull to the predicted angles", "grey levels^2/rad^2", 0.0, 1e15)
     neutral_angle: float = parameter(
         1e3, "multiplies the stiffness of the model's axes (pull to their neutral angles)", "grey levels^2", 0.0, 1e15
     )
