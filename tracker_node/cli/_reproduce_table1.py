@@ -112,7 +112,7 @@ def _methods(objectives: _Objectives) -> Iterator[_Method]:
 
     score, pyramid, chain = objectives.score, objectives.pyramid, objectives.chain
     # The bottom of the valley is flat and uneven: several times from coarse to fine, each from the best so far.
-    sizes_mm = (10.0, 5.0, 2.0, 1.0, 20.0, 10.0, 5.0, 2.0, 1.0, 10.0, 5.0, 2.0, 1.0)
+    sizes_mm = 4 * (20.0, 10.0, 5.0, 2.0, 1.0, 14.0, 7.0, 3.0, 1.0)
     stages = tuple(SimplexStage(1e-3 * mm, radians(0.1 * mm), 0.03, max_evaluations=100) for mm in sizes_mm)
 
     def stepping(v: str = "every_line", loops: Any = FIVE_LOOPS, order: Any = ORDER) -> Callable[[Any], Any]:
