@@ -175,12 +175,12 @@ class ColorObjective:
         """Planar pixels are made when they are first asked for, of each camera in the one way that is needed.
 
         Kernels scan along rows and are quicker on few long ones than on many short ones: where the body stands upright in an
-        image, its rows and columns are exchanged.
+        image, its rows and columns are exchanged (not where rows are left out: then they are few already).
         """
         if not self._stale:
             return
         n, step = len(self.rig), self.options.row_step
-        lies = self._stands_in_image(state) & self._can_lie & self._constants.smooth
+        lies = self._stands_in_image(state) & self._can_lie & (self._constants.smooth and step == 1)
         thin = [image if step == 1 or image is None else np.ascontiguousarray(image[::step]) for image in self._images]
         upright = [None if lie else image for image, lie in zip(thin, lies, strict=True)]
         exchanged = [None if image is None or not lie else cv2.transpose(image) for image, lie in zip(thin, lies, strict=True)]
