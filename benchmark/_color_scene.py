@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,9 +11,8 @@ from tracker_node.camera.camera_rig import CameraRig
 from tracker_node.model.articulated_model import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.ellipsoid_human import ellipsoid_human
-from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.synthesis.background import cluttered_background
-from tracker_node.synthesis.somersault import posture, somersault_rig, somersault_states, somersault_variables
+from tracker_node.synthesis.somersault import rigid_body, somersault_rig, somersault_states, somersault_variables
 from tracker_node.synthesis.target_images import TargetStudio
 
 POSTURE_DEG = {
@@ -47,15 +46,6 @@ def make_scene(n_states: int, clutter: bool = False, width: int = 768, backend: 
             for number, state in enumerate(truth)
         ]  # fmt: skip
     return ColorScene(model, rig, truth, images)
-
-
-def rigid_body(model: ArticulatedModel, posture_deg: Mapping[str, float]) -> ArticulatedModel:
-    """The body in a posture that it keeps: its shapes on one link, six degrees of freedom."""
-    posed = Configuration(model, State(np.eye(4), posture(model, posture_deg)))
-    shapes = tuple(
-        replace(shape, link="body", T_link_shape=T) for shape, T in zip(model.shapes, posed.Ts_world_shape, strict=True)
-    )
-    return ArticulatedModel(model.name, KinematicChain(("body",), ()), shapes)
 
 
 def displaced(state: State, distance_m: float, angle_rad: float, rng: np.random.Generator) -> State:
