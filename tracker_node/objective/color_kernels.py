@@ -15,6 +15,7 @@ import numba as nb
 import numpy as np
 
 from ..camera.camera_model import NEAR
+from ..model.kinematic_chain import forward_kinematics
 from ..render.ray_coefficients import BIG, LINE, LOWER, ORIGIN, QUADRATIC, UPPER, farthest_depth, pixel_box
 from ..render.shape_arrays import CONE, ELLIPSOID
 
@@ -33,6 +34,22 @@ ALL_SMOOTH, BEHIND, NOT_SMOOTH = 0, 1, 2
 
 # Columns of a view's integers: where its pixels and rays start in the flat arrays, its size, and whether rays vary along rows
 PLANES, XS, YS, WIDTH, HEIGHT, DISTORTED, N_VIEW = 0, 1, 2, 3, 4, 5, 6
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def pose_shapes(chain, links, Ts_link_shape, T_world_root, joint_positions, Ts_world_link, twists, Ts_world_shape):
+    """Fill ``Ts_world_shape`` (n, 4, 4) for a root pose and joint angles; ``chain`` is what `forward_kinematics` takes of it."""
+    parents, offsets, axis_start, axis_count, directions = chain
+    forward_kinematics(
+        parents, offsets, axis_start, axis_count, directions, T_world_root, joint_positions, Ts_world_link, twists
+    )  # fmt: skip
+    for s in range(links.shape[0]):
+        for i in range(4):
+            for j in range(4):
+                value = 0.0
+                for k in range(4):
+                    value += Ts_world_link[links[s], i, k] * Ts_link_shape[s, k, j]
+                Ts_world_shape[s, i, j] = value
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)

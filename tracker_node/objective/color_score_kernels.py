@@ -12,7 +12,6 @@ import numba as nb
 import numpy as np
 
 from ..camera.light import COS_INNER, COS_OUTER, DIRECTION, INTENSITY, N_LIGHT_COLUMNS, POSITION
-from ..model.kinematic_chain import forward_kinematics
 from ..render.ray_coefficients import LINE, ORIGIN, QUADRATIC, UPPER
 from .color_kernels import (
     ALL_SMOOTH,
@@ -33,6 +32,7 @@ from .color_kernels import (
     YS,
     draw_smooth,
     find_spans,
+    pose_shapes,
     prepare_camera,
 )
 
@@ -217,22 +217,14 @@ def score_states(form, chain, shapes, cameras, images, options, roots, joints, c
     options : packed lights with a direction, weights (2,).
     roots, joints : (n_states, 4, 4), (n_states, n_axes).
     """
-    parents, offsets, axis_start, axis_count, directions = chain
     kinds, dims, links, Ts_link_shape, used = shapes
     params, limits, T_cam_world, gain, base, colors = cameras
     views, rays, planes = images
     lights, weights = options
-    Ts_world_link, Ts_world_shape = np.empty((parents.shape[0], 4, 4)), np.empty((kinds.shape[0], 4, 4))
+    Ts_world_link, Ts_world_shape = np.empty((chain[0].shape[0], 4, 4)), np.empty((kinds.shape[0], 4, 4))
     twists = np.empty((6 + joints.shape[1], 6))
     for n in range(roots.shape[0]):
-        forward_kinematics(parents, offsets, axis_start, axis_count, directions, roots[n], joints[n], Ts_world_link, twists)
-        for s in range(kinds.shape[0]):
-            for i in range(4):
-                for j in range(4):
-                    value = 0.0
-                    for k in range(4):
-                        value += Ts_world_link[links[s], i, k] * Ts_link_shape[s, k, j]
-                    Ts_world_shape[s, i, j] = value
+        pose_shapes(chain, links, Ts_link_shape, roots[n], joints[n], Ts_world_link, twists, Ts_world_shape)
         for index in range(camera_indices.shape[0]):
             at = camera_indices[index]
             _score_camera(form, (kinds, dims, used), views[at], params[at], limits[at], T_cam_world[at], gain[at], base[at],

@@ -8,8 +8,18 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from ..model.kinematic_chain import forward_kinematics
-from .color_kernels import ALL_SMOOTH, HEIGHT, LABEL_BITS, LANES, PLANES, WIDTH, draw_smooth, find_spans, prepare_camera
+from .color_kernels import (
+    ALL_SMOOTH,
+    HEIGHT,
+    LABEL_BITS,
+    LANES,
+    PLANES,
+    WIDTH,
+    draw_smooth,
+    find_spans,
+    pose_shapes,
+    prepare_camera,
+)
 
 _DARK = np.float32(30.0)  # added to an intensity, so that the hue of dark pixels, which is noise, counts little
 _HUE, _ZERO, _ONE = np.float32(255.0), np.float32(0.0), np.float32(1.0)
@@ -118,21 +128,13 @@ def score_states(chain, shapes, cameras, images, colors, caps, roots, joints, se
     roots, joints : (n_states, 4, 4), (n_states, n_axes).
     seen : indices of the cameras with an image.
     """
-    parents, offsets, axis_start, axis_count, directions = chain
     kinds, dims, links, Ts_link_shape, used, unused_colors = shapes
     params, limits, T_cam_world = cameras
     views, rays, planes, costs = images
-    Ts_world_link, Ts_world_shape = np.empty((parents.shape[0], 4, 4)), np.empty((kinds.shape[0], 4, 4))
+    Ts_world_link, Ts_world_shape = np.empty((chain[0].shape[0], 4, 4)), np.empty((kinds.shape[0], 4, 4))
     twists = np.empty((6 + joints.shape[1], 6))
     for n in range(roots.shape[0]):
-        forward_kinematics(parents, offsets, axis_start, axis_count, directions, roots[n], joints[n], Ts_world_link, twists)
-        for s in range(kinds.shape[0]):
-            for i in range(4):
-                for j in range(4):
-                    value = 0.0
-                    for k in range(4):
-                        value += Ts_world_link[links[s], i, k] * Ts_link_shape[s, k, j]
-                    Ts_world_shape[s, i, j] = value
+        pose_shapes(chain, links, Ts_link_shape, roots[n], joints[n], Ts_world_link, twists, Ts_world_shape)
         for index in range(seen.shape[0]):
             c = seen[index]
             _score_camera(
