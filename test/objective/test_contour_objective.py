@@ -6,7 +6,8 @@ from two_links import cameras, two_links
 
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import State
-from tracker_node.objective.contour_objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps, Prior
+from tracker_node.objective.contour_objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
+from tracker_node.objective.prior import Prior
 from tracker_node.render.shape_arrays import ShapeArrays
 
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..camera.camera_rig import Camera
-from ..geometry import so3
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..render.contour import world_spheres
@@ -16,6 +15,7 @@ from ..render.shape_arrays import ShapeArrays
 from . import contour_residual as kernel
 from .contour_agreement import N_AGREEMENT, count_agreement
 from .normal_equations import NormalEquations
+from .prior import Prior
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,8 @@ class ContourOptions:
     """See the fields of the same names in the tracker's configuration.
 
     ``outward_px`` is how far beyond a contour the class of the sample is decided, ``alignment`` the least cosine between a
-    boundary's normal and the contour's.
+    boundary's normal and the contour's. ``variance_px2`` is the variance of one sample times how many neighbours share one error:
+    what squared pixels are divided by to become information.
     """
 
     robust_scale_px: float = 8.0
@@ -36,6 +37,7 @@ class ContourOptions:
     boundary_weight: float = 0.3
     boundary_scale_px: float = 20.0
     reach_px: float = 40.0
+    variance_px2: float = 1.0
 
     def packed(self) -> np.ndarray:
         options = np.zeros(kernel.N_OPTIONS)
@@ -64,26 +66,6 @@ class EvidenceMaps:
     silhouette: np.ndarray
     edges: np.ndarray
     boundary: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class Prior:
-    """Gaussian pull of the state: cost (x - mean)^T diag(information) (x - mean), px^2 per tangent^2."""
-
-    mean: State
-    information: np.ndarray
-
-    def add_to(self, H: np.ndarray, g: np.ndarray, state: State) -> float:
-        """Add the pull at ``state`` to the normal equations; returns its cost."""
-        offset = state.difference(self.mean)
-        J = so3.left_jacobian_inverse(offset[3:6])
-        H[np.diag_indices_from(H)] += np.where(np.arange(g.size) // 3 == 1, 0.0, self.information)
-        H[3:6, 3:6] += J.T @ (self.information[3:6, None] * J)
-        pull = self.information * offset
-        cost = float(offset @ pull)
-        pull[3:6] = J.T @ pull[3:6]
-        g += pull
-        return cost
 
 
 class CameraSlot:
@@ -178,6 +160,8 @@ class ContourObjective:
             cost += float(self.slots[i].stats[kernel.COST])
             count += int(self.slots[i].stats[kernel.COUNT])
         kernel.assemble(link_normal, link_gradient, chain.link_moved_by, configuration.twists, H, g)
+        information = 1.0 / self.options.variance_px2
+        H, g, cost = information * H, information * g, information * cost
         for prior in self.priors:
             cost += prior.add_to(H, g, state)
         return NormalEquations(H, g, cost, count)

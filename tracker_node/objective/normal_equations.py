@@ -16,9 +16,10 @@ class NormalEquations:
 
     Attributes
     ----------
-    H : (n_dof, n_dof) J^T W J, symmetric, px^2 per tangent^2.
+    H : (n_dof, n_dof) J^T W J, symmetric, unit of the cost per tangent^2.
     g : (n_dof,) J^T W r.
-    cost : robust cost, px^2 (with priors).
+    cost : robust cost, with priors. Where residuals are divided by their standard deviations (contours) it is minus twice the log
+        posterior, and H the inverse of the state's covariance; else it has the unit of the squared residuals.
     count : number of residuals in it.
     """
 

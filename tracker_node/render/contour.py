@@ -237,18 +237,19 @@ HIDDEN, OUTER, INNER = 0, 1, 2
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def classify_sample(kinds, dims, Ts, spheres, nearby, n_nearby, center, row, outward):
-    """Is a contour sample seen, and what lies beyond it?
+def classify_sample_beyond(kinds, dims, Ts, spheres, nearby, n_nearby, center, row, outward):
+    """Is a contour sample seen, and what lies beyond it? Returns (class, index of the shape beyond or -1).
 
     `HIDDEN`: another part is in front of the point, or encloses it. `OUTER`: just outside the contour (``outward`` metres along
-    the normal) the line of sight meets no part: the point belongs to the outline of the whole body. `INNER`: it meets one.
+    the normal) the line of sight meets no part: the point belongs to the outline of the whole body. `INNER`: it meets one, the
+    nearest of which is told.
     """
     px, py, pz = row[P], row[P + 1], row[P + 2]
     dx, dy, dz = px - center[0], py - center[1], pz - center[2]
     ex, ey, ez = dx + outward * row[NORMAL], dy + outward * row[NORMAL + 1], dz + outward * row[NORMAL + 2]
     length = math.sqrt(dx * dx + dy * dy + dz * dz)
     tolerance = 0.003 / length  # a part that comes in less than 3 mm before the point does not hide it
-    beyond = False
+    beyond, nearest = -1, 1e30
     for j in range(n_nearby):
         other = nearby[j]
         if not sphere_near_ray(spheres[other], center, dx, dy, dz, 2.0 * outward):
@@ -256,11 +257,17 @@ def classify_sample(kinds, dims, Ts, spheres, nearby, n_nearby, center, row, out
         hit, t_in, t_out = ray_interval(kinds[other], dims[other], Ts[other], center, dx, dy, dz)
         if hit and t_out > 0.0 and t_in < 1.0 - tolerance:
             if t_out > tolerance:
-                return HIDDEN
-        if not beyond:
-            hit, t_in, t_out = ray_interval(kinds[other], dims[other], Ts[other], center, ex, ey, ez)
-            beyond = hit and t_out > 0.0
-    return INNER if beyond else OUTER
+                return HIDDEN, -1
+        hit, t_in, t_out = ray_interval(kinds[other], dims[other], Ts[other], center, ex, ey, ez)
+        if hit and t_out > 0.0 and t_in < nearest:
+            beyond, nearest = other, t_in
+    return (INNER if beyond >= 0 else OUTER), beyond
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def classify_sample(kinds, dims, Ts, spheres, nearby, n_nearby, center, row, outward):
+    """The class alone."""
+    return classify_sample_beyond(kinds, dims, Ts, spheres, nearby, n_nearby, center, row, outward)[0]
 
 
 def contour_points(arrays, Ts_world_shape: np.ndarray, shape: int, center: np.ndarray, n_samples: int) -> np.ndarray:

@@ -29,6 +29,11 @@ class ShapeArrays:
     links: np.ndarray
     bounds: np.ndarray
 
+    @property
+    def packed(self) -> tuple[np.ndarray, ...]:
+        """What the contour kernels take."""
+        return self.kinds, self.dims, self.links
+
     @classmethod
     def from_model(cls, model: ArticulatedModel) -> ShapeArrays:
         n = len(model.shapes)

@@ -12,8 +12,8 @@ from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective.color_score import ColorObjective, ColorOptions
-from ..objective.contour_objective import Prior
 from ..objective.normal_equations import NormalEquations
+from ..objective.prior import Prior
 from ..objective.surface_photometry import PhotometryOptions, SurfacePhotometry
 from ..observation.image_set import ImageSet
 from ..optimize.result import OptimizerResult

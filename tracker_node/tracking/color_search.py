@@ -10,7 +10,7 @@ from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
 from ..objective.color_score import ColorObjective
-from ..objective.contour_objective import Prior
+from ..objective.prior import Prior
 from ..objective.surface_photometry import PhotometryLevel, SurfacePhotometry
 from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, clip_to_limits, minimize
 from ..optimize.result import OptimizerResult

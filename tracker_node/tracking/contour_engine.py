@@ -11,8 +11,9 @@ from ..camera.camera_rig import CameraRig
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.kinematic_chain import N_ROOT_DOF
-from ..objective.contour_objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps, Prior
+from ..objective.contour_objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
 from ..objective.normal_equations import NormalEquations
+from ..objective.prior import Prior
 from ..observation.body_region import Region
 from ..observation.image_set import ImageSet
 from ..observation.observer import Observation, Observer
@@ -67,6 +68,7 @@ class ContourEngine:
             boundary_weight=optimizer.boundary_weight,
             boundary_scale_px=optimizer.boundary_scale_px,
             reach_px=float(evidence.reach_px),
+            variance_px2=config.status.residual_sigma_px**2 * config.status.correlation,
         )
         self._fine = replace(self._options, boundary_weight=0.0, robust_scale_px=optimizer.fine_robust_scale_px)
         self.reset()
@@ -178,7 +180,11 @@ class ContourEngine:
         stay[:3] = motion.stay_position
         neutral = np.zeros(self._model.n_dof)
         neutral[N_ROOT_DOF:] = [motion.neutral_angle * axis.stiffness for axis in axes]
-        priors = [Prior(expected, stay), Prior(State.neutral(self._model, expected.T_world_root), neutral)]
+        information = 1.0 / self._options.variance_px2
+        priors = [
+            Prior(expected, information * stay),
+            Prior(State.neutral(self._model, expected.T_world_root), information * neutral),
+        ]
         return ContourObjective(self._model, self._arrays, self._slots, maps, self._options, priors, self._parallel)
 
     def _minimize(self, objective: ContourObjective, start: State, iterations: int) -> OptimizerResult:

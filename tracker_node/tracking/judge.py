@@ -49,11 +49,10 @@ def covariance_of(
 ) -> np.ndarray:
     """Covariance (n_dof, n_dof) of the state in its tangent.
 
-    The inverse of the normal equations times the variance of one sample; neighbouring samples see the same pixels, so only
-    one in ``config.correlation`` counts as independent.
+    The inverse of the normal equations, which hold ``config.residual_sigma_px`` and ``config.correlation``; larger where the
+    residuals are.
     """
-    stats = _totals(slots, observations)
-    variance = max(_rms(stats), config.residual_sigma_px) ** 2 * config.correlation
+    variance = max(_rms(_totals(slots, observations)) / config.residual_sigma_px, 1.0) ** 2
     H = equations.H.copy()
     H[np.diag_indices_from(H)] += 1e-6 * max(float(np.diag(H).max()), 1.0)
     covariance = variance * np.linalg.inv(H)

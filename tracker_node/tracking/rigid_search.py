@@ -11,8 +11,8 @@ from ..camera.camera_rig import CameraRig
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from ..objective.color_score import ColorObjective, ColorOptions
-from ..objective.contour_objective import Prior
 from ..objective.photometric import PhotometricObjective, PhotometricOptions
+from ..objective.prior import Prior
 from ..objective.surface_photometry import SurfacePhotometry
 from ..optimize.alignment import align
 from ..optimize.result import OptimizerResult

@@ -16,7 +16,7 @@ from ..camera.camera_rig import CameraRig
 from ..errors import ModelError
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..objective.contour_objective import Prior
+from ..objective.prior import Prior
 from ..objective.scene_objective import SceneObjective
 from ..objective.surface_photometry import SurfacePhotometry
 from ..observation.image_set import ImageSet
