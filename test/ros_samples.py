@@ -17,7 +17,7 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 from tracker_node.model.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 from tracker_node.render.raycaster import render_view
-from tracker_node.tracking.estimate import CameraReport, Status, Timings, TrackEstimate
+from tracker_node.tracking.estimate import CameraReport, LimbReport, LimbStatus, Status, Timings, TrackEstimate
 
 
 def placed(x: float, y: float, z: float, rotation_vector=(0.0, 0.0, 0.0)) -> np.ndarray:
@@ -78,6 +78,11 @@ def some_estimate(model: ArticulatedModel, stamp_ns: int = 1_234_567_890_123) ->
         iterations=4,
         evaluations=6,
         timings=Timings(1.25, 2.5, 4.0),
+        limbs=(
+            LimbReport("trunk", LimbStatus.TRACKING, "", 0.03125),
+            LimbReport("left_hand", LimbStatus.LOST, "not found", 0.96875),
+            LimbReport("left_foot", LimbStatus.UNSEEN, "hidden", 0.5),
+        ),
     )
 
 

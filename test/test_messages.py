@@ -58,6 +58,10 @@ def test_ros_and_the_reader_without_ros_agree_on_every_field(repository: Path) -
         covariance=[4.0, 1.0, 1.0, 9.0],
         cameras=["cam01", "cam02"],
         camera_samples=[120, 0],
+        limbs=["trunk", "left_hand"],
+        limb_status=[1, 3],
+        limb_lost_probability=[0.0, 0.98],
+        limb_reasons=["", "outline not found"],
         total_ms=12.5,
     )
     store = get_typestore(Stores.ROS2_JAZZY)

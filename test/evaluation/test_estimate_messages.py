@@ -44,6 +44,7 @@ def test_an_estimate_survives() -> None:
         "iterations",
         "evaluations",
         "timings",
+        "limbs",
     ):
         assert getattr(after, name) == getattr(before, name), name
     assert (after.covariance == before.covariance).all()

@@ -19,7 +19,7 @@ from ..loaders.message_types import TRACKED_STATE, typestore
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
-from ..tracking.estimate import CameraReport, Status, Timings, TrackEstimate
+from ..tracking.estimate import CameraReport, LimbReport, LimbStatus, Status, Timings, TrackEstimate
 
 
 def time_message(stamp_ns: int) -> Any:
@@ -83,6 +83,10 @@ def tracked_state_message(estimate: TrackEstimate, model: ArticulatedModel, fram
         camera_stamps=[time_message(report.stamp_ns) for report in estimate.cameras],
         camera_residuals_px=np.array([report.residual_px for report in estimate.cameras], dtype=np.float64),
         camera_samples=np.array([report.samples for report in estimate.cameras], dtype=np.uint32),
+        limbs=[limb.name for limb in estimate.limbs],
+        limb_status=np.array([int(limb.status) for limb in estimate.limbs], dtype=np.uint8),
+        limb_lost_probability=np.array([limb.probability for limb in estimate.limbs], dtype=np.float64),
+        limb_reasons=[limb.reason for limb in estimate.limbs],
         iterations=int(estimate.iterations),
         evaluations=int(estimate.evaluations),
         observe_ms=float(estimate.timings.observe_ms),
@@ -99,6 +103,9 @@ def estimate_of(message: Any) -> TrackEstimate:
     """
     n = len(message.values)
     reports = zip(message.cameras, message.camera_stamps, message.camera_residuals_px, message.camera_samples, strict=True)
+    limbs: Any = ()
+    if hasattr(message, "limbs"):  # bags of version 0.1 have none
+        limbs = zip(message.limbs, message.limb_status, message.limb_reasons, message.limb_lost_probability, strict=True)
     return TrackEstimate(
         stamp_ns=stamp_ns_of(message.header.stamp),
         status=Status(int(message.status)),
@@ -112,6 +119,7 @@ def estimate_of(message: Any) -> TrackEstimate:
         iterations=int(message.iterations),
         evaluations=int(message.evaluations),
         timings=Timings(float(message.observe_ms), float(message.optimize_ms), float(message.total_ms)),
+        limbs=tuple(LimbReport(name, LimbStatus(int(status)), reason, float(p)) for name, status, reason, p in limbs),
     )
 
 

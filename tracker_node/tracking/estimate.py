@@ -7,7 +7,8 @@ from enum import IntEnum
 
 import numpy as np
 
-from ..model.configuration import State
+from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import Configuration, State
 
 
 class Status(IntEnum):
@@ -17,6 +18,25 @@ class Status(IntEnum):
     TRACKING = 1
     DEGRADED = 2
     LOST = 3
+
+
+class LimbStatus(IntEnum):
+    """Of one limb; same numbers as tracker_msgs/TrackedState. UNSEEN: hidden, or out of the images; its place is a guess."""
+
+    UNSEEN = 0
+    TRACKING = 1
+    DEGRADED = 2
+    LOST = 3
+
+
+@dataclass(frozen=True)
+class LimbReport:
+    """How far one limb can be trusted; ``probability`` is that its end is not where the state says, ``reason`` for people."""
+
+    name: str
+    status: LimbStatus
+    reason: str
+    probability: float
 
 
 @dataclass(frozen=True)
@@ -47,7 +67,8 @@ class TrackEstimate:
 
     ``velocity`` (n_dof,) per second and ``covariance`` (n_dof, n_dof) are in the tangent of `model.configuration.State`
     (metres, radians). ``score`` is the robust cost (px^2) at the solution, ``residual_px`` the rms distance of the contour
-    samples over all cameras.
+    samples over all cameras. ``limbs`` is empty where the engine does not judge them: the trunk comes first, then the branches of
+    the kinematic tree.
     """
 
     stamp_ns: int
@@ -62,3 +83,9 @@ class TrackEstimate:
     iterations: int
     evaluations: int
     timings: Timings
+    limbs: tuple[LimbReport, ...] = ()
+
+    def landmark_covariances(self, model: ArticulatedModel) -> np.ndarray:
+        """(n_landmarks, 3, 3), m^2 in world axes: the covariance of the state carried to every landmark of ``model``."""
+        J = Configuration(model, self.state).landmark_jacobian()
+        return J @ self.covariance @ np.swapaxes(J, 1, 2)

@@ -40,7 +40,7 @@ def test_tracked_state_there_and_back(model):
     assert np.array_equal(np.array(message.values), estimate.state.to_values())  # bit for bit
     back = estimate_of(message)
     names = ("stamp_ns", "status", "status_reason", "score", "residual_px", "cameras", "iterations", "evaluations", "timings")
-    for name in names:
+    for name in (*names, "limbs"):
         assert getattr(back, name) == getattr(estimate, name)
     assert np.array_equal(back.covariance, estimate.covariance) and np.array_equal(back.velocity, estimate.velocity)
     assert np.allclose(back.state.T_world_root, estimate.state.T_world_root, atol=1e-12)

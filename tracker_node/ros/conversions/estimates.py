@@ -13,7 +13,7 @@ from ...errors import TrackerError, UnknownNameError
 from ...geometry import quaternion, se3
 from ...model.articulated_model import ArticulatedModel
 from ...model.configuration import State
-from ...tracking.estimate import CameraReport, Status, Timings, TrackEstimate
+from ...tracking.estimate import CameraReport, LimbReport, LimbStatus, Status, Timings, TrackEstimate
 from .stamps import stamp_message, stamp_ns_of
 
 
@@ -84,6 +84,10 @@ def tracked_state_message(estimate: TrackEstimate, model: ArticulatedModel, fram
     message.camera_stamps = [stamp_message(report.stamp_ns) for report in estimate.cameras]
     message.camera_residuals_px = array.array("d", [float(report.residual_px) for report in estimate.cameras])
     message.camera_samples = array.array("I", [int(report.samples) for report in estimate.cameras])
+    message.limbs = [limb.name for limb in estimate.limbs]
+    message.limb_status = array.array("B", [int(limb.status) for limb in estimate.limbs])
+    message.limb_lost_probability = array.array("d", [float(limb.probability) for limb in estimate.limbs])
+    message.limb_reasons = [limb.reason for limb in estimate.limbs]
     return message
 
 
@@ -108,6 +112,12 @@ def estimate_of(message: TrackedState) -> TrackEstimate:
         iterations=message.iterations,
         evaluations=message.evaluations,
         timings=Timings(message.observe_ms, message.optimize_ms, message.total_ms),
+        limbs=tuple(
+            LimbReport(name, LimbStatus(status), reason, probability)
+            for name, status, reason, probability in zip(
+                message.limbs, message.limb_status, message.limb_reasons, message.limb_lost_probability, strict=True
+            )
+        ),
     )
 
 
