@@ -1,0 +1,93 @@
+"""Whether errors are as large as covariances say: the normalized estimation error squared (NEES).
+
+For an error e of n numbers with covariance P, NEES = e^T P^-1 e has the mean n. Averages of it have bounds on both sides: above
+them a tracker is too sure of itself, below them it asks for more caution than there is need for (Bar-Shalom, Li & Kirubarajan,
+Estimation with Applications to Tracking and Navigation, 2001, sec. 5.4).
+
+The errors of neighboring image sets are not independent: an error that lasts is not 30 errors. The average over a run of T sets
+then varies more than that of T draws. With white errors w = L^-1 e (P = L L^T) that are Gaussian and stationary, with
+autocorrelation r_d(k) in direction d, its variance is
+
+    2 / T^2 * sum over d, s, t of r_d(|s - t|)^2
+
+(Isserlis), which is 2 n / T_eff with T_eff <= T. Bounds of a run are those of a chi-square variable with n T_eff degrees of
+freedom, divided by T_eff. T_eff is measured on other runs than those judged.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+CONFIDENCE = 0.95
+
+
+def nees(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
+    """(...) of errors (..., n) with covariances (..., n, n)."""
+    return (whitened(errors, covariances) ** 2).sum(axis=-1)
+
+
+def whitened(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
+    """(..., n) L^-1 e with P = L L^T: unit covariance, where P is right."""
+    return np.linalg.solve(np.linalg.cholesky(covariances), errors[..., None])[..., 0]
+
+
+def effective_sets(white: np.ndarray) -> float:
+    """T_eff of runs (n_runs, T, n) of white errors: as many independent sets would average as well as T of these do.
+
+    Autocorrelations are about zero, not about the mean of a run: an error that stays the same throughout a run counts as one.
+    """
+    n_sets, n = white.shape[1:]
+    power = (white**2).mean(axis=(0, 1))
+    total = float(n * n_sets)  # lag 0
+    for lag in range(1, n_sets):
+        products = (white[:, lag:] * white[:, :-lag]).mean(axis=(0, 1))
+        total += 2.0 * (n_sets - lag) * float(((products / power) ** 2).sum())
+    return n * n_sets**2 / total
+
+
+def mean_bounds(n: int, n_sets: float) -> tuple[float, float]:
+    """Within which the mean of ``n_sets`` independent NEES of ``n`` numbers lies in `CONFIDENCE` of all cases."""
+    tail = 0.5 * (1.0 - CONFIDENCE)
+    low, high = chi2.ppf([tail, 1.0 - tail], n * n_sets) / n_sets
+    return float(low), float(high)
+
+
+@dataclass(frozen=True, eq=False)
+class Consistency:
+    """NEES (n_runs, T) of ``n`` numbers, judged with ``effective_sets`` independent sets a run."""
+
+    nees: np.ndarray
+    n: int
+    effective_sets: float
+
+    @property
+    def mean(self) -> float:
+        """Over all, divided by n: 1 where covariances are right."""
+        return float(self.nees.mean()) / self.n
+
+    @property
+    def runs_in_bounds(self) -> float:
+        """Share of the runs whose mean lies within its bounds, both of them."""
+        return _share_within(self.nees.mean(axis=1), mean_bounds(self.n, self.effective_sets))
+
+    @property
+    def runs_in_independent_bounds(self) -> float:
+        """The same as if the errors of all sets were independent: bounds that are too narrow."""
+        return _share_within(self.nees.mean(axis=1), mean_bounds(self.n, self.nees.shape[1]))
+
+    @property
+    def sets_in_bounds(self) -> float:
+        """Share of the instants at which the mean over the runs, which are independent, lies within its bounds."""
+        return _share_within(self.nees.mean(axis=0), mean_bounds(self.n, self.nees.shape[0]))
+
+
+def _share_within(values: np.ndarray, bounds: tuple[float, float]) -> float:
+    return float(((values >= bounds[0]) & (values <= bounds[1])).mean())
+
+
+def consistency(errors: np.ndarray, covariances: np.ndarray, effective: float) -> Consistency:
+    """Of errors (n_runs, T, n) with covariances (n_runs, T, n, n); ``effective``: `effective_sets` of other runs."""
+    return Consistency(nees(errors, covariances), errors.shape[-1], effective)
