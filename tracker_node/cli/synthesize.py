@@ -17,10 +17,10 @@ EXAMPLE = (
     "  tracker_node track_offline --rig out/synthetic/swing/rig.yaml --model out/synthetic/swing/person.yaml"
     " --initial-state out/synthetic/swing/state.yaml --output out/swing"
 )
-SUBJECTS = ("mannequin", "model")
+SUBJECTS = ("mannequin", "model", "figure")
 COLORS = ("clothes", "parts")
 WAVES = "waves"
-DEFAULT_IMAGES = 60  # of motions that have no end
+DEFAULT_IMAGES, FIGURE_IMAGES = 60, 100  # of motions that have no end
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--subject",
         choices=SUBJECTS,
         default="mannequin",
-        help="mannequin: a body that is not the tracker's; model: the tracker's own",
+        help="mannequin: a body that is not the tracker's; model: the tracker's own; figure: ten cones in fast motion",
     )
     parser.add_argument(
         "--motion",
@@ -78,6 +78,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--blur", type=float, default=scene.blur_px, metavar="PX", help="of the optics (default: %(default)s)")
     parser.add_argument("--no-distortion", action="store_true", help="lenses without distortion")
     parser.add_argument("--no-shadow", action="store_true", help="the subject casts no shadow")
+    parser.add_argument(
+        "--surroundings", choices=("room", "clutter"), default=scene.surroundings, help="clutter: strongly colored patterns"
+    )
+    parser.add_argument("--no-plates", action="store_true", help="the empty room is not recorded")
+    parser.add_argument("--lossless", action="store_true", help="images as PNG rather than JPEG")
     parser.add_argument("--seed", type=int, default=scene.seed, help="of noise and rig (default: %(default)s)")
     parser.add_argument("--force", action="store_true", help="render again even if the folder holds this very recording")
 
@@ -121,7 +126,8 @@ def _scene(args: argparse.Namespace) -> SceneConfig:
             raise FileFormatError("command line", name, f"a number of at least {low}", value)
     scene = SceneConfig(
         n_cameras=args.cameras, width=width, height=height, noise_levels=args.noise, blur_px=args.blur,
-        shadow=not args.no_shadow, seed=args.seed,
+        shadow=not args.no_shadow, seed=args.seed, surroundings=args.surroundings, plates=not args.no_plates,
+        lossless=args.lossless,
     )  # fmt: skip
     scene = replace(scene, focal_px=scene.focal_px * height / SceneConfig().height)
     return replace(scene, distortion=()) if args.no_distortion else scene
@@ -145,7 +151,8 @@ def produce(request: Request, folder: str | Path, force: bool = False, progress=
     from ..loaders.state_yaml import dump_state
     from ..synthesis.dataset import describe, is_recorded, record
 
-    sequence, body = _own_model(request) if request.subject == "model" else _mannequin(request)
+    make = {"mannequin": _mannequin, "model": _own_model, "figure": _figure}[request.subject]
+    sequence, body = make(request)
     folder = Path(folder)
     if not force and is_recorded(folder, describe(sequence, request.scene)) and (folder / "state.yaml").exists():
         return False
@@ -196,6 +203,15 @@ def _own_model(request: Request):
     else:
         states = _imitated(model, request)
     return model_sequence(model, states, request.rate_hz), lambda folder: (model, states[0])
+
+
+def _figure(request: Request):
+    """As `_own_model`, of the figure of ten cones in its own motion."""
+    from ..synthesis.figure import figure_model, figure_motion
+    from ..synthesis.sequences import model_sequence
+
+    model, states = figure_model(), figure_motion(request.rate_hz, request.n_images or FIGURE_IMAGES)
+    return model_sequence(model, states, request.rate_hz, "figure"), lambda folder: (model, states[0])
 
 
 def _imitated(model, request: Request) -> list:

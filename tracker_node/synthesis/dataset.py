@@ -3,8 +3,9 @@
 =====================  ==========================================================================================
 ``rig.yaml``           cameras; sources and plates relative to the folder
 ``cam01/000000.jpg``   images of each camera (JPEG of quality 95 without chroma subsampling, or PNG)
-``plates/cam01.png``   mean of the empty images; ``plates/cam01/00.jpg``...: those images, each with its own noise
+``plates/cam01.png``   mean of the empty images; ``plates/cam01/00.jpg``...: those images, each with its own noise (optional)
 ``truth.csv``          joint centres, in the format of joints.csv
+``true_states.csv``    states, in the format of states.csv, of a subject that has them
 ``static.trc``         joint centres in a T-pose, in landmark names (scales the tracker's model to the subject)
 ``synthetic.json``     how it was made; written last
 =====================  ==========================================================================================
@@ -26,8 +27,9 @@ from .. import __version__
 from ..camera.camera_rig import CameraRig
 from ..errors import SourceError
 from ..loaders.rig_yaml import rig_file_of, write_rig_file
-from ..loaders.trajectory_file import JointsWriter
+from ..loaders.trajectory_file import JointsWriter, StateRow, StateTrajectory, write_states
 from ..loaders.trc import MarkerTrajectories, dump_trc
+from ..model.configuration import State
 from .rasterizer import ColoredMesh
 from .scenes import SceneConfig, Studio, make_rig
 
@@ -56,6 +58,7 @@ class Sequence:
     n_images : their number.
     rate_hz : image sets per second.
     static_landmarks : (m, 3) landmarks in a T-pose, or None.
+    states : of a subject that is the tracker's model, one per image set, with their ``dof_names``; or None.
     parameters : what else decides the content, for `describe`; plain values.
     """
 
@@ -65,12 +68,13 @@ class Sequence:
     n_images: int
     rate_hz: float = 30.0
     static_landmarks: np.ndarray | None = None
+    states: tuple[State, ...] | None = None
+    dof_names: tuple[str, ...] = ()
     parameters: dict = field(default_factory=dict)
 
 
 def record(
-    sequence: Sequence, scene: SceneConfig, folder: str | Path, progress: Callable[[int, int], None] = lambda i, n: None,
-    suffix: str = ".jpg",
+    sequence: Sequence, scene: SceneConfig, folder: str | Path, progress: Callable[[int, int], None] = lambda i, n: None
 ) -> CameraRig:  # fmt: skip
     """Render a sequence into ``folder`` and return its rig. ``progress(done, total)`` is called after every image set.
 
@@ -87,13 +91,18 @@ def record(
     for camera in rig:
         _clear(folder / camera.name)
     with Studio(rig, scene) as studio, JointsWriter(folder / "truth.csv", sequence.landmark_names) as truth:
-        _write_plates(studio, folder / "plates")
+        if scene.plates:
+            _write_plates(studio, folder / "plates")
+        suffix = ".png" if scene.lossless else ".jpg"
         for i, instant in enumerate(sequence.instants):
             for camera, image in zip(rig, studio.images(instant.mesh, i), strict=True):
                 _write(folder / camera.name / f"{i:06d}{suffix}", image)
             truth.append(round(i * 1e9 / sequence.rate_hz), instant.landmarks)
             progress(i + 1, sequence.n_images)
-    _write_rig(rig, folder)
+    _write_rig(rig, folder, scene.plates)
+    (folder / "true_states.csv").unlink(missing_ok=True)
+    if sequence.states is not None:
+        _write_states(sequence, folder / "true_states.csv")
     if sequence.static_landmarks is not None:
         _write_static(sequence, folder / "static.trc")
     text = json.dumps(describe(sequence, scene), indent=2)
@@ -151,12 +160,21 @@ def _write_plates(studio: Studio, folder: Path) -> None:
         _write(folder / f"{camera.name}.png", mean)
 
 
-def _write_rig(rig: CameraRig, folder: Path) -> None:
+def _write_rig(rig: CameraRig, folder: Path, plates: bool) -> None:
     rig_file = rig_file_of(rig)
     cameras = {
-        name: entry.model_copy(update={"source": name, "plate": f"plates/{name}.png"}) for name, entry in rig_file.cameras.items()
+        name: entry.model_copy(update={"source": name, "plate": f"plates/{name}.png" if plates else entry.plate})
+        for name, entry in rig_file.cameras.items()
     }
     write_rig_file(rig_file.model_copy(update={"cameras": cameras}), folder / "rig.yaml")
+
+
+def _write_states(sequence: Sequence, path: Path) -> None:
+    rows = (
+        StateRow(round(i * 1e9 / sequence.rate_hz), "TRACKING", "truth", state.to_values())
+        for i, state in enumerate(sequence.states or ())
+    )
+    write_states(path, StateTrajectory(sequence.dof_names, tuple(rows)))
 
 
 def _write_static(sequence: Sequence, path: Path) -> None:

@@ -18,12 +18,12 @@ def meshes(seed: int) -> list[TexturedMesh]:
     rng = np.random.default_rng([seed, 7])
     s, h = HALF_SIZE, HEIGHT
     corners = [(-s, -s), (s, -s), (s, s), (-s, s)]
-    result = [_quad([(-s, -s, 0), (s, -s, 0), (s, s, 0), (-s, s, 0)], _planks(rng))]
-    result.append(_quad([(-s, s, h), (s, s, h), (s, -s, h), (-s, -s, h)], _plaster(rng, (236, 234, 228), 128)))
+    result = [quad([(-s, -s, 0), (s, -s, 0), (s, s, 0), (-s, s, 0)], _planks(rng))]
+    result.append(quad([(-s, s, h), (s, s, h), (s, -s, h), (-s, -s, h)], _plaster(rng, (236, 234, 228), 128)))
     tints = [(206, 200, 186), (190, 200, 204), (214, 206, 196), (196, 202, 190)]
     for i in range(4):
         (xa, ya), (xb, yb) = corners[i], corners[(i + 1) % 4]
-        result.append(_quad([(xb, yb, 0), (xa, ya, 0), (xa, ya, h), (xb, yb, h)], _wall(rng, tints[i], i)))
+        result.append(quad([(xb, yb, 0), (xa, ya, 0), (xa, ya, h), (xb, yb, h)], _wall(rng, tints[i], i)))
     for center, size, tint in _FURNITURE:
         result.extend(_box(np.array(center), np.array(size), _wood(rng, tint)))
     return result
@@ -42,7 +42,8 @@ _FURNITURE = (
 )
 
 
-def _quad(corners, texture: np.ndarray) -> TexturedMesh:
+def quad(corners, texture: np.ndarray) -> TexturedMesh:
+    """A rectangle with a texture, by its ``corners`` from the lower left one on."""
     uv = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
     return TexturedMesh(np.array(corners, dtype=float), np.array([[0, 1, 2], [0, 2, 3]]), uv, texture)
 
@@ -57,7 +58,7 @@ def _box(base: np.ndarray, size: np.ndarray, texture: np.ndarray) -> list[Textur
         [(x0, y1, z0), (x0, y0, z0), (x0, y0, z1), (x0, y1, z1)],
         [(x0, y0, z1), (x1, y0, z1), (x1, y1, z1), (x0, y1, z1)],
     ]
-    return [_quad(side, texture) for side in sides]
+    return [quad(side, texture) for side in sides]
 
 
 def _cloud(rng: np.random.Generator, size: int, scale: int) -> np.ndarray:

@@ -9,14 +9,17 @@ import numpy as np
 
 from ..camera.camera_model import CameraModel
 from ..camera.camera_rig import Camera, CameraRig
+from ..errors import UnknownNameError
 from ..geometry import se3
-from . import room
+from . import clutter, room
 from .rasterizer import ColoredMesh, Pinhole, Rasterizer, light_coordinates
 
 _SHADOW_HALF_SIZE = 3.2  # metres about the middle of the floor that the shadow map covers
 _SHADOW_PIXELS = 512
 _SHADOW_DEPTH = 0.34  # share of the light that is lost in the full shadow
 _PLATE_SUPERSAMPLING = 2
+
+SURROUNDINGS = {"room": room.meshes, "clutter": clutter.meshes}
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,9 @@ class SceneConfig:
     noise_levels : standard deviation of the sensor noise at middle grey, grey levels.
     blur_px : standard deviation of the optics' blur.
     shadow : whether the subject casts one.
+    surroundings : of `SURROUNDINGS`.
+    plates : whether the empty room is recorded too.
+    lossless : whether images are written as PNG, or as JPEG of high quality.
     seed : of the noise and of the small irregularities of the rig.
     """
 
@@ -46,6 +52,13 @@ class SceneConfig:
     blur_px: float = 0.5
     shadow: bool = True
     seed: int = 1
+    surroundings: str = "room"
+    plates: bool = True
+    lossless: bool = False
+
+    def __post_init__(self):
+        if self.surroundings not in SURROUNDINGS:
+            raise UnknownNameError("surroundings", self.surroundings, list(SURROUNDINGS))
 
 
 def make_rig(config: SceneConfig) -> CameraRig:
@@ -123,7 +136,7 @@ class Studio:
         self.rig, self.config = rig, config
         self._rasterizer = Rasterizer()
         self.imaging = [CameraImaging(camera, config) for camera in rig]
-        self._rasterizer.show(*room.meshes(config.seed))
+        self._rasterizer.show(*SURROUNDINGS[config.surroundings](config.seed))
         self._plates, self._shadow_maps = [], []
         for imaging in self.imaging:
             plate, points = self._plate(imaging.pinhole)
@@ -157,14 +170,22 @@ class Studio:
 
     def images(self, subject: ColoredMesh, image_number: int) -> list[np.ndarray]:
         """BGR images (h, w, 3) uint8 of the subject in the room by every camera, at one instant."""
+        return self.exposed(self.views(subject), image_number)
+
+    def exposed(self, views: list[np.ndarray], image_number: int) -> list[np.ndarray]:
+        """Images of ``views``; another noise for every ``image_number``."""
+        return [self.imaging[i].expose(view, self._rng(i, image_number)) for i, view in enumerate(views)]
+
+    def views(self, subject: ColoredMesh) -> list[np.ndarray]:
+        """What every camera's `CameraImaging.pinhole` sees of the subject in the room: float32 RGB."""
         self._rasterizer.show(subject)
         shadow = None
         if self.config.shadow:
             cover = self._rasterizer.render_from_light(np.zeros(3), _SHADOW_HALF_SIZE, _SHADOW_PIXELS)
             shadow = cv2.GaussianBlur(cover, (0, 0), 3.0)
-        return [self._image(i, subject, shadow, image_number) for i in range(len(self.rig))]
+        return [self._view(i, subject, shadow) for i in range(len(self.rig))]
 
-    def _image(self, index: int, subject: ColoredMesh, shadow: np.ndarray | None, image_number: int) -> np.ndarray:
+    def _view(self, index: int, subject: ColoredMesh, shadow: np.ndarray | None) -> np.ndarray:
         imaging = self.imaging[index]
         view = self._plates[index]
         if shadow is not None:
@@ -176,7 +197,7 @@ class Studio:
         color, _, window = self._rasterizer.render_region(imaging.pinhole, subject.vertices)
         color = color.astype(np.float32)
         view[window] = color[:, :, :3] + (1.0 - color[:, :, 3:] / 255.0) * view[window]
-        return imaging.expose(view, self._rng(index, image_number))
+        return view
 
     def _rng(self, index: int, image_number: int) -> np.random.Generator:
         return np.random.default_rng([self.config.seed, index, image_number + 1_000_000])

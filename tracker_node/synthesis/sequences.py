@@ -46,7 +46,10 @@ def model_sequence(model: ArticulatedModel, states: Iterable[State], rate_hz: fl
 
     rest = subject.mesh(Configuration(model, State.neutral(model)))
     content = digest(rest.vertices, rest.colors_rgb, *(state.to_values() for state in states))
-    return Sequence(name, model.landmark_names, instants(), len(states), rate_hz, parameters={"motion": content})
+    return Sequence(
+        name, model.landmark_names, instants(), len(states), rate_hz,
+        states=tuple(states), dof_names=model.chain.dof_names, parameters={"motion": content},
+    )  # fmt: skip
 
 
 def digest(*arrays: np.ndarray) -> str:
