@@ -79,7 +79,7 @@ def _joint(joint: Joint, scale: LinkScale) -> Joint:
 def _shape(shape: Shape, scale: LinkScale) -> Shape:
     # Length of each of the shape's unit axes after the stretch of the link
     factors = np.linalg.norm(np.array(scale.sizes)[:, None] * shape.T_link_shape[:3, :3], axis=0)
-    return replace(shape, primitive=_primitive(shape.primitive, factors), T_link_shape=_moved(shape.T_link_shape, scale))
+    return replace(shape, primitive=scaled_primitive(shape.primitive, factors), T_link_shape=_moved(shape.T_link_shape, scale))
 
 
 def _landmark(landmark: Landmark, scale: LinkScale) -> Landmark:
@@ -87,7 +87,8 @@ def _landmark(landmark: Landmark, scale: LinkScale) -> Landmark:
     return replace(landmark, position=(float(x), float(y), float(z)))
 
 
-def _primitive(primitive: Primitive, factors: np.ndarray) -> Primitive:
+def scaled_primitive(primitive: Primitive, factors: np.ndarray) -> Primitive:
+    """A shape stretched along its own axes by ``factors`` (3,); it stays what it is."""
     x, y, z = (float(factor) for factor in factors)
     if isinstance(primitive, TruncatedCone):
         return TruncatedCone(primitive.a * x, primitive.b * y, primitive.k / z, primitive.z1 * z, primitive.z2 * z)
