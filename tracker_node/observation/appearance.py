@@ -32,7 +32,7 @@ def _bin(b, g, r):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _count_colors(bgr, labels, around, body_counts, scene_counts):
+def count_colors(bgr, labels, around, body_counts, scene_counts):
     for i in range(bgr.shape[0]):
         for j in range(bgr.shape[1]):
             index = _bin(bgr[i, j, 0], bgr[i, j, 1], bgr[i, j, 2])
@@ -43,7 +43,7 @@ def _count_colors(bgr, labels, around, body_counts, scene_counts):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _spread(density, out):
+def spread_counts(density, out):
     """Add a histogram to ``out``, shared with neighbouring bins: colors drift with light, and counts are sparse."""
     for b in range(BINS):
         for g in range(BINS):
@@ -78,18 +78,18 @@ class ColorModel:
         if n_parts > len(self._parts):
             self._parts = np.concatenate([self._parts, np.zeros((n_parts - len(self._parts), BINS**3), dtype=np.float32)])
         parts, scene = np.zeros_like(self._parts), np.zeros_like(self._scene)
-        _count_colors(bgr, labels, around, parts, scene)
+        count_colors(bgr, labels, around, parts, scene)
         for part in range(n_parts):
             self._parts[part] = _mixed(self._parts[part], parts[part], rate)
         self._scene = _mixed(self._scene, scene, rate)
         densest, spread = np.zeros(BINS**3, dtype=np.float32), np.empty(BINS**3, dtype=np.float32)
         for part in range(n_parts):
             spread[:] = 0.0
-            _spread(self._parts[part], spread)
+            spread_counts(self._parts[part], spread)
             np.maximum(densest, spread, out=densest)
         self.log_body = _log_density(densest)
         spread[:] = 0.0
-        _spread(self._scene, spread)
+        spread_counts(self._scene, spread)
         self.log_scene = _log_density(spread)
 
 

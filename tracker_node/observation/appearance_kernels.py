@@ -19,7 +19,7 @@ _SEEN = np.uint8(1)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _log(x):
+def log_positive(x):
     """Natural logarithm of a positive, normal float32, to 3e-6: exponent, and the artanh series of the mantissa."""
     bits = np.float32(x).view(np.int32)
     exponent = np.float32((bits >> np.int32(23)) - np.int32(127))
@@ -37,7 +37,7 @@ def _scene_row(bgr, mean, variance, darkest, log_shadow, out):
         b = np.uint64(3) * j
         x, y, z = np.float32(bgr[b]), np.float32(bgr[b + _G]), np.float32(bgr[b + _R])
         mx, my, mz = mean[b], mean[b + _G], mean[b + _R]
-        half_precision, log_variance = _HALF / variance[j], _log(variance[j])
+        half_precision, log_variance = _HALF / variance[j], log_positive(variance[j])
         dx, dy, dz = x - mx, y - my, z - mz
         lit = _LOG_GAUSS - np.float32(1.5) * log_variance - half_precision * (dx * dx + dy * dy + dz * dz)
         # A shadow: free to be anywhere along the line to black, so its density is that of the two axes across it

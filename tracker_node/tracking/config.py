@@ -33,6 +33,11 @@ class SynchronizerConfig:
 class EvidenceConfig:
     """From images to silhouettes, edges and distances."""
 
+    kind: str = parameter(
+        "chamfer",
+        "chamfer: distances to silhouettes and edges; region: where along the contour's normals the colors change; both: their sum",
+        choices=("chamfer", "region", "both"),
+    )  # fmt: skip
     silhouette: str = parameter(
         "both", "plate: the images of the empty scene alone; both: them (or what shows around the body) and colors",
         choices=("plate", "both"),
@@ -65,6 +70,30 @@ class EvidenceConfig:
 
 
 @dataclass(frozen=True)
+class RegionConfig:
+    """Correspondence lines, and the colors they go by (`evidence.kind: region` or `both`)."""
+
+    samples_per_line: int = parameter(20, "contour samples per generator line", "", 2, 1000)
+    half_length: int = parameter(8, "places on either side of the contour where it may be, per scale", "", 2, 20)
+    scales: str = parameter("4 2 1", "pixels from place to place on the lines, from coarse to fine, in each image set")
+    first_scales: str = parameter("6 4 3 2 2 1 1", "the same on the first image set after a start or a reset")
+    updates: int = parameter(2, "Gauss-Newton steps on the lines of one scale", "", 1, 100)
+    clamp: float = parameter(2.0, "log-likelihood ratio of a pixel's color is not believed beyond this", "1", 0.1, 20)
+    sharpness: float = parameter(1.0, "share of a line's pixels that are independent of their neighbours", "1", 0.01, 10)
+    model_sigma_px: float = parameter(0.5, "how far the body's contour may be from the model's", "px", 0.0, 100)
+    robust_sigmas: float = parameter(3.0, "scale of the robust kernel, in standard deviations of a line", "1", 0.1, 1000)
+    correlation: float = parameter(4.0, "how many neighbouring lines share one error, for the covariance", "", 1, 1000)
+    color_rate: float = parameter(0.05, "share of the newest image in the color histograms", "1", 0, 1)
+    color_prior: float = parameter(
+        0.3, "share of the model's stated color in a part's, where the images bear it out; 0: learnt colors only", "1", 0, 1
+    )
+    learn_every: int = parameter(4, "image sets between two lessons of a camera; the cameras take turns", "", 1, 1000)
+    guard_px: int = parameter(4, "width around the fitted body that is not learnt as surroundings", "px", 0, 200)
+    around_px: int = parameter(40, "surroundings are what lies within this of the body", "px", 4, 1000)
+    close_px: float = parameter(2.5, "a contour that is found within this bears the body out", "px", 0.1, 1000)
+
+
+@dataclass(frozen=True)
 class OptimizerConfig:
     """Levenberg-Marquardt on the contour residuals."""
 
@@ -86,10 +115,23 @@ class OptimizerConfig:
 
 @dataclass(frozen=True)
 class MotionConfig:
-    """Prediction between image sets, and the priors that go with it."""
+    """Prediction between image sets, and the priors that go with it.
 
-    velocity_gain: float = parameter(0.8, "how fast the filtered velocity follows the measured one", "1", 0.0, 1.0)
-    velocity_decay: float = parameter(0.9, "share of the velocity of joint angles that is kept in the prediction", "1", 0.0, 1.0)
+    The noise is that of a white acceleration, the memory how long a velocity lasts: see `tracking.motion_dynamics`.
+    """
+
+    root_position_noise: float = parameter(2.0, "white acceleration of the root", "m/s^1.5", 1e-6, 1e6)
+    root_angle_noise: float = parameter(8.0, "white angular acceleration of the root", "rad/s^1.5", 1e-6, 1e6)
+    joint_noise: float = parameter(10.0, "white acceleration of joint angles", "rad/s^1.5", 1e-6, 1e6)
+    root_position_memory_s: float = parameter(0.5, "how long a velocity of the root lasts", "s", 1e-3, 1e3)
+    root_angle_memory_s: float = parameter(0.3, "how long an angular velocity of the root lasts", "s", 1e-3, 1e3)
+    joint_memory_s: float = parameter(0.2, "how long a velocity of a joint angle lasts", "s", 1e-3, 1e3)
+    velocity_gain: float = parameter(
+        0.8, "how fast the velocity follows the measured one, in engines that do not tell how sure they are", "1", 0.0, 1.0
+    )
+    velocity_decay: float = parameter(
+        0.9, "share of the velocity of joint angles that such engines keep in the prediction; of a lost body's velocity", "1", 0.0, 1.0
+    )
     stay_position: float = parameter(0.0, "pull to the predicted root position", "px^2/m^2", 0.0, 1e12)
     stay_angle: float = parameter(200.0, "pull to the predicted angles", "px^2/rad^2", 0.0, 1e12)
     neutral_angle: float = parameter(
@@ -182,6 +224,7 @@ class TrackerConfig:
     )
     synchronizer: SynchronizerConfig = field(default_factory=SynchronizerConfig)
     evidence: EvidenceConfig = field(default_factory=EvidenceConfig)
+    region: RegionConfig = field(default_factory=RegionConfig)
     optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
     status: StatusConfig = field(default_factory=StatusConfig)

@@ -19,6 +19,7 @@ from .contour_engine import ContourEngine
 from .engine import Engine, Verdict
 from .estimate import Status, Timings, TrackEstimate
 from .motion_model import MotionModel
+from .region_engine import RegionEngine
 from .workers import Workers
 
 
@@ -135,8 +136,10 @@ class Tracker:
 def _make_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, plates: Mapping) -> Engine:
     """Compiled code of engines that are not used is not loaded."""
     parallel = Workers(config.threads).map
-    if config.engine == "contour":
+    if config.engine == "contour" and config.evidence.kind == "chamfer":
         return ContourEngine(rig, model, config, plates, parallel)
+    if config.engine == "contour":
+        return RegionEngine(rig, model, config, parallel)
     if config.color.representation == "affine":
         from .texture_engine import TextureEngine
 

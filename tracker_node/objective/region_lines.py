@@ -1,0 +1,235 @@
+"""Correspondence lines: where, along the normal of a contour sample, the colors change from the body's to those beyond it.
+
+A line has pixels on both sides of its sample. For a contour that is ``d`` pixels farther out, the log-likelihood of their colors is,
+up to a constant, the sum of log(p_body / p_beyond) over the pixels inside; where the part is so narrow that the line reaches across
+it, over those between its two contours. All of them together are a distribution of d, of which mean and variance are kept (as in
+region-based trackers, e.g. Stoiber et al., 2020). With the state the sample moves by n . (pixel - pixel at first), the residual is that
+minus the mean.
+
+What lies beyond is the scene, or, for contours within the outline, the part behind or the scene.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+import numpy as np
+
+from ..camera.camera_model import project_point
+from ..observation.appearance_kernels import log_positive
+from ..render.contour import INNER, N_COLUMNS, P
+from ..render.contour_samples import (
+    BEYOND,
+    CLASS,
+    JACOBIAN,
+    LINK,
+    N_INFO_COLUMNS,
+    N_PIXEL_COLUMNS,
+    NU,
+    NV,
+    SHAPE,
+    U,
+    V,
+)
+
+# Columns of a line: point in the link's frame, pixel and normal of the sample when the line was drawn, how far out the contour is
+# (mean, px) and how sure that is (1/variance, px^-2), log-likelihood of a contour near there against none on the line
+POINT, LINE_U, LINE_V, LINE_NU, LINE_NV, MEAN, PRECISION, LOG_RATIO = 0, 3, 4, 5, 6, 7, 8, 9
+N_LINE_COLUMNS = 10
+# Indices of the options
+SCALE, HALF_LENGTH, CLAMP, SHARPNESS, MODEL_VARIANCE, ROBUST, CORRELATION = range(7)
+N_OPTIONS = 7
+# Indices of the statistics of one camera
+COST, SQUARES, WEIGHT, COUNT, N_SAMPLES = range(5)
+N_STATISTICS = 5
+
+_LONGEST = 96  # pixels of a line
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _width_px(T, bound, row, pixel, R):
+    """About how wide a part is across the line of a sample, pixels: twice the way from its middle at that height."""
+    # The axis z of the shape leads from its middle to the height of the sample; what is left is across
+    dx, dy, dz = row[P] - T[0, 3], row[P + 1] - T[1, 3], row[P + 2] - T[2, 3]
+    z = T[0, 2] * dx + T[1, 2] * dy + T[2, 2] * dz
+    ax, ay, az = dx - z * T[0, 2], dy - z * T[1, 2], dz - z * T[2, 2]
+    if bound[3] < 0.0:  # no axis of symmetry: from the middle of the bounding sphere
+        ax, ay, az = dx, dy, dz
+    cx = R[0, 0] * ax + R[0, 1] * ay + R[0, 2] * az
+    cy = R[1, 0] * ax + R[1, 1] * ay + R[1, 2] * az
+    cz = R[2, 0] * ax + R[2, 1] * ay + R[2, 2] * az
+    du = pixel[JACOBIAN] * cx + pixel[JACOBIAN + 1] * cy + pixel[JACOBIAN + 2] * cz
+    dv = pixel[JACOBIAN + 3] * cx + pixel[JACOBIAN + 4] * cy + pixel[JACOBIAN + 5] * cz
+    return 2.0 * abs(du * pixel[NU] + dv * pixel[NV])
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _read_line(bgr, body, beyond, scene, has_beyond, u, v, nu, nv, start, step, count, clamp, odds):
+    """Fill ``odds`` with the clamped log(p_body / p_beyond) of ``count`` pixels from ``start`` on; beyond the image it is zero."""
+    height, width = bgr.shape[0], bgr.shape[1]
+    for k in range(count):
+        t = start + k * step
+        i, j = int(math.floor(v + t * nv + 0.5)), int(math.floor(u + t * nu + 0.5))
+        value = np.float32(0.0)
+        if 0 <= i < height and 0 <= j < width:
+            color = (np.int64(bgr[i, j, 0] >> 4) * 16 + np.int64(bgr[i, j, 1] >> 4)) * 16 + np.int64(bgr[i, j, 2] >> 4)
+            other = scene[color]
+            if has_beyond:
+                other = np.float32(0.5) * (other + beyond[color])
+            value = log_positive(body[color] / other)
+            value = min(max(value, -clamp), clamp)
+        odds[k] = value
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _distribution(odds, n, half, width, sharpness, total, line):
+    """Mean and precision (in steps of the line) of the contour's offset, and the log-ratio, into ``line``.
+
+    ``odds`` (n,): pixel k lies (k + 0.5 - n/2) steps out; offsets are -half ... half. ``total`` (n + 1,) is filled with the running sum.
+    """
+    total[0] = 0.0
+    for k in range(n):
+        total[k + 1] = total[k] + odds[k]
+    middle = n // 2
+    narrow = width < middle - half  # the line reaches across the part wherever its contour may be
+    best = -1e30
+    for d in range(-half, half + 1):
+        value = total[middle + d] - (total[middle + d - width] if narrow else 0.0)
+        best = max(best, value)
+    mass, first, second, near = 0.0, 0.0, 0.0, 0.0
+    for d in range(-half, half + 1):
+        value = total[middle + d] - (total[middle + d - width] if narrow else 0.0)
+        p = math.exp(sharpness * (value - best))
+        mass += p
+        first += p * d
+        second += p * d * d
+    mean = first / mass
+    variance = max(second / mass - mean * mean, 0.0) + 1.0 / 12.0
+    uniform = half * (half + 1.0) / 3.0 + 1.0 / 12.0
+    # The limits of the line are a prior of their own, whose mean is zero: it is taken out again
+    precision = 1.0 / variance - 1.0 / uniform
+    if precision <= 0.02 / uniform:
+        line[MEAN], line[PRECISION], line[LOG_RATIO] = 0.0, 0.0, 0.0
+        return
+    mean = mean / (variance * precision)
+    line[MEAN] = min(max(mean, -float(half)), float(half))
+    line[PRECISION] = precision
+    none = 0.0 if narrow else max(total[middle - half], total[middle + half])
+    line[LOG_RATIO] = sharpness * (best - none)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def draw_lines(bgr, colors, classes, bounds, Ts_shape, Ts_link, R, rows, pixels, info, n, options, lines):
+    """Draw one line per contour sample and fit its distribution: fill ``lines`` (n, `N_LINE_COLUMNS`).
+
+    ``colors``: (body (n_classes, n_colors), scene (n_colors,)) densities; ``classes`` (n_shapes,). ``rows``, ``pixels`` and ``info`` are
+    of `contour_samples.collect_samples`. ``options[SCALE]``: pixels from one place on the line to the next.
+    """
+    body, scene = colors
+    scale, half, clamp = options[SCALE], int(options[HALF_LENGTH]), np.float32(options[CLAMP])
+    odds, total = np.empty(_LONGEST, dtype=np.float32), np.empty(_LONGEST + 1, dtype=np.float32)
+    for j in range(n):
+        row, pixel, line = rows[j], pixels[j], lines[j]
+        shape, link = info[j, SHAPE], info[j, LINK]
+        T = Ts_link[link]
+        x, y, z = row[P] - T[0, 3], row[P + 1] - T[1, 3], row[P + 2] - T[2, 3]
+        for i in range(3):
+            line[POINT + i] = T[0, i] * x + T[1, i] * y + T[2, i] * z
+        line[LINE_U], line[LINE_V], line[LINE_NU], line[LINE_NV] = pixel[U], pixel[V], pixel[NU], pixel[NV]
+        width = int(round(_width_px(Ts_shape[shape], bounds[shape], row, pixel, R) / scale))
+        width = max(width, 1)
+        inside = half + min(width, half) + 1  # steps on either side
+        count = 2 * inside
+        own, has_beyond = classes[shape], info[j, CLASS] == INNER and info[j, BEYOND] >= 0
+        other = classes[info[j, BEYOND]] if has_beyond else 0
+        _read_line(
+            bgr, body[own], body[other], scene, has_beyond, pixel[U], pixel[V], pixel[NU], pixel[NV],
+            (0.5 - inside) * scale, scale, count, clamp, odds,
+        )  # fmt: skip
+        _distribution(odds, count, half, width, options[SHARPNESS], total, line)
+        line[MEAN] *= scale
+        line[PRECISION] /= scale * scale
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def linearize_lines(lines, info, n, Ts_link, camera, options, normal, gradient, stats):
+    """Add one camera's lines, the body being where ``Ts_link`` says, to the normal matrices of its links.
+
+    Residuals are divided by their variance (that of the distribution and the model's own), robustly (Geman-McClure at
+    ``options[ROBUST]`` standard deviations), and count as one in ``options[CORRELATION]``. ``normal`` (n_links, 6, 6), upper triangles, and
+    ``gradient`` (n_links, 6) are added to; ``stats`` (`N_STATISTICS`,) is overwritten.
+    """
+    params, R, t, _ = camera
+    robust_sq, model_variance, share = options[ROBUST] ** 2, options[MODEL_VARIANCE], 1.0 / options[CORRELATION]
+    stats[:] = 0.0
+    stats[N_SAMPLES] = n
+    g = np.empty(6)
+    for j in range(n):
+        line = lines[j]
+        if line[PRECISION] <= 0.0:
+            continue
+        link = info[j, LINK]
+        T = Ts_link[link]
+        px = T[0, 0] * line[POINT] + T[0, 1] * line[POINT + 1] + T[0, 2] * line[POINT + 2] + T[0, 3]
+        py = T[1, 0] * line[POINT] + T[1, 1] * line[POINT + 1] + T[1, 2] * line[POINT + 2] + T[1, 3]
+        pz = T[2, 0] * line[POINT] + T[2, 1] * line[POINT + 1] + T[2, 2] * line[POINT + 2] + T[2, 3]
+        x = R[0, 0] * px + R[0, 1] * py + R[0, 2] * pz + t[0]
+        y = R[1, 0] * px + R[1, 1] * py + R[1, 2] * pz + t[1]
+        z = R[2, 0] * px + R[2, 1] * py + R[2, 2] * pz + t[2]
+        ok, u, v, ux, uy, uz, vx, vy, vz = project_point(params, x, y, z)
+        if not ok:
+            continue
+        nu, nv = line[LINE_NU], line[LINE_NV]
+        r = nu * (u - line[LINE_U]) + nv * (v - line[LINE_V]) - line[MEAN]
+        hx, hy, hz = nu * ux + nv * vx, nu * uy + nv * vy, nu * uz + nv * vz
+        h0 = R[0, 0] * hx + R[1, 0] * hy + R[2, 0] * hz
+        h1 = R[0, 1] * hx + R[1, 1] * hy + R[2, 1] * hz
+        h2 = R[0, 2] * hx + R[1, 2] * hy + R[2, 2] * hz
+        g[0], g[1], g[2] = h0, h1, h2
+        g[3], g[4], g[5] = py * h2 - pz * h1, pz * h0 - px * h2, px * h1 - py * h0
+        precision = 1.0 / (1.0 / line[PRECISION] + model_variance)
+        chi2 = r * r * precision
+        ratio = robust_sq / (robust_sq + chi2)
+        w = share * precision * ratio * ratio
+        for a in range(6):
+            wa = w * g[a]
+            gradient[link, a] += wa * r
+            for b in range(a, 6):
+                normal[link, a, b] += wa * g[b]
+        stats[COST] += share * ratio * chi2
+        weight = precision * ratio * ratio
+        stats[SQUARES] += weight * r * r
+        stats[WEIGHT] += weight
+        stats[COUNT] += 1.0
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def fill_lower(normal):
+    """Make the matrices symmetric whose upper triangles have been summed."""
+    for link in range(normal.shape[0]):
+        for a in range(6):
+            for b in range(a):
+                normal[link, a, b] = normal[link, b, a]
+
+
+def line_arrays(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Empty (rows, pixels, info, lines) for at most ``n`` samples."""
+    return (
+        np.zeros((n, N_COLUMNS)),
+        np.zeros((n, N_PIXEL_COLUMNS)),
+        np.zeros((n, N_INFO_COLUMNS), dtype=np.int32),
+        np.zeros((n, N_LINE_COLUMNS)),
+    )
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def line_residuals(points_cam, lines, params, residuals):
+    """Residuals (n,) in pixels of lines whose points are at ``points_cam`` (n, 3) in the camera's frame."""
+    for j in range(residuals.shape[0]):
+        ok, u, v, _, _, _, _, _, _ = project_point(params, points_cam[j, 0], points_cam[j, 1], points_cam[j, 2])
+        line = lines[j]
+        if ok:
+            residuals[j] = line[LINE_NU] * (u - line[LINE_U]) + line[LINE_NV] * (v - line[LINE_V]) - line[MEAN]
+        else:
+            residuals[j] = 1e6

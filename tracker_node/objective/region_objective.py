@@ -1,0 +1,216 @@
+"""Correspondence lines of all cameras as one least-squares objective over states, in information units."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..camera.camera_rig import Camera, CameraRig
+from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import Configuration, State
+from ..render.contour import OUTER, world_spheres
+from ..render.contour_samples import CLASS, SHAPE, collect_samples, most_samples
+from ..render.shape_arrays import ShapeArrays
+from . import region_lines as kernel
+from .contour_residual import assemble
+from .normal_equations import NormalEquations
+
+
+@dataclass(frozen=True)
+class RegionOptions:
+    """See the fields of the same names in the tracker's configuration."""
+
+    samples_per_line: int = 20
+    half_length: int = 8
+    outward_px: float = 3.0
+    clamp: float = 2.0
+    sharpness: float = 1.0
+    model_sigma_px: float = 0.5
+    robust_sigmas: float = 3.0
+    correlation: float = 1.0
+
+    def packed(self, scale: float) -> np.ndarray:
+        options = np.zeros(kernel.N_OPTIONS)
+        options[kernel.SCALE] = scale
+        options[kernel.HALF_LENGTH] = self.half_length
+        options[kernel.CLAMP] = self.clamp
+        options[kernel.SHARPNESS] = self.sharpness
+        options[kernel.MODEL_VARIANCE] = self.model_sigma_px**2 + (0.5 * scale) ** 2 / 3.0
+        options[kernel.ROBUST] = self.robust_sigmas
+        options[kernel.CORRELATION] = self.correlation
+        return options
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What one camera shows: BGR pixels (h, w, 3) uint8, and its color densities (body (n_classes, n_colors), scene)."""
+
+    bgr: np.ndarray
+    densities: tuple[np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class PartEvidence:
+    """How well contours are borne out, (n_cameras, n_shapes) each.
+
+    ``expected`` samples of the body's outline that the camera should see; ``found`` of them whose lines tell anything; ``close``
+    of those whose contour is within ``close_px``; ``chi2`` summed squared residuals over their variance; ``log_ratio`` summed
+    log-likelihood of a contour on the line against none.
+    """
+
+    expected: np.ndarray
+    found: np.ndarray
+    close: np.ndarray
+    chi2: np.ndarray
+    log_ratio: np.ndarray
+
+
+class LineSlot:
+    """One camera's constants and work arrays, reused from image set to image set."""
+
+    def __init__(self, camera: Camera, model: ArticulatedModel, capacity: int):
+        n_links = len(model.chain.links)
+        T = camera.T_cam_world
+        self.camera = (
+            camera.model.params,
+            np.ascontiguousarray(T[:3, :3]),
+            np.ascontiguousarray(T[:3, 3]),
+            np.ascontiguousarray(camera.center),
+        )
+        self.rows, self.pixels, self.info, self.lines = kernel.line_arrays(capacity)
+        self.n = 0
+        self.normal = np.zeros((n_links, 6, 6))
+        self.gradient = np.zeros((n_links, 6))
+        self.stats = np.zeros(kernel.N_STATISTICS)
+
+
+def _serial(function: Callable, items: list) -> list:
+    return [function(item) for item in items]
+
+
+class RegionObjective:
+    """Cost of a state against the correspondence lines of one image set.
+
+    Parameters
+    ----------
+    classes : (n_shapes,) color class of every shape.
+    offsets : for each camera the tangent (n_dof,) from the state to where the body is when that camera exposes, or None.
+
+    `correspond` draws the lines, `linearize` holds states against them. Sums run over the cameras in the order of the rig.
+    """
+
+    def __init__(
+        self,
+        rig: CameraRig,
+        model: ArticulatedModel,
+        arrays: ShapeArrays,
+        classes: np.ndarray,
+        options: RegionOptions,
+        parallel: Callable[[Callable, list], list] = _serial,
+    ):
+        self.model, self.arrays, self.classes, self.options = model, arrays, classes, options
+        self._map = parallel
+        capacity = most_samples(arrays.packed, options.samples_per_line)
+        self.slots = [LineSlot(camera, model, capacity) for camera in rig]
+        self.views: list[View | None] = [None] * len(rig)
+        self.offsets: list[np.ndarray | None] = [None] * len(rig)
+        self._packed = options.packed(1.0)
+
+    @property
+    def active(self) -> list[int]:
+        """Cameras that show something."""
+        return [i for i, view in enumerate(self.views) if view is not None]
+
+    def set_views(self, views: Sequence[View | None], offsets: Sequence[np.ndarray | None] | None = None) -> None:
+        """Go on with the images of another instant."""
+        self.views = list(views)
+        self.offsets = [None] * len(self.views) if offsets is None else list(offsets)
+        for slot in self.slots:
+            slot.n = 0
+
+    def correspond(self, state: State, scale: float) -> None:
+        """Draw the lines of the contours that are seen in ``state``; ``scale``: pixels from place to place on a line."""
+        self._packed = options = self.options.packed(scale)
+        poses = self._poses(state)
+
+        def run(i: int) -> None:
+            slot, view = self.slots[i], self.views[i]
+            assert view is not None
+            Ts_link, Ts_shape = poses[i].Ts_world_link, poses[i].Ts_world_shape
+            spheres = np.empty((len(Ts_shape), 4))
+            world_spheres(Ts_shape, self.arrays.bounds, spheres)
+            slot.n = collect_samples(
+                self.arrays.packed, Ts_shape, spheres, slot.camera, self.options.samples_per_line, self.options.outward_px,
+                slot.rows, slot.pixels, slot.info,
+            )  # fmt: skip
+            kernel.draw_lines(
+                view.bgr, view.densities, self.classes, self.arrays.bounds, Ts_shape, Ts_link, slot.camera[1],
+                slot.rows, slot.pixels, slot.info, slot.n, options, slot.lines,
+            )  # fmt: skip
+
+        self._map(run, self.active)
+
+    def linearize(self, state: State) -> NormalEquations:
+        """Normal equations of the lines at ``state``."""
+        poses = self._poses(state)
+        active = self.active
+        for i in active:
+            slot = self.slots[i]
+            slot.normal[:] = 0.0
+            slot.gradient[:] = 0.0
+            kernel.linearize_lines(
+                slot.lines, slot.info, slot.n, poses[i].Ts_world_link, slot.camera, self._packed,
+                slot.normal, slot.gradient, slot.stats,
+            )  # fmt: skip
+        chain = self.model.chain
+        H, g = np.empty((chain.n_dof, chain.n_dof)), np.empty(chain.n_dof)
+        normal, gradient = np.zeros((len(chain.links), 6, 6)), np.zeros((len(chain.links), 6))
+        cost, count = 0.0, 0
+        for i in active:
+            slot = self.slots[i]
+            kernel.fill_lower(slot.normal)
+            normal += slot.normal
+            gradient += slot.gradient
+            cost += float(slot.stats[kernel.COST])
+            count += int(slot.stats[kernel.COUNT])
+        assemble(normal, gradient, chain.link_moved_by, Configuration(self.model, state).twists, H, g)
+        return NormalEquations(H, g, cost, count)
+
+    def _poses(self, state: State) -> list[Configuration]:
+        """The body as each camera sees it."""
+        common = Configuration(self.model, state)
+        return [
+            common if offset is None else Configuration(self.model, state.retract(offset)) for offset in self.offsets
+        ]
+
+    def part_evidence(self, state: State, close_px: float) -> PartEvidence:
+        """How far the lines that were last drawn bear ``state`` out."""
+        shape = (len(self.slots), len(self.model.shapes))
+        evidence = PartEvidence(*(np.zeros(shape) for _ in range(5)))
+        poses = self._poses(state)
+        for i in self.active:
+            slot, n = self.slots[i], self.slots[i].n
+            outer = slot.info[:n, CLASS] == OUTER
+            shapes, lines = slot.info[:n, SHAPE][outer], slot.lines[:n][outer]
+            residual = self._residuals(i, poses[i])[outer]
+            told = lines[:, kernel.PRECISION] > 0.0
+            precision = np.where(told, 1.0 / (1.0 / np.maximum(lines[:, kernel.PRECISION], 1e-12) + self._packed[4]), 0.0)
+            np.add.at(evidence.expected[i], shapes, 1.0)
+            np.add.at(evidence.found[i], shapes, told)
+            np.add.at(evidence.close[i], shapes, told & (np.abs(residual) < close_px))
+            np.add.at(evidence.chi2[i], shapes, precision * residual**2)
+            np.add.at(evidence.log_ratio[i], shapes, lines[:, kernel.LOG_RATIO])
+        return evidence
+
+    def _residuals(self, camera: int, pose: Configuration) -> np.ndarray:
+        """(n,) pixels, of the lines of one camera."""
+        slot = self.slots[camera]
+        lines, links = slot.lines[: slot.n], slot.info[: slot.n, 1]
+        params, R, t, _ = slot.camera
+        T = pose.Ts_world_link[links]
+        points = np.einsum("nij,nj->ni", T[:, :3, :3], lines[:, :3]) + T[:, :3, 3]
+        residuals = np.zeros(slot.n)
+        kernel.line_residuals(points @ R.T + t, lines, params, residuals)
+        return residuals

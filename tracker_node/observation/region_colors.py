@@ -1,0 +1,133 @@
+"""What the parts of a body, and what surrounds it, look like in one camera: densities of color, for correspondence lines.
+
+Parts that look alike share one histogram (`color_classes`), so that a limb that is off does not spoil its color. What is learnt on
+line is mixed with the color that the model states, where the images bear that out: a model's colors may be for show only.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import cv2
+import numba as nb
+import numpy as np
+
+from ..model.articulated_model import ArticulatedModel
+from ..render.renderer import Region
+from .appearance import BINS, count_colors, spread_counts
+
+N_COLORS = BINS**3
+_BIN_WIDTH = 256 // BINS
+_UNIFORM = 1.0 / N_COLORS
+_MIX = 0.02  # a little of every color: none is impossible
+_LEAST_COUNT = 20.0  # pixels; fewer are not believed
+_SUPPORT = 0.1  # share of a part's pixels that a stated color must explain better than chance, to be believed
+_PRIOR_SIGMA = 14.0  # grey levels across, of a stated color
+_PRIOR_GAINS = np.linspace(0.45, 1.15, 15)  # how bright surfaces of that color may be, in light and shade
+
+
+def color_classes(model: ArticulatedModel) -> np.ndarray:
+    """(n_shapes,) class of every shape: left and right of a pair with the same stated color are one."""
+    keys = [(re.sub(r"(^|_)(left|right|l|r)(?=_|$)", r"\1", shape.name.lower()), tuple(shape.color_rgb)) for shape in model.shapes]
+    order = {key: i for i, key in enumerate(dict.fromkeys(keys))}
+    return np.array([order[key] for key in keys], dtype=np.int32)
+
+
+def stated_densities(model: ArticulatedModel, classes: np.ndarray) -> np.ndarray:
+    """(n_classes, `N_COLORS`) float32 densities per bin of the colors that the model states; zeros where it states none."""
+    result = np.zeros((int(classes.max(initial=-1)) + 1, N_COLORS), dtype=np.float32)
+    middle = (np.arange(BINS) + 0.5) * _BIN_WIDTH
+    b, g, r = np.meshgrid(middle, middle, middle, indexing="ij")
+    colors = np.stack([b.ravel(), g.ravel(), r.ravel()], axis=1)
+    for shape, kind in zip(model.shapes, classes, strict=True):
+        if not shape.has_color or result[kind].any():
+            continue
+        bgr = np.array(shape.color_rgb[::-1], dtype=np.float64)
+        shades = np.clip(_PRIOR_GAINS[:, None] * bgr, 0.0, 255.0)
+        squares = ((colors[:, None, :] - shades[None]) ** 2).sum(axis=2)
+        density = np.exp(-0.5 * squares / _PRIOR_SIGMA**2).sum(axis=1)
+        result[kind] = density / density.sum()
+    return result
+
+
+class RegionColors:
+    """Color densities of one camera.
+
+    Attributes
+    ----------
+    body : (n_classes, `N_COLORS`) float32, densities per bin of every class.
+    scene : (`N_COLORS`,) float32, of the surroundings.
+    """
+
+    def __init__(self, classes: np.ndarray, stated: np.ndarray, prior_share: float):
+        self._classes, self._stated, self._prior_share = classes, stated, prior_share
+        self._parts = np.zeros_like(stated)
+        self._around = np.zeros(N_COLORS, dtype=np.float32)
+        self._believed = np.zeros(len(stated), dtype=np.bool_)
+        self.body = np.full_like(stated, _UNIFORM)
+        self.scene = np.full(N_COLORS, _UNIFORM, dtype=np.float32)
+        self.knows = False
+
+    def learn(self, bgr: np.ndarray, region: Region, labels: np.ndarray, rate: float, guard_px: int, reach_px: int) -> None:
+        """Mix in the colors of one image, whose body shows as ``labels`` (1 + shape, 0 beside it) on ``region``.
+
+        Within ``guard_px`` of the outline nothing is learnt as body or as surroundings; surroundings are what lies within
+        ``reach_px`` of it.
+        """
+        u0, v0, u1, v1 = region
+        body = (labels > 0).view(np.uint8)
+        square = np.ones((2 * guard_px + 1, 2 * guard_px + 1), dtype=np.uint8)
+        inner = cv2.erode(body, np.ones((3, 3), dtype=np.uint8), borderValue=1)
+        near = cv2.dilate(body, np.ones((2 * reach_px + 1, 2 * reach_px + 1), dtype=np.uint8)).view(np.bool_)
+        around = near & (cv2.dilate(body, square) == 0)
+        labels = np.where(inner > 0, labels, 0).astype(np.uint8)
+        shapes, scene = np.zeros((len(self._classes), N_COLORS), dtype=np.float32), np.zeros(N_COLORS, dtype=np.float32)
+        count_colors(np.ascontiguousarray(bgr[v0:v1, u0:u1]), labels, around, shapes, scene)
+        counts = np.zeros_like(self._parts)
+        np.add.at(counts, self._classes, shapes)
+        for i, new in enumerate(counts):
+            self._parts[i] = _mixed(self._parts[i], new, rate)
+            if new.sum() >= _LEAST_COUNT and self._stated[i].any():
+                self._believed[i] = new[self._stated[i] > _UNIFORM].sum() > _SUPPORT * new.sum()
+        self._around = _mixed(self._around, scene, rate)
+        self._tabulate()
+
+    def _tabulate(self) -> None:
+        for i in range(len(self._parts)):
+            density = _smoothed(self._parts[i])
+            if self._believed[i]:
+                known = density.any()
+                share = self._prior_share if known else 1.0
+                density = (1.0 - share) * density + share * self._stated[i]
+            self.body[i] = _mixed_with_all(density)
+        self.scene = _mixed_with_all(_smoothed(self._around))
+        self.knows = True
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _smooth(density, out):
+    out[:] = 0.0
+    spread_counts(density, out)
+
+
+def _smoothed(density: np.ndarray) -> np.ndarray:
+    out = np.empty_like(density)
+    _smooth(density, out)
+    return out
+
+
+def _mixed_with_all(density: np.ndarray) -> np.ndarray:
+    if not density.any():
+        return np.full(N_COLORS, _UNIFORM, dtype=np.float32)
+    return ((1.0 - _MIX) * density + _MIX * _UNIFORM).astype(np.float32)
+
+
+def _mixed(old: np.ndarray, new: np.ndarray, rate: float) -> np.ndarray:
+    total = float(new.sum())
+    if total < _LEAST_COUNT:
+        return old
+    new = new / np.float32(total)
+    return new if not old.any() else ((1.0 - rate) * old + rate * new).astype(np.float32)
+
+

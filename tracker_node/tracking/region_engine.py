@@ -1,0 +1,169 @@
+"""The body by the colors on either side of its contours: correspondence lines, from coarse to fine; needs no empty scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from ..camera.camera_rig import CameraRig
+from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import Configuration, State
+from ..model.kinematic_chain import N_ROOT_DOF
+from ..objective import region_lines as kernel
+from ..objective.normal_equations import NormalEquations
+from ..objective.prior import Prior
+from ..objective.region_objective import PartEvidence, RegionObjective, RegionOptions, View
+from ..objective.sum_objective import SumObjective
+from ..observation.image_set import ImageSet
+from ..observation.region_colors import RegionColors, color_classes, stated_densities
+from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
+from ..optimize.result import OptimizerResult
+from ..render.raycaster import render_labels
+from ..render.shape_arrays import ShapeArrays
+from .config import TrackerConfig
+from .engine import Images, Report, Verdict
+from .estimate import CameraReport, Status
+
+
+class RegionEngine:
+    """The `Engine` of correspondence lines.
+
+    Parameters
+    ----------
+    rig, model, config : as for the `Tracker`.
+    parallel : maps a function over cameras.
+    """
+
+    def __init__(
+        self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, parallel: Callable[[Callable, list], list]
+    ):
+        self._rig, self._model, self._config, self._parallel = rig, model, config, parallel
+        region = config.region
+        self._classes = color_classes(model)
+        self._stated = stated_densities(model, self._classes)
+        options = RegionOptions(
+            samples_per_line=region.samples_per_line,
+            half_length=region.half_length,
+            clamp=region.clamp,
+            sharpness=region.sharpness,
+            model_sigma_px=region.model_sigma_px,
+            robust_sigmas=region.robust_sigmas,
+            correlation=region.correlation,
+        )
+        self._scales = _numbers(region.scales)
+        self._first_scales = _numbers(region.first_scales)
+        self._objective = RegionObjective(rig, model, ShapeArrays.from_model(model), self._classes, options, parallel)
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing is known but the colors that the model states."""
+        self._colors = [RegionColors(self._classes, self._stated, self._config.region.color_prior) for _ in self._rig]
+        self._count = 0
+        self._evidence: PartEvidence | None = None
+
+    def begin(self, images: Images, start: State) -> State:
+        """Learn colors, fit, and learn again: the first pose given is rarely exact."""
+        guard = self._config.region.guard_px
+        for guard_px in (4 * guard, 2 * guard, guard):
+            self._colors = [RegionColors(self._classes, self._stated, self._config.region.color_prior) for _ in self._rig]
+            self._learn(images, start, 1.0, guard_px)
+            if guard_px != guard:
+                self.observe(images, start)
+                start = self.fit(start, first=True).state
+        return start
+
+    def observe(self, images: Images, expected: State | None) -> None:
+        """Keep the images: lines are drawn where the fit needs them."""
+        self._objective.set_views(
+            [
+                None if image is None or expected is None or not colors.knows else View(image, (colors.body, colors.scene))
+                for image, colors in zip(images, self._colors, strict=True)
+            ]
+        )
+
+    def fit(self, start: State, first: bool, prior: Prior | None = None) -> OptimizerResult:
+        """A few Gauss-Newton steps on the lines of each scale."""
+        state, iterations, evaluations = start, 0, 0
+        whole = SumObjective([self._objective], priors=self._priors(start, prior))
+        options = LevenbergMarquardtOptions(max_iterations=self._config.region.updates, tolerance=1e-3)
+        result: OptimizerResult | None = None
+        for scale in self._first_scales if first else self._scales:
+            self._objective.correspond(state, scale)
+            result = minimize(whole, state, self._model.chain, options)
+            state, iterations = result.state, iterations + result.iterations
+            evaluations += result.evaluations
+        assert result is not None
+        return replace(result, iterations=iterations, evaluations=evaluations)
+
+    def judge(self, result: OptimizerResult, image_set: ImageSet) -> Verdict:
+        """By the share of the outline that is borne out, in the middle camera."""
+        active = self._objective.active
+        if not active:
+            return Verdict(Status.LOST, "no camera sees the body where it is expected", noise=True)
+        self._evidence = evidence = self._objective.part_evidence(result.state, self._config.region.close_px)
+        shares = evidence.close.sum(axis=1)[active] / np.maximum(evidence.expected.sum(axis=1)[active], 1.0)
+        middle = float(np.sort(shares)[len(shares) // 2])
+        status = self._config.status
+        figures = f"{100 * middle:.0f} % of the outline are borne out"
+        if middle < status.lost_agreement:
+            return Verdict(Status.LOST, figures)
+        if middle < status.degraded_agreement:
+            return Verdict(Status.DEGRADED, figures)
+        return Verdict(Status.TRACKING, "")
+
+    def linearize(self, state: State) -> NormalEquations:
+        """Of the lines last drawn."""
+        return self._objective.linearize(state)
+
+    def report(self, result: OptimizerResult, image_set: ImageSet) -> Report:
+        """Residuals of the lines."""
+        reports, squares, weight = [], 0.0, 0.0
+        for i, (camera, slot) in enumerate(zip(self._rig, self._objective.slots, strict=True)):
+            image = image_set.get(camera.name)
+            used = self._objective.views[i] is not None
+            stats = slot.stats if used else np.zeros(kernel.N_STATISTICS)
+            squares, weight = squares + stats[kernel.SQUARES], weight + stats[kernel.WEIGHT]
+            rms = float(np.sqrt(stats[kernel.SQUARES] / max(stats[kernel.WEIGHT], 1e-12)))
+            reports.append(CameraReport(camera.name, 0 if image is None else image.stamp_ns, rms, int(stats[kernel.COUNT])))
+        H = result.equations.H.copy()
+        H[np.diag_indices_from(H)] += 1e-9 * max(float(np.diag(H).max()), 1.0)
+        covariance = np.linalg.inv(H)
+        return Report(tuple(reports), float(np.sqrt(squares / max(weight, 1e-12))), 0.5 * (covariance + covariance.T))
+
+    def learn(self, images: Images, state: State) -> None:
+        """Colors change slowly: in each image set some of the cameras learn."""
+        region = self._config.region
+        turn = [image if (i + self._count) % region.learn_every == 0 else None for i, image in enumerate(images)]
+        self._count += 1
+        if region.color_rate > 0.0 and any(image is not None for image in turn):
+            self._learn(turn, state, region.color_rate, region.guard_px)
+
+    def _learn(self, images: Images, state: State, rate: float, guard_px: int) -> None:
+        configuration, around = Configuration(self._model, state), self._config.region.around_px
+
+        def learn(i: int) -> None:
+            found = render_labels(configuration, self._rig.cameras[i], around)
+            if found is not None:
+                self._colors[i].learn(images[i], *found, rate, guard_px, around)
+
+        self._parallel(learn, [i for i, image in enumerate(images) if image is not None])
+
+    def _priors(self, expected: State, prior: Prior | None) -> list[Prior]:
+        """The prediction, and the neutral pose where contours are silent."""
+        motion = self._config.motion
+        neutral = np.zeros(self._model.n_dof)
+        neutral[N_ROOT_DOF:] = [motion.neutral_angle * axis.stiffness for axis in self._model.chain.axes]
+        if prior is None:
+            stay = np.full(self._model.n_dof, motion.stay_angle)
+            stay[:3] = motion.stay_position
+            prior = Prior(expected, stay / PX2_PER_INFORMATION)
+        return [prior, Prior(State.neutral(self._model, expected.T_world_root), neutral / PX2_PER_INFORMATION)]
+
+
+PX2_PER_INFORMATION = 18.0  # of the pulls of `MotionConfig`, which are stated in squared pixels
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    return tuple(float(part) for part in text.split())
