@@ -15,7 +15,7 @@ ELLIPSOID = Ellipsoid((0.05, 0.12, 0.2))
 
 
 def arrays_of(primitive):
-    return ShapeArrays.from_model(ArticulatedModel("m", KinematicChain(("a",), ()), (Shape("s", "a", primitive),)))
+    return ShapeArrays.from_model(ArticulatedModel("m", KinematicChain(("a",), ()), (Shape("s", "a", primitive),)), caps=False)
 
 
 def random_pose(rng):

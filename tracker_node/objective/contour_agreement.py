@@ -12,7 +12,7 @@ import math
 import numba as nb
 import numpy as np
 
-from ..render.contour import N_COLUMNS, OUTER, shape_contour
+from ..render.contour import N_COLUMNS, OUTER, SAMPLES, draw_contour
 from .contour_residual import bilinear, columns_of, nearest_sample, project_sample
 
 OUTLINE, ON_BOUNDARY, BOUNDARY, ON_OUTLINE = range(4)
@@ -22,22 +22,23 @@ N_AGREEMENT = 4
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def count_agreement(shapes, Ts, camera, maps, flags, n_samples, limits, samples, counts):
+def count_agreement(shapes, Ts, camera, maps, decided, n_samples, limits, samples, counts):
     """Fill ``counts`` (`N_AGREEMENT`,) for one camera.
 
-    ``shapes``, ``camera`` and ``maps`` are those of `contour_residual.linearize_camera`, ``flags`` what that has decided about
-    each sample; ``limits`` (close_px, alignment): how near a boundary has to be and the least cosine between the normals.
+    ``shapes``, ``camera`` and ``maps`` are those of `contour_residual.linearize_camera`, ``decided`` the (flags, picks,
+    n_picks) that it has filled; ``limits`` (close_px, alignment): how near a boundary has to be, and the least cosine
+    between the normals.
     ``samples`` is overwritten.
     """
-    kinds, dims, _ = shapes
+    flags, picks, n_picks = decided
     params, R, t, center = camera
     silhouette, _, origin, boundary = maps
     close, alignment = limits
-    rows, jacobian = np.empty((2 * n_samples, N_COLUMNS)), np.empty(6)
+    rows, jacobian = np.empty((SAMPLES * n_samples, N_COLUMNS)), np.empty(6)
     counts[:] = 0.0
     n_outline = 0
-    for shape in range(kinds.shape[0]):
-        count = shape_contour(kinds[shape], dims[shape], Ts[shape], center, n_samples, rows)
+    for shape in range(flags.shape[0]):
+        count = draw_contour(shapes, shape, Ts[shape], center, n_samples, False, picks[shape], n_picks, rows)
         for j in range(count):
             if flags[shape, j] != OUTER:
                 continue

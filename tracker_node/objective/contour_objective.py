@@ -10,7 +10,8 @@ import numpy as np
 from ..camera.camera_rig import Camera
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..render.contour import world_spheres
+from ..render.contour import SAMPLES, world_spheres
+from ..render.contour_picks import N_PICK_COLUMNS
 from ..render.shape_arrays import ShapeArrays
 from . import contour_residual as kernel
 from .contour_agreement import N_AGREEMENT, count_agreement
@@ -80,7 +81,10 @@ class CameraSlot:
             np.ascontiguousarray(T[:3, 3]),
             np.ascontiguousarray(camera.center),
         )
-        self.flags = np.zeros((len(model.shapes), 2 * samples_per_line), dtype=np.uint8)
+        most = SAMPLES * samples_per_line
+        self.flags = np.zeros((len(model.shapes), most), dtype=np.uint8)
+        self.picks = np.zeros((len(model.shapes), most, N_PICK_COLUMNS))
+        self.n_picks = np.zeros(len(model.shapes), dtype=np.int64)
         self.samples = np.zeros((self.flags.size, kernel.N_SAMPLE_COLUMNS))
         self.normal = np.zeros((n_links, 6, 6))
         self.gradient = np.zeros((n_links, 6))
@@ -90,7 +94,7 @@ class CameraSlot:
     @property
     def work(self) -> tuple[np.ndarray, ...]:
         """The arrays that the kernel fills."""
-        return self.flags, self.samples, self.normal, self.gradient, self.stats
+        return self.flags, self.picks, self.n_picks, self.samples, self.normal, self.gradient, self.stats
 
 
 def _serial(function: Callable, items: list) -> list:
@@ -137,7 +141,7 @@ class ContourObjective:
             slot, maps = self.slots[index], self.maps[index]
             assert maps is not None
             kernel.linearize_camera(
-                (self.arrays.kinds, self.arrays.dims, self.arrays.links),
+                self.arrays.packed,
                 Ts,
                 self._spheres,
                 slot.camera,
@@ -180,11 +184,11 @@ class ContourObjective:
             depth = max(float(R[2] @ root + t[2]), 0.1)
             close = close_px + close_m * float(params[0]) / depth
             count_agreement(
-                (self.arrays.kinds, self.arrays.dims, self.arrays.links),
+                self.arrays.packed,
                 Ts,
                 slot.camera,
                 (maps.silhouette, maps.edges, maps.origin, maps.boundary),
-                slot.flags,
+                (slot.flags, slot.picks, slot.n_picks),
                 self.options.samples_per_line,
                 (close, self.options.alignment),
                 slot.samples,

@@ -21,13 +21,15 @@ from ..render.contour import (
     N_COLUMNS,
     NORMAL,
     OUTER,
+    SAMPLES,
     SLIDE,
     M,
     P,
-    classify_sample,
+    classify_sample_beyond,
+    draw_contour,
     nearby_shapes,
-    shape_contour,
 )
+from ..render.contour_picks import IS_CREASE
 
 # Indices of the option array
 ROBUST_SCALE, SLIDING, SUM_OF_MAPS, OUTWARD_PX, INNER_WEIGHT, ALIGNMENT, BOUNDARY_WEIGHT, BOUNDARY_SCALE, REACH = range(9)
@@ -210,35 +212,38 @@ def _attract_to_boundary(boundary, samples, n_samples, options, normal, gradient
 def linearize_camera(shapes, Ts, spheres, camera, maps, options, n_samples, refresh, work):
     """Add one camera's contour residuals to per-link normal matrices.
 
-    ``shapes`` is (kinds, dims, links), ``camera`` (params, R_cam_world, t_cam_world, center), ``maps`` (silhouette, edges,
-    origin, boundary), ``work`` (flags, samples, normal, gradient, stats). ``flags`` (n_shapes, 2 n_samples) holds each sample's
-    class; it is filled when ``refresh``, else used as it is. ``normal`` (n_links, 6, 6), ``gradient`` (n_links, 6) and
-    ``stats`` are overwritten.
+    ``shapes`` is `ShapeArrays.packed`, ``camera`` (params, R_cam_world, t_cam_world, center), ``maps`` (silhouette, edges,
+    origin, boundary), ``work`` (flags, picks, n_picks, samples, normal, gradient, stats). ``flags`` (n_shapes, `SAMPLES` *
+    n_samples) holds each sample's class; it is filled when ``refresh``, as are the picks of `draw_contour`, else used as it is.
+    ``normal`` (n_links, 6, 6), ``gradient`` (n_links, 6) and ``stats`` are overwritten.
     """
-    kinds, dims, links = shapes
+    links = shapes[2]
     params, R, t, center = camera
     silhouette, edges, origin, boundary = maps
-    flags, samples, normal, gradient, stats = work
+    flags, picks, n_picks, samples, normal, gradient, stats = work
     normal[:] = 0.0
     gradient[:] = 0.0
     stats[:] = 0.0
-    rows = np.empty((2 * n_samples, N_COLUMNS))
-    nearby = np.empty(kinds.shape[0], dtype=np.int64)
+    rows = np.empty((SAMPLES * n_samples, N_COLUMNS))
+    nearby = np.empty(links.size, dtype=np.int64)
     g, jacobian = np.empty(6), np.empty(6)
     sliding, scale_sq, pulls = options[SLIDING] > 0.5, options[ROBUST_SCALE] ** 2, options[BOUNDARY_WEIGHT] > 0.0
     n_outline = 0
-    for shape in range(kinds.shape[0]):
-        count = shape_contour(kinds[shape], dims[shape], Ts[shape], center, n_samples, rows)
+    if refresh:
+        flags[:] = HIDDEN
+    for shape in range(links.size):
+        count = draw_contour(shapes, shape, Ts[shape], center, n_samples, refresh, picks[shape], n_picks, rows)
         n_nearby = nearby_shapes(spheres, center, shape, nearby) if refresh and count > 0 else 0
         link = links[shape]
         for j in range(count):
             row = rows[j]
             ok, u, v, depth, nu, nv = project_sample(params, R, t, row, jacobian)
-            if refresh:
-                flags[shape, j] = HIDDEN
-                if ok:
-                    outward = options[OUTWARD_PX] * depth / params[0]
-                    flags[shape, j] = classify_sample(kinds, dims, Ts, spheres, nearby, n_nearby, center, row, outward)
+            if refresh and ok:
+                outward = options[OUTWARD_PX] * depth / params[0]
+                crease = j < n_picks[shape] and picks[shape, j, IS_CREASE] != 0.0
+                flags[shape, j] = classify_sample_beyond(
+                    shapes, shape, Ts, spheres, nearby, n_nearby, center, row, crease, outward
+                )[0]
             if not ok or flags[shape, j] == HIDDEN:
                 continue
             stats[N_CANDIDATES] += 1.0

@@ -1,4 +1,4 @@
-"""Extremal contours of cones and ellipsoids in closed form, how they slide, and what hides them.
+"""Extremal contours: those of cones and ellipsoids in closed form, how they slide, and what hides the contours of all shapes.
 
 A contour generator is where lines of sight touch a surface. For the truncated elliptical cone it is two straight lines
 (Knossow et al., eqs 3-5); for the ellipsoid a planar conic, which becomes a circle when the ellipsoid is scaled to a sphere.
@@ -18,11 +18,15 @@ import math
 import numba as nb
 import numpy as np
 
-from .shape_arrays import CONE, ELLIPSOID
+from .contour_hits import MESH, NO_HIT, SORT, solid_hit
+from .contour_picks import N_PICK_COLUMNS, cap_rows, edge_rows, has_caps, pick_caps, pick_edges
+from .shape_arrays import CONE, ELLIPSOID, OTHER
 
 # Columns of a contour sample: position p, unit outward normal m_hat, sliding direction d, normal m (all in the world)
 P, NORMAL, SLIDE, M = 0, 3, 6, 9
 N_COLUMNS = 12
+SAMPLES = 4  # times the samples of one generator line: as many as a shape may have
+_OWN_DEPTH = 1e-4  # of its radius: a part of a mesh that is nearer than that before a point of it does not hide the point
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -115,7 +119,7 @@ def ellipsoid_contour(dims, T, center, n_samples, out):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def shape_contour(kind, dims, T, center, n_samples, out):
-    """Contour samples of one shape; ``out`` (>= 2 n_samples, `N_COLUMNS`). Returns their number."""
+    """Sliding contour samples of one shape; ``out`` (>= 2 n_samples, `N_COLUMNS`). Returns their number."""
     if kind == CONE:
         return cone_contour(dims, T, center, n_samples, out)
     if kind == ELLIPSOID:
@@ -237,37 +241,80 @@ HIDDEN, OUTER, INNER = 0, 1, 2
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def classify_sample_beyond(kinds, dims, Ts, spheres, nearby, n_nearby, center, row, outward):
-    """Is a contour sample seen, and what lies beyond it? Returns (class, index of the shape beyond or -1).
+def solid_interval(shapes, shape, T, center, dx, dy, dz):
+    """`ray_interval` for every kind of shape. Of a box or mesh: where the line of sight meets it first, after the camera."""
+    if shapes[0][shape] != OTHER:
+        return ray_interval(shapes[0][shape], shapes[1][shape], T, center, dx, dy, dz)
+    t = solid_hit(shapes[3], shape, T, center, dx, dy, dz, NO_HIT, False)
+    return t < NO_HIT, t, NO_HIT
 
-    `HIDDEN`: another part is in front of the point, or encloses it. `OUTER`: just outside the contour (``outward`` metres along
-    the normal) the line of sight meets no part: the point belongs to the outline of the whole body. `INNER`: it meets one, the
-    nearest of which is told.
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def classify_sample_beyond(shapes, shape, Ts, spheres, nearby, n_nearby, center, row, crease, outward):
+    """Is a contour sample of a shape seen, and what lies beyond it? Returns (class, index of the shape beyond or -1).
+
+    `HIDDEN`: another part (or another side of the same) is in front of the point, or encloses it. `OUTER`: just outside the
+    contour (``outward`` metres along the normal) the line of sight meets no part: the point belongs to the outline of the whole
+    body. `INNER`: it meets one, the nearest of which is told. A crease is inner, with its own shape beyond.
     """
     px, py, pz = row[P], row[P + 1], row[P + 2]
     dx, dy, dz = px - center[0], py - center[1], pz - center[2]
     ex, ey, ez = dx + outward * row[NORMAL], dy + outward * row[NORMAL + 1], dz + outward * row[NORMAL + 2]
     length = math.sqrt(dx * dx + dy * dy + dz * dz)
     tolerance = 0.003 / length  # a part that comes in less than 3 mm before the point does not hide it
-    beyond, nearest = -1, 1e30
+    beyond, nearest = -1, NO_HIT
+    if shapes[3][0][shape, SORT] == MESH:
+        own = 1.0 - _OWN_DEPTH * spheres[shape, 3] / length
+        if solid_hit(shapes[3], shape, Ts[shape], center, dx, dy, dz, own, True) < own:
+            return HIDDEN, -1
+        if not crease:
+            t = solid_hit(shapes[3], shape, Ts[shape], center, ex, ey, ez, NO_HIT, False)
+            beyond, nearest = shape if t < NO_HIT else -1, t
     for j in range(n_nearby):
         other = nearby[j]
         if not sphere_near_ray(spheres[other], center, dx, dy, dz, 2.0 * outward):
             continue
-        hit, t_in, t_out = ray_interval(kinds[other], dims[other], Ts[other], center, dx, dy, dz)
+        hit, t_in, t_out = solid_interval(shapes, other, Ts[other], center, dx, dy, dz)
         if hit and t_out > 0.0 and t_in < 1.0 - tolerance:
             if t_out > tolerance:
                 return HIDDEN, -1
-        hit, t_in, t_out = ray_interval(kinds[other], dims[other], Ts[other], center, ex, ey, ez)
+        if crease:
+            continue
+        hit, t_in, t_out = solid_interval(shapes, other, Ts[other], center, ex, ey, ez)
         if hit and t_out > 0.0 and t_in < nearest:
             beyond, nearest = other, t_in
+    if crease:
+        return INNER, shape
     return (INNER if beyond >= 0 else OUTER), beyond
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def classify_sample(kinds, dims, Ts, spheres, nearby, n_nearby, center, row, outward):
-    """The class alone."""
-    return classify_sample_beyond(kinds, dims, Ts, spheres, nearby, n_nearby, center, row, outward)[0]
+def draw_contour(shapes, shape, T, center, n_samples, anew, picks, n_picks, out):
+    """All contour samples of a shape of any kind: first those that are fixed to it, then those that slide.
+
+    Parameters
+    ----------
+    shapes : `ShapeArrays.packed`. T : world from shape. center : of the camera, in the world.
+    n_samples : samples of one generator line.
+    anew : whether ``picks`` are made now (see `contour_picks`), or used as they were made for a body nearby.
+    picks : (`SAMPLES` * n_samples, `N_PICK_COLUMNS`), of which the first ``n_picks[shape]`` are used.
+    out : (`SAMPLES` * n_samples, `N_COLUMNS`); the number of filled rows is returned.
+    """
+    kind, dims, surfaces = shapes[0][shape], shapes[1][shape], shapes[3]
+    if kind == OTHER:
+        if anew:
+            n_picks[shape] = pick_edges(surfaces, shape, T, center, SAMPLES * n_samples, picks)
+        edge_rows(surfaces, T, center, picks, n_picks[shape], out)
+        return n_picks[shape]
+    n = 0
+    if has_caps(surfaces, shape):
+        if anew:
+            n_picks[shape] = pick_caps(dims, T, center, n_samples, picks)
+        n = n_picks[shape]
+        cap_rows(dims, T, center, picks, n, out)
+        return n + shape_contour(kind, dims, T, center, n_samples, out[n:])
+    n_picks[shape] = 0
+    return shape_contour(kind, dims, T, center, n_samples, out)
 
 
 def contour_points(arrays, Ts_world_shape: np.ndarray, shape: int, center: np.ndarray, n_samples: int) -> np.ndarray:
@@ -275,8 +322,8 @@ def contour_points(arrays, Ts_world_shape: np.ndarray, shape: int, center: np.nd
 
     Returns (n, `N_COLUMNS`): position, unit normal, sliding direction d and normal m, all in world axes, metres.
     """
-    out = np.empty((2 * n_samples, N_COLUMNS))
-    n = shape_contour(
-        arrays.kinds[shape], arrays.dims[shape], Ts_world_shape[shape], np.asarray(center, dtype=np.float64), n_samples, out
-    )
+    picks, n_picks = np.empty((SAMPLES * n_samples, N_PICK_COLUMNS)), np.zeros(shape + 1, dtype=np.int64)
+    out = np.empty((SAMPLES * n_samples, N_COLUMNS))
+    center = np.asarray(center, dtype=np.float64)
+    n = draw_contour(arrays.packed, shape, Ts_world_shape[shape], center, n_samples, True, picks, n_picks, out)
     return out[:n]

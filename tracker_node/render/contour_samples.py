@@ -8,7 +8,18 @@ import numba as nb
 import numpy as np
 
 from ..camera.camera_model import project_point
-from .contour import HIDDEN, N_COLUMNS, NORMAL, OUTER, P, classify_sample_beyond, nearby_shapes, shape_contour
+from .contour import (
+    HIDDEN,
+    N_COLUMNS,
+    NORMAL,
+    OUTER,
+    SAMPLES,
+    P,
+    classify_sample_beyond,
+    draw_contour,
+    nearby_shapes,
+)
+from .contour_picks import IS_CREASE, N_PICK_COLUMNS
 
 # Columns of ``pixels``: u, v, depth, unit normal in the image, derivative of (u, v) by the point in the camera frame (2 x 3)
 U, V, DEPTH, NU, NV, JACOBIAN = 0, 1, 2, 3, 4, 5
@@ -51,13 +62,13 @@ def collect_samples(shapes, Ts, spheres, camera, n_samples, outward_px, rows, pi
     outward_px : how far beyond the contour it is decided what lies there.
     rows : (n, `N_COLUMNS`) of `contour`. pixels : (n, `N_PIXEL_COLUMNS`). info : (n, `N_INFO_COLUMNS`) int32.
     """
-    kinds, dims, links = shapes
     params, R, t, center = camera
-    found = np.empty((2 * n_samples, N_COLUMNS))
-    nearby = np.empty(kinds.shape[0], dtype=np.int64)
+    n_shapes = shapes[0].shape[0]
+    found, picks = np.empty((SAMPLES * n_samples, N_COLUMNS)), np.empty((SAMPLES * n_samples, N_PICK_COLUMNS))
+    n_picks, nearby = np.zeros(n_shapes, dtype=np.int64), np.empty(n_shapes, dtype=np.int64)
     n = 0
-    for shape in range(kinds.shape[0]):
-        count = shape_contour(kinds[shape], dims[shape], Ts[shape], center, n_samples, found)
+    for shape in range(n_shapes):
+        count = draw_contour(shapes, shape, Ts[shape], center, n_samples, True, picks, n_picks, found)
         if count == 0:
             continue
         n_nearby = nearby_shapes(spheres, center, shape, nearby)
@@ -66,18 +77,19 @@ def collect_samples(shapes, Ts, spheres, camera, n_samples, outward_px, rows, pi
             if not project_sample(params, R, t, row, pixel):
                 continue
             outward = outward_px * pixel[DEPTH] / params[0]
-            kind, beyond = classify_sample_beyond(kinds, dims, Ts, spheres, nearby, n_nearby, center, row, outward)
+            crease = j < n_picks[shape] and picks[j, IS_CREASE] != 0.0
+            kind, beyond = classify_sample_beyond(shapes, shape, Ts, spheres, nearby, n_nearby, center, row, crease, outward)
             if kind == HIDDEN:
                 continue
             rows[n] = row
-            info[n, SHAPE], info[n, LINK], info[n, CLASS], info[n, BEYOND] = shape, links[shape], kind, beyond
+            info[n, SHAPE], info[n, LINK], info[n, CLASS], info[n, BEYOND] = shape, shapes[2][shape], kind, beyond
             n += 1
     return n
 
 
 def most_samples(shapes, n_samples: int) -> int:
     """How many rows `collect_samples` may fill."""
-    return 2 * n_samples * len(shapes[0])
+    return SAMPLES * n_samples * len(shapes[0])
 
 
 __all__ = ["BEYOND", "CLASS", "LINK", "OUTER", "SHAPE", "collect_samples", "most_samples", "project_sample"]

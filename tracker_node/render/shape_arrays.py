@@ -8,6 +8,8 @@ import numpy as np
 
 from ..model.articulated_model import ArticulatedModel
 from ..model.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
+from . import contour_edges as edge
+from . import contour_hits as hits
 
 CONE, ELLIPSOID, OTHER = 0, 1, 2
 
@@ -22,20 +24,24 @@ class ShapeArrays:
     dims : (n, 5) cone (a, b, k, z1, z2), ellipsoid (rx, ry, rz, 0, 0), others zeros.
     links : (n,) index of the link that carries the shape.
     bounds : (n, 4) center (shape frame) and radius of a bounding sphere, metres.
+    surfaces : (ranges, edges, nodes, triangles) of boxes and meshes and which caps count: (n, .) of `contour_hits`, the
+        others of `contour_edges`, those of all shapes one after the other.
     """
 
     kinds: np.ndarray
     dims: np.ndarray
     links: np.ndarray
     bounds: np.ndarray
+    surfaces: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
     @property
-    def packed(self) -> tuple[np.ndarray, ...]:
+    def packed(self) -> tuple:
         """What the contour kernels take."""
-        return self.kinds, self.dims, self.links
+        return self.kinds, self.dims, self.links, self.surfaces
 
     @classmethod
-    def from_model(cls, model: ArticulatedModel) -> ShapeArrays:
+    def from_model(cls, model: ArticulatedModel, caps: bool = True) -> ShapeArrays:
+        """Arrays of a model; ``caps``: the rims of cones' end caps are contours, too."""
         n = len(model.shapes)
         kinds, dims, bounds = np.full(n, OTHER, dtype=np.int64), np.zeros((n, 5)), np.zeros((n, 4))
         for i, shape in enumerate(model.shapes):
@@ -47,7 +53,30 @@ class ShapeArrays:
                 kinds[i] = ELLIPSOID
                 dims[i, :3] = primitive.radii
             bounds[i] = _bounding_sphere(primitive)
-        return cls(kinds, dims, model.shape_links, bounds)
+        return cls(kinds, dims, model.shape_links, bounds, _surfaces([shape.primitive for shape in model.shapes], caps))
+
+
+def _surfaces(primitives: list[Primitive], caps: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    ranges = np.zeros((len(primitives), hits.N_RANGE_COLUMNS), dtype=np.int64)
+    edges, nodes = [np.zeros((0, edge.N_EDGE_COLUMNS))], [np.zeros((0, edge.N_NODE_COLUMNS))]
+    triangles = [np.zeros((0, edge.N_TRIANGLE_COLUMNS))]
+    n_edges, n_nodes, n_triangles = 0, 0, 0
+    for row, primitive in zip(ranges, primitives, strict=True):
+        row[hits.CAPS] = caps and isinstance(primitive, TruncatedCone)
+        if not isinstance(primitive, Box | Mesh):
+            continue
+        solid = edge.solid_of(primitive)
+        row[hits.FIRST_EDGE], row[hits.N_EDGES], row[hits.ROOT] = n_edges, len(solid.edges), n_nodes
+        row[hits.SORT] = (
+            hits.BOX_SOLID if isinstance(primitive, Box) else hits.CONVEX_MESH if solid.convex else hits.MESH
+        )  # fmt: skip
+        tree = solid.nodes.copy()
+        tree[:, edge.FIRST] += np.where(tree[:, edge.COUNT] > 0, n_triangles, n_nodes)
+        edges.append(solid.edges)
+        nodes.append(tree)
+        triangles.append(solid.triangles)
+        n_edges, n_nodes, n_triangles = n_edges + len(solid.edges), n_nodes + len(tree), n_triangles + len(solid.triangles)
+    return ranges, np.vstack(edges), np.vstack(nodes), np.vstack(triangles)
 
 
 def _bounding_sphere(primitive: Primitive) -> np.ndarray:

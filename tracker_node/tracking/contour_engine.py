@@ -56,7 +56,7 @@ class ContourEngine:
     ):
         self._rig, self._model, self._config, self._plates, self._parallel = rig, model, config, dict(plates), parallel
         optimizer, evidence = config.optimizer, config.evidence
-        self._arrays = ShapeArrays.from_model(model)
+        self._arrays = ShapeArrays.from_model(model, caps=False)
         self._slots = [CameraSlot(camera, model, optimizer.samples_per_line) for camera in rig]
         self._options = ContourOptions(
             robust_scale_px=optimizer.robust_scale_px,
