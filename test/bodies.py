@@ -43,6 +43,25 @@ def crane() -> ArticulatedModel:
     return ArticulatedModel("crane", KinematicChain(("base", "arm", "forearm", "hook", "flag"), joints), shapes, landmarks)
 
 
+def gantry() -> ArticulatedModel:
+    """Slides and turns in turn, also within one joint."""
+    slide = Axis("slide", (0.6, 0.0, 0.8), -0.4, 0.5, prismatic=True)
+    lift = Axis("lift", (0.0, 0.0, 1.0), 0.0, 0.6, 0.1, 4.0, prismatic=True)
+    joints = (
+        Joint(
+            "bridge", "base", "trolley", se3.exp(np.array([0.1, 0.2, 0.3, 0.4, -0.3, 0.2])),
+            (slide, Axis("swing", (0.0, 1.0, 0.0))),
+        ),
+        Joint(
+            "hoist", "trolley", "hook", se3.exp(np.array([0.0, 0.0, -0.2, 0.3, 0.0, 0.1])),
+            (Axis("spin", (0.0, 0.0, 1.0)), lift, Axis("nod", (1.0, 0.0, 0.0))),
+        ),
+    )  # fmt: skip
+    shapes = (Shape("beam", "base", Box((0.1, 0.1, 0.8))), Shape("cable", "hook", TruncatedCone(0.01, 0.01, 0.0, -0.3, 0.0)))
+    landmarks = (Landmark("eye", "trolley", (0.0, 0.0, 0.1)), Landmark("end", "hook", (0.1, 0.02, 0.3)))
+    return ArticulatedModel("gantry", KinematicChain(("base", "trolley", "hook"), joints), shapes, landmarks)
+
+
 def random_state(model: ArticulatedModel, rng: np.random.Generator, share: float = 0.9) -> State:
     """A root pose anywhere, and joint angles within ``share`` of their limits."""
     middle, half = 0.5 * (model.chain.upper + model.chain.lower), 0.5 * (model.chain.upper - model.chain.lower)

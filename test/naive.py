@@ -191,9 +191,12 @@ def link_transforms(model, state):
         joint = joint_of[link]
         result = transform(joint.parent) @ joint.T_parent_joint
         for axis in joint.axes:
-            turn = np.eye(4)
-            turn[:3, :3] = Rotation.from_rotvec(np.array(axis.direction) * angle_of[axis.name]).as_matrix()
-            result = result @ turn
+            motion = np.eye(4)
+            if axis.prismatic:
+                motion[:3, 3] = np.array(axis.direction) * angle_of[axis.name]
+            else:
+                motion[:3, :3] = Rotation.from_rotvec(np.array(axis.direction) * angle_of[axis.name]).as_matrix()
+            result = result @ motion
         return result
 
     return {link: transform(link) for link in chain.links}

@@ -1,7 +1,7 @@
 import naive
 import numpy as np
 import pytest
-from bodies import crane, random_state
+from bodies import crane, gantry, random_state
 from finite_difference import assert_jacobian
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,7 +11,7 @@ from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.human import human_model
 
-BODIES = {"crane": crane(), "human": human_model()}
+BODIES = {"crane": crane(), "gantry": gantry(), "human": human_model()}
 
 
 @pytest.mark.parametrize("body", BODIES)

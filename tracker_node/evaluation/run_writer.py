@@ -59,7 +59,8 @@ class RunWriter:
         self._count = 0
         with ExitStack() as stack:
             self.bag = stack.enter_context(BagWriter(self.output / BAG, custom={"model": model.name}))
-            self._states = stack.enter_context(StatesWriter(self.output / STATES, model.chain.dof_names))
+            chain = model.chain
+            self._states = stack.enter_context(StatesWriter(self.output / STATES, chain.dof_names, chain.dof_units))
             self._joints = stack.enter_context(JointsWriter(self.output / JOINTS, model.landmark_names))
             self._poses = stack.enter_context(PosesWriter(self.output / POSES))
             self._stack = stack.pop_all()

@@ -44,39 +44,59 @@ def _color(value: Any) -> tuple[int, int, int]:
     return value[0], value[1], value[2]
 
 
-def _limits(value: Any) -> tuple[float, float]:
+def _limits_deg(value: Any) -> tuple[float, float]:
+    return _limits(value, "degrees")
+
+
+def _limits_m(value: Any) -> tuple[float, float]:
+    return _limits(value, "metres")
+
+
+def _limits(value: Any, unit: str) -> tuple[float, float]:
     ok = isinstance(value, (list, tuple)) and len(value) == 2
     ok = ok and all(is_number(v) for v in value)
     if not ok or not value[0] < value[1]:
-        raise problem("[lower, upper] in degrees with lower < upper", value)
+        raise problem(f"[lower, upper] in {unit} with lower < upper", value)
     return float(value[0]), float(value[1])
 
 
 PositiveVector = Annotated[tuple[float, float, float], BeforeValidator(_positive_vector)]
 PositivePair = Annotated[tuple[float, float], BeforeValidator(_positive_pair)]
 Color = Annotated[tuple[int, int, int], BeforeValidator(_color)]
-Limits = Annotated[tuple[float, float], BeforeValidator(_limits)]
+Degrees = Annotated[tuple[float, float], BeforeValidator(_limits_deg)]
+Metres = Annotated[tuple[float, float], BeforeValidator(_limits_m)]
 
 
 class AxisEntry(FileModel):
-    """One revolute degree of freedom of a joint."""
+    """One degree of freedom of a joint: a turn, or with ``limits_m`` a slide."""
 
     name: str
     direction: Vector  # type: ignore[valid-type]
-    limits_deg: Limits = (-180.0, 180.0)
+    limits_deg: Degrees = (-180.0, 180.0)
     neutral_deg: Number = 0.0
+    limits_m: Metres | None = None
+    neutral_m: Number = 0.0
     stiffness: Number = 0.0
 
     @model_validator(mode="after")
     def _sound(self) -> AxisEntry:
         if not np.linalg.norm(self.direction) > 1e-9:
             raise problem("a direction of non-zero length", self.direction, "direction")
-        lower, upper = self.limits_deg
-        if not lower <= self.neutral_deg <= upper:
-            raise problem(f"an angle within the limits [{lower:g}, {upper:g}]", self.neutral_deg, "neutral_deg")
+        given = self.model_fields_set
+        for other in ("limits_deg", "neutral_deg") if self.slides else ("neutral_m",):
+            if other in given:
+                raise problem("degrees of an axis that turns, or limits_m of one that slides", "both kinds", other)
+        field, what = ("neutral_m", "a length") if self.slides else ("neutral_deg", "an angle")
+        (lower, upper), neutral = self.limits_m or self.limits_deg, getattr(self, field)
+        if not lower <= neutral <= upper:
+            raise problem(f"{what} within the limits [{lower:g}, {upper:g}]", neutral, field)
         if self.stiffness < 0.0:
             raise problem("a number >= 0", self.stiffness, "stiffness")
         return self
+
+    @property
+    def slides(self) -> bool:
+        return self.limits_m is not None
 
 
 class Placed(FileModel):

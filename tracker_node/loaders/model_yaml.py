@@ -24,18 +24,21 @@ from .model_file import (
     ShapeEntry,
 )
 from .picture_file import read_picture, write_picture
+from .urdf import load_urdf
 from .yaml_file import Inline, read_mapping, validate, write_mapping
 
 _X, _Y, _Z = np.eye(3)
 
 
 def load_model(path: str | Path) -> ArticulatedModel:
-    """Body of a model file; meshes and pictures are looked for relative to its folder.
+    """Body of a model file or of a robot description (``.urdf``); meshes and pictures are looked for relative to its folder.
 
     Raises
     ------
     FileFormatError : naming file and field, also for a cycle, an unknown link or a repeated name.
     """
+    if Path(path).suffix.lower() in (".urdf", ".xacro"):
+        return load_urdf(path)
     return build_model(read_model_file(path), path)
 
 
@@ -107,20 +110,23 @@ def rpy_deg_of(rotation: np.ndarray) -> tuple[float, float, float]:
 
 def _axis(entry: AxisEntry) -> Axis:
     direction = np.array(entry.direction) / np.linalg.norm(entry.direction)
+    x, y, z = direction.tolist()
+    if entry.limits_m is not None:
+        return Axis(entry.name, (x, y, z), *entry.limits_m, entry.neutral_m, entry.stiffness, prismatic=True)
     lower, upper = np.deg2rad(entry.limits_deg)
     neutral = float(np.clip(np.deg2rad(entry.neutral_deg), lower, upper))
-    x, y, z = direction.tolist()
     return Axis(entry.name, (x, y, z), float(lower), float(upper), neutral, entry.stiffness)
 
 
 def _axis_values(axis: Axis) -> dict[str, Any]:
+    unit, tidy = ("m", float) if axis.prismatic else ("deg", _tidy_deg)
     values: dict[str, Any] = {
         "name": axis.name,
         "direction": [float(v) for v in axis.direction],
-        "limits_deg": [_tidy_deg(axis.lower), _tidy_deg(axis.upper)],
+        f"limits_{unit}": [tidy(axis.lower), tidy(axis.upper)],
     }
     if axis.neutral != 0.0:
-        values["neutral_deg"] = _tidy_deg(axis.neutral)
+        values[f"neutral_{unit}"] = tidy(axis.neutral)
     if axis.stiffness != 0.0:
         values["stiffness"] = float(axis.stiffness)
     return values

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,22 @@ from ..model.configuration import State
 from .model_yaml import transform_of
 from .yaml_file import FileModel, Number, numbers, problem, read_mapping, validate, write_mapping
 
-_SLACK_DEG = 1.0  # an optimizer's soft limit may be passed by a little
+
+@dataclass(frozen=True)
+class _Kind:
+    """How a kind of axis is written; a pose may pass its limits by ``slack``, as other programs' limits are soft."""
+
+    field: str
+    prismatic: bool
+    verb: str
+    what: str
+    unit_name: str
+    unit: float
+    slack: float
+
+
+_TURNS = _Kind("joints_deg", False, "turns", "an angle", "degrees", np.pi / 180.0, 1.0)
+_SLIDES = _Kind("joints_m", True, "slides", "a length", "metres", 1.0, 0.001)
 
 
 class RootEntry(FileModel):
@@ -41,11 +57,12 @@ class RootEntry(FileModel):
 
 
 class StateFile(FileModel):
-    """A whole state file; joint angles that it does not name are neutral."""
+    """A whole state file; joints that it does not name are neutral."""
 
     model: str | None = None
     root: RootEntry
     joints_deg: dict[str, Number] = Field(default_factory=dict)
+    joints_m: dict[str, Number] = Field(default_factory=dict)
 
 
 def load_state(path: str | Path, model: ArticulatedModel) -> State:
@@ -53,30 +70,37 @@ def load_state(path: str | Path, model: ArticulatedModel) -> State:
 
     Raises
     ------
-    FileFormatError : also for a joint axis that the model does not have, and an angle beyond its limits.
+    FileFormatError : also for a joint axis that the model does not have, and an angle (or length) beyond its limits.
     """
     content = validate(StateFile, read_mapping(path), path)
-    names = [axis.name for axis in model.chain.axes]
     positions = State.neutral(model).joint_positions
-    for name, angle_deg in content.joints_deg.items():
-        field = f"joints_deg.{name}"
-        if name not in names:
-            raise FileFormatError(path, field, f"a joint axis of model '{model.name}', one of {sorted(names)}", name)
-        i = names.index(name)
-        lower, upper = np.rad2deg(model.chain.lower[i]), np.rad2deg(model.chain.upper[i])
-        if not lower - _SLACK_DEG <= angle_deg <= upper + _SLACK_DEG:
-            raise FileFormatError(path, field, f"an angle in [{lower:.6g}, {upper:.6g}] degrees", angle_deg)
-        positions[i] = np.deg2rad(angle_deg)
+    for kind, entries in ((_TURNS, content.joints_deg), (_SLIDES, content.joints_m)):
+        axes = {axis.name: i for i, axis in enumerate(model.chain.axes) if axis.prismatic == kind.prismatic}
+        for name, value in entries.items():
+            field = f"{kind.field}.{name}"
+            if name not in axes:
+                what = f"an axis of model '{model.name}' that {kind.verb}, one of {sorted(axes)}"
+                raise FileFormatError(path, field, what, name)
+            i = axes[name]
+            lower, upper = model.chain.lower[i] / kind.unit, model.chain.upper[i] / kind.unit
+            if not lower - kind.slack <= value <= upper + kind.slack:
+                raise FileFormatError(path, field, f"{kind.what} in [{lower:.6g}, {upper:.6g}] {kind.unit_name}", value)
+            positions[i] = value * kind.unit
     return State(content.root.transform(), positions)
 
 
 def dump_state(state: State, model: ArticulatedModel, path: str | Path, comment: str = "") -> None:
     """Write a state of ``model``; every joint angle is named."""
     rotation = quaternion.xyzw_from_matrix(state.T_world_root[:3, :3])
-    angles = np.rad2deg(state.joint_positions)
+    joints: dict[str, dict[str, float]] = {"joints_deg": {}, "joints_m": {}}
+    for axis, value in zip(model.chain.axes, state.joint_positions, strict=True):
+        if axis.prismatic:
+            joints["joints_m"][axis.name] = float(value)
+        else:
+            joints["joints_deg"][axis.name] = float(np.rad2deg(value))
     values = {
         "model": model.name,
         "root": {"xyz": state.T_world_root[:3, 3].tolist(), "quaternion_xyzw": rotation.tolist()},
-        "joints_deg": {axis.name: float(angle) for axis, angle in zip(model.chain.axes, angles, strict=True)},
+        **{field: values for field, values in joints.items() if values},
     }
     write_mapping(values, path, comment or "State of a body; the format is described in docs/formats.md.")

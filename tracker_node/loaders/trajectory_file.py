@@ -45,10 +45,14 @@ class StateRow:
 
 @dataclass(frozen=True, eq=False)
 class StateTrajectory:
-    """What ``states.csv`` holds: ``dof_names`` and one row per image set, in the order of the file."""
+    """What ``states.csv`` holds: ``dof_names`` and one row per image set, in the order of the file.
+
+    ``dof_units`` are "m" or "rad"; those of a chain of turns if not given.
+    """
 
     dof_names: tuple[str, ...]
     rows: tuple[StateRow, ...]
+    dof_units: tuple[str, ...] = ()
 
     @property
     def stamps_ns(self) -> np.ndarray:
@@ -98,9 +102,9 @@ class PoseTrajectory:
 class StatesWriter(CsvWriter):
     """Writes ``states.csv``."""
 
-    def __init__(self, path: str | Path, dof_names: Sequence[str]):
+    def __init__(self, path: str | Path, dof_names: Sequence[str], dof_units: Sequence[str] = ()):
         self.dof_names = tuple(dof_names)
-        super().__init__(path, (*LEADING_COLUMNS, *dof_columns(self.dof_names), *TRAILING_COLUMNS))
+        super().__init__(path, (*LEADING_COLUMNS, *dof_columns(self.dof_names, dof_units), *TRAILING_COLUMNS))
 
     def append(self, row: StateRow) -> None:
         if len(row.values) != len(self.dof_names):
@@ -138,14 +142,15 @@ class PosesWriter(CsvWriter):
         self.write_rows([[int(stamp_ns), *map(exact, T_world_root[:3, 3]), *map(exact, q_xyzw)]])
 
 
-def dof_columns(dof_names: Sequence[str]) -> tuple[str, ...]:
-    """Column names: the degree of freedom with its unit, ``root_x_m``, ``left_knee_flexion_rad``."""
-    return tuple(f"{name}_{'m' if i < _N_ROOT_TRANSLATION else 'rad'}" for i, name in enumerate(dof_names))
+def dof_columns(dof_names: Sequence[str], dof_units: Sequence[str] = ()) -> tuple[str, ...]:
+    """Column names: the degree of freedom with its unit, ``root_x_m``, ``left_knee_flexion_rad``; no units: all joints turn."""
+    units = dof_units or tuple("m" if i < _N_ROOT_TRANSLATION else "rad" for i in range(len(dof_names)))
+    return tuple(f"{name}_{unit}" for name, unit in zip(dof_names, units, strict=True))
 
 
 def write_states(path: str | Path, trajectory: StateTrajectory) -> None:
     """The whole of ``states.csv`` at once."""
-    with StatesWriter(path, trajectory.dof_names) as writer:
+    with StatesWriter(path, trajectory.dof_names, trajectory.dof_units) as writer:
         for row in trajectory.rows:
             writer.append(row)
 
@@ -162,8 +167,8 @@ def read_states(path: str | Path) -> StateTrajectory:
     if table.header[-len(TRAILING_COLUMNS) :] != TRAILING_COLUMNS:
         raise FileFormatError(path, "header", f"last columns {', '.join(TRAILING_COLUMNS)}", table.header)
     columns = table.header[len(LEADING_COLUMNS) : -len(TRAILING_COLUMNS)]
-    names = tuple(column.rpartition("_")[0] for column in columns)
-    if len(names) < N_ROOT_DOF or dof_columns(names) != columns:
+    names, units = (tuple(column.rpartition("_")[i] for column in columns) for i in (0, 2))
+    if units[:N_ROOT_DOF] != ("m", "m", "m", "rad", "rad", "rad") or not {"m", "rad"}.issuperset(units):
         raise FileFormatError(path, "header", "degrees of freedom named <name>_m (first three) and <name>_rad", columns)
     first, last = len(LEADING_COLUMNS), len(LEADING_COLUMNS) + len(names)
     rows = []
@@ -181,7 +186,7 @@ def read_states(path: str | Path) -> StateTrajectory:
                 evaluations=cells.integer(evaluations),
             )
         )
-    return StateTrajectory(names, tuple(rows))
+    return StateTrajectory(names, tuple(rows), units)
 
 
 def write_joints(path: str | Path, trajectory: JointTrajectory) -> None:

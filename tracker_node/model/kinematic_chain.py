@@ -1,7 +1,8 @@
 """The tree of links and joints, and its forward kinematics.
 
-A joint connects a parent link to a child link through a fixed offset and then zero to many revolute axes in sequence (a ball
-joint is three named revolutes, a weld is none). The root link floats: six degrees of freedom come first in every tangent.
+A joint connects a parent link to a child link through a fixed offset and then zero to many axes in sequence, about which it turns
+or along which it slides (a ball joint is three named revolutes, a weld is none). The root link floats: six degrees of freedom
+come first in every tangent.
 """
 
 from __future__ import annotations
@@ -15,14 +16,15 @@ from ..errors import ModelError, UnknownNameError
 
 ROOT_DOF_NAMES = ("root_x", "root_y", "root_z", "root_rx", "root_ry", "root_rz")
 N_ROOT_DOF = 6
+ENDLESS_RAD = 2000.0 * np.pi  # a turn that no stop ends has these limits: finite, as searches and files want them
 
 
 @dataclass(frozen=True)
 class Axis:
-    """One revolute degree of freedom.
+    """One degree of freedom: a turn, or with ``prismatic`` a slide.
 
-    ``direction`` (3,) unit, in the frame that the preceding rotations have made; ``lower``/``upper`` in radians; ``neutral``
-    is where the weak prior pulls to, ``stiffness`` (1/rad^2) how strongly (0: free; roll-like axes need some).
+    ``direction`` (3,) unit, in the frame that the preceding axes have made; ``lower``/``upper`` in radians (metres); ``neutral``
+    is where the weak prior pulls to, ``stiffness`` (1/rad^2, 1/m^2) how strongly (0: free; roll-like axes need some).
     """
 
     name: str
@@ -31,6 +33,7 @@ class Axis:
     upper: float = np.pi
     neutral: float = 0.0
     stiffness: float = 0.0
+    prismatic: bool = False
 
     def __post_init__(self):
         if abs(np.linalg.norm(self.direction) - 1.0) > 1e-6:
@@ -40,10 +43,19 @@ class Axis:
         if not self.lower <= self.neutral <= self.upper:
             raise ValueError(f"axis '{self.name}': expected neutral within the limits, got {self.neutral}")
 
+    @property
+    def endless(self) -> bool:
+        """True for a turn without stops."""
+        return not self.prismatic and self.lower <= -ENDLESS_RAD and self.upper >= ENDLESS_RAD
+
+    @property
+    def unit(self) -> str:
+        return "m" if self.prismatic else "rad"
+
 
 @dataclass(frozen=True)
 class Joint:
-    """``child`` hangs on ``parent`` at ``T_parent_joint`` (4, 4), turned by ``axes`` in order."""
+    """``child`` hangs on ``parent`` at ``T_parent_joint`` (4, 4), turned (or slid) by ``axes`` in order."""
 
     name: str
     parent: str
@@ -58,7 +70,7 @@ def forward_kinematics(parents, offsets, axis_start, axis_count, directions, T_w
 
     ``Ts_world_link`` (n_links, 4, 4) and ``twists`` (6 + n_axes, 6) are filled. A twist is (v, omega) *at the world origin*: a
     body point p moved by dof i has velocity v + omega x p. Root: translation along world axes, then rotation about world axes
-    through the root's origin.
+    through the root's origin. ``directions`` (n_axes, 4): unit axis, and 1 where it slides.
     """
     for i in range(4):
         for j in range(4):
@@ -96,6 +108,10 @@ def forward_kinematics(parents, offsets, axis_start, axis_count, directions, T_w
             wy = rotation[1, 0] * ax + rotation[1, 1] * ay + rotation[1, 2] * az
             wz = rotation[2, 0] * ax + rotation[2, 1] * ay + rotation[2, 2] * az
             dof = 6 + axis
+            if directions[axis, 3] != 0.0:
+                twists[dof, 0], twists[dof, 1], twists[dof, 2] = wx, wy, wz
+                ox, oy, oz = ox + positions[axis] * wx, oy + positions[axis] * wy, oz + positions[axis] * wz
+                continue
             twists[dof, 0] = oy * wz - oz * wy
             twists[dof, 1] = oz * wx - ox * wz
             twists[dof, 2] = ox * wy - oy * wx
@@ -134,7 +150,7 @@ class KinematicChain:
     offsets: np.ndarray = field(init=False, repr=False, compare=False)  # (n_links, 4, 4) T_parent_joint
     axis_start: np.ndarray = field(init=False, repr=False, compare=False)  # (n_links,)
     axis_count: np.ndarray = field(init=False, repr=False, compare=False)
-    directions: np.ndarray = field(init=False, repr=False, compare=False)  # (n_axes, 3)
+    directions: np.ndarray = field(init=False, repr=False, compare=False)  # (n_axes, 4): unit, 1 where it slides
     axes: tuple[Axis, ...] = field(init=False, repr=False, compare=False)
     link_moved_by: np.ndarray = field(init=False, repr=False, compare=False)  # (n_links, n_dof) bool
 
@@ -169,7 +185,7 @@ class KinematicChain:
         set_(self, "axis_start", axis_start)
         set_(self, "axis_count", axis_count)
         set_(self, "axes", tuple(axes))
-        set_(self, "directions", np.array([a.direction for a in axes], dtype=np.float64).reshape(-1, 3))
+        set_(self, "directions", np.array([(*a.direction, a.prismatic) for a in axes], dtype=np.float64).reshape(-1, 4))
         set_(self, "link_moved_by", link_moved_by)
 
     @property
@@ -184,6 +200,11 @@ class KinematicChain:
     def dof_names(self) -> tuple[str, ...]:
         """Names in tangent order: six of the root, then the joint axes."""
         return ROOT_DOF_NAMES + tuple(axis.name for axis in self.axes)
+
+    @property
+    def dof_units(self) -> tuple[str, ...]:
+        """Units in tangent order, "m" or "rad"."""
+        return ("m", "m", "m", "rad", "rad", "rad", *(axis.unit for axis in self.axes))
 
     @property
     def lower(self) -> np.ndarray:
