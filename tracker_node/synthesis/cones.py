@@ -47,6 +47,11 @@ class ModelSubject:
         normals = [n @ T[:3, :3].T for T, n in zip(Ts, self._normals, strict=True)]
         return ColoredMesh(np.concatenate(vertices), self.faces, self.colors_rgb, np.concatenate(normals))
 
+    def points(self, configuration: Configuration, shapes: np.ndarray) -> np.ndarray:
+        """Vertices (n, 3), metres in the world, of some shapes (mask (n_shapes,))."""
+        Ts = configuration.Ts_world_shape
+        return np.concatenate([se3.apply(Ts[i], self._vertices[i]) for i in np.flatnonzero(shapes)])
+
 
 def tessellate(primitive: Primitive, around: int = _AROUND) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Vertices (n, 3) metres, unit normals (n, 3) and faces (m, 3), outward, of a shape in its own frame."""

@@ -1,0 +1,60 @@
+"""What belongs to which limb."""
+
+import numpy as np
+import pytest
+from stick_person import person
+from two_links import two_links
+
+from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.configuration import Configuration, State
+from tracker_node.model.human import human_model
+from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
+from tracker_node.model.primitives import Ellipsoid
+from tracker_node.synthesis.figure import figure_model
+from tracker_node.tracking.limbs import limbs_of
+
+
+@pytest.mark.parametrize("model", [person(), human_model(), figure_model(), two_links()], ids=lambda model: model.name)
+def test_everything_belongs_to_one_limb_which_its_degrees_of_freedom_move(model):
+    limbs = limbs_of(model)
+    for masks in ([limb.dofs for limb in limbs], [limb.links for limb in limbs], [limb.shapes for limb in limbs]):
+        assert (np.sum(masks, axis=0) == 1).all()
+    rng = np.random.default_rng(1)
+    state = State(np.eye(4), rng.uniform(-0.3, 0.3, model.chain.n_axes))
+    before = Configuration(model, state).Ts_world_shape
+    for limb in limbs[1:]:
+        after = Configuration(model, state.retract(np.where(limb.dofs, 0.2, 0.0))).Ts_world_shape
+        moved = np.abs(after - before).max(axis=(1, 2)) > 1e-6
+        assert (moved == limb.shapes).all()
+
+
+def test_limbs_of_the_human():
+    model = human_model()
+    limbs = {limb.name: limb for limb in limbs_of(model)}
+    assert list(limbs) == ["pelvis", "left_foot", "right_foot", "head", "left_hand", "right_hand"]
+    hand = limbs["left_hand"]
+    assert [name for name, own in zip(model.chain.links, hand.links, strict=True) if own] == [
+        "left_clavicle", "left_upper_arm", "left_forearm", "left_hand",
+    ]  # fmt: skip
+    wrist = model.landmark_positions[model.landmark_index("left_wrist")]
+    assert model.chain.links[hand.end] == "left_forearm" and (hand.tip == wrist).all()
+
+
+def test_a_rigid_body_is_all_trunk():
+    model = ArticulatedModel("ball", KinematicChain(("ball",), ()), (Shape("ball", "ball", Ellipsoid((0.1, 0.1, 0.1))),))
+    (trunk,) = limbs_of(model)
+    assert trunk.dofs.all() and trunk.shapes.all()
+
+
+def test_welded_fingers_do_not_end_an_arm():
+    eye = np.eye(4)
+    joints = (
+        Joint("shoulder", "base", "arm", eye, (Axis("bend", (0.0, 1.0, 0.0)),)),
+        Joint("one", "arm", "finger_1", eye),
+        Joint("two", "arm", "finger_2", eye),
+        Joint("other", "base", "tail", eye, (Axis("wag", (0.0, 0.0, 1.0)),)),
+    )
+    chain = KinematicChain(("base", "arm", "finger_1", "finger_2", "tail"), joints)
+    shapes = tuple(Shape(link, link, Ellipsoid((0.1, 0.1, 0.1))) for link in chain.links)
+    names = [[chain.links[i] for i in np.flatnonzero(limb.links)] for limb in limbs_of(ArticulatedModel("x", chain, shapes))]
+    assert names == [["base"], ["arm", "finger_1", "finger_2"], ["tail"]]

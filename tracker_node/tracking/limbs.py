@@ -1,0 +1,89 @@
+"""What of a body is judged, and found again, on its own: the trunk, and the branches of the kinematic tree.
+
+Links that are welded to each other count as one. A branch begins where it leaves a link that has others, or the root, and ends at
+a leaf, whose name it has: for the human ``left_hand`` is the arm from the clavicle on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..model.articulated_model import ArticulatedModel
+from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
+
+
+@dataclass(frozen=True, eq=False)
+class Limb:
+    """``dofs`` (n_dof,), ``links`` (n_links,) and ``shapes`` (n_shapes,) are masks of what is the limb's own; ``tip`` (3,) metres
+    in the link ``end`` (index) is the point by which its place is judged."""
+
+    name: str
+    dofs: np.ndarray
+    links: np.ndarray
+    shapes: np.ndarray
+    end: int
+    tip: np.ndarray
+
+
+def limbs_of(model: ArticulatedModel) -> tuple[Limb, ...]:
+    """The trunk, with the root's six degrees of freedom, first; then the limbs that have shapes, in the order of their ends."""
+    chain = model.chain
+    branches = _branches(chain)
+    trunk = np.ones(len(chain.links), dtype=np.bool_)
+    result = []
+    for links in branches:
+        mask = np.zeros(len(chain.links), dtype=np.bool_)
+        mask[links] = True
+        shapes = mask[model.shape_links]
+        if shapes.any():
+            trunk &= ~mask
+            result.append(_limb(model, chain.links[links[-1]], mask, _dofs_of(chain, links)))
+    dofs = _dofs_of(chain, np.flatnonzero(trunk).tolist())
+    dofs[:N_ROOT_DOF] = True
+    return (_limb(model, chain.links[0], trunk, dofs), *result)
+
+
+def _branches(chain: KinematicChain) -> list[list[int]]:
+    """Indices of the links of each branch with degrees of freedom of its own, from its first to its last."""
+    n = len(chain.links)
+    body = list(range(n))  # first link of the rigid body that each link belongs to
+    for link in range(1, n):
+        if not chain.axis_count[link]:
+            body[link] = body[chain.parents[link]]
+    bodies = sorted(set(body))
+    parent = {b: body[chain.parents[b]] for b in bodies if b}
+    children = {b: sum(p == b for p in parent.values()) for b in bodies}
+    result = []
+    for leaf in bodies:
+        if leaf == 0 or children[leaf]:
+            continue
+        branch = [leaf]
+        while parent[branch[-1]] and children[parent[branch[-1]]] == 1:
+            branch.append(parent[branch[-1]])
+        result.append([link for link in range(n) if body[link] in branch])
+    return result
+
+
+def _dofs_of(chain: KinematicChain, links: list[int]) -> np.ndarray:
+    dofs = np.zeros(chain.n_dof, dtype=np.bool_)
+    for link in links:
+        first = N_ROOT_DOF + chain.axis_start[link]
+        dofs[first : first + chain.axis_count[link]] = True
+    return dofs
+
+
+def _limb(model: ArticulatedModel, name: str, links: np.ndarray, dofs: np.ndarray) -> Limb:
+    """Its tip is the landmark of its own that is the farthest down the tree, and from the origin of its link."""
+    own = [i for i, link in enumerate(model.landmark_links) if links[link]]
+    shapes = links[model.shape_links]
+    if own:
+        depth = model.chain.link_moved_by[model.landmark_links].sum(axis=1)
+        reach = np.linalg.norm(model.landmark_positions, axis=1)
+        best = max(own, key=lambda i: (depth[i], reach[i]))
+        return Limb(name, dofs, links, shapes, int(model.landmark_links[best]), model.landmark_positions[best])
+    if shapes.any():
+        last = int(np.flatnonzero(shapes)[-1])
+        return Limb(name, dofs, links, shapes, int(model.shape_links[last]), model.Ts_link_shape[last, :3, 3])
+    return Limb(name, dofs, links, shapes, int(np.flatnonzero(links)[0]), np.zeros(3))
