@@ -70,6 +70,30 @@ def test_a_quadratic_in_a_box_is_solved_like_by_scipy(seed):
     np.testing.assert_allclose(found, reference.x, atol=2e-4)
 
 
+@pytest.mark.parametrize("seed", range(30))
+def test_one_step_reaches_the_minimum_in_the_box(seed):
+    """Of a quadratic whose variables are correlated, with several at their limits."""
+    objective, chain = problem(seed)
+    options = LevenbergMarquardtOptions(max_iterations=1, damping=0.0)
+    result = minimize(objective, State(np.eye(4), np.random.default_rng(seed).uniform(chain.lower, chain.upper)), chain, options)
+    free = np.full(6, np.inf)
+    bounds = np.append(-free, chain.lower), np.append(free, chain.upper)
+    reference = lsq_linear(objective.A, objective.b, bounds, method="bvls", tol=1e-14)
+    found = np.concatenate([result.state.T_world_root[:3, 3], np.zeros(3), result.state.joint_positions])
+    np.testing.assert_allclose(found, reference.x, atol=1e-6)
+
+
+def test_nothing_moves_on_numbers_that_are_none():
+    class Broken:
+        def linearize(self, state: State) -> NormalEquations:
+            return NormalEquations(np.full((7, 7), np.nan), np.zeros(7), np.nan, 0)
+
+    start = State(np.eye(4), np.array([0.5]))
+    result = minimize(Broken(), start, chain_with_limits([(0.0, 1.0)]), LevenbergMarquardtOptions())
+    np.testing.assert_array_equal(result.state.joint_positions, start.joint_positions)
+    assert not result.converged
+
+
 @settings(max_examples=40)
 @given(st.integers(0, 10**6))
 def test_limits_are_never_left(seed):

@@ -1,7 +1,7 @@
 """Levenberg-Marquardt on the state manifold, with box limits on the joint angles.
 
-Limits are held by an active set: a joint at its limit whose downhill direction points outward is taken out of the step, and
-the accepted step is clipped to the box.
+Each step goes to the minimum of the damped quadratic model *within* the limits, found exactly (`box_quadratic`): a joint that
+meets its stop changes what the joints correlated with it do best, and one that is at its stop leaves it as soon as that helps.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
 from ..objective.normal_equations import LeastSquaresObjective, NormalEquations
+from .box_quadratic import minimize_quadratic
 from .result import OptimizerResult
 
 
@@ -34,35 +35,30 @@ def clip_to_limits(state: State, chain: KinematicChain) -> State:
     return State(state.T_world_root, np.clip(state.joint_positions, chain.lower, chain.upper))
 
 
-def _free(state: State, equations: NormalEquations, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """Mask (n_dof,) of degrees of freedom that may move."""
-    free = np.ones(equations.g.size, dtype=bool)
-    downhill = -equations.g[N_ROOT_DOF:]
-    q = state.joint_positions
-    free[N_ROOT_DOF:] = ~(((q <= lower) & (downhill < 0)) | ((q >= upper) & (downhill > 0)))
-    return free
-
-
-def _step(equations: NormalEquations, free: np.ndarray, damping: float) -> np.ndarray:
-    step = np.zeros(equations.g.size)
-    H = equations.H[np.ix_(free, free)].copy()
-    diagonal = np.diag(H)
+def _step(equations: NormalEquations, damping: float, lower: np.ndarray, upper: np.ndarray) -> np.ndarray | None:
+    """The step (n_dof,) to the minimum of the damped quadratic within ``lower`` and ``upper``; None where it has none."""
+    H, step = equations.H.copy(), np.empty(equations.g.size)
+    diagonal = np.diag(equations.H)
     H[np.diag_indices_from(H)] += damping * diagonal + 1e-9 * max(float(diagonal.max(initial=0.0)), 1e-12)
-    step[free] = np.linalg.solve(H, -equations.g[free])
-    return step
+    return step if minimize_quadratic(H, equations.g, lower, upper, step) >= 0 else None
 
 
 def minimize(
     objective: LeastSquaresObjective, start: State, chain: KinematicChain, options: LevenbergMarquardtOptions
 ) -> OptimizerResult:
     """Walk downhill from ``start``; deterministic."""
-    lower, upper = chain.lower, chain.upper
+    anywhere = np.full(N_ROOT_DOF, np.inf)
+    lower, upper = np.append(-anywhere, chain.lower), np.append(anywhere, chain.upper)
     state = clip_to_limits(start, chain)
     equations = objective.linearize(state)
     evaluations, damping, converged, iterations, accepted = 1, options.damping, False, 0, True
     while iterations < options.max_iterations and not converged:
         iterations += 1
-        step = _step(equations, _free(state, equations, lower, upper), damping)
+        here = np.append(np.zeros(N_ROOT_DOF), state.joint_positions)
+        step = _step(equations, damping, lower - here, upper - here)
+        if step is None:
+            accepted, damping = False, damping * options.damping_up
+            continue
         trial = clip_to_limits(state.retract(step), chain)
         trial_equations = objective.linearize(trial)
         evaluations += 1
