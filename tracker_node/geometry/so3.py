@@ -55,6 +55,19 @@ def log(rotation: np.ndarray) -> np.ndarray:
     return angle * axis
 
 
+def left_jacobian(rotation_vector: np.ndarray) -> np.ndarray:
+    """(3, 3) J with exp(w + d) = exp(J d + O(d^2)) exp(w)."""
+    w = np.asarray(rotation_vector, dtype=np.float64)
+    angle_sq = float(w @ w)
+    angle = np.sqrt(angle_sq)
+    if angle < _SMALL:
+        b, c = 0.5 - angle_sq / 24.0, 1.0 / 6.0 - angle_sq / 120.0
+    else:
+        b, c = (1.0 - np.cos(angle)) / angle_sq, (angle - np.sin(angle)) / (angle_sq * angle)
+    k = hat(w)
+    return np.eye(3) + b * k + c * (k @ k)
+
+
 def left_jacobian_inverse(rotation_vector: np.ndarray) -> np.ndarray:
     """(3, 3) J with log(exp(d) exp(w)) = w + J d + O(d^2), for angles below 2 pi."""
     w = np.asarray(rotation_vector, dtype=np.float64)

@@ -15,6 +15,7 @@ from ..render.contour_picks import N_PICK_COLUMNS
 from ..render.shape_arrays import ShapeArrays
 from . import contour_residual as kernel
 from .contour_agreement import N_AGREEMENT, count_agreement
+from .moved_configuration import moved_configuration
 from .normal_equations import NormalEquations
 from .prior import Prior
 
@@ -97,6 +98,14 @@ class CameraSlot:
         return self.flags, self.picks, self.n_picks, self.samples, self.normal, self.gradient, self.stats
 
 
+def _of_one_body(cameras: Sequence[int], bodies: Sequence[Configuration]) -> list[list[int]]:
+    """Cameras that see the same configuration, together; in order."""
+    groups: dict[int, list[int]] = {}
+    for i in cameras:
+        groups.setdefault(id(bodies[i]), []).append(i)
+    return list(groups.values())
+
+
 def _serial(function: Callable, items: list) -> list:
     return [function(item) for item in items]
 
@@ -122,28 +131,38 @@ class ContourObjective:
         self.options, self.priors = options, priors
         self._packed = options.packed()
         self._map = parallel
-        self._spheres = np.empty((len(model.shapes), 4))
+        self._offsets: list[np.ndarray | None] = [None] * len(slots)
         self._refresh = True
 
-    def restart(self, options: ContourOptions) -> None:
-        """Go on with other ``options`` (same number of samples); visibility is decided anew at the next linearization."""
+    def restart(self, options: ContourOptions, offsets: Sequence[np.ndarray | None] | None = None) -> None:
+        """Go on with other ``options`` (same number of samples); visibility is decided anew at the next linearization.
+
+        ``offsets``: for each camera the tangent (n_dof,) from the state to where the body is when that camera exposes, or None;
+        not given, all cameras expose at one instant.
+        """
         self.options, self._packed = options, options.packed()
+        self._offsets = [None] * len(self.slots) if offsets is None else list(offsets)
         self._refresh = True
+
+    def _bodies(self, state: State) -> list[Configuration]:
+        """The body as each camera sees it."""
+        common = Configuration(self.model, state)
+        return [common if o is None else moved_configuration(self.model, state, o) for o in self._offsets]
 
     def linearize(self, state: State) -> NormalEquations:
         """Normal equations at ``state``; sums run over the cameras in the order of the rig."""
-        configuration = Configuration(self.model, state)
-        Ts = configuration.Ts_world_shape
-        world_spheres(Ts, self.arrays.bounds, self._spheres)
+        bodies = self._bodies(state)
         refresh, self._refresh = self._refresh, False
 
         def run(index: int) -> None:
             slot, maps = self.slots[index], self.maps[index]
             assert maps is not None
+            Ts, spheres = bodies[index].Ts_world_shape, np.empty((len(self.model.shapes), 4))
+            world_spheres(Ts, self.arrays.bounds, spheres)
             kernel.linearize_camera(
                 self.arrays.packed,
                 Ts,
-                self._spheres,
+                spheres,
                 slot.camera,
                 (maps.silhouette, maps.edges, maps.origin, maps.boundary),
                 self._packed,
@@ -154,27 +173,36 @@ class ContourObjective:
 
         active = [i for i, maps in enumerate(self.maps) if maps is not None]
         self._map(run, active)
-        chain = self.model.chain
-        H, g = np.empty((chain.n_dof, chain.n_dof)), np.empty(chain.n_dof)
-        link_normal, link_gradient = np.zeros((len(chain.links), 6, 6)), np.zeros((len(chain.links), 6))
+        H, g = np.zeros((self.model.n_dof, self.model.n_dof)), np.zeros(self.model.n_dof)
         cost, count = 0.0, 0
+        for together in _of_one_body(active, bodies):
+            self._assemble(together, bodies[together[0]], H, g)
         for i in active:
-            link_normal += self.slots[i].normal
-            link_gradient += self.slots[i].gradient
             cost += float(self.slots[i].stats[kernel.COST])
             count += int(self.slots[i].stats[kernel.COUNT])
-        kernel.assemble(link_normal, link_gradient, chain.link_moved_by, configuration.twists, H, g)
         information = 1.0 / self.options.variance_px2
         H, g, cost = information * H, information * g, information * cost
         for prior in self.priors:
             cost += prior.add_to(H, g, state)
         return NormalEquations(H, g, cost, count)
 
+    def _assemble(self, cameras: Sequence[int], body: Configuration, H: np.ndarray, g: np.ndarray) -> None:
+        """Add what the links of ``body`` have to tell in these cameras."""
+        chain = self.model.chain
+        own_H, own_g = np.empty_like(H), np.empty_like(g)
+        link_normal, link_gradient = np.zeros((len(chain.links), 6, 6)), np.zeros((len(chain.links), 6))
+        for i in cameras:
+            link_normal += self.slots[i].normal
+            link_gradient += self.slots[i].gradient
+        kernel.assemble(link_normal, link_gradient, chain.link_moved_by, body.twists, own_H, own_g)
+        H += own_H
+        g += own_g
+
     def count_agreement(self, state: State, close_px: float, close_m: float = 0.0) -> None:
         """Fill the ``agreement`` of every slot with evidence: how much of the outline in ``state`` lies on the silhouette's
         boundary, and the other way round, within ``close_px`` and what ``close_m`` at the body is in pixels. Call it after
         `linearize`, which decides what is seen."""
-        Ts = Configuration(self.model, state).Ts_world_shape
+        bodies = self._bodies(state)
         root = state.T_world_root[:3, 3]
 
         def run(index: int) -> None:
@@ -185,7 +213,7 @@ class ContourObjective:
             close = close_px + close_m * float(params[0]) / depth
             count_agreement(
                 self.arrays.packed,
-                Ts,
+                bodies[index].Ts_world_shape,
                 slot.camera,
                 (maps.silhouette, maps.edges, maps.origin, maps.boundary),
                 (slot.flags, slot.picks, slot.n_picks),

@@ -23,6 +23,7 @@ from .config import TrackerConfig
 from .engine import Images, Report, Verdict
 from .estimate import CameraReport
 from .hierarchy import Pulled, Stage
+from .motion_model import Passage
 from .part_colors import PartColors, check_colors
 from .rigid_search import RigidSearch
 
@@ -39,6 +40,8 @@ class ColorEngine:
     ------
     ModelError : a model without colors, when none are to be learnt.
     """
+
+    in_information_units = False
 
     def __init__(
         self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, parallel: Callable[[Callable, list], list]
@@ -91,7 +94,7 @@ class ColorEngine:
         self._learn(images, start, 1.0)
         return start
 
-    def observe(self, images: Images, expected: State | None) -> None:
+    def observe(self, images: Images, expected: State | None, passage: Passage | None = None) -> None:
         """Blur and halve the images around the expected body."""
         self._images = [None] * len(self._rig) if expected is None else images
         around = State.neutral(self._model) if expected is None else expected
@@ -99,7 +102,7 @@ class ColorEngine:
         if self._score is not None:
             self._score.set_images(self._images)
 
-    def fit(self, start: State, first: bool) -> OptimizerResult:
+    def fit(self, start: State, first: bool, prior: Prior | None = None) -> OptimizerResult:
         """From coarse to fine, and once more where limbs that have been lost are found again."""
         self._priors = self._pulls(start)
         result = self._search.run(start, self._priors, first)

@@ -6,11 +6,13 @@ from dataclasses import replace
 
 from ..model.configuration import State
 from ..objective.normal_equations import NormalEquations
+from ..objective.prior import Prior
 from ..observation.image_set import ImageSet
 from ..optimize.result import OptimizerResult
 from .contour_engine import ContourEngine
 from .engine import Engine, Images, Report, Verdict
 from .estimate import Status
+from .motion_model import Passage
 
 
 class ColorThenContourEngine:
@@ -19,9 +21,12 @@ class ColorThenContourEngine:
     Where colors do not find the body, contours begin where it is expected.
     """
 
+    in_information_units = True
+
     def __init__(self, colors: Engine, contours: ContourEngine):
         self._colors, self._contours = colors, contours
         self._images: Images = ()
+        self._passage: Passage | None = None
         self._waiting = True
         self._jumped = False
 
@@ -35,20 +40,20 @@ class ColorThenContourEngine:
         start = self._colors.begin(images, start)
         return self._contours.begin(images, start)
 
-    def observe(self, images: Images, expected: State | None) -> None:
+    def observe(self, images: Images, expected: State | None, passage: Passage | None = None) -> None:
         """What contours see depends on what colors have found, and so is looked at in `fit`."""
-        self._images, self._waiting = images, expected is None
-        self._colors.observe(images, expected)
+        self._images, self._passage, self._waiting = images, passage, expected is None
+        self._colors.observe(images, expected, passage)
 
-    def fit(self, start: State, first: bool) -> OptimizerResult:
+    def fit(self, start: State, first: bool, prior: Prior | None = None) -> OptimizerResult:
         """Iterations and evaluations are those of both."""
         found = self._colors.fit(start, first)
         verdict = None if self._waiting else self._colors.judge(found, ImageSet(0, ()))
         lost = verdict is None or verdict.status is Status.LOST
         self._jumped = not lost and verdict is not None and verdict.jumped
         begin = start if lost else found.state
-        self._contours.observe(self._images, None if self._waiting else begin)
-        result = self._contours.fit(begin, first)
+        self._contours.observe(self._images, None if self._waiting else begin, self._passage)
+        result = self._contours.fit(begin, first, prior)
         return replace(
             result, iterations=result.iterations + found.iterations, evaluations=result.evaluations + found.evaluations
         )

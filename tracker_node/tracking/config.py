@@ -130,10 +130,10 @@ class MotionConfig:
         0.8, "how fast the velocity follows the measured one, in engines that do not tell how sure they are", "1", 0.0, 1.0
     )
     velocity_decay: float = parameter(
-        0.9, "share of the velocity of joint angles that such engines keep in the prediction; of a lost body's velocity", "1", 0.0, 1.0
+        0.9, "share of a joint velocity that is kept in the prediction by such engines; of any velocity, by a lost body", "1", 0.0, 1.0
     )
-    stay_position: float = parameter(0.0, "pull to the predicted root position", "px^2/m^2", 0.0, 1e12)
-    stay_angle: float = parameter(200.0, "pull to the predicted angles", "px^2/rad^2", 0.0, 1e12)
+    stay_position: float = parameter(0.0, "pull to the root position given, on the first image set", "px^2/m^2", 0.0, 1e12)
+    stay_angle: float = parameter(200.0, "pull to the angles given, on the first image set", "px^2/rad^2", 0.0, 1e12)
     neutral_angle: float = parameter(
         1.0, "multiplies the stiffness of the model's axes (pull to their neutral angles)", "px^2", 0.0, 1e12
     )

@@ -24,6 +24,7 @@ from ..render.shape_arrays import ShapeArrays
 from .config import TrackerConfig
 from .engine import Images, Report, Verdict
 from .judge import NOTHING, covariance_of, judge, reports_of
+from .motion_model import Passage
 
 _FIRST_MARGIN = 3  # times the usual margin around a first pose that is only roughly known
 _LEAST_REGION_PX = 8  # a body of which less is in view is not looked for
@@ -45,6 +46,8 @@ class ContourEngine:
     rig, model, config, plates : as for the `Tracker`.
     parallel : maps a function over cameras.
     """
+
+    in_information_units = True
 
     def __init__(
         self,
@@ -81,6 +84,7 @@ class ContourEngine:
             for camera in self._rig
         ]
         self._observations: list[Observation | None] = [None] * len(self._rig)
+        self._passage: Passage | None = None
         self._count = 0
 
     def begin(self, images: Images, start: State) -> State:
@@ -94,20 +98,21 @@ class ContourEngine:
                 start = self.fit(start, first=True).state
         return start
 
-    def observe(self, images: Images, expected: State | None) -> None:
+    def observe(self, images: Images, expected: State | None, passage: Passage | None = None) -> None:
         """Silhouettes, edges and their distances around the expected body."""
+        self._passage = passage
         self._observe(images, [None] * len(images) if expected is None else self._look(expected, images))
 
-    def fit(self, start: State, first: bool) -> OptimizerResult:
+    def fit(self, start: State, first: bool, prior: Prior | None = None) -> OptimizerResult:
         """Coarse iterations, in which far boundaries pull, then fine ones."""
-        self._objective = objective = self._objective_around(start)
+        self._objective = objective = self._objective_around(start, prior)
         optimizer = self._config.optimizer
         total = optimizer.first_iterations if first else optimizer.max_iterations
         n_coarse = min(total // 2 if first else optimizer.coarse_iterations, total - 1)
         coarse: OptimizerResult | None = None
         if n_coarse > 0:
             coarse = self._minimize(objective, start, n_coarse)
-            objective.restart(self._fine)
+            objective.restart(self._fine, self._offsets(coarse.state))
         fine = self._minimize(objective, start if coarse is None else coarse.state, total - n_coarse)
         if coarse is None:
             return fine
@@ -140,9 +145,11 @@ class ContourEngine:
 
     def _look(self, state: State, images: Images) -> list[_Sight | None]:
         """Where the body is in the cameras that have an image, if it is in ``state``."""
-        configuration = Configuration(self._model, state)
+        offsets = self._offsets(state)
 
         def look(i: int) -> _Sight | None:
+            offset = offsets[i]
+            configuration = Configuration(self._model, state if offset is None else state.retract(offset))
             found = render_labels(configuration, self._rig.cameras[i], self._config.evidence.margin_px)
             return None if found is None or min(found[1].shape) < _LEAST_REGION_PX else _Sight(*found)
 
@@ -151,6 +158,9 @@ class ContourEngine:
         for i, sight in zip(seen, self._parallel(look, seen), strict=True):
             result[i] = sight
         return result
+
+    def _offsets(self, state: State) -> list[np.ndarray | None]:
+        return [None] * len(self._rig) if self._passage is None else self._passage.offsets(state)
 
     def _seen(self, images, sights) -> list[int]:
         return [i for i, (image, sight) in enumerate(zip(images, sights, strict=True)) if image is not None and sight is not None]
@@ -170,22 +180,22 @@ class ContourEngine:
         for i, observation in zip(seen, found, strict=True):
             self._observations[i] = observation
 
-    def _objective_around(self, expected: State) -> ContourObjective:
+    def _objective_around(self, expected: State, prior: Prior | None) -> ContourObjective:
         maps = [
             None if o is None or o.empty else EvidenceMaps(o.region[:2], o.silhouette_distance, o.edge_distance, o.boundary)
             for o in self._observations
         ]
-        motion, axes = self._config.motion, self._model.chain.axes
-        stay = np.full(self._model.n_dof, motion.stay_angle)
-        stay[:3] = motion.stay_position
+        motion, axes, variance = self._config.motion, self._model.chain.axes, self._options.variance_px2
+        if prior is None:
+            stay = np.full(self._model.n_dof, motion.stay_angle / variance)
+            stay[:3] = motion.stay_position / variance
+            prior = Prior(expected, stay)
         neutral = np.zeros(self._model.n_dof)
-        neutral[N_ROOT_DOF:] = [motion.neutral_angle * axis.stiffness for axis in axes]
-        information = 1.0 / self._options.variance_px2
-        priors = [
-            Prior(expected, information * stay),
-            Prior(State.neutral(self._model, expected.T_world_root), information * neutral),
-        ]
-        return ContourObjective(self._model, self._arrays, self._slots, maps, self._options, priors, self._parallel)
+        neutral[N_ROOT_DOF:] = [motion.neutral_angle * axis.stiffness / variance for axis in axes]
+        priors = [prior, Prior(State.neutral(self._model, expected.T_world_root), neutral)]
+        objective = ContourObjective(self._model, self._arrays, self._slots, maps, self._options, priors, self._parallel)
+        objective.restart(self._options, self._offsets(expected))
+        return objective
 
     def _minimize(self, objective: ContourObjective, start: State, iterations: int) -> OptimizerResult:
         options = LevenbergMarquardtOptions(max_iterations=iterations, tolerance=self._config.optimizer.tolerance)

@@ -14,9 +14,11 @@ import numpy as np
 
 from ..model.configuration import State
 from ..objective.normal_equations import NormalEquations
+from ..objective.prior import Prior
 from ..observation.image_set import ImageSet
 from ..optimize.result import OptimizerResult
 from .estimate import CameraReport, Status
+from .motion_model import Passage
 
 Images = Sequence[np.ndarray | None]
 """BGR pixels (h, w, 3) uint8 per camera of the rig, None where the set has none."""
@@ -47,7 +49,12 @@ class Report:
 
 
 class Engine(Protocol):
-    """Finds a body near a state in the images of one set; deterministic in what it has been given since `reset`."""
+    """Finds a body near a state in the images of one set; deterministic in what it has been given since `reset`.
+
+    ``in_information_units``: its normal equations are those of minus twice a log posterior, so that a filter can go by them.
+    """
+
+    in_information_units: bool
 
     def reset(self) -> None:
         """Forget everything learnt."""
@@ -57,12 +64,18 @@ class Engine(Protocol):
         """Learn what is needed from the first image set, in which the body is near ``start``; returns a better start."""
         ...
 
-    def observe(self, images: Images, expected: State | None) -> None:
-        """Look at the images where the body is expected; None: nobody knows where it is, and nothing is looked at."""
+    def observe(self, images: Images, expected: State | None, passage: Passage | None = None) -> None:
+        """Look at the images where the body is expected; None: nobody knows where it is, and nothing is looked at.
+
+        ``passage`` tells where the body is when each camera exposes; None: all expose at one instant.
+        """
         ...
 
-    def fit(self, start: State, first: bool) -> OptimizerResult:
-        """The state that suits the observed images best, searched from ``start``; longer on the ``first`` set."""
+    def fit(self, start: State, first: bool, prior: Prior | None = None) -> OptimizerResult:
+        """The state that suits the observed images best, searched from ``start``; longer on the ``first`` set.
+
+        ``prior`` is what is believed beforehand, in units of information; engines with units of their own leave it out.
+        """
         ...
 
     def judge(self, result: OptimizerResult, image_set: ImageSet) -> Verdict:

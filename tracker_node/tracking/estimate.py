@@ -68,7 +68,8 @@ class TrackEstimate:
     ``velocity`` (n_dof,) per second and ``covariance`` (n_dof, n_dof) are in the tangent of `model.configuration.State`
     (metres, radians). ``score`` is the robust cost (px^2) at the solution, ``residual_px`` the rms distance of the contour
     samples over all cameras. ``limbs`` is empty where the engine does not judge them: the trunk comes first, then the branches of
-    the kinematic tree.
+    the kinematic tree. ``velocity_covariance`` (n_dof, n_dof) is None where nothing is known of it. ``information``
+    (n_dof, n_dof) is the inverse covariance that these images alone would give; None where they are not believed.
     """
 
     stamp_ns: int
@@ -84,6 +85,8 @@ class TrackEstimate:
     evaluations: int
     timings: Timings
     limbs: tuple[LimbReport, ...] = ()
+    velocity_covariance: np.ndarray | None = None
+    information: np.ndarray | None = None
 
     def landmark_covariances(self, model: ArticulatedModel) -> np.ndarray:
         """(n_landmarks, 3, 3), m^2 in world axes: the covariance of the state carried to every landmark of ``model``."""

@@ -25,6 +25,7 @@ from ..render.shape_arrays import ShapeArrays
 from .config import TrackerConfig
 from .engine import Images, Report, Verdict
 from .estimate import CameraReport, Status
+from .motion_model import Passage
 
 
 class RegionEngine:
@@ -35,6 +36,8 @@ class RegionEngine:
     rig, model, config : as for the `Tracker`.
     parallel : maps a function over cameras.
     """
+
+    in_information_units = True
 
     def __init__(
         self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, parallel: Callable[[Callable, list], list]
@@ -74,7 +77,7 @@ class RegionEngine:
                 start = self.fit(start, first=True).state
         return start
 
-    def observe(self, images: Images, expected: State | None) -> None:
+    def observe(self, images: Images, expected: State | None, passage: Passage | None = None) -> None:
         """Keep the images: lines are drawn where the fit needs them."""
         self._objective.set_views(
             [

@@ -30,6 +30,7 @@ from .config import ColorConfig, TrackerConfig
 from .engine import Images, Verdict
 from .estimate import Status
 from .hierarchy import Pulled, Stage
+from .motion_model import Passage
 
 _LONGEST_PX = 480  # images are shrunk to this, which is enough for parts of one color
 _MARGIN_PX = 15  # around the expected body, of those images
@@ -70,9 +71,9 @@ class SceneEngine(ColorEngine):
         super()._take_colors()
         self._scene.objective.set_colors(self._colors.rgb)
 
-    def observe(self, images: Images, expected: State | None) -> None:
+    def observe(self, images: Images, expected: State | None, passage: Passage | None = None) -> None:
         """Shrink the images, too."""
-        super().observe(images, expected)
+        super().observe(images, expected, passage)
         self._scene.observe(self._images, expected)
 
     def judge(self, result: OptimizerResult, image_set: ImageSet) -> Verdict:

@@ -10,6 +10,7 @@ from ..camera.camera_rig import CameraRig
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from ..objective.normal_equations import NormalEquations
+from ..objective.prior import Prior
 from ..objective.texture_objective import TextureObjective, TextureScore
 from ..observation.image_set import ImageSet
 from ..optimize.alignment import AlignmentOptions, align
@@ -19,6 +20,7 @@ from ..optimize.robust_start import RobustStartOptions
 from .config import TrackerConfig
 from .engine import Images, Report, Verdict
 from .estimate import CameraReport, Status
+from .motion_model import Passage
 
 _TRIED, _ALIGNED = 3, 40  # times the states of a round, all in one round; so many of them are aligned
 _WIDEN, _WIDEST = 0.5, 2.0  # the search grows by this share with every set that it fails in, up to so many times
@@ -26,6 +28,8 @@ _WIDEN, _WIDEST = 0.5, 2.0  # the search grows by this share with every set that
 
 class TextureEngine:
     """The `Engine` of pictured boxes; the parameters are those of ``config.color``."""
+
+    in_information_units = False
 
     def __init__(self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig):
         self._rig, self._model, self._config = rig, model, config.color
@@ -42,11 +46,11 @@ class TextureEngine:
         """Pictures are known beforehand: the start stays."""
         return start
 
-    def observe(self, images: Images, expected: State | None) -> None:
+    def observe(self, images: Images, expected: State | None, passage: Passage | None = None) -> None:
         """Halve the images again and again; where nobody knows where the body is, none is looked at."""
         self._objective.set_images([None] * len(self._rig) if expected is None else images)
 
-    def fit(self, start: State, first: bool) -> OptimizerResult:
+    def fit(self, start: State, first: bool, prior: Prior | None = None) -> OptimizerResult:
         """Alignment from coarse to fine, and a search where that has not led to the body."""
         chain = self._model.chain
         result = align(self._objective, start, chain, self._alignment)

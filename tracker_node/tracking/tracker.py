@@ -12,13 +12,15 @@ from ..camera.camera_rig import CameraRig
 from ..errors import CalibrationError
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
+from ..objective.prior import Prior
 from ..observation.image_set import ImageSet
 from ..optimize.levenberg_marquardt import clip_to_limits
+from ..optimize.result import OptimizerResult
 from .config import TrackerConfig
 from .contour_engine import ContourEngine
 from .engine import Engine, Verdict
 from .estimate import Status, Timings, TrackEstimate
-from .motion_model import MotionModel
+from .motion_model import MotionModel, Passage, Prediction
 from .region_engine import RegionEngine
 from .workers import Workers
 
@@ -62,27 +64,30 @@ class Tracker:
         self._restart(state)
 
     def _restart(self, state: State | None) -> None:
-        self._motion = MotionModel(self.model.n_dof, self.config.motion)
+        self._motion = MotionModel(self.model.chain, self.config.motion)
         self._start = state
 
     def step(self, image_set: ImageSet) -> TrackEstimate:
         """Estimate the state for one image set."""
         began, engine = time.perf_counter(), self._engine
         images = self._images(image_set)
-        first, predicted = self._predict(image_set.stamp_ns)
+        prediction = self._motion.predict(image_set.stamp_ns)
+        first, predicted = prediction is None, self._expected(prediction)
         waiting = first and self._start is None
         start = engine.begin(images, predicted) if first and not waiting else predicted
-        engine.observe(images, None if waiting else start)
+        engine.observe(images, None if waiting else start, self._passage(image_set, prediction))
         observed = time.perf_counter()
-        result = engine.fit(start, first)
+        prior = prediction.prior() if prediction is not None and engine.in_information_units else None
+        result = engine.fit(start, first, prior)
         done = time.perf_counter()
         if waiting:
-            verdict = Verdict(Status.INITIALISING, "no initial state has been given")
+            verdict, information = Verdict(Status.INITIALISING, "no initial state has been given"), None
         else:
             verdict = engine.judge(result, image_set)
             if verdict.noise:  # stay where the body was last, whatever the optimizer has made of noise
                 result = replace(result, state=predicted, equations=engine.linearize(predicted))
-            self._accept(image_set.stamp_ns, result.state, images, verdict)
+            information = self._information(result, prior, verdict)
+            self._accept(image_set.stamp_ns, result.state, information, images, verdict)
         finished = time.perf_counter()
         report = engine.report(result, image_set)
         return TrackEstimate(
@@ -98,6 +103,8 @@ class Tracker:
             iterations=result.iterations,
             evaluations=result.evaluations,
             timings=Timings(1e3 * (observed - began), 1e3 * (done - observed), 1e3 * (finished - began)),
+            velocity_covariance=self._motion.velocity_covariance,
+            information=information,
         )
 
     def _images(self, image_set: ImageSet) -> list[np.ndarray | None]:
@@ -115,19 +122,32 @@ class Tracker:
             result.append(None if image is None else image.bgr)
         return result
 
-    def _predict(self, stamp_ns: int) -> tuple[bool, State]:
-        predicted = self._motion.predict(stamp_ns)
-        if predicted is not None:
-            return False, clip_to_limits(predicted, self.model.chain)
-        return True, clip_to_limits(self._start or State.neutral(self.model), self.model.chain)
+    def _expected(self, prediction: Prediction | None) -> State:
+        state = (self._start or State.neutral(self.model)) if prediction is None else prediction.state
+        return clip_to_limits(state, self.model.chain)
 
-    def _accept(self, stamp_ns: int, state: State, images, verdict: Verdict) -> None:
+    def _passage(self, image_set: ImageSet, prediction: Prediction | None) -> Passage | None:
+        """Where the body is when each camera exposes; None where all do at once, or nobody knows how the body moves."""
+        images = [image_set.get(camera.name) for camera in self.rig]
+        late_s = [0.0 if image is None else 1e-9 * (image.stamp_ns - image_set.stamp_ns) for image in images]
+        return None if prediction is None or not any(late_s) else Passage(late_s, prediction)
+
+    def _information(self, result: OptimizerResult, prior: Prior | None, verdict: Verdict) -> np.ndarray | None:
+        """(n_dof, n_dof) of the images alone; None where they are not believed, or their engine has other units."""
+        if verdict.status is Status.LOST or not self._engine.in_information_units:
+            return None
+        H, g = np.zeros_like(result.equations.H), np.zeros_like(result.equations.g)
+        if prior is not None:
+            prior.add_to(H, g, result.state)
+        return result.equations.H - H
+
+    def _accept(self, stamp_ns: int, state: State, information: np.ndarray | None, images, verdict: Verdict) -> None:
         self._start = state
         if verdict.status is not Status.LOST:
             if verdict.jumped:
                 self._motion.restart(stamp_ns, state)
             else:
-                self._motion.update(stamp_ns, state)
+                self._motion.update(stamp_ns, state, information)
             self._engine.learn(images, state)
         else:  # nothing is learnt from what is taken for the body then, nor how fast it is
             self._motion.coast(stamp_ns, state)
