@@ -15,8 +15,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from ..errors import FileFormatError, SourceError, UnknownNameError
-from ..geometry import so3
-from .motions import PROCEDURAL, Motion, chained, swing
+from .joined import LONG_RUN, LONG_RUN_CLIPS, LONG_RUN_IMAGES, LONG_RUN_RADIUS_M, joined, within
+from .motions import PROCEDURAL, Motion, chained, heading, swing
 
 # Column of each segment's joint in a clip, and the number of its columns (4: quaternion, 1: angle about the lateral axis).
 _COLUMNS = {
@@ -86,7 +86,7 @@ class Clip:
             first, last = turns[0], turns[-1]
             if segment == "pelvis":
                 ends = _WORLD_FROM_CLIP @ Rotation.concatenate([first, last]).as_matrix() @ _WORLD_FROM_CLIP.T
-                turn = _WORLD_FROM_CLIP.T @ _heading(ends[1]) @ _heading(ends[0]).T @ _WORLD_FROM_CLIP
+                turn = _WORLD_FROM_CLIP.T @ heading(ends[1]) @ heading(ends[0]).T @ _WORLD_FROM_CLIP
                 first = Rotation.from_matrix(turn) * first
             gap = (first * last.inv()).as_rotvec()
             bent = Rotation.from_rotvec(weight[:, None] * gap) * turns
@@ -112,7 +112,7 @@ class Clip:
 
 def _continued(positions, rotations, cycles, end_positions, end_rotations) -> tuple[np.ndarray, np.ndarray]:
     """Move what lies in repetition c by the travel and turn of c whole clips (horizontal, about the vertical)."""
-    turn = _heading(end_rotations[1, 0]) @ _heading(end_rotations[0, 0]).T
+    turn = heading(end_rotations[1, 0]) @ heading(end_rotations[0, 0]).T
     positions, rotations = positions.copy(), rotations.copy()
     total_turn, total_shift = np.eye(3), np.zeros(3)
     step = end_positions[1] - turn @ end_positions[0]
@@ -124,11 +124,6 @@ def _continued(positions, rotations, cycles, end_positions, end_rotations) -> tu
         positions[inside] = positions[inside] @ total_turn.T + total_shift
         rotations[inside] = total_turn @ rotations[inside]
     return positions, rotations
-
-
-def _heading(rotation: np.ndarray) -> np.ndarray:
-    """The part of a rotation that turns about the world's vertical (swing-twist)."""
-    return so3.exp([0.0, 0.0, 2.0 * np.arctan2(rotation[1, 0] - rotation[0, 1], 1.0 + np.trace(rotation))])
 
 
 def read_clip(path: str | Path) -> Clip:
@@ -178,7 +173,7 @@ def find_clip(name: str, folder: str | Path) -> Path:
 
 
 def load_motion(name: str, rate_hz: float, n_images: int | None = None, folder: str | Path | None = None) -> Motion:
-    """A motion by name: ``swing`` (procedural), a path of a clip, or the name of a clip in ``folder``.
+    """A motion by name: ``swing`` (procedural), a path of a clip, the name of a clip in ``folder``, or ``long_run`` (several).
 
     Raises
     ------
@@ -190,4 +185,7 @@ def load_motion(name: str, rate_hz: float, n_images: int | None = None, folder: 
         return read_clip(name).resampled(rate_hz, n_images).centered()
     if folder is None:
         raise SourceError(name, f"name the folder of the motion clips, or take the procedural motion '{PROCEDURAL}'")
+    if name == LONG_RUN:
+        parts = [read_clip(find_clip(clip, folder)).resampled(rate_hz) for clip in LONG_RUN_CLIPS]
+        return within(joined(parts, n_images or round(LONG_RUN_IMAGES * rate_hz / 30.0), LONG_RUN), LONG_RUN_RADIUS_M)
     return read_clip(find_clip(name, folder)).resampled(rate_hz, n_images).centered()

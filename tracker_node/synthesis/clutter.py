@@ -40,11 +40,23 @@ def patches(rng: np.random.Generator, width_m: float, height_m: float) -> np.nda
             thing[(rows + columns) % 2 == 1] = _color(rng)
         elif kind == 1:
             thing[:, (np.arange(w) // int(rng.integers(3, 10))) % 2 == 1] = _color(rng)
-        turn = cv2.getRotationMatrix2D((0.5 * w, 0.5 * h), float(rng.uniform(0.0, 180.0)), 1.0)
-        turn[:, 2] += np.array([rng.uniform(0, width), rng.uniform(0, height)]) - (0.5 * w, 0.5 * h)
-        cv2.warpAffine(thing, turn, (width, height), dst=image, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_TRANSPARENT)
+        _lay(image, thing, rng)
     grain = rng.standard_normal((height, width, 1)).astype(np.float32)
     return np.clip(image + 6.0 * cv2.GaussianBlur(grain, (0, 0), 0.7)[:, :, None], 0, 255).astype(np.uint8)
+
+
+def _lay(image: np.ndarray, thing: np.ndarray, rng: np.random.Generator) -> None:
+    """``thing`` on ``image``, turned by any angle, anywhere."""
+    (h, w), (height, width) = thing.shape[:2], image.shape[:2]
+    turn = cv2.getRotationMatrix2D((0.5 * w, 0.5 * h), float(rng.uniform(0.0, 180.0)), 1.0)
+    x, y = rng.uniform(0, width), rng.uniform(0, height)
+    reach = 0.5 * np.hypot(w, h) + 2.0
+    x0, x1 = max(0, int(x - reach)), min(width, int(x + reach) + 1)
+    y0, y1 = max(0, int(y - reach)), min(height, int(y + reach) + 1)
+    turn[:, 2] += (x - x0 - 0.5 * w, y - y0 - 0.5 * h)
+    window = np.ascontiguousarray(image[y0:y1, x0:x1])
+    cv2.warpAffine(thing, turn, (x1 - x0, y1 - y0), dst=window, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_TRANSPARENT)
+    image[y0:y1, x0:x1] = window
 
 
 def _color(rng: np.random.Generator) -> np.ndarray:

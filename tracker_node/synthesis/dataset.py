@@ -36,6 +36,7 @@ from .scenes import SceneConfig, Studio, make_rig
 N_PLATES = 10
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 95, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
 _STATIC_IMAGES = 5
+_DRAWING = ("clutter", "cones", "dataset", "mannequin", "rasterizer", "room", "scenes", "sequences")
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,8 +126,11 @@ def describe(sequence: Sequence, scene: SceneConfig) -> dict:
 
 @cache
 def code_digest() -> str:
-    """Fingerprint of the code of this package: recordings of other code are not taken for this one's."""
-    files = sorted(Path(__file__).parent.glob("*.py"))
+    """Fingerprint of the code that draws: recordings of other code are not taken for this one's.
+
+    Motions are not in it: a sequence has their content among its parameters.
+    """
+    files = [Path(__file__).with_name(f"{name}.py") for name in _DRAWING]
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
 
 

@@ -72,6 +72,11 @@ def chained(local: dict[str, np.ndarray]) -> np.ndarray:
     return np.stack([world[segment] for segment in SEGMENTS], axis=1)
 
 
+def heading(rotation: np.ndarray) -> np.ndarray:
+    """The part of a rotation that turns about the world's vertical (swing-twist)."""
+    return so3.exp([0.0, 0.0, 2.0 * np.arctan2(rotation[1, 0] - rotation[0, 1], 1.0 + np.trace(rotation))])
+
+
 def swing(rate_hz: float = 30.0, n_images: int = 60) -> Motion:
     """A procedural motion: slow steps, swinging arms, the right arm raised once; smooth in every angle."""
     t = np.arange(n_images) / rate_hz
