@@ -1,10 +1,10 @@
 """Correspondence lines: where, along the normal of a contour sample, the colors change from the body's to those beyond it.
 
-A line has pixels on both sides of its sample. For a contour that is ``d`` pixels farther out, the log-likelihood of their colors is,
-up to a constant, the sum of log(p_body / p_beyond) over the pixels inside; where the part is so narrow that the line reaches across
-it, over those between its two contours. All of them together are a distribution of d, of which mean and variance are kept (as in
-region-based trackers, e.g. Stoiber et al., 2020). With the state the sample moves by n . (pixel - pixel at first), the residual is that
-minus the mean.
+A line has pixels on both sides of its sample. For a contour that is ``d`` pixels farther out, the log-likelihood of their colors
+is, up to a constant, the sum of log(p_body / p_beyond) over the pixels inside; where the part is so narrow that the line reaches
+across it, over those between its two contours. All of them together are a distribution of d, of which mean and variance are kept
+(as in region-based trackers, e.g. Stoiber et al., 2020). On the finest scale the mean is refined below the pixel by how much of the
+mixed pixels shows either side. With the state the sample moves by n . (pixel - pixel at first), the residual is that minus the mean.
 
 What lies beyond is the scene, or, for contours within the outline, the part behind or the scene.
 """
@@ -38,8 +38,8 @@ from ..render.contour_samples import (
 POINT, LINE_U, LINE_V, LINE_NU, LINE_NV, MEAN, PRECISION, LOG_RATIO = 0, 3, 4, 5, 6, 7, 8, 9
 N_LINE_COLUMNS = 10
 # Indices of the options
-SCALE, HALF_LENGTH, CLAMP, SHARPNESS, MODEL_VARIANCE, ROBUST, CORRELATION = range(7)
-N_OPTIONS = 7
+SCALE, HALF_LENGTH, CLAMP, SHARPNESS, MODEL_VARIANCE, ROBUST, CORRELATION, FINE = range(8)
+N_OPTIONS = 8
 # Indices of the statistics of one camera
 COST, SQUARES, WEIGHT, COUNT, N_SAMPLES = range(5)
 N_STATISTICS = 5
@@ -66,11 +66,11 @@ def _width_px(T, bound, row, pixel, R):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _read_line(bgr, body, beyond, scene, has_beyond, u, v, nu, nv, start, step, count, clamp, odds):
-    """Fill ``odds`` with the clamped log(p_body / p_beyond) of ``count`` pixels from ``start`` on; beyond the image it is zero."""
+    """Fill ``odds`` with the clamped log(p_body / p_beyond) of ``count`` pixels from ``start`` on; zero beyond the image."""
     height, width = bgr.shape[0], bgr.shape[1]
     for k in range(count):
         t = start + k * step
-        i, j = int(math.floor(v + t * nv + 0.5)), int(math.floor(u + t * nu + 0.5))
+        i, j = np.int64(math.floor(v + t * nv + 0.5)), np.int64(math.floor(u + t * nu + 0.5))
         value = np.float32(0.0)
         if 0 <= i < height and 0 <= j < width:
             color = (np.int64(bgr[i, j, 0] >> 4) * 16 + np.int64(bgr[i, j, 1] >> 4)) * 16 + np.int64(bgr[i, j, 2] >> 4)
@@ -86,7 +86,7 @@ def _read_line(bgr, body, beyond, scene, has_beyond, u, v, nu, nv, start, step, 
 def _distribution(odds, n, half, width, sharpness, total, line):
     """Mean and precision (in steps of the line) of the contour's offset, and the log-ratio, into ``line``.
 
-    ``odds`` (n,): pixel k lies (k + 0.5 - n/2) steps out; offsets are -half ... half. ``total`` (n + 1,) is filled with the running sum.
+    ``odds`` (n,): pixel k lies (k + 0.5 - n/2) steps out; offsets are -half ... half. ``total`` (n + 1,) becomes the running sum.
     """
     total[0] = 0.0
     for k in range(n):
@@ -97,7 +97,7 @@ def _distribution(odds, n, half, width, sharpness, total, line):
     for d in range(-half, half + 1):
         value = total[middle + d] - (total[middle + d - width] if narrow else 0.0)
         best = max(best, value)
-    mass, first, second, near = 0.0, 0.0, 0.0, 0.0
+    mass, first, second = 0.0, 0.0, 0.0
     for d in range(-half, half + 1):
         value = total[middle + d] - (total[middle + d - width] if narrow else 0.0)
         p = math.exp(sharpness * (value - best))
@@ -119,16 +119,87 @@ def _distribution(odds, n, half, width, sharpness, total, line):
     line[LOG_RATIO] = sharpness * (best - none)
 
 
+_FLANK = 3  # colors on either side that stand for body and beyond
+_GAP = 1.5  # pixels that the optics may mix, on either side
+_WINDOW = 4  # places across the contour whose mixture is summed
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _color_at(bgr, u, v, out):
+    """Bilinear color at a pixel into ``out`` (3,); False beyond the image."""
+    x, y = math.floor(u), math.floor(v)
+    i, j = int(y), int(x)
+    if i < 0 or j < 0 or i + 1 >= bgr.shape[0] or j + 1 >= bgr.shape[1]:
+        return False
+    a, b = u - x, v - y
+    w00, w01, w10, w11 = (1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b
+    for c in range(3):
+        out[c] = w00 * bgr[i, j, c] + w01 * bgr[i, j + 1, c] + w10 * bgr[i + 1, j, c] + w11 * bgr[i + 1, j + 1, c]
+    return True
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _refine(bgr, width, line, work):
+    """Find the contour to a fraction of a pixel: by the share that the color inside has in the mixed pixels around it.
+
+    The colors are those of this very line, left and right of the mixed pixels; how much they vary says how sure the result is.
+    """
+    u, v = line[LINE_U] + line[MEAN] * line[LINE_NU], line[LINE_V] + line[MEAN] * line[LINE_NV]
+    nu, nv = line[LINE_NU], line[LINE_NV]
+    n_inside = min(_FLANK, max(1, int(width - _GAP - 1.0)))
+    color, inside, beyond = work[0], work[1], work[2]
+    inside[:] = 0.0
+    beyond[:] = 0.0
+    spread = 0.0
+    for side in range(2):
+        mean, count = (inside, n_inside) if side == 0 else (beyond, _FLANK)
+        sign = -1.0 if side == 0 else 1.0
+        squares = 0.0
+        for k in range(count):
+            t = sign * (_GAP + 0.5 + k)
+            if not _color_at(bgr, u + t * nu, v + t * nv, color):
+                return
+            for c in range(3):
+                mean[c] += color[c]
+                squares += color[c] * color[c]
+        for c in range(3):
+            mean[c] /= count
+            squares -= count * mean[c] * mean[c]
+        spread += squares / max(count - 1, 1)
+    contrast = 0.0
+    for c in range(3):
+        contrast += (inside[c] - beyond[c]) ** 2
+    if contrast < 300.0:
+        return
+    share = 0.0
+    for k in range(_WINDOW):
+        t = k + 0.5 - 0.5 * _WINDOW
+        if not _color_at(bgr, u + t * nu, v + t * nv, color):
+            return
+        value = 0.0
+        for c in range(3):
+            value += (color[c] - beyond[c]) * (inside[c] - beyond[c])
+        share += min(max(value / contrast, -0.2), 1.2)
+    shift = share - 0.5 * _WINDOW
+    if abs(shift) > 1.5:
+        return
+    variance = 0.01 + (spread / 3.0 + 48.0) * _WINDOW / contrast
+    if variance < 1.0 / line[PRECISION]:
+        line[MEAN] += shift
+        line[PRECISION] = 1.0 / variance
+
+
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def draw_lines(bgr, colors, classes, bounds, Ts_shape, Ts_link, R, rows, pixels, info, n, options, lines):
     """Draw one line per contour sample and fit its distribution: fill ``lines`` (n, `N_LINE_COLUMNS`).
 
-    ``colors``: (body (n_classes, n_colors), scene (n_colors,)) densities; ``classes`` (n_shapes,). ``rows``, ``pixels`` and ``info`` are
-    of `contour_samples.collect_samples`. ``options[SCALE]``: pixels from one place on the line to the next.
+    ``colors``: (body (n_classes, n_colors), scene (n_colors,)) densities; ``classes`` (n_shapes,). ``rows``, ``pixels`` and
+    ``info`` are of `contour_samples.collect_samples`. ``options[SCALE]``: pixels from one place on the line to the next.
     """
     body, scene = colors
     scale, half, clamp = options[SCALE], int(options[HALF_LENGTH]), np.float32(options[CLAMP])
     odds, total = np.empty(_LONGEST, dtype=np.float32), np.empty(_LONGEST + 1, dtype=np.float32)
+    work = np.empty((3, 3))
     for j in range(n):
         row, pixel, line = rows[j], pixels[j], lines[j]
         shape, link = info[j, SHAPE], info[j, LINK]
@@ -137,7 +208,7 @@ def draw_lines(bgr, colors, classes, bounds, Ts_shape, Ts_link, R, rows, pixels,
         for i in range(3):
             line[POINT + i] = T[0, i] * x + T[1, i] * y + T[2, i] * z
         line[LINE_U], line[LINE_V], line[LINE_NU], line[LINE_NV] = pixel[U], pixel[V], pixel[NU], pixel[NV]
-        width = int(round(_width_px(Ts_shape[shape], bounds[shape], row, pixel, R) / scale))
+        width = np.int64(round(_width_px(Ts_shape[shape], bounds[shape], row, pixel, R) / scale))
         width = max(width, 1)
         inside = half + min(width, half) + 1  # steps on either side
         count = 2 * inside
@@ -150,6 +221,8 @@ def draw_lines(bgr, colors, classes, bounds, Ts_shape, Ts_link, R, rows, pixels,
         _distribution(odds, count, half, width, options[SHARPNESS], total, line)
         line[MEAN] *= scale
         line[PRECISION] /= scale * scale
+        if options[FINE] > 0.0 and line[PRECISION] > 0.3:
+            _refine(bgr, float(width), line, work)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -157,8 +230,8 @@ def linearize_lines(lines, info, n, Ts_link, camera, options, normal, gradient, 
     """Add one camera's lines, the body being where ``Ts_link`` says, to the normal matrices of its links.
 
     Residuals are divided by their variance (that of the distribution and the model's own), robustly (Geman-McClure at
-    ``options[ROBUST]`` standard deviations), and count as one in ``options[CORRELATION]``. ``normal`` (n_links, 6, 6), upper triangles, and
-    ``gradient`` (n_links, 6) are added to; ``stats`` (`N_STATISTICS`,) is overwritten.
+    ``options[ROBUST]`` standard deviations), and count as one in ``options[CORRELATION]``. ``normal`` (n_links, 6, 6), upper
+    triangles, and ``gradient`` (n_links, 6) are added to; ``stats`` (`N_STATISTICS`,) is overwritten.
     """
     params, R, t, _ = camera
     robust_sq, model_variance, share = options[ROBUST] ** 2, options[MODEL_VARIANCE], 1.0 / options[CORRELATION]

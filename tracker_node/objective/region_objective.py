@@ -37,9 +37,10 @@ class RegionOptions:
         options[kernel.HALF_LENGTH] = self.half_length
         options[kernel.CLAMP] = self.clamp
         options[kernel.SHARPNESS] = self.sharpness
-        options[kernel.MODEL_VARIANCE] = self.model_sigma_px**2 + (0.5 * scale) ** 2 / 3.0
+        options[kernel.MODEL_VARIANCE] = self.model_sigma_px**2 + ((0.5 * scale) ** 2 / 3.0 if scale > 1.0 else 0.0)
         options[kernel.ROBUST] = self.robust_sigmas
         options[kernel.CORRELATION] = self.correlation
+        options[kernel.FINE] = float(scale <= 1.0)
         return options
 
 

@@ -1,13 +1,12 @@
 """What the parts of a body, and what surrounds it, look like in one camera: densities of color, for correspondence lines.
 
-Parts that look alike share one histogram (`color_classes`), so that a limb that is off does not spoil its color. What is learnt on
-line is mixed with the color that the model states, where the images bear that out: a model's colors may be for show only.
+Parts that look alike share one histogram (`color_classes`), so that a limb that is off does not spoil its color. What is learnt
+on line is mixed with the color that the model states, where the images bear that out: a model's colors may be for show only.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 
 import cv2
 import numba as nb
@@ -29,7 +28,8 @@ _PRIOR_GAINS = np.linspace(0.45, 1.15, 15)  # how bright surfaces of that color 
 
 def color_classes(model: ArticulatedModel) -> np.ndarray:
     """(n_shapes,) class of every shape: left and right of a pair with the same stated color are one."""
-    keys = [(re.sub(r"(^|_)(left|right|l|r)(?=_|$)", r"\1", shape.name.lower()), tuple(shape.color_rgb)) for shape in model.shapes]
+    side = re.compile(r"(^|_)(left|right|l|r)(?=_|$)")
+    keys = [(side.sub(r"\1", shape.name.lower()), tuple(shape.color_rgb)) for shape in model.shapes]
     order = {key: i for i, key in enumerate(dict.fromkeys(keys))}
     return np.array([order[key] for key in keys], dtype=np.int32)
 

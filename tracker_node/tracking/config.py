@@ -35,7 +35,7 @@ class EvidenceConfig:
 
     kind: str = parameter(
         "chamfer",
-        "chamfer: distances to silhouettes and edges; region: where along the contour's normals the colors change; both: their sum",
+        "chamfer: distances to silhouettes and edges; region: where the colors change along the contour's normals; both: the sum",
         choices=("chamfer", "region", "both"),
     )  # fmt: skip
     silhouette: str = parameter(
@@ -73,14 +73,14 @@ class EvidenceConfig:
 class RegionConfig:
     """Correspondence lines, and the colors they go by (`evidence.kind: region` or `both`)."""
 
-    samples_per_line: int = parameter(20, "contour samples per generator line", "", 2, 1000)
+    samples_per_line: int = parameter(12, "contour samples per generator line", "", 2, 1000)
     half_length: int = parameter(8, "places on either side of the contour where it may be, per scale", "", 2, 20)
-    scales: str = parameter("4 2 1", "pixels from place to place on the lines, from coarse to fine, in each image set")
+    scales: str = parameter("4 2 1 1", "pixels from place to place on the lines, from coarse to fine, in each image set")
     first_scales: str = parameter("6 4 3 2 2 1 1", "the same on the first image set after a start or a reset")
     updates: int = parameter(2, "Gauss-Newton steps on the lines of one scale", "", 1, 100)
     clamp: float = parameter(2.0, "log-likelihood ratio of a pixel's color is not believed beyond this", "1", 0.1, 20)
     sharpness: float = parameter(1.0, "share of a line's pixels that are independent of their neighbours", "1", 0.01, 10)
-    model_sigma_px: float = parameter(0.5, "how far the body's contour may be from the model's", "px", 0.0, 100)
+    model_sigma_px: float = parameter(0.2, "how far the body's contour may be from the model's", "px", 0.0, 100)
     robust_sigmas: float = parameter(3.0, "scale of the robust kernel, in standard deviations of a line", "1", 0.1, 1000)
     correlation: float = parameter(4.0, "how many neighbouring lines share one error, for the covariance", "", 1, 1000)
     color_rate: float = parameter(0.05, "share of the newest image in the color histograms", "1", 0, 1)
