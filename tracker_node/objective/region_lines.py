@@ -3,8 +3,9 @@
 A line has pixels on both sides of its sample. For a contour that is ``d`` pixels farther out, the log-likelihood of their colors
 is, up to a constant, the sum of log(p_body / p_beyond) over the pixels inside; where the part is so narrow that the line reaches
 across it, over those between its two contours. All of them together are a distribution of d, of which mean and variance are kept
-(as in region-based trackers, e.g. Stoiber et al., 2020). On the finest scale the mean is refined below the pixel by how much of the
-mixed pixels shows either side. With the state the sample moves by n . (pixel - pixel at first), the residual is that minus the mean.
+(as in region-based trackers, e.g. Stoiber et al., 2020). On the finest scale the mean is refined below the pixel by the share that
+the color inside has in the mixed pixels. With the state the sample moves by n . (pixel - pixel at first), the residual is that
+minus the mean.
 
 What lies beyond is the scene, or, for contours within the outline, the part behind or the scene.
 """
@@ -22,7 +23,6 @@ from ..render.contour import INNER, N_COLUMNS, P
 from ..render.contour_samples import (
     BEYOND,
     CLASS,
-    JACOBIAN,
     LINK,
     N_INFO_COLUMNS,
     N_PIXEL_COLUMNS,
@@ -31,7 +31,9 @@ from ..render.contour_samples import (
     SHAPE,
     U,
     V,
+    chord_px,
 )
+from .region_steps import step_distribution
 
 # Columns of a line: point in the link's frame, pixel and normal of the sample when the line was drawn, how far out the contour is
 # (mean, px) and how sure that is (1/variance, px^-2), log-likelihood of a contour near there against none on the line
@@ -45,23 +47,6 @@ COST, SQUARES, WEIGHT, COUNT, N_SAMPLES = range(5)
 N_STATISTICS = 5
 
 _LONGEST = 96  # pixels of a line
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _width_px(T, bound, row, pixel, R):
-    """About how wide a part is across the line of a sample, pixels: twice the way from its middle at that height."""
-    # The axis z of the shape leads from its middle to the height of the sample; what is left is across
-    dx, dy, dz = row[P] - T[0, 3], row[P + 1] - T[1, 3], row[P + 2] - T[2, 3]
-    z = T[0, 2] * dx + T[1, 2] * dy + T[2, 2] * dz
-    ax, ay, az = dx - z * T[0, 2], dy - z * T[1, 2], dz - z * T[2, 2]
-    if bound[3] < 0.0:  # no axis of symmetry: from the middle of the bounding sphere
-        ax, ay, az = dx, dy, dz
-    cx = R[0, 0] * ax + R[0, 1] * ay + R[0, 2] * az
-    cy = R[1, 0] * ax + R[1, 1] * ay + R[1, 2] * az
-    cz = R[2, 0] * ax + R[2, 1] * ay + R[2, 2] * az
-    du = pixel[JACOBIAN] * cx + pixel[JACOBIAN + 1] * cy + pixel[JACOBIAN + 2] * cz
-    dv = pixel[JACOBIAN + 3] * cx + pixel[JACOBIAN + 4] * cy + pixel[JACOBIAN + 5] * cz
-    return 2.0 * abs(du * pixel[NU] + dv * pixel[NV])
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -190,7 +175,7 @@ def _refine(bgr, width, line, work):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def draw_lines(bgr, colors, classes, bounds, Ts_shape, Ts_link, R, rows, pixels, info, n, options, lines):
+def draw_lines(bgr, colors, classes, shapes, Ts_shape, Ts_link, camera, rows, pixels, info, n, options, lines):
     """Draw one line per contour sample and fit its distribution: fill ``lines`` (n, `N_LINE_COLUMNS`).
 
     ``colors``: (body (n_classes, n_colors), scene (n_colors,)) densities; ``classes`` (n_shapes,). ``rows``, ``pixels`` and
@@ -199,6 +184,7 @@ def draw_lines(bgr, colors, classes, bounds, Ts_shape, Ts_link, R, rows, pixels,
     body, scene = colors
     scale, half, clamp = options[SCALE], int(options[HALF_LENGTH]), np.float32(options[CLAMP])
     odds, total = np.empty(_LONGEST, dtype=np.float32), np.empty(_LONGEST + 1, dtype=np.float32)
+    sums = np.empty((_LONGEST + 1, 4))
     work = np.empty((3, 3))
     for j in range(n):
         row, pixel, line = rows[j], pixels[j], lines[j]
@@ -212,8 +198,8 @@ def draw_lines(bgr, colors, classes, bounds, Ts_shape, Ts_link, R, rows, pixels,
         width = max(width, 1)
         inside = half + min(width, half) + 1  # steps on either side
         count = 2 * inside
-        own, has_beyond = classes[shape], info[j, CLASS] == INNER and info[j, BEYOND] >= 0
-        other = classes[info[j, BEYOND]] if has_beyond else 0
+        has_beyond = info[j, CLASS] == INNER and beyond >= 0
+        other = classes[beyond] if has_beyond else 0
         _read_line(
             bgr, body[own], body[other], scene, has_beyond, pixel[U], pixel[V], pixel[NU], pixel[NV],
             (0.5 - inside) * scale, scale, count, clamp, odds,
