@@ -19,8 +19,8 @@ from .primitives import Primitive, TruncatedCone
 from .scaling import scaled_primitive
 
 # Standard deviations. Gordon et al. (1989), 1988 Anthropometric Survey of U.S. Army Personnel: stature varies by 4 % of its mean,
-# lengths of single segments by 5 to 6, breadths and depths of the trunk by 6 to 9, girths of limbs by 7 to 9 %. A tenth for all that
-# is across leaves room for clothes, and for shapes that are no cones. Ratios, tapers and shifts: our own estimates.
+# lengths of single segments by 5 to 6, breadths and depths of the trunk by 6 to 9, girths of limbs by 7 to 9 %. A tenth for
+# all that is across leaves room for clothes, and for shapes that are no cones. Ratios, tapers and shifts: our own estimates.
 SIGMAS: Mapping[str, float] = {
     "size": 0.04, "length": 0.05, "breadth": 0.08, "girth": 0.10, "section": 0.10, "taper": 0.15, "shift": 0.12,
 }  # fmt: skip
@@ -140,7 +140,9 @@ class ShapeSpace:
         self._add("section", name, [("log_sizes", (k, first), 0.5), ("log_sizes", (k, second), -0.5)])
         if isinstance(shape.primitive, TruncatedCone):
             # A mirrored cone may stand the other way round on its link
-            self._add("taper", name, [("tapers", (k,), 1.0 if shape.T_link_shape[axis, 2] * self._side(shape.link, axis) > 0 else -1.0)])
+            self._add(
+                "taper", name, [("tapers", (k,), 1.0 if shape.T_link_shape[axis, 2] * self._side(shape.link, axis) > 0 else -1.0)]
+            )
         unit = _mean_radius(shape.primitive, (first, second))
         for i in across:
             if self._symmetric and i == _LATERAL and shape.link == mirrored_name(shape.link):

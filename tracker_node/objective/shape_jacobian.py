@@ -1,16 +1,17 @@
 """Contour lines as residuals of everything that can be wrong at once: the pose, the body's shape, the camera and its time.
 
 A line joins a point of the body's contour with a place in an image where the evidence puts that contour, in one direction only:
-r = n . (pixel of the point - c) - mean, n the contour's normal. Along the contour nothing is known, and so nothing has to be: where a
-contour slides on a smooth body as something changes does not move it along n, and the point may be taken as fixed to its shape (in
-coordinates of the shape's size, so that it goes with a shape that grows). This is the objective of bundle adjustment, for lines
-instead of points.
+r = n . (pixel of the point - c) - mean, n the contour's normal. Along the contour nothing is known, and so nothing has to be:
+that a contour slides on a smooth body as something changes does not move it along n, and the point may be taken as fixed to its
+shape (in coordinates of the shape's size, so that it goes with a shape that grows). This is the objective of bundle adjustment,
+for lines instead of points.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numba as nb
 import numpy as np
 
 from ..camera.camera_rig import CameraRig
@@ -81,8 +82,8 @@ def points_in_shapes(model: ArticulatedModel, lines: ContourLines) -> np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class LineEquations:
-    """Residuals (n,), pixels, and their derivatives by the tangent of the state (n, n_dof), by shape parameters (n, n_shape) and by
-    the line's own camera (n, `N_CAMERA`). ``valid`` (n,) is False where a camera cannot see the point: zeros there."""
+    """Residuals (n,), pixels, and their derivatives by the tangent of the state (n, n_dof), by shape parameters (n, n_shape) and
+    by the line's own camera (n, `N_CAMERA`). ``valid`` (n,) is False where a camera cannot see the point: zeros there."""
 
     residuals: np.ndarray
     by_state: np.ndarray
@@ -91,7 +92,9 @@ class LineEquations:
     valid: np.ndarray
 
 
-def line_residuals(lines: ContourLines, model: ArticulatedModel, rig: CameraRig, states: list[State]) -> tuple[np.ndarray, np.ndarray]:
+def line_residuals(
+    lines: ContourLines, model: ArticulatedModel, rig: CameraRig, states: list[State]
+) -> tuple[np.ndarray, np.ndarray]:
     """(n,) residuals, pixels, and which are valid; camera i sees the body in ``states[i]``."""
     points = points_in_shapes(model, lines)
     residuals, valid = np.zeros(len(lines)), np.zeros(len(lines), dtype=bool)
@@ -153,6 +156,27 @@ def linearize_lines(
     return LineEquations(residuals, by_state, by_shape, by_camera, valid)
 
 
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def normal_equations(J, residuals, weights, H, g):
+    """Add J^T W J to ``H`` (m, m) and J^T W r to ``g`` (m,); J (n, m). One thread: such a product gains nothing by two."""
+    n, m = J.shape
+    for row in range(n):
+        weight = weights[row]
+        if weight == 0.0:
+            continue
+        line = J[row]
+        for a in range(m):
+            scaled = weight * line[a]
+            if scaled == 0.0:
+                continue
+            g[a] += scaled * residuals[row]
+            for b in range(a, m):
+                H[a, b] += scaled * line[b]
+    for a in range(m):
+        for b in range(a):
+            H[a, b] = H[b, a]
+
+
 def _by_shape(space, s, configuration: Configuration, shapes: np.ndarray, points: np.ndarray, in_world: np.ndarray) -> np.ndarray:
     """(n, n_shape) derivatives of in_world . point by the shape parameters."""
     model = configuration.model
@@ -204,5 +228,3 @@ def _runs(shapes: np.ndarray):
     borders = np.flatnonzero(np.diff(shapes)) + 1
     for start, stop in zip([0, *borders], [*borders, len(shapes)], strict=True):
         yield int(shapes[start]), slice(int(start), int(stop))
-
-

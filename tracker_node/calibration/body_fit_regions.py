@@ -1,0 +1,101 @@
+"""Contours by the colors on either side of them: lines for the joint fit of bodies and rigs, without pictures of the empty scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ..camera.camera_rig import CameraRig
+from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import Configuration, State
+from ..objective import region_lines as kernel
+from ..objective.region_objective import RegionObjective, RegionOptions, View
+from ..objective.shape_jacobian import ContourLines, normalized
+from ..observation.image_set import ImageSet
+from ..observation.region_colors import RegionColors, color_classes, stated_densities
+from ..render.contour_samples import SHAPE
+from ..render.raycaster import render_labels
+from ..render.shape_arrays import ShapeArrays
+from ..tracking.config import TrackerConfig
+from .body_fit_lines import joined, serial
+
+_LEAST_REGION_PX = 8  # a body of which less is in view is not looked for
+
+
+class RegionEvidence:
+    """Contours where colors change from those of the body to those of its surroundings.
+
+    Colors are learnt in all image sets together, one camera at a time, so that a limb that is off in one set does not spoil them.
+
+    Parameters
+    ----------
+    parallel : maps a function over cameras.
+    """
+
+    def __init__(
+        self,
+        sets: Sequence[ImageSet],
+        config: TrackerConfig,
+        parallel: Callable[[Callable, list], list] = serial,
+    ):
+        self._sets, self._region, self._parallel = list(sets), config.region, parallel
+        self._colors: list[RegionColors] = []
+        self._objective: tuple[ArticulatedModel, CameraRig, RegionObjective] | None = None
+        self._scale = 1.0
+
+    def look(self, model: ArticulatedModel, rig: CameraRig, states: Sequence[Sequence[State]], robust_px: float) -> None:
+        region, classes = self._region, color_classes(model)
+        stated = stated_densities(model, classes)
+        self._scale = max(1.0, robust_px / 3.0)
+
+        def learn(i: int) -> RegionColors:
+            colors, camera, seen = RegionColors(classes, stated, region.color_prior), rig.cameras[i], 0
+            for k, images in enumerate(self._sets):
+                image = images.get(camera.name)
+                found = None if image is None else render_labels(Configuration(model, states[k][i]), camera, region.around_px)
+                if image is not None and found is not None and min(found[1].shape) >= _LEAST_REGION_PX:
+                    seen += 1
+                    colors.learn(image.bgr, *found, 1.0 / seen, region.guard_px, region.around_px)
+            return colors
+
+        self._colors = self._parallel(learn, list(range(len(rig))))
+
+    def lines(self, index: int, model: ArticulatedModel, rig: CameraRig, states: Sequence[State]) -> ContourLines:
+        if self._objective is None or self._objective[0] is not model or self._objective[1] is not rig:
+            self._objective = model, rig, self._make(model, rig)
+        objective, images = self._objective[2], self._sets[index]
+        views = []
+        for camera, colors in zip(rig, self._colors, strict=True):
+            image = images.get(camera.name)
+            views.append(None if image is None or not colors.knows else View(image.bgr, (colors.body, colors.scene)))
+        objective.set_views(views, [state.difference(states[0]) if state is not states[0] else None for state in states])
+        objective.correspond(states[0], self._scale)
+        return joined([self._lines(i, model, objective) for i in objective.active])
+
+    def _make(self, model: ArticulatedModel, rig: CameraRig) -> RegionObjective:
+        region = self._region
+        options = RegionOptions(
+            samples_per_line=region.samples_per_line, half_length=region.half_length, clamp=region.clamp,
+            sharpness=region.sharpness, model_sigma_px=region.model_sigma_px, robust_sigmas=region.robust_sigmas,
+            correlation=region.correlation,
+        )  # fmt: skip
+        return RegionObjective(
+            rig, model, ShapeArrays.from_model(model, caps=False), color_classes(model), options, self._parallel
+        )
+
+    def _lines(self, camera: int, model: ArticulatedModel, objective: RegionObjective) -> ContourLines:
+        slot = objective.slots[camera]
+        found = slot.lines[: slot.n]
+        keep = np.flatnonzero(found[:, kernel.PRECISION] > 0.0)
+        lines, shapes = found[keep], slot.info[keep, SHAPE].astype(np.int64)
+        points = np.empty((len(keep), 3))
+        for k in np.unique(shapes):
+            own, T = shapes == k, model.Ts_link_shape[k]
+            in_link = lines[own, kernel.POINT : kernel.POINT + 3]
+            points[own] = normalized(model.shapes[k].primitive, (in_link - T[:3, 3]) @ T[:3, :3])
+        variances = 1.0 / lines[:, kernel.PRECISION] + self._region.model_sigma_px**2 + (0.5 * self._scale) ** 2 / 3.0
+        return ContourLines(
+            np.full(len(keep), camera), shapes, points, lines[:, kernel.LINE_U : kernel.LINE_V + 1].copy(),
+            lines[:, kernel.LINE_NU : kernel.LINE_NV + 1].copy(), lines[:, kernel.MEAN].copy(), variances,
+        )  # fmt: skip

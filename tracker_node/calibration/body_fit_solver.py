@@ -1,0 +1,234 @@
+"""Levenberg-Marquardt over contour lines of many image sets: a pose each, and a shape and cameras that all of them share.
+
+The Gauss-Newton matrix is an arrow: poses do not know each other. They are eliminated (Schur complement), so a step costs one
+small system whatever the number of sets (Triggs et al., "Bundle adjustment: a modern synthesis", 2000, section 6). Lines are
+fixed while the solver works; drawing them anew at the result, and solving again, is the caller's loop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..camera.camera_model import CameraModel
+from ..camera.camera_rig import Camera, CameraRig
+from ..geometry import se3
+from ..model.configuration import State
+from ..model.kinematic_chain import N_ROOT_DOF
+from ..model.shape_parameters import ShapeSpace
+from ..objective.prior import Prior
+from ..objective.shape_jacobian import FOCAL, N_CAMERA, ContourLines, line_residuals, linearize_lines, normal_equations
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """All that is sought.
+
+    Attributes
+    ----------
+    states : of every image set. s : (n_shape,) shape parameters.
+    cameras : (n_cameras, `N_CAMERA`) departure from the given rig: twist of T_cam_world in the camera's frame, logarithm of the
+        focal length's scale, seconds that the camera's images are later than their stamps say.
+    """
+
+    states: tuple[State, ...]
+    s: np.ndarray
+    cameras: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class SharedPrior:
+    """Standard deviations of what all sets share, about zero; 0 holds an entry there: ``shape`` (n_shape,) and ``cameras``
+    (n_cameras, `N_CAMERA`)."""
+
+    shape: np.ndarray
+    cameras: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What is given: the body, the rig, the velocities (tangent a second) and pose priors of all sets, the shared prior, and how
+    many neighboring lines share one error."""
+
+    space: ShapeSpace
+    rig: CameraRig
+    velocities: Sequence[np.ndarray]
+    pose_priors: Sequence[Sequence[Prior]]
+    shared: SharedPrior
+    correlation: float = 1.0
+
+    def rig_of(self, estimate: Estimate) -> CameraRig:
+        """The rig with the cameras' departures."""
+        cameras = tuple(moved_camera(c, departure) for c, departure in zip(self.rig, estimate.cameras, strict=True))
+        return CameraRig(cameras, self.rig.world_frame, self.rig.lights)
+
+    def states_of(self, estimate: Estimate, k: int) -> list[State]:
+        """Where each camera sees the body in set k."""
+        state, velocity = estimate.states[k], self.velocities[k]
+        return [state.retract(d[-1] * velocity) if d[-1] else state for d in estimate.cameras]
+
+    def weights(self, residuals: np.ndarray, variances: np.ndarray, robust_px: float) -> tuple[np.ndarray, np.ndarray]:
+        """Geman-McClure: costs and weights of residuals (n,), in information units. Lines that know little get more room."""
+        squares, scale = residuals**2, np.maximum(robust_px**2, 4.0 * variances)
+        ratio = scale / (scale + squares)
+        information = 1.0 / (self.correlation * variances)
+        return information * ratio * squares, information * ratio**2
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Where the solver came to, its cost (minus twice a log posterior), and its steps."""
+
+    estimate: Estimate
+    cost: float
+    iterations: int
+
+
+def moved_camera(camera: Camera, departure: np.ndarray) -> Camera:
+    """A camera that departs from its calibration by (`N_CAMERA`,); its stamps are left as they are."""
+    lens = camera.model
+    if departure[FOCAL]:
+        K = lens.K.copy()
+        K[:2, :2] *= np.exp(departure[FOCAL])
+        lens = CameraModel(lens.width, lens.height, K, lens.distortion_model, lens.distortion)
+    return replace(camera, model=lens, T_world_cam=se3.inverse(se3.exp(departure[:6]) @ camera.T_cam_world))
+
+
+def solve(
+    problem: Problem, lines: Sequence[ContourLines], start: Estimate, robust_px: float, max_iterations: int = 3
+) -> Solution:
+    """Walk downhill on fixed lines from ``start``; deterministic. Joints stay within their limits."""
+    estimate, damping, iterations = start, 1e-3, 0
+    cost = _cost(problem, lines, estimate, robust_px)
+    while iterations < max_iterations:
+        iterations += 1
+        arrow = _Arrow(problem, lines, estimate, robust_px)
+        improved = False
+        while damping < 1e6:
+            trial = arrow.step(damping)
+            trial_cost = _cost(problem, lines, trial, robust_px)
+            if trial_cost < cost:
+                improved = True
+                break
+            damping *= 8.0
+        if not improved:
+            break
+        gain, estimate, cost, damping = cost - trial_cost, trial, trial_cost, max(0.2 * damping, 1e-9)
+        if gain < 1e-4 * cost:
+            break
+    return Solution(estimate, cost, iterations)
+
+
+def shared_sigmas(
+    problem: Problem, lines: Sequence[ContourLines], estimate: Estimate, robust_px: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Standard deviations of shape (n_shape,) and cameras (n_cameras, `N_CAMERA`), the poses being unknown; 0 for what is held."""
+    sigmas = _Arrow(problem, lines, estimate, robust_px).shared_sigmas()
+    return sigmas[: len(estimate.s)], sigmas[len(estimate.s) :].reshape(-1, N_CAMERA)
+
+
+def _cost(problem: Problem, lines: Sequence[ContourLines], estimate: Estimate, robust_px: float) -> float:
+    model, rig = problem.space.body(estimate.s), problem.rig_of(estimate)
+    total = 0.0
+    n_dof = model.n_dof
+    for k, own in enumerate(lines):
+        residuals, _ = line_residuals(own, model, rig, problem.states_of(estimate, k))
+        total += float(problem.weights(residuals, own.variances, robust_px)[0].sum())
+        H, g = np.zeros((n_dof, n_dof)), np.zeros(n_dof)
+        total += sum(prior.add_to(H, g, estimate.states[k]) for prior in problem.pose_priors[k])
+    shared, sigmas = _packed(estimate), _packed_prior(problem)
+    free = sigmas > 0.0
+    return total + float(np.sum((shared[free] / sigmas[free]) ** 2))
+
+
+def _packed(estimate: Estimate) -> np.ndarray:
+    return np.concatenate([estimate.s, estimate.cameras.ravel()])
+
+
+def _packed_prior(problem: Problem) -> np.ndarray:
+    return np.concatenate([problem.shared.shape, problem.shared.cameras.ravel()])
+
+
+class _Arrow:
+    """Normal equations around an estimate."""
+
+    def __init__(self, problem: Problem, lines: Sequence[ContourLines], estimate: Estimate, robust_px: float):
+        self._problem, self._estimate = problem, estimate
+        model, rig = problem.space.body(estimate.s), problem.rig_of(estimate)
+        self._chain = model.chain
+        n_shape, n_dof = len(estimate.s), model.n_dof
+        sigmas, shared = _packed_prior(problem), _packed(estimate)
+        self._free = np.flatnonzero(sigmas > 0.0)
+        n, free = len(sigmas), self._free
+        H_shared, g_shared = np.diag(sigmas[free] ** -2.0), shared[free] * sigmas[free] ** -2.0
+        self._poses: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []  # H, g, and the mixed block (n_dof, free)
+        for k, own in enumerate(lines):
+            states = problem.states_of(estimate, k)
+            found = linearize_lines(own, problem.space, estimate.s, model, rig, states, problem.velocities[k])
+            weights = np.where(found.valid, problem.weights(found.residuals, own.variances, robust_px)[1], 0.0)
+            by_shared = np.zeros((len(own), n))
+            by_shared[:, :n_shape] = found.by_shape
+            columns = n_shape + N_CAMERA * own.camera[:, None] + np.arange(N_CAMERA)
+            np.put_along_axis(by_shared, columns, found.by_camera, axis=1)
+            J = np.hstack([found.by_state, by_shared[:, free]])
+            H, g = np.zeros((J.shape[1], J.shape[1])), np.zeros(J.shape[1])
+            normal_equations(J, found.residuals, weights, H, g)
+            H_shared += H[n_dof:, n_dof:]
+            g_shared += g[n_dof:]
+            H_pose, g_pose = H[:n_dof, :n_dof].copy(), g[:n_dof].copy()
+            for prior in problem.pose_priors[k]:
+                prior.add_to(H_pose, g_pose, estimate.states[k])
+            H_pose[np.diag_indices(n_dof)] += 1e-9 * max(float(np.diag(H_pose).max()), 1e-12)
+            self._poses.append((H_pose, g_pose, H[:n_dof, n_dof:].copy()))
+        self._H, self._g = H_shared, g_shared
+
+    def _reduced(self, damping: float):
+        """Schur complement, its right side, and what the back-substitution needs."""
+        S, right, kept = self._H + damping * np.diag(np.diag(self._H)), -self._g.copy(), []
+        for k, (H, g, mixed) in enumerate(self._poses):
+            movable = self._movable(self._estimate.states[k], g)
+            inverse = np.linalg.inv(H[np.ix_(movable, movable)] + damping * np.diag(np.diag(H)[movable]))
+            gain = mixed[movable].T @ inverse
+            S = S - gain @ mixed[movable]
+            right += gain @ g[movable]
+            kept.append((movable, inverse))
+        return 0.5 * (S + S.T), right, kept
+
+    def _movable(self, state: State, g: np.ndarray) -> np.ndarray:
+        """Indices of what is not held by a joint limit."""
+        free = np.ones(len(g), dtype=bool)
+        q, slope = state.joint_positions, g[N_ROOT_DOF:]
+        free[N_ROOT_DOF:] = ~(((q <= self._chain.lower) & (slope > 0.0)) | ((q >= self._chain.upper) & (slope < 0.0)))
+        return np.flatnonzero(free)
+
+    def step(self, damping: float) -> Estimate:
+        S, right, kept = self._reduced(damping)
+        shared = np.zeros(len(_packed(self._estimate)))
+        if len(right):
+            shared[self._free] = np.linalg.solve(S, right)
+        states = []
+        for state, (_, g, mixed), (movable, inverse) in zip(self._estimate.states, self._poses, kept, strict=True):
+            tangent = np.zeros(len(g))
+            tangent[movable] = -inverse @ (g[movable] + mixed[movable] @ shared[self._free])
+            moved = state.retract(tangent)
+            states.append(State(moved.T_world_root, np.clip(moved.joint_positions, self._chain.lower, self._chain.upper)))
+        n_shape = len(self._estimate.s)
+        cameras = shared[n_shape:].reshape(-1, N_CAMERA)
+        return Estimate(tuple(states), self._estimate.s + shared[:n_shape], _composed(self._estimate.cameras, cameras))
+
+    def shared_sigmas(self) -> np.ndarray:
+        """Standard deviation of every shared entry (0: held)."""
+        result = np.zeros(len(_packed(self._estimate)))
+        if len(self._free):
+            result[self._free] = np.sqrt(np.maximum(np.diag(np.linalg.inv(self._reduced(0.0)[0])), 0.0))
+        return result
+
+
+def _composed(departures: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Departures after a further step, whose twist acts after theirs."""
+    result = departures + steps
+    for i, (departure, step) in enumerate(zip(departures, steps, strict=True)):
+        result[i, :6] = se3.log(se3.exp(step[:6]) @ se3.exp(departure[:6]))
+    return result
