@@ -3,8 +3,8 @@
 A line has pixels on both sides of its sample. For a contour that is ``d`` pixels farther out, the log-likelihood of their colors
 is, up to a constant, the sum of log(p_body / p_beyond) over the pixels inside; where the part is so narrow that the line reaches
 across it, over those between its two contours. All of them together are a distribution of d, of which mean and variance are kept
-(as in region-based trackers, e.g. Stoiber et al., 2020). On the finest scale the mean is refined below the pixel by the share that
-the color inside has in the mixed pixels. With the state the sample moves by n . (pixel - pixel at first), the residual is that
+(as in region-based trackers, e.g. Stoiber et al., 2020). On the finest scale the mean is refined below the pixel by the share
+that the color inside has in the mixed pixels. With the state the sample moves by n . (pixel - pixel at first), the residual is that
 minus the mean.
 
 What lies beyond is the scene, or, for contours within the outline, the part behind or the scene.
@@ -194,8 +194,17 @@ def draw_lines(bgr, colors, classes, shapes, Ts_shape, Ts_link, camera, rows, pi
         for i in range(3):
             line[POINT + i] = T[0, i] * x + T[1, i] * y + T[2, i] * z
         line[LINE_U], line[LINE_V], line[LINE_NU], line[LINE_NV] = pixel[U], pixel[V], pixel[NU], pixel[NV]
-        width = np.int64(round(_width_px(Ts_shape[shape], bounds[shape], row, pixel, R) / scale))
-        width = max(width, 1)
+        own, beyond = classes[shape], info[j, BEYOND]
+        reach = (2 * half + 2) * scale
+        width = max(1, np.int64(chord_px(shapes, shape, Ts_shape[shape], camera, row, pixel, -1.0, reach) / scale + 0.5))
+        if beyond == shape:  # another side of the same part
+            room = np.int64(chord_px(shapes, shape, Ts_shape[shape], camera, row, pixel, 1.0, reach) / scale)
+            line[MEAN], line[PRECISION], line[LOG_RATIO] = step_distribution(
+                bgr, pixel[U], pixel[V], pixel[NU], pixel[NV], scale, min(width, half), min(room, half), sums
+            )
+            line[MEAN] *= scale
+            line[PRECISION] /= scale * scale
+            continue
         inside = half + min(width, half) + 1  # steps on either side
         count = 2 * inside
         has_beyond = info[j, CLASS] == INNER and beyond >= 0

@@ -147,7 +147,7 @@ class RegionObjective:
                 slot.rows, slot.pixels, slot.info,
             )  # fmt: skip
             kernel.draw_lines(
-                view.bgr, view.densities, self.classes, self.arrays.bounds, Ts_shape, Ts_link, slot.camera[1],
+                view.bgr, view.densities, self.classes, self.arrays.packed, Ts_shape, Ts_link, slot.camera,
                 slot.rows, slot.pixels, slot.info, slot.n, options, slot.lines,
             )  # fmt: skip
 

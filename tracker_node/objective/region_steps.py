@@ -1,0 +1,72 @@
+"""Lines across creases: where, between two faces of one part, the brightness changes.
+
+Both faces have the part's color, so nothing that is learnt tells one from the other; but light falls on them differently. A line
+across their edge is explained by two mean colors with a step between them: the squared error of that, for every place of the
+step, over the variance of what is left is the log-likelihood of the place.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+import numpy as np
+
+LEAST_PIXELS = 3  # on either side of a step
+_LEAST_VARIANCE = 9.0  # grey levels squared, per channel
+_LEAST_GAIN = 10.0  # log-likelihood by which a step must beat none
+_SUMS = 4  # of three colors and of their squares
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def step_distribution(bgr, u, v, nu, nv, scale, inside, outside, sums):
+    """(mean, precision, log-ratio) of the offset of a step in brightness, in places of the line (``scale`` pixels).
+
+    The line has ``inside`` places before (u, v) and ``outside`` beyond it in the direction (nu, nv); the step is looked for up to
+    half as far. ``sums`` (>= inside + outside + 1, 4) is overwritten. A precision of zero: there is none.
+    """
+    height, width, n, half = bgr.shape[0], bgr.shape[1], inside + outside, min(inside, outside) // 2
+    if half < 1 or min(inside, outside) - half < LEAST_PIXELS:
+        return 0.0, 0.0, 0.0
+    for c in range(_SUMS):
+        sums[0, c] = 0.0
+    for k in range(n):
+        t = (k + 0.5 - inside) * scale
+        i, j = int(math.floor(v + t * nv + 0.5)), int(math.floor(u + t * nu + 0.5))  # noqa: RUF046
+        if not (0 <= i < height and 0 <= j < width):
+            return 0.0, 0.0, 0.0
+        b, g, r = np.float64(bgr[i, j, 0]), np.float64(bgr[i, j, 1]), np.float64(bgr[i, j, 2])
+        sums[k + 1, 0], sums[k + 1, 1], sums[k + 1, 2] = sums[k, 0] + b, sums[k, 1] + g, sums[k, 2] + r
+        sums[k + 1, 3] = sums[k, 3] + b * b + g * g + r * r
+    best = 1e30
+    for d in range(-half, half + 1):
+        best = min(best, _squared_error(sums, n, inside + d))
+    variance = max(_LEAST_VARIANCE, best / (3.0 * n - 6.0))
+    gain = 0.5 * (_squared_error(sums, n, n) - best) / variance
+    if gain < _LEAST_GAIN:
+        return 0.0, 0.0, 0.0
+    mass, first, second = 0.0, 0.0, 0.0
+    for d in range(-half, half + 1):
+        p = math.exp(0.5 * (best - _squared_error(sums, n, inside + d)) / variance)
+        mass += p
+        first += p * d
+        second += p * d * d
+    mean = first / mass
+    spread, uniform = max(second / mass - mean * mean, 0.0) + 1.0 / 12.0, half * (half + 1.0) / 3.0 + 1.0 / 12.0
+    precision = 1.0 / spread - 1.0 / uniform  # that the line ends somewhere is no evidence
+    if precision <= 0.02 / uniform:
+        return 0.0, 0.0, 0.0
+    mean /= spread * precision
+    return min(max(mean, -float(half)), float(half)), precision, gain
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _squared_error(sums, n, place):
+    """Of two mean colors, before and beyond a place; of one where the place is the end."""
+    error = sums[n, 3]
+    for c in range(3):
+        error -= sums[place, c] * sums[place, c] / place
+        if place < n:
+            rest = sums[n, c] - sums[place, c]
+            error -= rest * rest / (n - place)
+    return error
