@@ -160,6 +160,20 @@ class StatusConfig:
 
 
 @dataclass(frozen=True)
+class StartConfig:
+    """How a body is found where no initial state is given, or after it has been lost altogether."""
+
+    min_cameras: int = parameter(
+        2, "smallest number of cameras with an image to look for a start in; of a smaller rig, all", "", 1, 64
+    )
+    size_px: int = parameter(80, "height of the body in the small images that a start is looked for in", "px", 16, 1000)
+    hypotheses: int = parameter(36, "postures, of all that are tried, that are fitted to the silhouettes", "", 4, 1000)
+    keep: int = parameter(4, "starts that the engine tries", "", 1, 64)
+    min_score: float = parameter(0.35, "least share of what stands out from the scene that a start covers", "1", 0.0, 1.0)
+    seed: int = parameter(0, "of the random postures; the same seed, the same start", "", 0, 2**31 - 1)
+
+
+@dataclass(frozen=True)
 class ColorConfig:
     """The engine that compares colors: what is compared, how it is searched, and when it is believed."""
 
@@ -228,6 +242,7 @@ class TrackerConfig:
     optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
     status: StatusConfig = field(default_factory=StatusConfig)
+    start: StartConfig = field(default_factory=StartConfig)
     color: ColorConfig = field(default_factory=ColorConfig)
     threads: int = parameter(2, "worker threads; sums are in fixed order whatever their number", "", 1, 64)
 
