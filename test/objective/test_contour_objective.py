@@ -76,3 +76,29 @@ def test_threads_give_the_same_bits():
         parallel._map = lambda function, items: list(executor.map(function, items))
         a, b = serial.linearize(state), parallel.linearize(state)
     assert np.array_equal(a.H, b.H) and np.array_equal(a.g, b.g) and a.cost == b.cost
+
+
+def test_the_gradient_of_contours_seen_at_two_instants_matches_finite_differences():
+    options = ContourOptions(robust_scale_px=30.0, alignment=-2.0, inner_weight=0.5)
+    objective, state = objective_for(options, hand=False)
+    offset = np.array([0.03, -0.02, 0.05, 0.2, -0.1, 0.3, 0.15, -0.2])
+    objective.restart(options, [None, offset])
+    equations = objective.linearize(state)
+    together, _ = objective_for(options, hand=False)
+    assert abs(equations.cost - together.linearize(state).cost) > 1e-3 * equations.cost
+    step = 1e-6
+    numeric = np.array([
+        (objective.linearize(state.retract(d)).cost - objective.linearize(state.retract(-d)).cost) / (2 * step)
+        for d in np.eye(8) * step
+    ])  # fmt: skip
+    np.testing.assert_allclose(2 * equations.g, numeric, rtol=2e-3, atol=2e-4 * np.abs(numeric).max())
+
+
+def test_no_offset_is_no_change():
+    options = ContourOptions(alignment=-2.0)
+    objective, state = objective_for(options)
+    plain = objective.linearize(state)
+    objective.restart(options, [np.zeros(8), None])
+    moved = objective.linearize(state)
+    np.testing.assert_allclose(moved.H, plain.H, rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(moved.g, plain.g, rtol=1e-12, atol=1e-9)

@@ -15,7 +15,7 @@ from ..render.contour_picks import N_PICK_COLUMNS
 from ..render.shape_arrays import ShapeArrays
 from . import contour_residual as kernel
 from .contour_agreement import N_AGREEMENT, count_agreement
-from .moved_configuration import moved_configuration
+from .moved_configuration import bodies_seen, cameras_by_body
 from .normal_equations import NormalEquations
 from .prior import Prior
 
@@ -98,14 +98,6 @@ class CameraSlot:
         return self.flags, self.picks, self.n_picks, self.samples, self.normal, self.gradient, self.stats
 
 
-def _of_one_body(cameras: Sequence[int], bodies: Sequence[Configuration]) -> list[list[int]]:
-    """Cameras that see the same configuration, together; in order."""
-    groups: dict[int, list[int]] = {}
-    for i in cameras:
-        groups.setdefault(id(bodies[i]), []).append(i)
-    return list(groups.values())
-
-
 def _serial(function: Callable, items: list) -> list:
     return [function(item) for item in items]
 
@@ -144,14 +136,9 @@ class ContourObjective:
         self._offsets = [None] * len(self.slots) if offsets is None else list(offsets)
         self._refresh = True
 
-    def _bodies(self, state: State) -> list[Configuration]:
-        """The body as each camera sees it."""
-        common = Configuration(self.model, state)
-        return [common if o is None else moved_configuration(self.model, state, o) for o in self._offsets]
-
     def linearize(self, state: State) -> NormalEquations:
         """Normal equations at ``state``; sums run over the cameras in the order of the rig."""
-        bodies = self._bodies(state)
+        bodies = bodies_seen(self.model, state, self._offsets)
         refresh, self._refresh = self._refresh, False
 
         def run(index: int) -> None:
@@ -175,7 +162,7 @@ class ContourObjective:
         self._map(run, active)
         H, g = np.zeros((self.model.n_dof, self.model.n_dof)), np.zeros(self.model.n_dof)
         cost, count = 0.0, 0
-        for together in _of_one_body(active, bodies):
+        for together in cameras_by_body(active, bodies):
             self._assemble(together, bodies[together[0]], H, g)
         for i in active:
             cost += float(self.slots[i].stats[kernel.COST])
@@ -202,7 +189,7 @@ class ContourObjective:
         """Fill the ``agreement`` of every slot with evidence: how much of the outline in ``state`` lies on the silhouette's
         boundary, and the other way round, within ``close_px`` and what ``close_m`` at the body is in pixels. Call it after
         `linearize`, which decides what is seen."""
-        bodies = self._bodies(state)
+        bodies = bodies_seen(self.model, state, self._offsets)
         root = state.T_world_root[:3, 3]
 
         def run(index: int) -> None:

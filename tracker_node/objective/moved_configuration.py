@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..geometry import so3
@@ -18,3 +20,17 @@ def moved_configuration(model: ArticulatedModel, state: State, offset: np.ndarra
     configuration = Configuration(model, state.retract(offset))
     configuration.twists[3:6] = so3.exp(offset[3:6]).T @ configuration.twists[3:6]
     return configuration
+
+
+def bodies_seen(model: ArticulatedModel, state: State, offsets: Sequence[np.ndarray | None]) -> list[Configuration]:
+    """The body as each camera sees it; one and the same where there is no offset."""
+    common = Configuration(model, state)
+    return [common if offset is None else moved_configuration(model, state, offset) for offset in offsets]
+
+
+def cameras_by_body(cameras: Sequence[int], bodies: Sequence[Configuration]) -> list[list[int]]:
+    """Those of ``cameras`` that see one and the same configuration, together; in order."""
+    groups: dict[int, list[int]] = {}
+    for i in cameras:
+        groups.setdefault(id(bodies[i]), []).append(i)
+    return list(groups.values())

@@ -15,6 +15,7 @@ from ..render.contour_samples import CLASS, SHAPE, collect_samples, most_samples
 from ..render.shape_arrays import ShapeArrays
 from . import region_lines as kernel
 from .contour_residual import assemble
+from .moved_configuration import bodies_seen, cameras_by_body
 from .normal_equations import NormalEquations
 
 
@@ -97,7 +98,6 @@ class RegionObjective:
     Parameters
     ----------
     classes : (n_shapes,) color class of every shape.
-    offsets : for each camera the tangent (n_dof,) from the state to where the body is when that camera exposes, or None.
 
     `correspond` draws the lines, `linearize` holds states against them. Sums run over the cameras in the order of the rig.
     """
@@ -125,16 +125,24 @@ class RegionObjective:
         return [i for i, view in enumerate(self.views) if view is not None]
 
     def set_views(self, views: Sequence[View | None], offsets: Sequence[np.ndarray | None] | None = None) -> None:
-        """Go on with the images of another instant."""
+        """Go on with the images of another instant.
+
+        ``offsets``: for each camera the tangent (n_dof,) from the state to where the body is when that camera exposes, or None.
+        """
         self.views = list(views)
         self.offsets = [None] * len(self.views) if offsets is None else list(offsets)
         for slot in self.slots:
             slot.n = 0
 
-    def correspond(self, state: State, scale: float) -> None:
-        """Draw the lines of the contours that are seen in ``state``; ``scale``: pixels from place to place on a line."""
+    def correspond(self, state: State, scale: float, offsets: Sequence[np.ndarray | None] | None = None) -> None:
+        """Draw the lines of the contours that are seen in ``state``.
+
+        ``scale``: pixels from place to place on a line; ``offsets``: as for the views, where better ones are known by now.
+        """
+        if offsets is not None:
+            self.offsets = list(offsets)
         self._packed = options = self.options.packed(scale)
-        poses = self._poses(state)
+        poses = bodies_seen(self.model, state, self.offsets)
 
         def run(i: int) -> None:
             slot, view = self.slots[i], self.views[i]
@@ -155,7 +163,7 @@ class RegionObjective:
 
     def linearize(self, state: State) -> NormalEquations:
         """Normal equations of the lines at ``state``."""
-        poses = self._poses(state)
+        poses = bodies_seen(self.model, state, self.offsets)
         active = self.active
         for i in active:
             slot = self.slots[i]
@@ -165,32 +173,33 @@ class RegionObjective:
                 slot.lines, slot.info, slot.n, poses[i].Ts_world_link, slot.camera, self._packed,
                 slot.normal, slot.gradient, slot.stats,
             )  # fmt: skip
-        chain = self.model.chain
-        H, g = np.empty((chain.n_dof, chain.n_dof)), np.empty(chain.n_dof)
-        normal, gradient = np.zeros((len(chain.links), 6, 6)), np.zeros((len(chain.links), 6))
+        H, g = np.zeros((self.model.n_dof, self.model.n_dof)), np.zeros(self.model.n_dof)
         cost, count = 0.0, 0
+        for together in cameras_by_body(active, poses):
+            self._assemble(together, poses[together[0]], H, g)
         for i in active:
-            slot = self.slots[i]
-            kernel.fill_lower(slot.normal)
-            normal += slot.normal
-            gradient += slot.gradient
-            cost += float(slot.stats[kernel.COST])
-            count += int(slot.stats[kernel.COUNT])
-        assemble(normal, gradient, chain.link_moved_by, Configuration(self.model, state).twists, H, g)
+            cost += float(self.slots[i].stats[kernel.COST])
+            count += int(self.slots[i].stats[kernel.COUNT])
         return NormalEquations(H, g, cost, count)
 
-    def _poses(self, state: State) -> list[Configuration]:
-        """The body as each camera sees it."""
-        common = Configuration(self.model, state)
-        return [
-            common if offset is None else Configuration(self.model, state.retract(offset)) for offset in self.offsets
-        ]
+    def _assemble(self, cameras: Sequence[int], body: Configuration, H: np.ndarray, g: np.ndarray) -> None:
+        """Add what the links of ``body`` have to tell in these cameras."""
+        chain = self.model.chain
+        own_H, own_g = np.empty_like(H), np.empty_like(g)
+        normal, gradient = np.zeros((len(chain.links), 6, 6)), np.zeros((len(chain.links), 6))
+        for i in cameras:
+            kernel.fill_lower(self.slots[i].normal)
+            normal += self.slots[i].normal
+            gradient += self.slots[i].gradient
+        assemble(normal, gradient, chain.link_moved_by, body.twists, own_H, own_g)
+        H += own_H
+        g += own_g
 
     def part_evidence(self, state: State, close_px: float) -> PartEvidence:
         """How far the lines that were last drawn bear ``state`` out."""
         shape = (len(self.slots), len(self.model.shapes))
         evidence = PartEvidence(*(np.zeros(shape) for _ in range(5)))
-        poses = self._poses(state)
+        poses = bodies_seen(self.model, state, self.offsets)
         for i in self.active:
             slot, n = self.slots[i], self.slots[i].n
             outer = slot.info[:n, CLASS] == OUTER

@@ -9,9 +9,10 @@ import numpy as np
 
 from ..camera.camera_rig import CameraRig
 from ..model.articulated_model import ArticulatedModel
-from ..model.configuration import Configuration, State
+from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective.contour_objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
+from ..objective.moved_configuration import bodies_seen
 from ..objective.normal_equations import NormalEquations
 from ..objective.prior import Prior
 from ..observation.body_region import Region
@@ -89,7 +90,7 @@ class ContourEngine:
 
     def begin(self, images: Images, start: State) -> State:
         """Learn what body and scene look like, fit, and learn again: the first pose given is rarely exact."""
-        margin = self._config.evidence.body_margin_px
+        self._passage, margin = None, self._config.evidence.body_margin_px
         for margin_px in (_FIRST_MARGIN * margin, margin):
             sights = self._look(start, images)
             self._learn_anew(images, sights, margin_px)
@@ -145,12 +146,10 @@ class ContourEngine:
 
     def _look(self, state: State, images: Images) -> list[_Sight | None]:
         """Where the body is in the cameras that have an image, if it is in ``state``."""
-        offsets = self._offsets(state)
+        bodies = bodies_seen(self._model, state, self._offsets(state))
 
         def look(i: int) -> _Sight | None:
-            offset = offsets[i]
-            configuration = Configuration(self._model, state if offset is None else state.retract(offset))
-            found = render_labels(configuration, self._rig.cameras[i], self._config.evidence.margin_px)
+            found = render_labels(bodies[i], self._rig.cameras[i], self._config.evidence.margin_px)
             return None if found is None or min(found[1].shape) < _LEAST_REGION_PX else _Sight(*found)
 
         seen = [i for i, image in enumerate(images) if image is not None]

@@ -9,9 +9,10 @@ import numpy as np
 
 from ..camera.camera_rig import CameraRig
 from ..model.articulated_model import ArticulatedModel
-from ..model.configuration import Configuration, State
+from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective import region_lines as kernel
+from ..objective.moved_configuration import bodies_seen
 from ..objective.normal_equations import NormalEquations
 from ..objective.prior import Prior
 from ..objective.region_objective import PartEvidence, RegionObjective, RegionOptions, View
@@ -64,11 +65,12 @@ class RegionEngine:
         """Nothing is known but the colors that the model states."""
         self._colors = [RegionColors(self._classes, self._stated, self._config.region.color_prior) for _ in self._rig]
         self._count = 0
+        self._passage: Passage | None = None
         self._evidence: PartEvidence | None = None
 
     def begin(self, images: Images, start: State) -> State:
         """Learn colors, fit, and learn again: the first pose given is rarely exact."""
-        guard = self._config.region.guard_px
+        self._passage, guard = None, self._config.region.guard_px
         for guard_px in (4 * guard, 2 * guard, guard):
             self._colors = [RegionColors(self._classes, self._stated, self._config.region.color_prior) for _ in self._rig]
             self._learn(images, start, 1.0, guard_px)
@@ -79,6 +81,7 @@ class RegionEngine:
 
     def observe(self, images: Images, expected: State | None, passage: Passage | None = None) -> None:
         """Keep the images: lines are drawn where the fit needs them."""
+        self._passage = passage
         self._objective.set_views(
             [
                 None if image is None or expected is None or not colors.knows else View(image, (colors.body, colors.scene))
@@ -93,7 +96,7 @@ class RegionEngine:
         options = LevenbergMarquardtOptions(max_iterations=self._config.region.updates, tolerance=1e-3)
         result: OptimizerResult | None = None
         for scale in self._first_scales if first else self._scales:
-            self._objective.correspond(state, scale)
+            self._objective.correspond(state, scale, None if self._passage is None else self._passage.offsets(state))
             result = minimize(whole, state, self._model.chain, options)
             state, iterations = result.state, iterations + result.iterations
             evaluations += result.evaluations
@@ -144,10 +147,11 @@ class RegionEngine:
             self._learn(turn, state, region.color_rate, region.guard_px)
 
     def _learn(self, images: Images, state: State, rate: float, guard_px: int) -> None:
-        configuration, around = Configuration(self._model, state), self._config.region.around_px
+        offsets = [None] * len(self._rig) if self._passage is None else self._passage.offsets(state)
+        bodies, around = bodies_seen(self._model, state, offsets), self._config.region.around_px
 
         def learn(i: int) -> None:
-            found = render_labels(configuration, self._rig.cameras[i], around)
+            found = render_labels(bodies[i], self._rig.cameras[i], around)
             if found is not None:
                 self._colors[i].learn(images[i], *found, rate, guard_px, around)
 
