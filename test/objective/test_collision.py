@@ -137,8 +137,10 @@ def test_parts_on_an_empty_root_are_neighbours():
 
 
 def test_an_arm_drawn_through_the_trunk_is_kept_out():
-    """A pull that would put both forearms into the trunk; only with the collisions they stay outside. Both sides do the very same,
-    so the axes of the hands meet, and no line between them says which way is out."""
+    """A pull that would put both forearms into the trunk; only with the collisions they stay outside.
+
+    Both sides do the very same, so the axes of the hands meet, and no line between them says which way is out.
+    """
     wanted = State.neutral(HUMAN)
     angles = wanted.joint_positions.copy()
     for side in ("left", "right"):
