@@ -12,9 +12,9 @@ white acceleration (Bar-Shalom, Li, Kirubarajan, Estimation with Applications to
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from ..geometry import so3
 from ..model.configuration import State
@@ -48,6 +48,7 @@ class Belief:
         """(n_dof, n_dof), per second squared."""
         return self.covariance[self.velocity.size :, self.velocity.size :]
 
+    @cached_property
     def velocity_by_state(self) -> np.ndarray:
         """(n_dof, n_dof): what being off the mean by a tangent tells of the velocity (its regression on the state), 1/s."""
         n = self.velocity.size
@@ -142,15 +143,13 @@ def correct(belief: Belief, state: State, information: np.ndarray) -> Belief:
     """
     n = belief.velocity.size
     offset = state.difference(belief.state)
-    gain = belief.velocity_by_state()
+    gain = belief.velocity_by_state
     turned = np.eye(n)
     turned[_ROTATION, _ROTATION] = so3.left_jacobian(offset[_ROTATION])  # from the tangent at the old mean to that at the new
     # P+ = L (1 + L^T H L)^-1 L^T needs no inverse of H, nor of P.
     L = np.linalg.cholesky(belief.state_covariance)
     moved = turned @ L
-    root = np.linalg.cholesky(np.eye(n) + moved.T @ information @ moved)
-    M = solve_triangular(root, L.T, lower=True).T  # P+ = M M^T in the old tangent
-    qq = M @ M.T
+    qq = L @ np.linalg.solve(np.eye(n) + moved.T @ information @ moved, L.T)  # in the old tangent
     covariance = np.empty_like(belief.covariance)
     covariance[:n, :n] = turned @ qq @ turned.T
     covariance[n:, :n] = gain @ qq @ turned.T

@@ -9,10 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
@@ -37,24 +35,18 @@ class Prediction:
         """(n_dof, n_dof) in the tangent at ``state``."""
         return None if self.belief is None else self.belief.state_covariance
 
-    @cached_property
-    def _velocity_by_state(self) -> np.ndarray:
-        assert self.belief is not None
-        return self.belief.velocity_by_state()
-
     def prior(self) -> Prior | None:
         """Pull to the expected state, in units of information."""
         if self.belief is None:
             return None
-        n = self.velocity.size
-        information = cho_solve(cho_factor(self.belief.state_covariance, lower=True), np.eye(n))
+        information = np.linalg.inv(self.belief.state_covariance)
         return Prior(self.belief.state, 0.5 * (information + information.T))
 
     def velocity_at(self, state: State) -> np.ndarray:
         """(n_dof,): the velocity to be expected if ``state`` is where the body is now."""
         if self.belief is None:
             return self.velocity
-        return self.velocity + self._velocity_by_state @ state.difference(self.belief.state)
+        return self.velocity + self.belief.velocity_by_state @ state.difference(self.belief.state)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +76,7 @@ class MotionModel:
         self.velocity = np.zeros(chain.n_dof)
         self._last: tuple[int, State] | None = None
         self._belief: Belief | None = None
+        self._expected: tuple[int, Belief] | None = None  # what follows from it for the stamp last asked for
 
     @property
     def velocity_covariance(self) -> np.ndarray | None:
@@ -97,7 +90,9 @@ class MotionModel:
         last_ns, state = self._last
         elapsed_s = (stamp_ns - last_ns) * 1e-9
         if self._belief is not None:
-            belief = self._dynamics.propagate(self._belief, max(elapsed_s, 0.0))
+            if self._expected is None or self._expected[0] != stamp_ns:
+                self._expected = stamp_ns, self._dynamics.propagate(self._belief, max(elapsed_s, 0.0))
+            belief = self._expected[1]
             return Prediction(belief.state, belief.velocity, belief)
         step = self.velocity * elapsed_s
         step[N_ROOT_DOF:] *= self._config.velocity_decay
@@ -121,10 +116,10 @@ class MotionModel:
     def coast(self, stamp_ns: int, state: State) -> None:
         """Go on from ``state`` without believing how it moved; the velocity dies away, lest a lost body flies off."""
         predicted = self.predict(stamp_ns)
-        velocity = self._config.velocity_decay * self.velocity
         if predicted is not None and predicted.belief is not None:
-            self._set(stamp_ns, replace(predicted.belief, state=state, velocity=velocity))
-        self.velocity, self._last = velocity, (stamp_ns, state)
+            self._set(stamp_ns, replace(predicted.belief, state=state))
+        else:
+            self.velocity, self._last = self._config.velocity_decay * self.velocity, (stamp_ns, state)
 
     def restart(self, stamp_ns: int, state: State) -> None:
         """Forget the velocity and go on from ``state``."""
@@ -133,6 +128,7 @@ class MotionModel:
 
     def _set(self, stamp_ns: int, belief: Belief) -> None:
         self._belief, self.velocity, self._last = belief, belief.velocity, (stamp_ns, belief.state)
+        self._expected = None
 
     def _follow(self, stamp_ns: int, state: State) -> None:
         if self._last is not None:
