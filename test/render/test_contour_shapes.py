@@ -26,6 +26,7 @@ from tracker_node.render.contour_samples import (
     SHAPE,
     U,
     V,
+    chord_px,
     collect_samples,
     most_samples,
 )
@@ -283,3 +284,21 @@ def test_no_contour_from_inside_a_box():
     rows = contour.contour_points(ShapeArrays.from_model(single_shape(SHAPES["box"]).model), np.eye(4)[None], 0, np.zeros(3), 5)
     assert len(rows) == 0
 
+
+
+@pytest.mark.parametrize("name", ["box", "cone", "icosahedron"])
+def test_chords_end_at_the_other_side_of_the_mask(renderer, name):
+    configuration = single_shape(SHAPES[name], random_pose(np.random.default_rng(1)))
+    camera = look_at((0.5, 0.5, 0.3), (0.0, 0.0, 0.0), LENS)
+    rows, pixels, info = samples_of(configuration, camera)
+    mask = renderer.render_view(configuration, camera).labels > 0
+    T = camera.T_cam_world
+    packed = camera.model.params, np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3]), camera.center
+    shapes, reach, off = ShapeArrays.from_model(configuration.model).packed, 64.0, []
+    for row, pixel in zip(rows[info[:, CLASS] == OUTER], pixels[info[:, CLASS] == OUTER], strict=True):
+        chord = chord_px(shapes, 0, configuration.Ts_world_shape[0], packed, row, pixel, -1.0, reach)
+        t = np.arange(2.0, reach, 0.25)
+        u, v = np.rint(pixel[:2] - t[:, None] * pixel[3:5]).astype(int).T
+        beyond = ~mask[v, u]
+        off.append(chord - (t[np.argmax(beyond)] if beyond.any() else reach))
+    assert np.median(np.abs(off)) < reach / 16 and np.quantile(np.abs(off), 0.9) < reach / 8

@@ -4,8 +4,8 @@ A line has pixels on both sides of its sample. For a contour that is ``d`` pixel
 is, up to a constant, the sum of log(p_body / p_beyond) over the pixels inside; where the part is so narrow that the line reaches
 across it, over those between its two contours. All of them together are a distribution of d, of which mean and variance are kept
 (as in region-based trackers, e.g. Stoiber et al., 2020). On the finest scale the mean is refined below the pixel by the share
-that the color inside has in the mixed pixels. With the state the sample moves by n . (pixel - pixel at first), the residual is that
-minus the mean.
+that the color inside has in the mixed pixels. With the state the sample moves by n . (pixel - pixel at first), the residual is
+that minus the mean.
 
 What lies beyond is the scene, or, for contours within the outline, the part behind or the scene.
 """
@@ -198,12 +198,16 @@ def draw_lines(bgr, colors, classes, shapes, Ts_shape, Ts_link, camera, rows, pi
         reach = (2 * half + 2) * scale
         width = max(1, np.int64(chord_px(shapes, shape, Ts_shape[shape], camera, row, pixel, -1.0, reach) / scale + 0.5))
         if beyond == shape:  # another side of the same part
+            margin = np.int64(2.0 / scale + 0.5)
             room = np.int64(chord_px(shapes, shape, Ts_shape[shape], camera, row, pixel, 1.0, reach) / scale)
             line[MEAN], line[PRECISION], line[LOG_RATIO] = step_distribution(
-                bgr, pixel[U], pixel[V], pixel[NU], pixel[NV], scale, min(width, half), min(room, half), sums
-            )
+                bgr, pixel[U], pixel[V], pixel[NU], pixel[NV], scale,
+                min(width - margin, 2 * half), min(room - margin, 2 * half), sums,
+            )  # fmt: skip
             line[MEAN] *= scale
             line[PRECISION] /= scale * scale
+            if options[FINE] > 0.0 and line[PRECISION] > 0.3:
+                _refine(bgr, float(width), line, work)
             continue
         inside = half + min(width, half) + 1  # steps on either side
         count = 2 * inside

@@ -15,6 +15,7 @@ import numpy as np
 LEAST_PIXELS = 3  # on either side of a step
 _LEAST_VARIANCE = 9.0  # grey levels squared, per channel
 _LEAST_GAIN = 10.0  # log-likelihood by which a step must beat none
+_MIXED = 0.25  # variance, in places: the pixel that shows both sides may count for either
 _SUMS = 4  # of three colors and of their squares
 
 
@@ -22,11 +23,12 @@ _SUMS = 4  # of three colors and of their squares
 def step_distribution(bgr, u, v, nu, nv, scale, inside, outside, sums):
     """(mean, precision, log-ratio) of the offset of a step in brightness, in places of the line (``scale`` pixels).
 
-    The line has ``inside`` places before (u, v) and ``outside`` beyond it in the direction (nu, nv); the step is looked for up to
-    half as far. ``sums`` (>= inside + outside + 1, 4) is overwritten. A precision of zero: there is none.
+    The line has ``inside`` places before (u, v) and ``outside`` beyond it in the direction (nu, nv); the step is looked for where
+    it leaves `LEAST_PIXELS` on either side. ``sums`` (>= inside + outside + 1, 4) is overwritten. A precision of zero: no step.
     """
-    height, width, n, half = bgr.shape[0], bgr.shape[1], inside + outside, min(inside, outside) // 2
-    if half < 1 or min(inside, outside) - half < LEAST_PIXELS:
+    height, width, n = bgr.shape[0], bgr.shape[1], inside + outside
+    low, high = LEAST_PIXELS - inside, outside - LEAST_PIXELS
+    if high - low < 2:
         return 0.0, 0.0, 0.0
     for c in range(_SUMS):
         sums[0, c] = 0.0
@@ -39,25 +41,25 @@ def step_distribution(bgr, u, v, nu, nv, scale, inside, outside, sums):
         sums[k + 1, 0], sums[k + 1, 1], sums[k + 1, 2] = sums[k, 0] + b, sums[k, 1] + g, sums[k, 2] + r
         sums[k + 1, 3] = sums[k, 3] + b * b + g * g + r * r
     best = 1e30
-    for d in range(-half, half + 1):
+    for d in range(low, high + 1):
         best = min(best, _squared_error(sums, n, inside + d))
     variance = max(_LEAST_VARIANCE, best / (3.0 * n - 6.0))
     gain = 0.5 * (_squared_error(sums, n, n) - best) / variance
     if gain < _LEAST_GAIN:
         return 0.0, 0.0, 0.0
     mass, first, second = 0.0, 0.0, 0.0
-    for d in range(-half, half + 1):
+    for d in range(low, high + 1):
         p = math.exp(0.5 * (best - _squared_error(sums, n, inside + d)) / variance)
         mass += p
         first += p * d
         second += p * d * d
-    mean = first / mass
-    spread, uniform = max(second / mass - mean * mean, 0.0) + 1.0 / 12.0, half * (half + 1.0) / 3.0 + 1.0 / 12.0
+    mean, middle = first / mass, 0.5 * (low + high)
+    spread, uniform = max(second / mass - mean * mean, 0.0) + _MIXED, ((high - low + 1.0) ** 2) / 12.0
     precision = 1.0 / spread - 1.0 / uniform  # that the line ends somewhere is no evidence
     if precision <= 0.02 / uniform:
         return 0.0, 0.0, 0.0
-    mean /= spread * precision
-    return min(max(mean, -float(half)), float(half)), precision, gain
+    mean = (mean / spread - middle / uniform) / precision
+    return min(max(mean, float(low)), float(high)), precision, gain
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
