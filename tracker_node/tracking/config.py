@@ -140,6 +140,14 @@ class MotionConfig:
 
 
 @dataclass(frozen=True)
+class CollisionConfig:
+    """Parts of the body that may not pass through each other."""
+
+    enabled: bool = parameter(True, "keep parts that are not neighbors from running into each other")
+    sigma_m: float = parameter(0.02, "how deep they may get into each other, as a standard deviation", "m", 1e-4, 10.0)
+
+
+@dataclass(frozen=True)
 class StatusConfig:
     """When an estimate is trusted."""
 
@@ -157,6 +165,11 @@ class StatusConfig:
         1.5, "least standard deviation of one contour sample, for the covariance", "px", 0.01, 100
     )
     correlation: float = parameter(8.0, "how many neighbouring samples share one error, for the covariance", "", 1, 1000)
+    limb_lost: float = parameter(0.5, "a limb that is elsewhere with this probability is LOST", "1", 0, 1)
+    limb_degraded: float = parameter(0.2, "and DEGRADED with this one", "1", 0, 1)
+    limb_loss: float = parameter(0.01, "probability that a limb gets lost between two image sets", "1", 1e-6, 1)
+    limb_recovery: float = parameter(0.1, "and that a lost one gets where it belongs", "1", 0, 1)
+    evidence_limit: float = parameter(4.0, "one image set cannot change the log odds of lost by more than this", "1", 0.1, 100)
 
 
 @dataclass(frozen=True)
@@ -241,6 +254,7 @@ class TrackerConfig:
     region: RegionConfig = field(default_factory=RegionConfig)
     optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
+    collision: CollisionConfig = field(default_factory=CollisionConfig)
     status: StatusConfig = field(default_factory=StatusConfig)
     start: StartConfig = field(default_factory=StartConfig)
     color: ColorConfig = field(default_factory=ColorConfig)

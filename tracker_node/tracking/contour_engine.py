@@ -11,10 +11,12 @@ from ..camera.camera_rig import CameraRig
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
+from ..objective.collision import CollisionObjective
 from ..objective.contour_objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
 from ..objective.moved_configuration import bodies_seen
 from ..objective.normal_equations import NormalEquations
 from ..objective.prior import Prior
+from ..objective.sum_objective import SumObjective
 from ..observation.body_region import Region
 from ..observation.image_set import ImageSet
 from ..observation.observer import Observation, Observer
@@ -61,6 +63,7 @@ class ContourEngine:
         self._rig, self._model, self._config, self._plates, self._parallel = rig, model, config, dict(plates), parallel
         optimizer, evidence = config.optimizer, config.evidence
         self._arrays = ShapeArrays.from_model(model, caps=False)
+        self._constraints = [CollisionObjective(model, config.collision.sigma_m)] if config.collision.enabled else []
         self._slots = [CameraSlot(camera, model, optimizer.samples_per_line) for camera in rig]
         self._options = ContourOptions(
             robust_scale_px=optimizer.robust_scale_px,
@@ -198,4 +201,4 @@ class ContourEngine:
 
     def _minimize(self, objective: ContourObjective, start: State, iterations: int) -> OptimizerResult:
         options = LevenbergMarquardtOptions(max_iterations=iterations, tolerance=self._config.optimizer.tolerance)
-        return minimize(objective, start, self._model.chain, options)
+        return minimize(SumObjective([objective, *self._constraints]), start, self._model.chain, options)

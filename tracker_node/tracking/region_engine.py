@@ -12,6 +12,7 @@ from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective import region_lines as kernel
+from ..objective.collision import CollisionObjective
 from ..objective.moved_configuration import bodies_seen
 from ..objective.normal_equations import NormalEquations
 from ..objective.prior import Prior
@@ -58,6 +59,7 @@ class RegionEngine:
         )
         self._scales = _numbers(region.scales)
         self._first_scales = _numbers(region.first_scales)
+        self._constraints = [CollisionObjective(model, config.collision.sigma_m)] if config.collision.enabled else []
         self._objective = RegionObjective(rig, model, ShapeArrays.from_model(model), self._classes, options, parallel)
         self.reset()
 
@@ -92,7 +94,7 @@ class RegionEngine:
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> OptimizerResult:
         """A few Gauss-Newton steps on the lines of each scale."""
         state, iterations, evaluations = start, 0, 0
-        whole = SumObjective([self._objective], priors=self._priors(start, prior))
+        whole = SumObjective([self._objective, *self._constraints], priors=self._priors(start, prior))
         options = LevenbergMarquardtOptions(max_iterations=self._config.region.updates, tolerance=1e-3)
         result: OptimizerResult | None = None
         for scale in self._first_scales if first else self._scales:
