@@ -24,7 +24,7 @@ from ..objective.shape_jacobian import N_CAMERA, ContourLines, line_residuals
 from ..observation.image_set import ImageSet
 from ..tracking.config import TrackerConfig
 from .body_fit_lines import LineEvidence, SilhouetteEvidence
-from .body_fit_solver import Estimate, Problem, SharedPrior, Solution, shared_sigmas, solve
+from .body_fit_solver import Estimate, Motion, Problem, SharedPrior, Solution, shared_covariance, solve
 
 Progress = Callable[[str, int, int], None]
 PX2_PER_INFORMATION = 18.0  # of the stiffness of axes, which is stated in squared pixels
@@ -119,6 +119,7 @@ def fit_body(
     progress: Progress | None = None,
     plates: Mapping[str, np.ndarray | list] | None = None,
     evidence: LineEvidence | None = None,
+    velocities: Sequence[np.ndarray] | None = None,
 ) -> BodyFit:
     """The body that best explains some image sets, and its poses in them.
 
@@ -128,6 +129,7 @@ def fit_body(
     image_sets, states : ten to thirty sets with different poses, and where the body about is in each (a tracker's states).
     progress : called with what is done, how often it has been done, and how often it will be.
     plates : images of the empty scene, as for the tracker. evidence : instead of silhouettes of ``image_sets``.
+    velocities : (n_dof,) tangent a second of every set, for cameras that do not expose at one instant.
 
     Raises
     ------
@@ -139,7 +141,7 @@ def fit_body(
     evidence = evidence or SilhouetteEvidence(image_sets, options.config, plates)
     space = ShapeSpace(model, options.symmetric, options.groups)
     problem = Problem(
-        space, rig, [np.zeros(model.n_dof)] * len(states), _pose_priors(model, states, options),
+        space, rig, motions_of(rig, image_sets, model.n_dof, velocities), pose_priors(model, states, options),
         SharedPrior(options.prior_scale * space.sigmas, np.zeros((len(rig), N_CAMERA))), options.correlation,
     )  # fmt: skip
     held = replace(problem, shared=SharedPrior(np.zeros(len(space)), problem.shared.cameras))
@@ -154,8 +156,8 @@ def fit_body(
         raise TrackerError(
             f"the body is hardly seen in these images: {sum(map(len, lines[0]))} contour lines in {len(states)} sets"
         )
-    sigmas, _ = shared_sigmas(problem, lines[0], after.estimate, options.robust_px[-1])
-    report = _report(problem, before, after, lines[1], lines[0], sigmas, loop.iterations)
+    covariance, _ = shared_covariance(problem, lines[0], after.estimate, options.robust_px[-1])
+    report = _report(problem, before, after, lines[1], lines[0], np.sqrt(np.diag(covariance)), loop.iterations)
     return BodyFit(space.body(after.estimate.s), after.estimate.states, report)
 
 
@@ -185,7 +187,20 @@ class JointFit:
         return [self._evidence.lines(k, model, rig, problem.states_of(estimate, k)) for k in range(len(estimate.states))]
 
 
-def _pose_priors(model: ArticulatedModel, states: Sequence[State], options: BodyFitOptions) -> list[list[Prior]]:
+def motions_of(
+    rig: CameraRig, image_sets: Sequence[ImageSet], n_dof: int, velocities: Sequence[np.ndarray] | None
+) -> list[Motion]:
+    """Velocities (none: zeros) with the delays that the images' own stamps state."""
+    result = []
+    for k, images in enumerate(image_sets):
+        found = [images.get(camera.name) for camera in rig]
+        delays_s = np.array([0.0 if image is None else 1e-9 * (image.stamp_ns - images.stamp_ns) for image in found])
+        velocity = np.zeros(n_dof) if velocities is None else np.asarray(velocities[k], dtype=np.float64)
+        result.append(Motion(velocity, delays_s if velocity.any() else np.zeros(len(rig))))
+    return result
+
+
+def pose_priors(model: ArticulatedModel, states: Sequence[State], options: BodyFitOptions) -> list[list[Prior]]:
     """A weak pull to the states given, and the model's own to neutral angles."""
     stay = np.full(model.n_dof, options.stay_sigma_rad**-2.0)
     stay[:3] = options.stay_sigma_m**-2.0
@@ -200,7 +215,7 @@ def _report(
     problem: Problem, before: Solution, after: Solution, lines_before, lines_after, sigmas, iterations: int
 ) -> BodyFitReport:
     space, rig = problem.space, problem.rig
-    figures = [_residuals(problem, s.estimate, lines) for s, lines in ((before, lines_before), (after, lines_after))]
+    figures = [residuals_of(problem, s.estimate, lines) for s, lines in ((before, lines_before), (after, lines_after))]
     parameters = tuple(
         ParameterFigures(p.name, float(value), float(sigma), float(prior))
         for p, value, sigma, prior in zip(space.parameters, after.estimate.s, sigmas, problem.shared.shape, strict=True)
@@ -221,7 +236,7 @@ def _report(
     )
 
 
-def _residuals(problem: Problem, estimate: Estimate, lines: Sequence[ContourLines]) -> np.ndarray:
+def residuals_of(problem: Problem, estimate: Estimate, lines: Sequence[ContourLines]) -> np.ndarray:
     """(n, 3) camera, shape and residual of all lines."""
     model, rig = problem.space.body(estimate.s), problem.rig_of(estimate)
     rows = []

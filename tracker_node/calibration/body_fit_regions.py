@@ -1,4 +1,4 @@
-"""Contours by the colors on either side of them: lines for the joint fit of bodies and rigs, without pictures of the empty scene."""
+"""Contours by the colors on either side of them: lines for the joint fit of bodies and rigs, without plates."""
 
 from __future__ import annotations
 

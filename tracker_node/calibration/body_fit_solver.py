@@ -19,7 +19,7 @@ from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..model.shape_parameters import ShapeSpace
 from ..objective.prior import Prior
-from ..objective.shape_jacobian import FOCAL, N_CAMERA, ContourLines, line_residuals, linearize_lines, normal_equations
+from ..objective.shape_jacobian import FOCAL, N_CAMERA, TIME, ContourLines, line_residuals, linearize_lines, normal_equations
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,13 +48,29 @@ class SharedPrior:
 
 
 @dataclass(frozen=True, eq=False)
+class Motion:
+    """How the body moves while an image set is taken: ``velocity`` (n_dof,) tangent a second; ``delays_s`` (n_cameras,), by how
+    much each camera exposed after the set's stamp, as its own stamp says."""
+
+    velocity: np.ndarray
+    delays_s: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class Problem:
-    """What is given: the body, the rig, the velocities (tangent a second) and pose priors of all sets, the shared prior, and how
-    many neighboring lines share one error."""
+    """What is given.
+
+    Attributes
+    ----------
+    space, rig : the body and the cameras to start from.
+    motions : of every image set.
+    pose_priors : of every image set. shared : of what all of them share.
+    correlation : how many neighboring lines share one error.
+    """
 
     space: ShapeSpace
     rig: CameraRig
-    velocities: Sequence[np.ndarray]
+    motions: Sequence[Motion]
     pose_priors: Sequence[Sequence[Prior]]
     shared: SharedPrior
     correlation: float = 1.0
@@ -66,8 +82,9 @@ class Problem:
 
     def states_of(self, estimate: Estimate, k: int) -> list[State]:
         """Where each camera sees the body in set k."""
-        state, velocity = estimate.states[k], self.velocities[k]
-        return [state.retract(d[-1] * velocity) if d[-1] else state for d in estimate.cameras]
+        state, motion = estimate.states[k], self.motions[k]
+        delays_s = motion.delays_s + estimate.cameras[:, TIME]
+        return [state.retract(delay_s * motion.velocity) if delay_s else state for delay_s in delays_s]
 
     def weights(self, residuals: np.ndarray, variances: np.ndarray, robust_px: float) -> tuple[np.ndarray, np.ndarray]:
         """Geman-McClure: costs and weights of residuals (n,), in information units. Lines that know little get more room."""
@@ -121,12 +138,13 @@ def solve(
     return Solution(estimate, cost, iterations)
 
 
-def shared_sigmas(
+def shared_covariance(
     problem: Problem, lines: Sequence[ContourLines], estimate: Estimate, robust_px: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Standard deviations of shape (n_shape,) and cameras (n_cameras, `N_CAMERA`), the poses being unknown; 0 for what is held."""
-    sigmas = _Arrow(problem, lines, estimate, robust_px).shared_sigmas()
-    return sigmas[: len(estimate.s)], sigmas[len(estimate.s) :].reshape(-1, N_CAMERA)
+    """Covariances of the shape (n_shape, n_shape) and of all cameras' departures (n_cameras * `N_CAMERA`, the same), the poses
+    being unknown; zeros for what is held."""
+    covariance, n_shape = _Arrow(problem, lines, estimate, robust_px).shared_covariance(), len(estimate.s)
+    return covariance[:n_shape, :n_shape], covariance[n_shape:, n_shape:]
 
 
 def _cost(problem: Problem, lines: Sequence[ContourLines], estimate: Estimate, robust_px: float) -> float:
@@ -166,7 +184,7 @@ class _Arrow:
         self._poses: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []  # H, g, and the mixed block (n_dof, free)
         for k, own in enumerate(lines):
             states = problem.states_of(estimate, k)
-            found = linearize_lines(own, problem.space, estimate.s, model, rig, states, problem.velocities[k])
+            found = linearize_lines(own, problem.space, estimate.s, model, rig, states, problem.motions[k].velocity)
             weights = np.where(found.valid, problem.weights(found.residuals, own.variances, robust_px)[1], 0.0)
             by_shared = np.zeros((len(own), n))
             by_shared[:, :n_shape] = found.by_shape
@@ -218,11 +236,12 @@ class _Arrow:
         cameras = shared[n_shape:].reshape(-1, N_CAMERA)
         return Estimate(tuple(states), self._estimate.s + shared[:n_shape], _composed(self._estimate.cameras, cameras))
 
-    def shared_sigmas(self) -> np.ndarray:
-        """Standard deviation of every shared entry (0: held)."""
-        result = np.zeros(len(_packed(self._estimate)))
+    def shared_covariance(self) -> np.ndarray:
+        """Of everything that is shared (zeros: held)."""
+        n = len(_packed(self._estimate))
+        result = np.zeros((n, n))
         if len(self._free):
-            result[self._free] = np.sqrt(np.maximum(np.diag(np.linalg.inv(self._reduced(0.0)[0])), 0.0))
+            result[np.ix_(self._free, self._free)] = np.linalg.inv(self._reduced(0.0)[0])
         return result
 
 
