@@ -29,6 +29,15 @@ class NormalEquations:
     count: int
 
 
+@dataclass(frozen=True, eq=False)
+class CameraEquations:
+    """What one camera says of how each link should move: ``normal`` (n_links, 6, 6) and ``gradient`` (n_links, 6) of spatial twists
+    (v, omega) at the world origin, W^T W and W^T r of residuals r divided by their standard deviations."""
+
+    normal: np.ndarray
+    gradient: np.ndarray
+
+
 class LeastSquaresObjective(Protocol):
     """Anything Levenberg-Marquardt can minimize over a `State`."""
 

@@ -1,0 +1,276 @@
+"""Which camera stands elsewhere than the calibration says, or runs late: told from what cameras disagree on while tracking.
+
+Each camera's contours pull the body to where they would have it. What all cameras want, the pose takes up; what one camera wants
+for itself stays behind as a residual. If that is the same turn about the camera's center in set after set, the camera has been
+turned; if it is the body's own motion times a constant, the camera's images are late by that constant.
+
+With the residuals of camera i linearized as r_i + J_i x + W_i F_i phi_i, x the tangent of the state and F_i phi_i the twist of
+every link that makes up for a fault phi_i = (rotation (3) in camera axes, delay), the state is eliminated from the normal
+equations of all cameras (Schur complement). This is leaving one out done right: how far a faulty camera has pulled the pose along,
+and so hidden a part of its own fault, is accounted for. What remains is a quadratic function of the faults alone, and adds up over
+image sets.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..camera.camera_rig import CameraRig
+from ..geometry import so3
+from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import Configuration, State
+from ..objective.normal_equations import CameraEquations, NormalEquations
+from .camera_fault import DELAYED, TURNED, CameraFault
+
+_N = 4  # parameters of a camera's fault: rotation (3), delay
+_KINDS = ((0, 1, 2), (3,), (0, 1, 2, 3))  # which of them a camera may have
+_BLOCKS, _LEAST_BLOCKS = 8, 4
+_PRICE = 6.0  # of a parameter, in the units of chi-squared: what noise gains by it, and some more
+_ALIKE = 0.6  # share of what one camera explains from which on another might as well be the cause
+
+
+@dataclass(frozen=True)
+class SelfCheckOptions:
+    """How far back is looked; a fault has to be larger than ``angle_rad`` or ``delay_s``, and than ``sigmas`` times its standard
+    deviation."""
+
+    window_s: float = 2.0
+    angle_rad: float = np.radians(0.3)
+    delay_s: float = 0.8 / 30.0
+    sigmas: float = 5.0
+
+
+@dataclass(eq=False)
+class _Block:
+    """Quadratic function of all faults, phi.L.phi + 2 e.phi, summed over the sets from ``begin_ns`` on."""
+
+    begin_ns: int
+    L: np.ndarray
+    e: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class _Pending:
+    """A set whose body's velocity is known once the next one is there."""
+
+    stamp_ns: int
+    state: State
+    equations: NormalEquations
+    cameras: Sequence[CameraEquations | None]
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A camera's fault: ``values`` (k,) of the parameters ``chosen`` (k,) of all, and their ``covariance``.
+
+    ``explained`` is by how much it lowers chi-squared over the latest ``n_blocks``, ``dispersion`` how much larger its variances
+    are than errors that are independent of each other would make them.
+    """
+
+    camera: int
+    chosen: tuple[int, ...]
+    values: np.ndarray
+    covariance: np.ndarray
+    explained: float
+    dispersion: float
+    n_blocks: int
+
+
+class SelfCheck:
+    """Collects what cameras say over a sliding window of image sets; deterministic in what it is given."""
+
+    def __init__(self, rig: CameraRig, model: ArticulatedModel, options: SelfCheckOptions | None = None):
+        self._names, self._model, self._options = rig.names, model, options or SelfCheckOptions()
+        self._turns = np.array([_turn_twists(camera.T_world_cam) for camera in rig])  # (c, 6, 3)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all sets."""
+        self._blocks: deque[_Block] = deque(maxlen=_BLOCKS)
+        self._pending: _Pending | None = None
+        self._before: tuple[int, State] | None = None
+        self._found: tuple[CameraFault, ...] = ()
+        self._faults: tuple[CameraFault, ...] = ()
+
+    @property
+    def faults(self) -> tuple[CameraFault, ...]:
+        """As the last complete block of sets has left it."""
+        return self._faults
+
+    def skip(self) -> None:
+        """A set that is not believed: no velocity is taken across it."""
+        self._pending = self._before = None
+
+    def add(
+        self, stamp_ns: int, state: State, equations: NormalEquations, cameras: Sequence[CameraEquations | None]
+    ) -> tuple[CameraFault, ...]:
+        """Take in the fit of one image set; returns `faults`.
+
+        ``equations`` are those of the state, priors included, in the units of ``cameras``: one per camera of the rig, None where
+        it has no part.
+        """
+        pending, before = self._pending, self._before
+        if pending is not None and before is not None and before[0] < pending.stamp_ns < stamp_ns:
+            velocity = state.difference(before[1]) / (1e-9 * (stamp_ns - before[0]))
+            self._add_to_block(pending, velocity)
+        self._before = None if pending is None else (pending.stamp_ns, pending.state)
+        self._pending = _Pending(stamp_ns, state, equations, [c and _copy(c) for c in cameras])
+        return self._faults
+
+    def _add_to_block(self, pending: _Pending, velocity: np.ndarray) -> None:
+        L, e = self._marginal(pending, velocity)
+        length_ns = 1e9 * self._options.window_s / _BLOCKS
+        if self._blocks and pending.stamp_ns - self._blocks[-1].begin_ns < length_ns:
+            self._blocks[-1].L += L
+            self._blocks[-1].e += e
+            return
+        if self._blocks:
+            self._judge()
+        self._blocks.append(_Block(pending.stamp_ns, L, e))
+
+    def _marginal(self, pending: _Pending, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(L, e) of all faults with the state eliminated, for one set; delays in seconds."""
+        configuration = Configuration(self._model, pending.state)
+        moved, twists = self._model.chain.link_moved_by, configuration.twists
+        link_velocities = (moved * velocity) @ twists  # (l, 6)
+        n_cameras, n_links = len(self._names), len(moved)
+        L, e = np.zeros((_N * n_cameras, _N * n_cameras)), np.zeros(_N * n_cameras)
+        E = np.zeros((len(twists), _N * n_cameras))
+        F = np.empty((n_links, 6, _N))
+        F[:, :, 3] = -link_velocities
+        for i, camera in enumerate(pending.cameras):
+            if camera is None:
+                continue
+            own = slice(_N * i, _N * (i + 1))
+            F[:, :, :3] = self._turns[i]
+            NF = camera.normal @ F
+            L[own, own] = np.tensordot(F, NF, axes=((0, 1), (0, 1)))
+            e[own] = np.tensordot(F, camera.gradient, axes=((0, 1), (0, 1)))
+            by_dof = (moved.T.astype(np.float64) @ NF.reshape(n_links, 6 * _N)).reshape(-1, 6, _N)
+            E[:, own] = np.einsum("da,dak->dk", twists, by_dof)
+        H = pending.equations.H + 1e-9 * np.trace(pending.equations.H) / len(E) * np.eye(len(E))
+        solved = np.linalg.solve(H, np.column_stack([E, pending.equations.g]))
+        return L - E.T @ solved[:, :-1], e - E.T @ solved[:, -1]
+
+    def _judge(self) -> None:
+        """Name cameras one by one, each given those named before, while one explains the residuals clearly.
+
+        What is said must have been found in the block before too: a window that a fault begins in can mislead.
+        """
+        if len(self._blocks) < _LEAST_BLOCKS:
+            return
+        named: list[_Fit] = []
+        found: list[CameraFault] = []
+        for _ in range(max((len(self._names) - 1) // 2, 1)):
+            fits = self._explanations(named)
+            best = self._of_simplest_kind(fits[0], named)
+            rivals = tuple(self._names[fit.camera] for fit in fits[1:] if self._alike(fits[0], fit))
+            faults = self._faults_of(best, rivals)
+            if not faults:
+                break
+            found += faults
+            named.append(best)
+        kinds = {(fault.camera, fault.kind) for fault in self._found}
+        self._faults = tuple(self._remembered(fault) for fault in found if (fault.camera, fault.kind) in kinds)
+        self._found = tuple(found)
+
+    def _explanations(self, named: list[_Fit]) -> list[_Fit]:
+        """For every camera not yet named the turn and delay, together, that explain most; the best camera first.
+
+        The best one also says since which block: a window that begins before the fault would dilute it.
+        """
+        others = [i for i in range(len(self._names)) if i not in [fit.camera for fit in named]]
+        spans = [named[0].n_blocks] if named else range(_LEAST_BLOCKS, len(self._blocks) + 1)
+        fits = [[self._fit(n, named, i, tuple(range(_N * i, _N * (i + 1)))) for i in others] for n in spans]
+        return sorted(max(fits, key=lambda row: max(fit.explained for fit in row)), key=lambda fit: -fit.explained)
+
+    def _of_simplest_kind(self, full: _Fit, named: list[_Fit]) -> _Fit:
+        """Turn, delay or both, whatever suffices."""
+        fits = [self._fit(full.n_blocks, named, full.camera, tuple(_N * full.camera + k for k in kind)) for kind in _KINDS]
+        return max(fits, key=lambda fit: fit.explained / full.dispersion - _PRICE * len(fit.chosen))
+
+    def _fit(self, n_blocks: int, named: list[_Fit], camera: int, chosen: tuple[int, ...]) -> _Fit:
+        """Least squares over the latest blocks for the parameters ``chosen``, those of cameras named before being free too.
+
+        The covariance adds what the scatter of the blocks tells (errors are shared by neighboring samples and images) to that of
+        independent errors.
+        """
+        given = [k for fit in named for k in fit.chosen]
+        columns, own = np.array([*given, *chosen]), slice(len(given), None)
+        blocks = [(b.L[np.ix_(columns, columns)], b.e[columns]) for b in list(self._blocks)[-n_blocks:]]
+        A, e = np.sum([L for L, _ in blocks], axis=0), np.sum([e for _, e in blocks], axis=0)
+        inverse = np.linalg.inv(_regular(A))
+        values = -inverse @ e
+        scores = np.array([e_b + L_b @ values for L_b, e_b in blocks])
+        scatter = len(blocks) / (len(blocks) - 1) * scores.T @ scores
+        covariance = inverse + inverse @ scatter @ inverse
+        dispersion = float(np.mean(np.diag(covariance)[own] / np.diag(inverse)[own]))
+        explained = -float(e @ values)
+        if given:
+            explained -= float(e[: len(given)] @ np.linalg.solve(_regular(A[: len(given), : len(given)]), e[: len(given)]))
+        return _Fit(camera, chosen, values[own], covariance[own, own], explained, dispersion, n_blocks)
+
+    def _alike(self, best: _Fit, other: _Fit) -> bool:
+        """Whether the other camera explains nearly as much, or by geometry would, were the best fit the truth.
+
+        Two cameras that face each other see the body shifted sideways by the same amount, whichever of them has been turned.
+        """
+        a, b, fault = np.array(best.chosen), np.array(other.chosen), best.values
+        L = np.sum([block.L for block in list(self._blocks)[-best.n_blocks :]], axis=0)
+        across = L[np.ix_(b, a)] @ fault
+        alike = float(across @ np.linalg.solve(_regular(L[np.ix_(b, b)]), across))
+        return alike > _ALIKE * float(fault @ L[np.ix_(a, a)] @ fault) or other.explained > _ALIKE * best.explained
+
+    def _faults_of(self, fit: _Fit, rivals: tuple[str, ...]) -> list[CameraFault]:
+        """The parts of a fit that are beyond doubt and large enough to matter."""
+        options, name = self._options, self._names[fit.camera]
+        result = []
+        if len(fit.chosen) >= 3:
+            turn, covariance = fit.values[:3], fit.covariance[:3, :3]
+            size = float(np.linalg.norm(turn))
+            sigma = float(np.sqrt(turn @ covariance @ turn)) / max(size, 1e-12)
+            certain = float(turn @ np.linalg.solve(covariance, turn)) > options.sigmas**2
+            if certain and size > max(options.angle_rad, options.sigmas * sigma):
+                result.append(CameraFault(name, TURNED, size, sigma, self._onset(fit), rivals))
+        if len(fit.chosen) != 3:
+            delay, sigma = float(fit.values[-1]), float(np.sqrt(fit.covariance[-1, -1]))
+            if abs(delay) > max(options.delay_s, options.sigmas * sigma):
+                result.append(CameraFault(name, DELAYED, delay, sigma, self._onset(fit), rivals))
+        return result
+
+    def _onset(self, fit: _Fit) -> int:
+        """Beginning of the latest blocks in a row that are better explained with the fault than without."""
+        since_ns, chosen = self._blocks[-1].begin_ns, np.array(fit.chosen)
+        for block in reversed(self._blocks):
+            L, e = block.L[np.ix_(chosen, chosen)], block.e[chosen]
+            if float(fit.values @ L @ fit.values + 2.0 * e @ fit.values) > 0.0:
+                break
+            since_ns = block.begin_ns
+        return since_ns
+
+    def _remembered(self, fault: CameraFault) -> CameraFault:
+        """A fault that was there before goes on since then."""
+        for earlier in self._faults:
+            if (earlier.camera, earlier.kind) == (fault.camera, fault.kind):
+                return replace(fault, since_ns=min(earlier.since_ns, fault.since_ns))
+        return fault
+
+
+def _turn_twists(T_world_cam: np.ndarray) -> np.ndarray:
+    """(6, 3) twists (v, omega) at the world origin of small turns about the axes of a camera, through its center."""
+    R, center = T_world_cam[:3, :3], T_world_cam[:3, 3]
+    return np.vstack([so3.hat(center) @ R, R])
+
+
+def _regular(A: np.ndarray) -> np.ndarray:
+    """With a little on the diagonal: a parameter may show in nothing, as a delay while nobody moves."""
+    return A + np.diag(1e-9 * np.diag(A) + 1e-12)
+
+
+def _copy(equations: CameraEquations) -> CameraEquations:
+    """Kernels fill the same arrays again for the next set."""
+    return CameraEquations(equations.normal.copy(), equations.gradient.copy())
