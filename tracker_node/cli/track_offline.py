@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import time
 from pathlib import Path
@@ -43,6 +44,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     images.add_argument("--rate", type=float, metavar="HZ", help="image rate of the sources instead of what their files say")
     images.add_argument("--base-stamp-ns", type=int, default=0, metavar="NS", help="stamp of image 0 of the sources (default: 0)")
     images.add_argument("--max-sets", type=int, metavar="N", help="stop after this many image sets")
+    parser.add_argument(
+        "--smooth", nargs="?", type=float, const=math.inf, metavar="LAG",
+        help="also write states, velocities and covariances in the light of what came after them, into OUTPUT/smoothed;"
+        " LAG: of the next so many seconds (default: of the whole recording)",
+    )  # fmt: skip
     parser.add_argument("--masks", action="store_true", help="also record the model's silhouette in every camera")
     parser.add_argument("--through-masks", action="store_true", help="also record the images as seen through that silhouette")
     parser.add_argument("--quiet", action="store_true", help="no progress on stderr")
@@ -67,6 +73,7 @@ def run(args: argparse.Namespace) -> int:
             from_run=args.from_run_bag is not None,
             source_options=_source_options(args),
             max_sets=args.max_sets,
+            smooth_s=_lag(args.smooth),
             masks=args.masks,
             through_masks=args.through_masks,
             named_options={key: _plain(value) for key, value in vars(args).items() if not key.startswith("_")},
@@ -86,6 +93,14 @@ def _source_options(args: argparse.Namespace) -> SourceOptions:
         return SourceOptions(args.start, args.end, rate_hz=args.rate, base_stamp_ns=args.base_stamp_ns)
     except ValueError as error:
         raise TrackerError(f"--start, --end, --rate: {error}") from None
+
+
+def _lag(seconds: float | None) -> float | None:
+    from ..errors import FileFormatError
+
+    if seconds is not None and not seconds > 0.0:
+        raise FileFormatError("command line", "--smooth", "a lag of more than 0 seconds", seconds)
+    return seconds
 
 
 class _Progress:
@@ -120,4 +135,6 @@ def _report(summary: dict[str, Any], output: Path, quiet: bool) -> None:
 
 
 def _plain(value: Any) -> Any:
+    if value == math.inf:
+        return "all"
     return str(value.resolve()) if isinstance(value, Path) else value

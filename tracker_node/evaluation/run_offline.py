@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +20,7 @@ from ..loaders.image_source import SourceOptions
 from ..loaders.plate_file import load_plates, resized_plates
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
+from ..observation.image_set import ImageSet
 from ..tracking.config import TrackerConfig, flatten
 from ..tracking.estimate import Status, TrackEstimate
 from ..tracking.tracker import Tracker
@@ -27,6 +28,7 @@ from .image_sets import BagStream, ImageSetStream, SourceStream, rig_of_bag
 from .metrics_file import command_line, cpu, versions
 from .recorded_sets import RecordedRunStream
 from .run_writer import RunWriter
+from .smoothed_writer import SmoothedWriter
 
 Progress = Callable[[int, int | None, TrackEstimate], None]
 
@@ -43,6 +45,7 @@ class OfflineRun:
         the rig's sources if the bag holds none.
     source_options : which images of the rig's sources.
     max_sets : stop after so many sets.
+    smooth_s : smooth the states with so many seconds of what came after them; infinite: with all of it; None: not at all.
     masks, through_masks : record the model's silhouettes, and the images as seen through them.
     named_options : what the user gave, for ``run.json``.
     """
@@ -55,6 +58,7 @@ class OfflineRun:
     from_run: bool = False
     source_options: SourceOptions = field(default_factory=SourceOptions)
     max_sets: int | None = None
+    smooth_s: float | None = None
     masks: bool = False
     through_masks: bool = False
     named_options: dict[str, Any] = field(default_factory=dict)
@@ -76,10 +80,16 @@ def run_offline(run: OfflineRun, output: str | Path, progress: Progress | None =
         stream = _stream_of(run, rig, reader)
         plates = resized_plates(load_plates(run.rig), rig)
         tracker = Tracker(rig, run.model, run.config, plates, run.initial_state)
+        if run.smooth_s is not None and not tracker.in_information_units:
+            raise TrackerError(f"to smooth takes an engine that says how sure it is ('contour'), got '{run.config.engine}'")
         writer = stack.enter_context(RunWriter(output, rig, run.model, masks=run.masks, through_masks=run.through_masks))
+        writers = [writer.append]
+        if run.smooth_s is not None:
+            smoothed = stack.enter_context(SmoothedWriter(output, run.model, run.config.motion, run.smooth_s))
+            writers.append(lambda estimate, image_set: smoothed.append(estimate))
         record = _Record()
         try:
-            _track(run, tracker, stream, writer, record, progress)
+            _track(run, tracker, stream, writers, record, progress)
         except TrackerError as error:
             stream.errors.append(str(error))
         finally:
@@ -120,7 +130,7 @@ def _track(
     run: OfflineRun,
     tracker: Tracker,
     stream: ImageSetStream,
-    writer: RunWriter,
+    writers: Sequence[Callable[[TrackEstimate, ImageSet], None]],
     record: _Record,
     progress: Progress | None,
 ) -> None:
@@ -128,7 +138,8 @@ def _track(
         if record.stamps_ns and image_set.stamp_ns < record.stamps_ns[-1]:
             tracker.reset()  # as the node does when the clock goes backward
         estimate = tracker.step(image_set)
-        writer.append(estimate, image_set)
+        for write in writers:
+            write(estimate, image_set)
         record.add(estimate)
         if progress is not None:
             progress(len(record.stamps_ns), stream.n_expected, estimate)

@@ -54,6 +54,11 @@ class Tracker:
         self._engine = _make_engine(rig, model, self.config, plates or {})
         self._restart(initial_state)
 
+    @property
+    def in_information_units(self) -> bool:
+        """Whether estimates come with the information that their images gave."""
+        return self._engine.in_information_units
+
     def reset(self) -> None:
         """Back to the initial state, with nothing learnt."""
         self._engine.reset()
