@@ -16,7 +16,7 @@ from ..render.shape_arrays import ShapeArrays
 from . import contour_residual as kernel
 from .contour_agreement import N_AGREEMENT, count_agreement
 from .moved_configuration import bodies_seen, cameras_by_body
-from .normal_equations import NormalEquations
+from .normal_equations import CameraEquations, NormalEquations
 from .prior import Prior
 
 
@@ -184,6 +184,14 @@ class ContourObjective:
         kernel.assemble(link_normal, link_gradient, chain.link_moved_by, body.twists, own_H, own_g)
         H += own_H
         g += own_g
+
+    def camera_equations(self) -> list[CameraEquations | None]:
+        """What each camera has said in the last linearization, None for one without evidence."""
+        information = 1.0 / self.options.variance_px2
+        return [
+            None if maps is None else CameraEquations(information * slot.normal, information * slot.gradient)
+            for slot, maps in zip(self.slots, self.maps, strict=True)
+        ]
 
     def count_agreement(self, state: State, close_px: float, close_m: float = 0.0) -> None:
         """Fill the ``agreement`` of every slot with evidence: how much of the outline in ``state`` lies on the silhouette's

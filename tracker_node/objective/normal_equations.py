@@ -31,8 +31,11 @@ class NormalEquations:
 
 @dataclass(frozen=True, eq=False)
 class CameraEquations:
-    """What one camera says of how each link should move: ``normal`` (n_links, 6, 6) and ``gradient`` (n_links, 6) of spatial twists
-    (v, omega) at the world origin, W^T W and W^T r of residuals r divided by their standard deviations."""
+    """What one camera says of how each link should move.
+
+    ``normal`` (n_links, 6, 6) and ``gradient`` (n_links, 6) are W^T W and W^T r of residuals r divided by their standard deviations,
+    W their derivatives by the link's spatial twist (v, omega) at the world origin.
+    """
 
     normal: np.ndarray
     gradient: np.ndarray

@@ -16,7 +16,7 @@ from ..render.shape_arrays import ShapeArrays
 from . import region_lines as kernel
 from .contour_residual import assemble
 from .moved_configuration import bodies_seen, cameras_by_body
-from .normal_equations import NormalEquations
+from .normal_equations import CameraEquations, NormalEquations
 
 
 @dataclass(frozen=True)
@@ -194,6 +194,13 @@ class RegionObjective:
         assemble(normal, gradient, chain.link_moved_by, body.twists, own_H, own_g)
         H += own_H
         g += own_g
+
+    def camera_equations(self) -> list[CameraEquations | None]:
+        """What each camera has said in the last linearization, None for one that shows nothing."""
+        return [
+            None if view is None else CameraEquations(slot.normal.copy(), slot.gradient.copy())
+            for slot, view in zip(self.slots, self.views, strict=True)
+        ]
 
     def part_evidence(self, state: State, close_px: float) -> PartEvidence:
         """How far the lines that were last drawn bear ``state`` out."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from ..model.configuration import State
-from ..objective.normal_equations import NormalEquations
+from ..objective.normal_equations import CameraEquations, NormalEquations
 from ..objective.prior import Prior
 from ..observation.image_set import ImageSet
 from ..optimize.result import OptimizerResult
@@ -65,6 +66,10 @@ class ColorThenContourEngine:
     def linearize(self, state: State) -> NormalEquations:
         """Of the contours."""
         return self._contours.linearize(state)
+
+    def camera_equations(self) -> Sequence[CameraEquations | None]:
+        """Of the contours."""
+        return self._contours.camera_equations()
 
     def report(self, result: OptimizerResult, image_set: ImageSet) -> Report:
         """Of the contours."""

@@ -22,7 +22,7 @@ class SynchronizerConfig:
     """How images become image sets."""
 
     image_period_s: float = parameter(1 / 30, "nominal time between two images of a camera", "s", 1e-4, 60.0)
-    tolerance: float = parameter(0.4, "largest spread of stamps in a set, as a fraction of the image period", "1", 0.0, 0.5)
+    tolerance: float = parameter(0.4, "largest spread of stamps in a set, as a fraction of the image period", "1", 0.0, 0.9)
     queue_s: float = parameter(1.0, "how long an image waits for its partners", "s", 0.0, 60.0)
     min_cameras: int = parameter(
         2, "smallest number of cameras in a set, when others are silent or drop an image; 0 means all", "", 0, 64
@@ -179,11 +179,25 @@ class StartConfig:
     min_cameras: int = parameter(
         2, "smallest number of cameras with an image to look for a start in; of a smaller rig, all", "", 1, 64
     )
+    watch: int = parameter(
+        6, "image sets to watch what moves in, where there are no pictures of the empty scene", "", 2, 1000
+    )
     size_px: int = parameter(80, "height of the body in the small images that a start is looked for in", "px", 16, 1000)
     hypotheses: int = parameter(36, "postures, of all that are tried, that are fitted to the silhouettes", "", 4, 1000)
     keep: int = parameter(4, "starts that the engine tries", "", 1, 64)
     min_score: float = parameter(0.35, "least share of what stands out from the scene that a start covers", "1", 0.0, 1.0)
     seed: int = parameter(0, "of the random postures; the same seed, the same start", "", 0, 2**31 - 1)
+
+
+@dataclass(frozen=True)
+class SelfCheckConfig:
+    """Which camera the others contradict: by its place, or by the time of its images."""
+
+    enabled: bool = parameter(True, "compare the cameras while tracking")
+    window_s: float = parameter(2.0, "how far back they are compared", "s", 0.1, 3600.0)
+    angle_deg: float = parameter(0.3, "a camera is named that has been turned by more than this", "deg", 0.0, 180.0)
+    delay_images: float = parameter(0.8, "or whose images are late, or early, by more than this", "1", 0.0, 1000.0)
+    sigmas: float = parameter(5.0, "and by more than so many standard deviations", "1", 0.0, 1000.0)
 
 
 @dataclass(frozen=True)
@@ -257,6 +271,7 @@ class TrackerConfig:
     collision: CollisionConfig = field(default_factory=CollisionConfig)
     status: StatusConfig = field(default_factory=StatusConfig)
     start: StartConfig = field(default_factory=StartConfig)
+    self_check: SelfCheckConfig = field(default_factory=SelfCheckConfig)
     color: ColorConfig = field(default_factory=ColorConfig)
     threads: int = parameter(2, "worker threads; sums are in fixed order whatever their number", "", 1, 64)
 

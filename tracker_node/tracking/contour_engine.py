@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective.collision import CollisionObjective
 from ..objective.contour_objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
 from ..objective.moved_configuration import bodies_seen
-from ..objective.normal_equations import NormalEquations
+from ..objective.normal_equations import CameraEquations, NormalEquations
 from ..objective.prior import Prior
 from ..objective.sum_objective import SumObjective
 from ..observation.body_region import Region
@@ -132,6 +132,10 @@ class ContourEngine:
     def linearize(self, state: State) -> NormalEquations:
         """Of the contour residuals."""
         return self._objective.linearize(state)
+
+    def camera_equations(self) -> Sequence[CameraEquations | None]:
+        """Of the last linearization."""
+        return self._objective.camera_equations()
 
     def report(self, result: OptimizerResult, image_set: ImageSet) -> Report:
         """Distances of contour samples."""

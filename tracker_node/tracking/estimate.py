@@ -9,6 +9,7 @@ import numpy as np
 
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
+from .camera_fault import CameraFault
 
 
 class Status(IntEnum):
@@ -70,6 +71,7 @@ class TrackEstimate:
     samples over all cameras. ``limbs`` is empty where the engine does not judge them: the trunk comes first, then the branches of
     the kinematic tree. ``velocity_covariance`` (n_dof, n_dof) is None where nothing is known of it. ``information``
     (n_dof, n_dof) is the inverse covariance that these images alone would give; None where they are not believed.
+    ``faults`` are cameras that the others contradict.
     """
 
     stamp_ns: int
@@ -87,6 +89,7 @@ class TrackEstimate:
     limbs: tuple[LimbReport, ...] = ()
     velocity_covariance: np.ndarray | None = None
     information: np.ndarray | None = None
+    faults: tuple[CameraFault, ...] = ()
 
     def landmark_covariances(self, model: ArticulatedModel) -> np.ndarray:
         """(n_landmarks, 3, 3), m^2 in world axes: the covariance of the state carried to every landmark of ``model``."""

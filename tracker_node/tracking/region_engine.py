@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective import region_lines as kernel
 from ..objective.collision import CollisionObjective
 from ..objective.moved_configuration import bodies_seen
-from ..objective.normal_equations import NormalEquations
+from ..objective.normal_equations import CameraEquations, NormalEquations
 from ..objective.prior import Prior
 from ..objective.region_objective import PartEvidence, RegionObjective, RegionOptions, View
 from ..objective.sum_objective import SumObjective
@@ -124,6 +124,10 @@ class RegionEngine:
     def linearize(self, state: State) -> NormalEquations:
         """Of the lines last drawn."""
         return self._objective.linearize(state)
+
+    def camera_equations(self) -> Sequence[CameraEquations | None]:
+        """Of the last linearization."""
+        return self._objective.camera_equations()
 
     def report(self, result: OptimizerResult, image_set: ImageSet) -> Report:
         """Residuals of the lines."""

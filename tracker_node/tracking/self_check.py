@@ -6,9 +6,9 @@ turned; if it is the body's own motion times a constant, the camera's images are
 
 With the residuals of camera i linearized as r_i + J_i x + W_i F_i phi_i, x the tangent of the state and F_i phi_i the twist of
 every link that makes up for a fault phi_i = (rotation (3) in camera axes, delay), the state is eliminated from the normal
-equations of all cameras (Schur complement). This is leaving one out done right: how far a faulty camera has pulled the pose along,
-and so hidden a part of its own fault, is accounted for. What remains is a quadratic function of the faults alone, and adds up over
-image sets.
+equations of all cameras (Schur complement). This is leaving one out done right: how far a faulty camera has pulled the pose
+along, and so hidden a part of its own fault, is accounted for. What remains is a quadratic function of the faults alone, and adds
+up over image sets.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ class SelfCheck:
             velocity = state.difference(before[1]) / (1e-9 * (stamp_ns - before[0]))
             self._add_to_block(pending, velocity)
         self._before = None if pending is None else (pending.stamp_ns, pending.state)
-        self._pending = _Pending(stamp_ns, state, equations, [c and _copy(c) for c in cameras])
+        self._pending = _Pending(stamp_ns, state, equations, tuple(cameras))
         return self._faults
 
     def _add_to_block(self, pending: _Pending, velocity: np.ndarray) -> None:
@@ -269,8 +269,3 @@ def _turn_twists(T_world_cam: np.ndarray) -> np.ndarray:
 def _regular(A: np.ndarray) -> np.ndarray:
     """With a little on the diagonal: a parameter may show in nothing, as a delay while nobody moves."""
     return A + np.diag(1e-9 * np.diag(A) + 1e-12)
-
-
-def _copy(equations: CameraEquations) -> CameraEquations:
-    """Kernels fill the same arrays again for the next set."""
-    return CameraEquations(equations.normal.copy(), equations.gradient.copy())

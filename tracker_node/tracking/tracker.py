@@ -16,12 +16,14 @@ from ..objective.prior import Prior
 from ..observation.image_set import ImageSet
 from ..optimize.levenberg_marquardt import clip_to_limits
 from ..optimize.result import OptimizerResult
+from .camera_fault import CameraFault
 from .config import TrackerConfig
 from .contour_engine import ContourEngine
 from .engine import Engine, Verdict
 from .estimate import Status, Timings, TrackEstimate
 from .motion_model import MotionModel, Passage, Prediction
 from .region_engine import RegionEngine
+from .self_check import SelfCheck, SelfCheckOptions
 from .workers import Workers
 
 
@@ -52,6 +54,7 @@ class Tracker:
         self.config = config or TrackerConfig()
         self._initial_state = initial_state
         self._engine = _make_engine(rig, model, self.config, plates or {})
+        self._check = SelfCheck(rig, model, _check_options(self.config))
         self._restart(initial_state)
 
     @property
@@ -62,6 +65,7 @@ class Tracker:
     def reset(self) -> None:
         """Back to the initial state, with nothing learnt."""
         self._engine.reset()
+        self._check.reset()
         self._restart(self._initial_state)
 
     def set_state(self, state: State) -> None:
@@ -93,6 +97,7 @@ class Tracker:
                 result = replace(result, state=predicted, equations=engine.linearize(predicted))
             information = self._information(result, prior, verdict)
             self._accept(image_set.stamp_ns, result.state, information, images, verdict)
+        faults = self._compare_cameras(image_set.stamp_ns, result, verdict)
         finished = time.perf_counter()
         report = engine.report(result, image_set)
         return TrackEstimate(
@@ -110,7 +115,18 @@ class Tracker:
             timings=Timings(1e3 * (observed - began), 1e3 * (done - observed), 1e3 * (finished - began)),
             velocity_covariance=self._motion.velocity_covariance,
             information=information,
+            faults=faults,
         )
+
+    def _compare_cameras(self, stamp_ns: int, result: OptimizerResult, verdict: Verdict) -> tuple[CameraFault, ...]:
+        """Cameras that disagree with the others, by this set and those before."""
+        if not self.config.self_check.enabled:
+            return ()
+        cameras = self._engine.camera_equations()
+        if not cameras or verdict.status not in (Status.TRACKING, Status.DEGRADED):
+            self._check.skip()
+            return self._check.faults
+        return self._check.add(stamp_ns, result.state, result.equations, cameras)
 
     def _images(self, image_set: ImageSet) -> list[np.ndarray | None]:
         """BGR pixels per camera of the rig, None where the set has none."""
@@ -156,6 +172,12 @@ class Tracker:
             self._engine.learn(images, state)
         else:  # nothing is learnt from what is taken for the body then, nor how fast it is
             self._motion.coast(stamp_ns, state)
+
+
+def _check_options(config: TrackerConfig) -> SelfCheckOptions:
+    check = config.self_check
+    delay_s = check.delay_images * config.synchronizer.image_period_s
+    return SelfCheckOptions(check.window_s, np.radians(check.angle_deg), delay_s, check.sigmas)
 
 
 def _make_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, plates: Mapping) -> Engine:
