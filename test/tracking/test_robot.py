@@ -1,0 +1,55 @@
+"""A robot from its description, of boxes and cylinders, before cameras that another renderer draws: its turns and its slide."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from small_studio import RATE_HZ, Recording
+
+from tracker_node.loaders.model_yaml import load_model
+from tracker_node.model.configuration import Configuration, State
+from tracker_node.observation.image_set import CameraImage, ImageSet
+from tracker_node.synthesis.cones import ModelSubject
+from tracker_node.synthesis.scenes import SceneConfig, Studio, make_rig
+from tracker_node.tracking.config import from_dict
+from tracker_node.tracking.estimate import Status
+from tracker_node.tracking.tracker import Tracker
+
+ROBOT = Path(__file__).resolve().parents[2] / "config" / "models" / "robot_arm.urdf"
+SCENE = SceneConfig(
+    n_cameras=3, width=320, height=240, focal_px=270.0, radius=2.2, target_height=0.7, noise_levels=2.0, surroundings="clutter"
+)
+
+
+@cache
+def robot_at_work(n_images: int = 15) -> Recording:
+    """It turns, reaches out to the end of its slide's way and back from it, on a base that stays."""
+    rig, model = make_rig(SCENE), load_model(ROBOT)
+    t = np.arange(n_images) / RATE_HZ
+    joints = np.stack([0.4 + 1.2 * t, 0.3 + 0.7 * np.sin(2.0 * t), 0.9 + 0.6 * np.sin(3.0 * t), np.minimum(0.16 + 0.4 * t, 0.25)])
+    base = np.eye(4)
+    base[:3, 3] = 0.1, -0.05, 0.0
+    states, subject, sets = tuple(State(base, q) for q in joints.T), ModelSubject(model), []
+    with Studio(rig, SCENE) as studio:
+        plates = {camera.name: studio.empty_image(i, 0) for i, camera in enumerate(rig)}
+        for i, state in enumerate(states):
+            stamp_ns = 10**9 + round(i * 1e9 / RATE_HZ)
+            images = studio.images(subject.mesh(Configuration(model, state)), i)
+            shots = (CameraImage(c.name, stamp_ns, image) for c, image in zip(rig, images, strict=True))
+            sets.append(ImageSet(stamp_ns, tuple(shots)))
+    return Recording(rig, model, states, tuple(sets), plates)
+
+
+def test_a_robot_is_followed_to_the_end_of_its_slide():
+    clip = robot_at_work()
+    config = from_dict({"evidence.kind": "region"})
+    start = clip.states[0].retract(np.array([0.02, -0.015, 0.01, 0.02, -0.02, 0.03, 0.05, -0.05, 0.06, -0.02]))
+    tracker = Tracker(clip.rig, clip.model, config, None, start)
+    found = [tracker.step(s) for s in clip.sets]
+    assert {e.status for e in found[2:]} == {Status.TRACKING}
+    joints = np.array([e.state.joint_positions for e in found])
+    assert (joints <= clip.model.chain.upper).all()
+    errors = joints[3:] - np.array([s.joint_positions for s in clip.states])[3:]
+    assert np.abs(np.rad2deg(errors[:, :3])).max() < 2.0
+    assert np.abs(errors[:, 3]).max() < 0.01  # metres
+    assert clip.errors_mm(found)[3:].max() < 15.0
