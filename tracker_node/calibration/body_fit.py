@@ -17,7 +17,6 @@ from ..errors import TrackerError
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
-from ..model.primitives import Ellipsoid, TruncatedCone
 from ..model.shape_parameters import GROUPS, ShapeSpace
 from ..objective.prior import Prior
 from ..objective.shape_jacobian import N_CAMERA, ContourLines, line_residuals
@@ -75,17 +74,6 @@ class ParameterFigures:
     value: float
     sigma: float
     prior_sigma: float
-
-
-@dataclass(frozen=True)
-class MeasureFigures:
-    """A measure of a body part before and after, metres: ``length`` to its farthest joint (or of its shape), mean ``radius``."""
-
-    part: str
-    what: str
-    before_m: float
-    after_m: float
-    sigma_m: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,13 +239,3 @@ def line_figures(residuals: np.ndarray) -> LineFigures:
     if not len(residuals):
         return LineFigures(0, 0.0, 0.0)
     return LineFigures(len(residuals), float(np.sqrt(np.mean(residuals**2))), float(np.median(np.abs(residuals))))
-
-
-def mean_radius(primitive) -> float | None:
-    """Geometric mean of a cone's or an ellipsoid's two half-axes across its length, metres."""
-    if isinstance(primitive, TruncatedCone):
-        return float(np.sqrt(primitive.a * primitive.b) * (1.0 + 0.5 * primitive.k * (primitive.z1 + primitive.z2)))
-    if isinstance(primitive, Ellipsoid):
-        shorter = sorted(primitive.radii)[:2]
-        return float(np.sqrt(shorter[0] * shorter[1]))
-    return None

@@ -24,6 +24,7 @@ from .body_fit import BodyFitOptions, JointFit, LineFigures, Progress, line_figu
 from .body_fit_lines import LineEvidence, SilhouetteEvidence
 from .body_fit_solver import Estimate, Problem, SharedPrior, moved_camera, shared_covariance
 
+SURE_SIGMAS = 2.0  # a delay of fewer is taken for none
 LEAST_LINES = 30  # of a camera; fewer do not hold six numbers
 
 
@@ -133,12 +134,15 @@ def fit_rig(
     )  # fmt: skip
     free = SharedPrior(body.prior_scale * space.sigmas, np.tile(options.sigmas(), (len(rig), 1)))
     problem = replace(held, shared=free)
-    loop = JointFit(evidence, body.pose_rounds + body.rounds * len(body.robust_px), progress or (lambda *_: None))
+    loop = JointFit(
+        evidence, body.pose_rounds + body.rounds * (len(body.robust_px) + options.times), progress or (lambda *_: None)
+    )
     start = Estimate(tuple(states), np.zeros(len(space)), np.zeros((len(rig), N_CAMERA)))
     before = loop.run("poses", held, start, body.robust_px[0], body.pose_rounds).estimate
     after = before
     for robust_px in body.robust_px:
         after = loop.run("cameras", problem, after, robust_px, body.rounds).estimate
+    problem, after = _without_doubtful_times(problem, after, loop, body)
     lines = loop.draw(held, before), loop.draw(problem, after)
     figures = residuals_of(held, before, lines[0]), residuals_of(problem, after, lines[1])
     for i, camera in enumerate(rig):
@@ -151,6 +155,27 @@ def fit_rig(
     cameras = {c.name: _camera_fit(i, c, fitted.cameras[i], after.cameras[i], sigmas[i], figures) for i, c in enumerate(rig)}
     overall = line_figures(figures[0][:, 2]), line_figures(figures[1][:, 2])
     return RigFit(fitted, space.body(after.s), moved, before.states, cameras, overall, len(states), loop.iterations)
+
+
+def _without_doubtful_times(problem: Problem, estimate: Estimate, loop: JointFit, body: BodyFitOptions):
+    """The problem and the estimate with those cameras held in common time whose delay is not surely one.
+
+    A slow body tells little about time, and a rig with wrong time offsets makes no image sets.
+    """
+    if not np.any(problem.shared.cameras[:, TIME]):
+        return problem, estimate
+    _, covariance = shared_covariance(problem, loop.draw(problem, estimate), estimate, body.robust_px[-1])
+    sigmas, cameras = settled_sigmas(problem.rig, covariance)[:, TIME], estimate.cameras.copy()
+    common_s = float(np.median(cameras[:, TIME]))
+    cameras[:, TIME] -= common_s
+    doubtful = np.abs(cameras[:, TIME]) < SURE_SIGMAS * sigmas
+    cameras[doubtful, TIME] = 0.0
+    states = tuple(s.retract(common_s * m.velocity) for s, m in zip(estimate.states, problem.motions, strict=True))
+    shared = problem.shared.cameras.copy()
+    shared[doubtful, TIME] = 0.0
+    problem = replace(problem, shared=SharedPrior(problem.shared.shape, shared))
+    start = Estimate(states, estimate.s, cameras)
+    return problem, loop.run("cameras", problem, start, body.robust_px[-1], body.rounds).estimate
 
 
 def settled(rig: CameraRig, problem: Problem, estimate: Estimate) -> tuple[CameraRig, tuple[State, ...]]:
@@ -171,7 +196,7 @@ def settled(rig: CameraRig, problem: Problem, estimate: Estimate) -> tuple[Camer
 
 
 def settled_sigmas(rig: CameraRig, covariance: np.ndarray, meter_rad: float = 0.2) -> np.ndarray:
-    """(n_cameras, `N_CAMERA`) standard deviations of departures once the move and the delay that all cameras share are taken out."""
+    """(n_cameras, `N_CAMERA`) standard deviations of departures, without the move and the delay that all cameras share."""
     n = len(rig)
     common = np.zeros((n, N_CAMERA, 7))
     for i, camera in enumerate(rig):

@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from ..errors import FileFormatError, TrackerError
+from ._run_images import FitProgress, add_run_arguments, load_run_images, refuse_to_overwrite
 
-SUMMARY = "scale a body to a person, from the joints of a static trial (TRC) or from stature"
-EXAMPLE = "tracker_node calibrate body --trc static.trc --y-up -o person.yaml"
+GROUPS = ("size", "length", "breadth", "girth", "section", "taper", "shift")
+
+SUMMARY = "make a person's body: scaled to the joints of a static trial (TRC) or to stature, or fitted to the images of a run"
+EXAMPLE = (
+    "tracker_node calibrate body --trc static.trc --y-up -o scaled.yaml\n"
+    "  tracker_node track_offline --rig rig.yaml --model scaled.yaml --initial-state start.yaml --output out/run1\n"
+    "  tracker_node calibrate body --from-run out/run1 -o person.yaml"
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,6 +40,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="CSV",
         help="states.csv of a run that tracked the static trial with MODEL: keep the body, only place its landmarks",
     )
+    add_run_arguments(parser, n_sets=20)
+    parser.add_argument("--rig", metavar="FILE", help="with --from-run: rig.yaml (default: what the run names)")
+    parser.add_argument(
+        "--only", nargs="+", metavar="GROUP", choices=GROUPS, default=GROUPS,
+        help=f"with --from-run: what of the body may change, of {', '.join(GROUPS)} (default: all)",
+    )  # fmt: skip
+    parser.add_argument("--report", metavar="FILE", help="with --from-run: page of the fit (default: beside the output, .html)")
     parser.add_argument("-o", "--output", default="person.yaml", metavar="FILE", help="model to write (default: %(default)s)")
 
 
@@ -50,7 +65,9 @@ def run(args: argparse.Namespace) -> int:
     from ..loaders.trc import load_trc
     from ..model.human import human_model
 
-    check(args.trc or args.stature, "--trc", "a TRC file, or a stature with --stature")
+    if args.from_run:
+        return _fit_to_images(args)
+    check(args.trc or args.stature, "--trc", "a TRC file, a stature with --stature, or a run with --from-run")
     check(args.stature is None or 0.4 <= args.stature <= 3.0, "--stature", "0.4 to 3 metres", args.stature)
     check(0.0 <= args.joint_sigma_mm < 1e4, "--joint-sigma-mm", "0 to 10000", args.joint_sigma_mm)
     check(not args.states or (args.model and args.trc), "--states", "--model and --trc beside it", args.states)
@@ -72,6 +89,40 @@ def run(args: argparse.Namespace) -> int:
     dump_model(scaled, args.output, _comment(scaled.name, args))
     print(f"stature {model_stature(scaled):.3f} m; wrote {args.output}")
     return 0
+
+
+def _fit_to_images(args: argparse.Namespace) -> int:
+    """From the images of a run, with its poses."""
+    from ..calibration.body_fit import BodyFitOptions, fit_body
+    from ..calibration.body_fit_report import body_figures, write_body_report
+    from ..evaluation.metrics_file import write_metrics
+    from ..loaders.model_yaml import dump_model
+
+    check(not (args.trc or args.stature or args.states), "--from-run", "no --trc, --stature or --states beside it")
+    page = Path(args.report or Path(args.output).with_suffix(".html"))
+    refuse_to_overwrite(args, args.output, page, page.with_suffix(".json"))
+    run = load_run_images(args)
+    options = BodyFitOptions(symmetric=not args.asymmetric, groups=tuple(args.only), config=run.config)
+    progress = None if args.quiet else FitProgress("calibrate body")
+    evidence = run.evidence(args.evidence)
+    fit = fit_body(
+        run.model, run.rig, run.sets, run.states, options, progress, evidence=evidence, velocities=run.velocities
+    )
+    comment = f"{fit.model.name}, fitted to {len(run.sets)} image sets of {args.from_run}. Units: metres, degrees."
+    dump_model(fit.model, args.output, f"{comment} Format: docs/formats.md.")
+    write_body_report(page, run.model, run.rig, run.sets, fit)
+    write_metrics(page.with_suffix(".json"), body_figures(fit))
+    _print_parameters(fit.report)
+    print(f"wrote {args.output}, {page} and {page.with_suffix('.json')}")
+    return 0
+
+
+def _print_parameters(report) -> None:
+    print(f"{'parameter':28} {'value':>8} {'sigma':>7} {'prior':>7}   %")
+    for p in report.parameters:
+        print(f"{p.name:28} {100 * p.value:+8.1f} {100 * p.sigma:7.1f} {100 * p.prior_sigma:7.0f}")
+    before, after = report.overall
+    print(f"contours: rms {before.rms_px:.2f} -> {after.rms_px:.2f} px, {after.count} lines in {report.n_sets} image sets")
 
 
 def check(condition: object, option: str, expected: str, got: object = "nothing") -> None:

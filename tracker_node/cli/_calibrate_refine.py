@@ -1,4 +1,4 @@
-"""``tracker_node calibrate refine``: camera places from two-dimensional joints."""
+"""``tracker_node calibrate refine``: camera places from two-dimensional joints, or from the body that a run has tracked."""
 
 from __future__ import annotations
 
@@ -6,15 +6,20 @@ import argparse
 import math
 from pathlib import Path
 
-SUMMARY = "refine the places of the cameras by bundle adjustment on 2D joints that OpenPose found in their images"
-EXAMPLE = "tracker_node calibrate refine --rig rig.yaml --points2d pose/ -o rig_refined.yaml"
+from ._calibrate_body import check
+from ._run_images import FitProgress, add_run_arguments, load_run_images, refuse_to_overwrite
+
+SUMMARY = "refine the places of the cameras from 2D joints that OpenPose found, or places and clocks from the images of a run"
+EXAMPLE = (
+    "tracker_node calibrate refine --rig rig.yaml --points2d pose/ -o rig_refined.yaml\n"
+    "  tracker_node calibrate refine --from-run out/run1 -o rig_refined.yaml"
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--rig", required=True, metavar="RIG", help="rig.yaml to start from")
+    parser.add_argument("--rig", metavar="RIG", help="rig.yaml to start from (default: what the run names)")
     parser.add_argument(
         "--points2d",
-        required=True,
         metavar="DIR|ZIP",
         help="OpenPose JSON files, one folder a camera, named as the camera (cam01, cam01_json) or with its number",
     )
@@ -31,9 +36,88 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--robust-px", type=float, default=8.0, metavar="PX", help="scale of the robust loss (default: %(default)s)"
     )
     parser.add_argument("--report", metavar="FILE", help="where to write the figures as JSON (default: beside the output, .json)")
+    add_run_arguments(parser, n_sets=30)
+    parser.add_argument("--model", metavar="FILE", help="with --from-run: body of the run (default: what the run names)")
+    parser.add_argument("--keep-places", action="store_true", help="with --from-run: only time offsets (and focal lengths)")
+    parser.add_argument("--keep-times", action="store_true", help="with --from-run: only places (and focal lengths)")
+    parser.add_argument("--focal", action="store_true", help="with --from-run: focal lengths as well")
+    parser.add_argument(
+        "--center-sigma-mm", type=float, default=30.0, metavar="MM",
+        help="with --from-run: how far a camera may be from where the rig has it, a standard deviation (default: %(default)s)",
+    )  # fmt: skip
 
 
 def run(args: argparse.Namespace) -> int:
+    if args.from_run:
+        return _from_run(args)
+    for option, value in (("--rig", args.rig), ("--points2d", args.points2d)):
+        check(value, option, "a file (with --points2d), or a run with --from-run")
+    return _from_points(args)
+
+
+def _from_run(args: argparse.Namespace) -> int:
+    """Places and clocks from the images in which a run has tracked a body."""
+    from ..calibration.body_fit import BodyFitOptions
+    from ..calibration.body_fit_report import rig_figures, write_rig_report
+    from ..calibration.rig_fit import RigFitOptions, fit_rig
+    from ..evaluation.metrics_file import write_metrics
+    from ..loaders.rig_yaml import read_rig_file, write_rig_file
+
+    check(not args.points2d, "--from-run", "no --points2d beside it", args.points2d)
+    check(0.0 < args.center_sigma_mm < 1e4, "--center-sigma-mm", "a positive number of millimetres", args.center_sigma_mm)
+    check(not (args.keep_places and args.keep_times and not args.focal), "--keep-places", "something that may change")
+    report = Path(args.report or Path(args.output).with_suffix(".json"))
+    page = report.with_suffix(".html")
+    refuse_to_overwrite(args, args.output, report, page)
+    images = load_run_images(args)
+    options = RigFitOptions(
+        places=not args.keep_places, times=not args.keep_times, focal=args.focal, center_sigma_m=1e-3 * args.center_sigma_mm,
+        body=BodyFitOptions(groups=(), config=images.config),
+    )  # fmt: skip
+    progress = None if args.quiet else FitProgress("calibrate refine")
+    evidence = images.evidence(args.evidence)
+    fit = fit_rig(
+        images.model, images.rig, images.sets, images.states, images.velocities, options, progress, evidence=evidence
+    )
+    write_rig_file(
+        changed(read_rig_file(images.rig_path), images.rig, fit), args.output, base_dir=Path(images.rig_path).parent
+    )
+    write_rig_report(page, images.model, images.rig, images.sets, fit)
+    write_metrics(report, rig_figures(fit))
+    print_cameras(fit)
+    print(f"wrote {args.output}, {page} and {report}")
+    return 0
+
+
+def changed(rig_file, given, fit):
+    """The rig file with what has been found: places, time offsets and focal lengths; the rest as it stands there."""
+    placed = rig_file.with_extrinsics({camera.name: camera.T_world_cam for camera in fit.rig})
+    cameras = dict(placed.cameras)
+    for name, found in fit.cameras.items():
+        entry = cameras[name]
+        values: dict = {"time_offset_s": entry.time_offset_s + found.later_s}
+        if found.focal_scale != 1.0:
+            (fx, skew, cx), (zero, fy, cy), last = entry.K
+            s = found.focal_scale
+            values["K"] = ((s * fx, s * skew, cx), (zero, s * fy, cy), last)
+        cameras[name] = entry.model_copy(update=values)
+    return placed.model_copy(update={"cameras": cameras})
+
+
+def print_cameras(fit) -> None:
+    """What has been found, as a table."""
+    print(f"{'camera':12} {'lines':>7} {'rms px':>16} {'moved mm':>16} {'turned deg':>16} {'later ms':>16}")
+    for name, c in fit.cameras.items():
+        rms = f"{c.before.rms_px:6.2f} -> {c.after.rms_px:6.2f}"
+        moves = f"{1e3 * c.moved_m:6.1f} +- {1e3 * c.moved_sigma_m:6.1f}"
+        turns = f"{math.degrees(c.turned_rad):6.2f} +- {math.degrees(c.turned_sigma_rad):6.2f}"
+        late = f"{1e3 * c.later_s:6.1f} +- {1e3 * c.later_sigma_s:6.1f}"
+        print(f"{name:12} {c.after.count:7d} {rms:>16} {moves:>16} {turns:>16} {late:>16}")
+    before, after = fit.overall
+    print(f"all cameras: rms {before.rms_px:.2f} -> {after.rms_px:.2f} px in {fit.n_sets} image sets")
+
+
+def _from_points(args: argparse.Namespace) -> int:
     from ..calibration.bundle_adjustment import AdjustmentOptions
     from ..calibration.rig_refinement import collect_joints, refine_rig
     from ..errors import CalibrationError, FileFormatError
