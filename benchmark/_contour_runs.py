@@ -161,10 +161,11 @@ def time_figures(run: Run, config: TrackerConfig, name: str) -> dict[str, float 
     return {f"{name}.{key}": value for key, value in figures.items()}
 
 
-def add_common_arguments(parser: argparse.ArgumentParser, names: Sequence[str]) -> None:
+def add_common_arguments(parser: argparse.ArgumentParser, names: Sequence[str] = ()) -> None:
     parser.add_argument("--quick", action="store_true", help="fewer image sets")
     parser.add_argument("--json", metavar="FILE", help="write the figures there")
-    parser.add_argument("--only", nargs="+", metavar="NAME", choices=names, help=f"of {', '.join(names)}")
+    if names:
+        parser.add_argument("--only", nargs="+", metavar="NAME", choices=names, help=f"of {', '.join(names)}")
     parser.add_argument("--cache", type=Path, default=DEFAULT_CACHE, help="where recordings are kept (default: %(default)s)")
     parser.add_argument(
         "--set", nargs="+", default=[], metavar="KEY=VALUE", dest="changes", help="parameters of the tracker, e.g. threads=1"

@@ -1,9 +1,11 @@
 #!/usr/bin/env python3
 """How long the whole core takes for one image set: BGR arrays in, state with covariance out.
 
-Six cameras of 640x480 watch the 40-degree-of-freedom human of cones and ellipsoids move in a furnished room. Every image set is
-given exactly five iterations with 25 samples a line, with the evidence that the tracker uses by default (plate, shadows and
-colors, edges, distances), on two threads and on one. Milliseconds stand beside their multiple of one fixed reference kernel.
+Six cameras of 640x480 watch the 40-degree-of-freedom human of 18 parts move in a furnished room. ``set_ms``: evidence from the
+full images; ``roi_set_ms``: only in the region around the predicted body, which is how the tracker works. Correspondence lines
+(``evidence.kind: region``) read nothing but the pixels along them, so that both are the same run. The chamfer evidence
+(plate, shadows and colors, edges, distances) is given exactly five iterations with 25 samples a line, lines their scales as
+configured. On two threads and on one; milliseconds stand beside their multiple of one fixed reference kernel.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ import argparse
 import gc
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -19,8 +22,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+from _contour_runs import add_common_arguments, configured, print_circumstances
 from _reference import reference_ms
-from contour_accuracy import DEFAULT_CACHE
 
 from tracker_node.cli.synthesize import Request, produce, show_progress
 from tracker_node.evaluation.image_sets import SourceStream
@@ -31,59 +34,78 @@ from tracker_node.loaders.plate_file import load_plates
 from tracker_node.loaders.rig_yaml import load_rig
 from tracker_node.loaders.state_yaml import load_state
 from tracker_node.observation.image_set import ImageSet
-from tracker_node.tracking.config import TrackerConfig, from_dict
+from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.tracker import Tracker
 
 ITERATIONS, SAMPLES, N_IMAGES = 5, 25, 30  # the quick cones of contour_accuracy.py
 WARM_UP = 5
+WHOLE_PX = 1000  # around the body: more than an image is large
 
 
-def main() -> int:
-    args = _arguments()
+def main(arguments: list[str] | None = None) -> int:
+    args = _arguments(arguments)
     folder = args.cache / f"cones-{N_IMAGES}"
     produce(Request(subject="model", motion="waves", n_images=N_IMAGES), folder, progress=show_progress)
     rounds = 1 if args.quick else 5
     figures: dict[str, float | int] = {}
     reference = reference_ms()
     for threads in (2, 1):
-        times, stages, iterations = measure(folder, configuration(threads), rounds)
         suffix = "" if threads == 2 else "_one_thread"
-        p50, p95 = np.percentile(times, [50, 95])
-        figures |= {f"core.set_ms_p50{suffix}": float(p50), f"core.set_ms_p95{suffix}": float(p95)}
-        figures |= {f"core.set_ms_min{suffix}": float(times.min()), f"core.set_in_references_p50{suffix}": float(p50 / reference)}
-        figures |= {f"core.observe_ms_p50{suffix}": float(stages[0]), f"core.optimize_ms_p50{suffix}": float(stages[1])}
-        figures[f"core.iterations{suffix}"] = iterations
-    figures |= {"core.cameras": 6, "core.dof": 40, "core.samples_per_line": SAMPLES, "core.reference_ms": reference}
+        region = configuration(threads, args.changes)
+        roi = measure(folder, region, rounds)
+        whole = roi if region.evidence.kind == "region" else measure(folder, full_images(region), rounds)
+        figures |= timing_figures("", suffix, *whole, reference) | timing_figures("roi_", suffix, *roi, reference)
+    samples = region.optimizer.samples_per_line if region.evidence.kind == "chamfer" else region.region.samples_per_line
+    figures |= {"core.cameras": 6, "core.dof": 40, "core.samples_per_line": samples, "core.reference_ms": reference}
+    figures["core.regions_only"] = int(region.evidence.kind == "region")
+    print(f"evidence: {region.evidence.kind}")
+    print_circumstances()
     print_metrics(figures)
     if args.json:
         write_metrics(args.json, figures)
     return 0
 
 
-def _arguments() -> argparse.Namespace:
+def timing_figures(
+    prefix: str, suffix: str, times: np.ndarray, stages: tuple[float, float], counts: tuple[float, float], reference: float
+) -> dict[str, float]:
+    """Figures of one run; ``counts`` are mean iterations and samples."""
+    p50, p95 = np.percentile(times, [50, 95])
+    figures = {
+        "set_ms_p50": float(p50), "set_ms_p95": float(p95), "set_ms_min": float(times.min()),
+        "set_in_references_p50": float(p50 / reference), "observe_ms_p50": stages[0], "optimize_ms_p50": stages[1],
+        "iterations": counts[0], "samples": counts[1],
+    }  # fmt: skip
+    return {f"core.{prefix}{key}{suffix}": value for key, value in figures.items()}
+
+
+def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         description=__doc__.splitlines()[0],
         epilog="example:\n  python benchmark/core.py --quick --json out/benchmark/core.json",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--quick", action="store_true", help="every image set once instead of five times")
-    parser.add_argument("--json", metavar="FILE", help="write the figures there")
-    parser.add_argument("--cache", type=Path, default=DEFAULT_CACHE, help="where recordings are kept (default: %(default)s)")
-    return parser.parse_args()
+    add_common_arguments(parser)
+    return parser.parse_args(arguments)
 
 
-def configuration(threads: int) -> TrackerConfig:
-    """Five iterations whatever the cost does (a tolerance of zero), the rest as by default."""
+def configuration(threads: int, changes: list[str]) -> TrackerConfig:
+    """Five iterations of the chamfer evidence whatever the cost does (a tolerance of zero), the rest as by default."""
     optimizer = {"max_iterations": ITERATIONS, "coarse_iterations": 2, "tolerance": 0.0, "samples_per_line": SAMPLES}
-    return from_dict({"threads": threads, "optimizer": optimizer})
+    return configured(changes, threads=threads, **{f"optimizer__{key}": value for key, value in optimizer.items()})
 
 
-def measure(folder: Path, config: TrackerConfig, rounds: int) -> tuple[np.ndarray, tuple[float, float], float]:
-    """Milliseconds of every image set; medians of observing and optimizing; mean iterations."""
+def full_images(config: TrackerConfig) -> TrackerConfig:
+    """The same, looking at every pixel."""
+    return replace(config, evidence=replace(config.evidence, margin_px=WHOLE_PX, reach_px=WHOLE_PX))
+
+
+def measure(folder: Path, config: TrackerConfig, rounds: int) -> tuple[np.ndarray, tuple[float, float], tuple[float, float]]:
+    """Milliseconds of every image set; medians of observing and optimizing; mean iterations and samples."""
     rig, model = load_rig(folder / "rig.yaml"), load_model(folder / "person.yaml")
     sets: list[ImageSet] = list(SourceStream(rig, config.synchronizer, SourceOptions()))
     tracker = Tracker(rig, model, config, load_plates(rig), load_state(folder / "state.yaml", model))
-    times, stages, iterations = [], [], []
+    times, stages, counts = [], [], []
     gc.disable()
     for _ in range(rounds):
         tracker.reset()
@@ -94,10 +116,11 @@ def measure(folder: Path, config: TrackerConfig, rounds: int) -> tuple[np.ndarra
             if i >= WARM_UP:
                 times.append(elapsed)
                 stages.append((estimate.timings.observe_ms, estimate.timings.optimize_ms))
-                iterations.append(estimate.iterations)
+                counts.append((estimate.iterations, sum(camera.samples for camera in estimate.cameras)))
     gc.enable()
     observe, optimize = np.median(np.array(stages), axis=0)
-    return np.array(times), (float(observe), float(optimize)), float(np.mean(iterations))
+    iterations, samples = np.mean(np.array(counts), axis=0)
+    return np.array(times), (float(observe), float(optimize)), (float(iterations), float(samples))
 
 
 if __name__ == "__main__":
