@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import re
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
+from ..tracking.camera_fault import TURNED, CameraFault
 from .qos import RESULT
 
 OK = DiagnosticStatus.OK
@@ -70,6 +72,20 @@ class Diagnostics:
             logger.warning(text)
         else:
             logger.error(text)
+
+
+def statuses_of(faults: Iterable[CameraFault]) -> dict[str, tuple[bytes, str, dict[str, object]]]:
+    """Camera -> level, message and values, of every camera that the others contradict; WARN where it might as well be another."""
+    result: dict[str, tuple[bytes, str, dict[str, object]]] = {}
+    for fault in faults:
+        per_unit, unit = (180.0 / math.pi, "deg") if fault.kind == TURNED else (1e3, "ms")
+        values = {f"{fault.kind} [{unit}]": per_unit * fault.size, f"sigma [{unit}]": per_unit * fault.sigma}
+        values["since [s]"] = 1e-9 * fault.since_ns
+        for camera in (fault.camera, *fault.rivals):
+            level, said, more = result.get(camera, (OK, "", {}))
+            level = max(level, WARN if fault.rivals else ERROR)
+            result[camera] = (level, f"{said}; {fault.text}" if said else fault.text, {**more, **values})
+    return result
 
 
 def _gist(message: str) -> str:

@@ -24,7 +24,7 @@ from ..tracking.config import TrackerConfig
 from ..tracking.estimate import Status, TrackEstimate
 from ..tracking.tracker import Tracker
 from .conversions import camera_model_of, state_of_pose, values_with_changes
-from .diagnostics import ERROR, OK, STALE, WARN, Diagnostics
+from .diagnostics import ERROR, OK, STALE, WARN, Diagnostics, statuses_of
 from .image_inbox import ImageInbox, InboxOptions
 from .parameters import ConfigParameters
 from .qos import RESULT
@@ -65,6 +65,7 @@ class TrackerNode(Node):
         self._rig: CameraRig | None = None
         self._plates = load_plates(options.rig)
         self._quality_problems: dict[str, str] = {}
+        self._contradicted: set[str] = set()
         self._last_report: tuple[float, int, dict[str, int]] = (time.monotonic(), 0, {})
         self._diagnostics = Diagnostics(self, options.model.name)
         self._parameters_of_config = ConfigParameters(self, options.config, lambda config: self._worker.reconfigure(config))
@@ -168,6 +169,7 @@ class TrackerNode(Node):
         if self._worker.counts.tracked == 1:
             self.get_logger().info(f"first image set tracked {time.monotonic() - self._began_s:.2f} s after the start")
         self._report_status(estimate)
+        self._report_faults(estimate)
 
     # Requests
 
@@ -224,6 +226,15 @@ class TrackerNode(Node):
             "total [ms]": float(estimate.timings.total_ms),
         }
         self._diagnostics.report("status", _LEVELS[estimate.status], _said(estimate), values)
+
+    def _report_faults(self, estimate: TrackEstimate) -> None:
+        """Cameras that the others contradict, and those that they no longer do."""
+        statuses = statuses_of(estimate.faults)
+        for camera, (level, said, values) in statuses.items():
+            self._diagnostics.report(f"{camera} against the others", level, said, values)
+        for camera in self._contradicted - set(statuses):
+            self._diagnostics.report(f"{camera} against the others", OK, "agrees with them")
+        self._contradicted = set(statuses)
 
     def report(self) -> None:
         """Once a second: rates, and each camera."""
