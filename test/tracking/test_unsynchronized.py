@@ -1,21 +1,30 @@
 """Cameras a third of an image period apart, drawn by another renderer, before a body in fast motion."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from small_studio import SCENE as LIT
 
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.observation.image_synchronizer import ImageSynchronizer
-from tracker_node.synthesis.cones import ModelSubject, waves
-from tracker_node.synthesis.scenes import Studio, make_rig
+from tracker_node.synthesis.cones import ModelSubject
+from tracker_node.synthesis.figure import figure_model, figure_motion
+from tracker_node.synthesis.scenes import SceneConfig, Studio, make_rig
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.tracker import Tracker
 
-SCENE = replace(LIT, shadow=False)
+SCENE = SceneConfig(
+    n_cameras=4,
+    width=320,
+    height=240,
+    radius=3.2,
+    focal_px=290.0,
+    distortion=(),
+    noise_levels=3.0,
+    shadow=False,
+    surroundings="clutter",
+)
 PERIOD_NS = 33_333_333
 THIRDS = (0, 1, 2, 1)  # of a period that each camera is late
 N_SETS = 7
@@ -32,9 +41,9 @@ class Film:
 
 @pytest.fixture(scope="module")
 def film() -> Film:
-    """Three times as fast as the recording of `small_studio`."""
-    rig, model = make_rig(SCENE), human_model()
-    states, subject, images = waves(model, 30.0, 3 * N_SETS), ModelSubject(model), []
+    """Limbs of up to 13 cm and 22 degrees an image."""
+    rig, model = make_rig(SCENE), figure_model()
+    states, subject, images = figure_motion(30.0, 3 * N_SETS), ModelSubject(model), []
     with Studio(rig, SCENE) as studio:
         plates = {camera.name: studio.empty_image(i, 0) for i, camera in enumerate(rig)}
         for instant, state in enumerate(states):
@@ -54,7 +63,7 @@ def sets_of(film: Film, tolerance: float) -> list[ImageSet]:
 
 def errors_mm(film: Film, sets: list[ImageSet], kind: str) -> np.ndarray:
     """(n,) mean distance of the landmarks from where they are at each set's stamp."""
-    model = human_model()
+    model = figure_model()
     config = from_dict({"evidence.kind": kind, "synchronizer.tolerance": 0.7})
     tracker = Tracker(make_rig(SCENE), model, config, film.plates, film.states[0])
     result = []
@@ -72,5 +81,5 @@ def test_each_camera_sees_the_body_at_its_own_instant(film, kind):
     assert [len(s.images) for s in sets] == [4] * N_SETS
     alike = [ImageSet(s.stamp_ns, tuple(CameraImage(i.camera, s.stamp_ns, i.pixels) for i in s.images)) for s in sets]
     own, forced = errors_mm(film, sets, kind), errors_mm(film, alike, kind)
-    assert own[2:].mean() < 0.6 * forced[2:].mean()
-    assert own[2:].mean() < 12.0
+    assert own[2:].mean() < 0.5 * forced[2:].mean()
+    assert own[2:].mean() < 5.0
