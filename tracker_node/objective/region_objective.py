@@ -12,6 +12,7 @@ from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..render.contour import OUTER, world_spheres
 from ..render.contour_samples import CLASS, SHAPE, collect_samples, most_samples
+from ..render.occluders import NOTHING, drop_covered
 from ..render.shape_arrays import ShapeArrays
 from . import region_lines as kernel
 from .contour_residual import assemble
@@ -98,6 +99,7 @@ class RegionObjective:
     Parameters
     ----------
     classes : (n_shapes,) color class of every shape.
+    covers : depth of what stands before the body, in every camera (`render.occluders`); None: nothing does.
 
     `correspond` draws the lines, `linearize` holds states against them. Sums run over the cameras in the order of the rig.
     """
@@ -110,7 +112,9 @@ class RegionObjective:
         classes: np.ndarray,
         options: RegionOptions,
         parallel: Callable[[Callable, list], list] = _serial,
+        covers: Sequence[np.ndarray] | None = None,
     ):
+        self._covers = [NOTHING] * len(rig) if covers is None else list(covers)
         self.model, self.arrays, self.classes, self.options = model, arrays, classes, options
         self._map = parallel
         capacity = most_samples(arrays.packed, options.samples_per_line)
@@ -154,6 +158,8 @@ class RegionObjective:
                 self.arrays.packed, Ts_shape, spheres, slot.camera, self.options.samples_per_line, self.options.outward_px,
                 slot.rows, slot.pixels, slot.info,
             )  # fmt: skip
+            if self._covers[i].size:
+                slot.n = drop_covered(self._covers[i], slot.rows, slot.pixels, slot.info, slot.n, self.options.outward_px)
             kernel.draw_lines(
                 view.bgr, view.densities, self.classes, self.arrays.packed, Ts_shape, Ts_link, slot.camera,
                 slot.rows, slot.pixels, slot.info, slot.n, options, slot.lines,

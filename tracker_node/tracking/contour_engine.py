@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,12 +17,11 @@ from ..objective.moved_configuration import bodies_seen
 from ..objective.normal_equations import CameraEquations, NormalEquations
 from ..objective.prior import Prior
 from ..objective.sum_objective import SumObjective
-from ..observation.body_region import Region
 from ..observation.image_set import ImageSet
 from ..observation.observer import Observation, Observer
 from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 from ..optimize.result import OptimizerResult
-from ..render.raycaster import render_labels
+from ..render.occluders import Occluders, Sight
 from ..render.shape_arrays import ShapeArrays
 from .config import TrackerConfig
 from .engine import Images, Report, Verdict
@@ -33,14 +32,6 @@ _FIRST_MARGIN = 3  # times the usual margin around a first pose that is only rou
 _LEAST_REGION_PX = 8  # a body of which less is in view is not looked for
 
 
-@dataclass(frozen=True, eq=False)
-class _Sight:
-    """Where the body is expected in one camera: its region and predicted part labels there (0 outside the body)."""
-
-    region: Region
-    labels: np.ndarray
-
-
 class ContourEngine:
     """The `Engine` of contours.
 
@@ -48,6 +39,7 @@ class ContourEngine:
     ----------
     rig, model, config, plates : as for the `Tracker`.
     parallel : maps a function over cameras.
+    occluders : what stands before the body; None: nothing does.
     """
 
     in_information_units = True
@@ -59,8 +51,10 @@ class ContourEngine:
         config: TrackerConfig,
         plates: Mapping[str, np.ndarray | list],
         parallel: Callable[[Callable, list], list],
+        occluders: Occluders | None = None,
     ):
         self._rig, self._model, self._config, self._plates, self._parallel = rig, model, config, dict(plates), parallel
+        self._occluders = occluders or Occluders(None, rig)
         optimizer, evidence = config.optimizer, config.evidence
         self._arrays = ShapeArrays.from_model(model, caps=False)
         self._constraints = [CollisionObjective(model, config.collision.sigma_m)] if config.collision.enabled else []
@@ -151,16 +145,16 @@ class ContourEngine:
         if any(self._observers[i].learns for i, image in enumerate(turn) if image is not None):
             self._learn(turn, self._look(state, turn))
 
-    def _look(self, state: State, images: Images) -> list[_Sight | None]:
+    def _look(self, state: State, images: Images) -> list[Sight | None]:
         """Where the body is in the cameras that have an image, if it is in ``state``."""
         bodies = bodies_seen(self._model, state, self._offsets(state))
 
-        def look(i: int) -> _Sight | None:
-            found = render_labels(bodies[i], self._rig.cameras[i], self._config.evidence.margin_px)
-            return None if found is None or min(found[1].shape) < _LEAST_REGION_PX else _Sight(*found)
+        def look(i: int) -> Sight | None:
+            found = self._occluders.look(i, bodies[i], self._rig.cameras[i], self._config.evidence.margin_px)
+            return None if found is None or min(found.labels.shape) < _LEAST_REGION_PX else found
 
         seen = [i for i, image in enumerate(images) if image is not None]
-        result: list[_Sight | None] = [None] * len(self._rig)
+        result: list[Sight | None] = [None] * len(self._rig)
         for i, sight in zip(seen, self._parallel(look, seen), strict=True):
             result[i] = sight
         return result
@@ -184,7 +178,7 @@ class ContourEngine:
         found = self._parallel(lambda i: self._observers[i].observe(images[i], sights[i].region, sights[i].labels), seen)
         self._observations = [None] * len(self._rig)
         for i, observation in zip(seen, found, strict=True):
-            self._observations[i] = observation
+            self._observations[i] = _unveiled(observation, sights[i].veil)
 
     def _objective_around(self, expected: State, prior: Prior | None) -> ContourObjective:
         maps = [
@@ -206,3 +200,14 @@ class ContourEngine:
     def _minimize(self, objective: ContourObjective, start: State, iterations: int) -> OptimizerResult:
         options = LevenbergMarquardtOptions(max_iterations=iterations, tolerance=self._config.optimizer.tolerance)
         return minimize(SumObjective([objective, *self._constraints]), start, self._model.chain, options)
+
+
+def _unveiled(observation: Observation, veil: np.ndarray | None) -> Observation:
+    """Evidence without what hides the body: distances are NaN there, and no boundary runs along it."""
+    if veil is None:
+        return observation
+    to_silhouette, to_edge = observation.silhouette_distance.copy(), observation.edge_distance.copy()
+    to_silhouette[veil], to_edge[veil] = np.nan, np.nan
+    u, v = np.rint(observation.boundary[:, :2]).astype(int).T
+    boundary = observation.boundary[~veil[v, u]]
+    return replace(observation, silhouette_distance=to_silhouette, edge_distance=to_edge, boundary=boundary)
