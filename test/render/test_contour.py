@@ -8,6 +8,7 @@ from tracker_node.model.articulated_model import ArticulatedModel, Shape
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.primitives import Ellipsoid, TruncatedCone
 from tracker_node.render import contour
+from tracker_node.render.contour_visibility import ray_interval
 from tracker_node.render.shape_arrays import ShapeArrays
 
 CONE = TruncatedCone(0.08, 0.05, -0.6, -0.1, 0.3)
@@ -99,7 +100,7 @@ def test_ray_interval_against_marching(primitive):
         T, center = random_pose(rng), rng.normal(size=3) * 2
         target = T[:3, 3] + rng.normal(size=3) * 0.12
         direction = target - center
-        hit, t_in, t_out = contour.ray_interval(arrays.kinds[0], arrays.dims[0], T, center, *direction)
+        hit, t_in, t_out = ray_interval(arrays.packed, 0, T, center, *direction)
         t = np.linspace(-0.5, 2.0, 5001)
         local = se3.apply(se3.inverse(T), center + t[:, None] * direction)
         inside = surface_value(primitive, local) < 0

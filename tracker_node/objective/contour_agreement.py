@@ -13,7 +13,8 @@ import numba as nb
 import numpy as np
 
 from ..render.contour import N_COLUMNS, OUTER, SAMPLES, draw_contour
-from .contour_residual import bilinear, columns_of, nearest_sample, project_sample
+from ..render.contour_samples import N_PIXEL_COLUMNS, NU, NV, U, V, project_samples
+from .contour_residual import bilinear, columns_of, nearest_sample
 
 OUTLINE, ON_BOUNDARY, BOUNDARY, ON_OUTLINE = range(4)
 """Of one camera: samples of the body's outline; those on the silhouette's boundary; points of that boundary; those on the
@@ -34,17 +35,17 @@ def count_agreement(shapes, Ts, camera, maps, decided, n_samples, limits, sample
     params, R, t, center = camera
     silhouette, _, origin, boundary = maps
     close, alignment = limits
-    rows, jacobian = np.empty((SAMPLES * n_samples, N_COLUMNS)), np.empty(6)
+    most = SAMPLES * n_samples
+    rows, pixels, outwards = np.empty((most, N_COLUMNS)), np.empty((most, N_PIXEL_COLUMNS)), np.empty(most)
     counts[:] = 0.0
     n_outline = 0
     for shape in range(flags.shape[0]):
         count = draw_contour(shapes, shape, Ts[shape], center, n_samples, False, picks[shape], n_picks, rows)
+        project_samples(params, R, t, rows, count, 0.0, pixels, outwards)
         for j in range(count):
-            if flags[shape, j] != OUTER:
+            if flags[shape, j] != OUTER or outwards[j] < 0.0:
                 continue
-            ok, u, v, _, nu, nv = project_sample(params, R, t, rows[j], jacobian)
-            if not ok:
-                continue
+            u, v, nu, nv = pixels[j, U], pixels[j, V], pixels[j, NU], pixels[j, NV]
             sample = samples[n_outline]
             sample[0], sample[1], sample[2], sample[3] = u - origin[0], v - origin[1], nu, nv
             n_outline += 1

@@ -15,21 +15,18 @@ import math
 import numba as nb
 import numpy as np
 
-from ..camera.camera_model import project_point
 from ..render.contour import (
     HIDDEN,
     N_COLUMNS,
-    NORMAL,
     OUTER,
     SAMPLES,
     SLIDE,
     M,
     P,
-    classify_sample_beyond,
     draw_contour,
-    nearby_shapes,
 )
-from ..render.contour_picks import IS_CREASE
+from ..render.contour_samples import JACOBIAN, N_PIXEL_COLUMNS, NU, NV, U, V, project_samples
+from ..render.contour_visibility import N_VIEW_COLUMNS, classify_samples, nearby_shapes, view_shapes
 
 # Indices of the option array
 ROBUST_SCALE, SLIDING, SUM_OF_MAPS, OUTWARD_PX, INNER_WEIGHT, ALIGNMENT, BOUNDARY_WEIGHT, BOUNDARY_SCALE, REACH = range(9)
@@ -43,7 +40,7 @@ _BLOCK = 64  # outline samples that are looked through together
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def bilinear(image, u, v):
-    """(inside, value, d/du, d/dv) of a float32 map at (u, v) in its own pixels."""
+    """(inside, value, d/du, d/dv) of a float32 map at (u, v) in its own pixels; NaN of the map is not inside it."""
     x, y = math.floor(u), math.floor(v)
     i, j = int(y), int(x)
     if i < 0 or j < 0 or i + 1 >= image.shape[0] or j + 1 >= image.shape[1]:
@@ -52,7 +49,8 @@ def bilinear(image, u, v):
     f00, f01 = np.float64(image[i, j]), np.float64(image[i, j + 1])
     f10, f11 = np.float64(image[i + 1, j]), np.float64(image[i + 1, j + 1])
     top, bottom = f00 + a * (f01 - f00), f10 + a * (f11 - f10)
-    return True, top + b * (bottom - top), (1 - b) * (f01 - f00) + b * (f11 - f10), bottom - top
+    value = top + b * (bottom - top)
+    return value == value, value, (1 - b) * (f01 - f00) + b * (f11 - f10), bottom - top
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -127,24 +125,6 @@ def _add(g, r, weight, scale_sq, normal, gradient, stats):
             normal[a, b] += wa * g[b]
     stats[COST] += weight * ratio * r * r
     return w
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def project_sample(params, R, t, row, jacobian):
-    """(valid, u, v, depth, nu, nv): pixel of a sample and the image direction (unit) of its outward normal."""
-    x = R[0, 0] * row[P] + R[0, 1] * row[P + 1] + R[0, 2] * row[P + 2] + t[0]
-    y = R[1, 0] * row[P] + R[1, 1] * row[P + 1] + R[1, 2] * row[P + 2] + t[1]
-    z = R[2, 0] * row[P] + R[2, 1] * row[P + 1] + R[2, 2] * row[P + 2] + t[2]
-    ok, u, v, ux, uy, uz, vx, vy, vz = project_point(params, x, y, z)
-    if not ok:
-        return False, 0.0, 0.0, 0.0, 0.0, 0.0
-    jacobian[0], jacobian[1], jacobian[2], jacobian[3], jacobian[4], jacobian[5] = ux, uy, uz, vx, vy, vz
-    nx = R[0, 0] * row[NORMAL] + R[0, 1] * row[NORMAL + 1] + R[0, 2] * row[NORMAL + 2]
-    ny = R[1, 0] * row[NORMAL] + R[1, 1] * row[NORMAL + 1] + R[1, 2] * row[NORMAL + 2]
-    nz = R[2, 0] * row[NORMAL] + R[2, 1] * row[NORMAL + 1] + R[2, 2] * row[NORMAL + 2]
-    nu, nv = ux * nx + uy * ny + uz * nz, vx * nx + vy * ny + vz * nz
-    norm = math.sqrt(nu * nu + nv * nv)
-    return True, u, v, z, nu / norm, nv / norm
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -224,28 +204,30 @@ def linearize_camera(shapes, Ts, spheres, camera, maps, options, n_samples, refr
     normal[:] = 0.0
     gradient[:] = 0.0
     stats[:] = 0.0
-    rows = np.empty((SAMPLES * n_samples, N_COLUMNS))
-    nearby = np.empty(links.size, dtype=np.int64)
-    g, jacobian = np.empty(6), np.empty(6)
+    most, g = SAMPLES * n_samples, np.empty(6)
+    rows, pixels = np.empty((most, N_COLUMNS)), np.empty((most, N_PIXEL_COLUMNS))
+    outwards, beyonds, nearby = np.empty(most), np.empty(most, dtype=np.int64), np.empty(links.size, dtype=np.int64)
     sliding, scale_sq, pulls = options[SLIDING] > 0.5, options[ROBUST_SCALE] ** 2, options[BOUNDARY_WEIGHT] > 0.0
     n_outline = 0
+    views = np.empty((links.size if refresh else 0, N_VIEW_COLUMNS))
     if refresh:
         flags[:] = HIDDEN
+        view_shapes(Ts, spheres, center, views)
     for shape in range(links.size):
         count = draw_contour(shapes, shape, Ts[shape], center, n_samples, refresh, picks[shape], n_picks, rows)
-        n_nearby = nearby_shapes(spheres, center, shape, nearby) if refresh and count > 0 else 0
+        n_nearby = nearby_shapes(views, shape, nearby) if refresh and count > 0 else 0
         link = links[shape]
+        project_samples(params, R, t, rows, count, options[OUTWARD_PX], pixels, outwards)
+        if refresh:
+            classify_samples(
+                shapes, views, shape, Ts, nearby, n_nearby, center, rows, count, picks[shape], n_picks[shape], outwards,
+                flags[shape], beyonds,
+            )  # fmt: skip
         for j in range(count):
-            row = rows[j]
-            ok, u, v, depth, nu, nv = project_sample(params, R, t, row, jacobian)
-            if refresh and ok:
-                outward = options[OUTWARD_PX] * depth / params[0]
-                crease = j < n_picks[shape] and picks[shape, j, IS_CREASE] != 0.0
-                flags[shape, j] = classify_sample_beyond(
-                    shapes, shape, Ts, spheres, nearby, n_nearby, center, row, crease, outward
-                )[0]
-            if not ok or flags[shape, j] == HIDDEN:
+            if outwards[j] < 0.0 or flags[shape, j] == HIDDEN:
                 continue
+            row, jacobian = rows[j], pixels[j, JACOBIAN:]
+            u, v, nu, nv = pixels[j, U], pixels[j, V], pixels[j, NU], pixels[j, NV]
             stats[N_CANDIDATES] += 1.0
             outer = flags[shape, j] == OUTER
             if outer and pulls:

@@ -1,4 +1,4 @@
-"""Extremal contours: those of cones and ellipsoids in closed form, how they slide, and what hides the contours of all shapes.
+"""Extremal contours: those of cones and ellipsoids in closed form, how they slide; and those of all shapes together.
 
 A contour generator is where lines of sight touch a surface. For the truncated elliptical cone it is two straight lines
 (Knossow et al., eqs 3-5); for the ellipsoid a planar conic, which becomes a circle when the ellipsoid is scaled to a sphere.
@@ -18,7 +18,6 @@ import math
 import numba as nb
 import numpy as np
 
-from .contour_hits import MESH, NO_HIT, SORT, solid_hit
 from .contour_picks import N_PICK_COLUMNS, cap_rows, edge_rows, has_caps, pick_caps, pick_edges
 from .shape_arrays import CONE, ELLIPSOID, OTHER
 
@@ -26,7 +25,8 @@ from .shape_arrays import CONE, ELLIPSOID, OTHER
 P, NORMAL, SLIDE, M = 0, 3, 6, 9
 N_COLUMNS = 12
 SAMPLES = 4  # times the samples of one generator line: as many as a shape may have
-_OWN_DEPTH = 1e-4  # of its radius: a part of a mesh that is nearer than that before a point of it does not hide the point
+# Classes of a sample: not seen; of the outline of the whole body; of a contour within it
+HIDDEN, OUTER, INNER = 0, 1, 2
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -128,82 +128,6 @@ def shape_contour(kind, dims, T, center, n_samples, out):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def ray_interval(kind, dims, T, center, dx, dy, dz):
-    """Where the ray center + t * (dx, dy, dz) is inside a shape: (hit, t_in, t_out)."""
-    wx, wy, wz = center[0] - T[0, 3], center[1] - T[1, 3], center[2] - T[2, 3]
-    ox = T[0, 0] * wx + T[1, 0] * wy + T[2, 0] * wz
-    oy = T[0, 1] * wx + T[1, 1] * wy + T[2, 1] * wz
-    oz = T[0, 2] * wx + T[1, 2] * wy + T[2, 2] * wz
-    ux = T[0, 0] * dx + T[1, 0] * dy + T[2, 0] * dz
-    uy = T[0, 1] * dx + T[1, 1] * dy + T[2, 1] * dz
-    uz = T[0, 2] * dx + T[1, 2] * dy + T[2, 2] * dz
-    if kind == ELLIPSOID:
-        ox, oy, oz = ox / dims[0], oy / dims[1], oz / dims[2]
-        ux, uy, uz = ux / dims[0], uy / dims[1], uz / dims[2]
-        qa = ux * ux + uy * uy + uz * uz
-        qb = ox * ux + oy * uy + oz * uz
-        qc = ox * ox + oy * oy + oz * oz - 1.0
-        disc = qb * qb - qa * qc
-        if disc <= 0.0:
-            return False, 0.0, 0.0
-        root = math.sqrt(disc)
-        return True, (-qb - root) / qa, (-qb + root) / qa
-    a, b, k, z1, z2 = dims[0], dims[1], dims[2], dims[3], dims[4]
-    # Slab z1..z2
-    if abs(uz) < 1e-12:
-        if oz < z1 or oz > z2:
-            return False, 0.0, 0.0
-        t_in, t_out = -1e30, 1e30
-    else:
-        t_in, t_out = (z1 - oz) / uz, (z2 - oz) / uz
-        if t_in > t_out:
-            t_in, t_out = t_out, t_in
-    # (x/a)^2 + (y/b)^2 <= (1 + k z)^2
-    px, py, vx, vy = ox / a, oy / b, ux / a, uy / b
-    w, wd = 1.0 + k * oz, k * uz
-    qa = vx * vx + vy * vy - wd * wd
-    qb = px * vx + py * vy - w * wd
-    qc = px * px + py * py - w * w
-    disc = qb * qb - qa * qc
-    if abs(qa) < 1e-14:
-        if abs(qb) < 1e-14:
-            return (qc < 0.0) and (t_in < t_out), t_in, t_out
-        t = -0.5 * qc / qb
-        if qb > 0.0:
-            t_out = min(t_out, t)
-        else:
-            t_in = max(t_in, t)
-        return t_in < t_out, t_in, t_out
-    if qa > 0.0:
-        if disc <= 0.0:
-            return False, 0.0, 0.0
-        root = math.sqrt(disc)
-        t_in, t_out = max(t_in, (-qb - root) / qa), min(t_out, (-qb + root) / qa)
-        return t_in < t_out, t_in, t_out
-    # The ray is steeper than the cone: inside the double cone outside the two roots; keep the nappe of the slab
-    if disc <= 0.0:
-        return t_in < t_out, t_in, t_out
-    root = math.sqrt(disc)
-    lo, hi = (-qb + root) / qa, (-qb - root) / qa
-    middle = 0.5 * (t_in + t_out)
-    if middle < 0.5 * (lo + hi):
-        t_out = min(t_out, lo)
-    else:
-        t_in = max(t_in, hi)
-    return t_in < t_out, t_in, t_out
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def sphere_near_ray(sphere, center, dx, dy, dz, slack):
-    """Cheap test before `ray_interval`: does the line of sight pass within the bounding sphere (world, radius + slack)?"""
-    wx, wy, wz = sphere[0] - center[0], sphere[1] - center[1], sphere[2] - center[2]
-    dot = wx * dx + wy * dy + wz * dz
-    length_sq = dx * dx + dy * dy + dz * dz
-    radius = sphere[3] + slack
-    return wx * wx + wy * wy + wz * wz - dot * dot / length_sq < radius * radius
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
 def world_spheres(Ts_world_shape, bounds, out):
     """Bounding spheres (n, 4) in the world."""
     for i in range(bounds.shape[0]):
@@ -215,77 +139,6 @@ def world_spheres(Ts_world_shape, bounds, out):
                 + Ts_world_shape[i, r, 3]
             )
         out[i, 3] = bounds[i, 3]
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def nearby_shapes(spheres, center, shape, out):
-    """Indices of shapes whose bounding spheres overlap that of ``shape`` as seen from ``center``; returns their number."""
-    sx, sy, sz = spheres[shape, 0] - center[0], spheres[shape, 1] - center[1], spheres[shape, 2] - center[2]
-    distance = math.sqrt(sx * sx + sy * sy + sz * sz)
-    own = math.asin(min(1.0, 1.1 * spheres[shape, 3] / distance))
-    count = 0
-    for other in range(spheres.shape[0]):
-        if other == shape:
-            continue
-        ox, oy, oz = spheres[other, 0] - center[0], spheres[other, 1] - center[1], spheres[other, 2] - center[2]
-        length = math.sqrt(ox * ox + oy * oy + oz * oz)
-        cosine = (sx * ox + sy * oy + sz * oz) / (distance * length)
-        angle = math.acos(min(1.0, max(-1.0, cosine)))
-        if angle < own + math.asin(min(1.0, 1.1 * spheres[other, 3] / length)):
-            out[count] = other
-            count += 1
-    return count
-
-
-HIDDEN, OUTER, INNER = 0, 1, 2
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def solid_interval(shapes, shape, T, center, dx, dy, dz):
-    """`ray_interval` for every kind of shape. Of a box or mesh: where the line of sight meets it first, after the camera."""
-    if shapes[0][shape] != OTHER:
-        return ray_interval(shapes[0][shape], shapes[1][shape], T, center, dx, dy, dz)
-    t = solid_hit(shapes[3], shape, T, center, dx, dy, dz, NO_HIT, False)
-    return t < NO_HIT, t, NO_HIT
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def classify_sample_beyond(shapes, shape, Ts, spheres, nearby, n_nearby, center, row, crease, outward):
-    """Is a contour sample of a shape seen, and what lies beyond it? Returns (class, index of the shape beyond or -1).
-
-    `HIDDEN`: another part (or another side of the same) is in front of the point, or encloses it. `OUTER`: just outside the
-    contour (``outward`` metres along the normal) the line of sight meets no part: the point belongs to the outline of the whole
-    body. `INNER`: it meets one, the nearest of which is told. A crease is inner, with its own shape beyond.
-    """
-    px, py, pz = row[P], row[P + 1], row[P + 2]
-    dx, dy, dz = px - center[0], py - center[1], pz - center[2]
-    ex, ey, ez = dx + outward * row[NORMAL], dy + outward * row[NORMAL + 1], dz + outward * row[NORMAL + 2]
-    length = math.sqrt(dx * dx + dy * dy + dz * dz)
-    tolerance = 0.003 / length  # a part that comes in less than 3 mm before the point does not hide it
-    beyond, nearest = -1, NO_HIT
-    if shapes[3][0][shape, SORT] == MESH:
-        own = 1.0 - _OWN_DEPTH * spheres[shape, 3] / length
-        if solid_hit(shapes[3], shape, Ts[shape], center, dx, dy, dz, own, True) < own:
-            return HIDDEN, -1
-        if not crease:
-            t = solid_hit(shapes[3], shape, Ts[shape], center, ex, ey, ez, NO_HIT, False)
-            beyond, nearest = shape if t < NO_HIT else -1, t
-    for j in range(n_nearby):
-        other = nearby[j]
-        if not sphere_near_ray(spheres[other], center, dx, dy, dz, 2.0 * outward):
-            continue
-        hit, t_in, t_out = solid_interval(shapes, other, Ts[other], center, dx, dy, dz)
-        if hit and t_out > 0.0 and t_in < 1.0 - tolerance:
-            if t_out > tolerance:
-                return HIDDEN, -1
-        if crease:
-            continue
-        hit, t_in, t_out = solid_interval(shapes, other, Ts[other], center, ex, ey, ez)
-        if hit and t_out > 0.0 and t_in < nearest:
-            beyond, nearest = other, t_in
-    if crease:
-        return INNER, shape
-    return (INNER if beyond >= 0 else OUTER), beyond
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

@@ -7,7 +7,7 @@ import math
 import numba as nb
 import numpy as np
 
-from ..camera.camera_model import project_point
+from ..camera.camera_model import NEAR, project_point
 from .contour import (
     HIDDEN,
     N_COLUMNS,
@@ -15,12 +15,12 @@ from .contour import (
     OUTER,
     SAMPLES,
     P,
-    classify_sample_beyond,
     draw_contour,
-    nearby_shapes,
-    solid_interval,
 )
-from .contour_picks import IS_CREASE, N_PICK_COLUMNS
+from .contour_hits import NO_HIT, solid_hit, to_shape
+from .contour_picks import N_PICK_COLUMNS
+from .contour_visibility import N_VIEW_COLUMNS, classify_samples, interval, nearby_shapes, view_shapes
+from .shape_arrays import OTHER
 
 # Columns of ``pixels``: u, v, depth, unit normal in the image, derivative of (u, v) by the point in the camera frame (2 x 3)
 U, V, DEPTH, NU, NV, JACOBIAN = 0, 1, 2, 3, 4, 5
@@ -31,23 +31,38 @@ N_INFO_COLUMNS = 4
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def project_sample(params, R, t, row, pixel):
-    """Fill ``pixel`` (`N_PIXEL_COLUMNS`,) for a contour sample ``row``; False where the camera cannot see that far aside."""
-    x = R[0, 0] * row[P] + R[0, 1] * row[P + 1] + R[0, 2] * row[P + 2] + t[0]
-    y = R[1, 0] * row[P] + R[1, 1] * row[P + 1] + R[1, 2] * row[P + 2] + t[1]
-    z = R[2, 0] * row[P] + R[2, 1] * row[P + 1] + R[2, 2] * row[P + 2] + t[2]
-    ok, u, v, ux, uy, uz, vx, vy, vz = project_point(params, x, y, z)
-    if not ok:
-        return False
-    nx = R[0, 0] * row[NORMAL] + R[0, 1] * row[NORMAL + 1] + R[0, 2] * row[NORMAL + 2]
-    ny = R[1, 0] * row[NORMAL] + R[1, 1] * row[NORMAL + 1] + R[1, 2] * row[NORMAL + 2]
-    nz = R[2, 0] * row[NORMAL] + R[2, 1] * row[NORMAL + 1] + R[2, 2] * row[NORMAL + 2]
-    nu, nv = ux * nx + uy * ny + uz * nz, vx * nx + vy * ny + vz * nz
-    norm = math.sqrt(nu * nu + nv * nv)
-    pixel[U], pixel[V], pixel[DEPTH], pixel[NU], pixel[NV] = u, v, z, nu / norm, nv / norm
-    pixel[JACOBIAN], pixel[JACOBIAN + 1], pixel[JACOBIAN + 2] = ux, uy, uz
-    pixel[JACOBIAN + 3], pixel[JACOBIAN + 4], pixel[JACOBIAN + 5] = vx, vy, vz
-    return True
+def project_samples(params, R, t, rows, count, outward_px, pixels, outwards):
+    """Fill the first ``count`` ``pixels`` (., `N_PIXEL_COLUMNS`) for contour samples ``rows``.
+
+    ``outwards``: how many metres ``outward_px`` are there; negative where the camera cannot see that far aside.
+    """
+    plain = params[5] == 0.0  # no distortion: without a call
+    for i in range(count):
+        px, py, pz, mx, my, mz = (rows[i, P], rows[i, P + 1], rows[i, P + 2], rows[i, NORMAL], rows[i, NORMAL + 1],
+                                  rows[i, NORMAL + 2])  # fmt: skip
+        x = R[0, 0] * px + R[0, 1] * py + R[0, 2] * pz + t[0]
+        y = R[1, 0] * px + R[1, 1] * py + R[1, 2] * pz + t[1]
+        z = R[2, 0] * px + R[2, 1] * py + R[2, 2] * pz + t[2]
+        if plain and z >= NEAR:
+            iz = 1.0 / z
+            xn, yn = x * iz, y * iz
+            u, v = params[0] * xn + params[4] * yn + params[2], params[1] * yn + params[3]
+            ux, uy, vx, vy = params[0] * iz, params[4] * iz, 0.0, params[1] * iz
+            uz, vz = -(ux * xn + uy * yn), -vy * yn
+        else:
+            ok, u, v, ux, uy, uz, vx, vy, vz = project_point(params, x, y, z)
+            if not ok:
+                outwards[i] = -1.0
+                continue
+        nx = R[0, 0] * mx + R[0, 1] * my + R[0, 2] * mz
+        ny = R[1, 0] * mx + R[1, 1] * my + R[1, 2] * mz
+        nz = R[2, 0] * mx + R[2, 1] * my + R[2, 2] * mz
+        nu, nv = ux * nx + uy * ny + uz * nz, vx * nx + vy * ny + vz * nz
+        scale = 1.0 / math.sqrt(nu * nu + nv * nv)
+        outwards[i] = outward_px * z / params[0]
+        pixels[i, U], pixels[i, V], pixels[i, DEPTH], pixels[i, NU], pixels[i, NV] = u, v, z, scale * nu, scale * nv
+        pixels[i, JACOBIAN], pixels[i, JACOBIAN + 1], pixels[i, JACOBIAN + 2] = ux, uy, uz
+        pixels[i, JACOBIAN + 3], pixels[i, JACOBIAN + 4], pixels[i, JACOBIAN + 5] = vx, vy, vz
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -64,26 +79,32 @@ def collect_samples(shapes, Ts, spheres, camera, n_samples, outward_px, rows, pi
     rows : (n, `N_COLUMNS`) of `contour`. pixels : (n, `N_PIXEL_COLUMNS`). info : (n, `N_INFO_COLUMNS`) int32.
     """
     params, R, t, center = camera
-    n_shapes = shapes[0].shape[0]
-    found, picks = np.empty((SAMPLES * n_samples, N_COLUMNS)), np.empty((SAMPLES * n_samples, N_PICK_COLUMNS))
-    n_picks, nearby = np.zeros(n_shapes, dtype=np.int64), np.empty(n_shapes, dtype=np.int64)
+    n_shapes, most = shapes[0].shape[0], SAMPLES * n_samples
+    picks, n_picks = np.empty((most, N_PICK_COLUMNS)), np.zeros(n_shapes, dtype=np.int64)
+    outwards, classes, beyonds = np.empty(most), np.empty(most, dtype=np.uint8), np.empty(most, dtype=np.int64)
+    views, nearby = np.empty((n_shapes, N_VIEW_COLUMNS)), np.empty(n_shapes, dtype=np.int64)
+    view_shapes(Ts, spheres, center, views)
     n = 0
     for shape in range(n_shapes):
+        # Drawn where they are to stay; those that are not seen are overwritten
+        found, seen = rows[n:], pixels[n:]
         count = draw_contour(shapes, shape, Ts[shape], center, n_samples, True, picks, n_picks, found)
         if count == 0:
             continue
-        n_nearby = nearby_shapes(spheres, center, shape, nearby)
+        n_nearby = nearby_shapes(views, shape, nearby)
+        project_samples(params, R, t, found, count, outward_px, seen, outwards)
+        classify_samples(
+            shapes, views, shape, Ts, nearby, n_nearby, center, found, count, picks, n_picks[shape], outwards, classes, beyonds
+        )  # fmt: skip
+        link = shapes[2][shape]
         for j in range(count):
-            row, pixel = found[j], pixels[n]
-            if not project_sample(params, R, t, row, pixel):
+            if classes[j] == HIDDEN:
                 continue
-            outward = outward_px * pixel[DEPTH] / params[0]
-            crease = j < n_picks[shape] and picks[j, IS_CREASE] != 0.0
-            kind, beyond = classify_sample_beyond(shapes, shape, Ts, spheres, nearby, n_nearby, center, row, crease, outward)
-            if kind == HIDDEN:
-                continue
-            rows[n] = row
-            info[n, SHAPE], info[n, LINK], info[n, CLASS], info[n, BEYOND] = shape, shapes[2][shape], kind, beyond
+            info[n, SHAPE], info[n, LINK], info[n, CLASS], info[n, BEYOND] = shape, link, classes[j], beyonds[j]
+            for c in range(N_COLUMNS):
+                rows[n, c] = found[j, c]
+            for c in range(N_PIXEL_COLUMNS):
+                pixels[n, c] = seen[j, c]
             n += 1
     return n
 
@@ -101,14 +122,21 @@ def chord_px(shapes, shape, T, camera, row, pixel, side, reach_px):
     along_u = pixel[JACOBIAN] * nx + pixel[JACOBIAN + 1] * ny + pixel[JACOBIAN + 2] * nz
     along_v = pixel[JACOBIAN + 3] * nx + pixel[JACOBIAN + 4] * ny + pixel[JACOBIAN + 5] * nz
     per_pixel = side / math.sqrt(along_u * along_u + along_v * along_v)
+    ox, oy, oz, ux, uy, uz = to_shape(T, center, row[P] - center[0], row[P + 1] - center[1], row[P + 2] - center[2])
+    _, _, _, mx, my, mz = to_shape(T, center, row[NORMAL], row[NORMAL + 1], row[NORMAL + 2])
+    solid = shapes[0][shape] == OTHER
     low, high, at = 0.0, reach_px, reach_px
     for _ in range(4):
         step = at * per_pixel
-        hit, _, t_out = solid_interval(
-            shapes, shape, T, center, row[P] + step * row[NORMAL] - center[0], row[P + 1] + step * row[NORMAL + 1] - center[1],
-            row[P + 2] + step * row[NORMAL + 2] - center[2],
-        )  # fmt: skip
-        if hit and t_out > 0.0:
+        if solid:
+            dx, dy, dz = (row[P] + step * row[NORMAL] - center[0], row[P + 1] + step * row[NORMAL + 1] - center[1],
+                          row[P + 2] + step * row[NORMAL + 2] - center[2])  # fmt: skip
+            hit = solid_hit(shapes[3], shape, T, center, dx, dy, dz, NO_HIT, True) < NO_HIT
+        else:
+            hit, _, _ = interval(
+                shapes[0][shape], shapes[1], shape, ox, oy, oz, ux + step * mx, uy + step * my, uz + step * mz
+            )  # fmt: skip
+        if hit:
             low = at
             if at == reach_px:
                 return reach_px
@@ -123,4 +151,4 @@ def most_samples(shapes, n_samples: int) -> int:
     return SAMPLES * n_samples * len(shapes[0])
 
 
-__all__ = ["BEYOND", "CLASS", "LINK", "OUTER", "SHAPE", "chord_px", "collect_samples", "most_samples", "project_sample"]
+__all__ = ["BEYOND", "CLASS", "LINK", "OUTER", "SHAPE", "chord_px", "collect_samples", "most_samples"]
