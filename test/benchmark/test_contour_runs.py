@@ -151,7 +151,7 @@ def test_a_person_is_tracked_with_another_body(programs, person):
     truth = read_joints(person / "truth.csv")
     off = [np.linalg.norm(points[n] - p) for n, p in zip(truth.names, truth.positions_m[0], strict=True) if n in points]
     assert len(off) == 14 and np.mean(off) < 0.05
-    run = runs.track(clip, TrackerConfig(), clip.sets())
+    run = runs.track(clip, runs.configured(["evidence.kind=region"]), clip.sets())
     figures = program.person_figures(runs.judged(clip, run, "mannequin_x"))
     assert figures["mannequin_x.sets"] == 2
     assert figures["mannequin_x.mpjpe_mm"] <= figures["mannequin_x.mpjpe_raw_mm"]
