@@ -169,7 +169,10 @@ class StatusConfig:
     limb_degraded: float = parameter(0.2, "and DEGRADED with this one", "1", 0, 1)
     limb_loss: float = parameter(0.01, "probability that a limb gets lost between two image sets", "1", 1e-6, 1)
     limb_recovery: float = parameter(0.1, "and that a lost one gets where it belongs", "1", 0, 1)
-    evidence_limit: float = parameter(4.0, "one image set cannot change the log odds of lost by more than this", "1", 0.1, 100)
+    limb_tries: int = parameter(8, "poses in which a lost limb is looked for, in one image set; 0: it is not", "", 0, 1000)
+    limb_fits: int = parameter(2, "and how many of them are fitted", "", 1, 100)
+    limb_seed: int = parameter(0, "of the random ones", "", 0, 2**31 - 1)
+    evidence_limit: float = parameter(5.0, "one image set cannot change the log odds of lost by more than this", "1", 0.1, 100)
 
 
 @dataclass(frozen=True)
@@ -183,7 +186,7 @@ class StartConfig:
         6, "image sets to watch what moves in, where there are no pictures of the empty scene", "", 2, 1000
     )
     size_px: int = parameter(80, "height of the body in the small images that a start is looked for in", "px", 16, 1000)
-    hypotheses: int = parameter(36, "postures, of all that are tried, that are fitted to the silhouettes", "", 4, 1000)
+    hypotheses: int = parameter(48, "postures, of all that are tried, that are fitted to the silhouettes", "", 4, 1000)
     keep: int = parameter(4, "starts that the engine tries", "", 1, 64)
     min_score: float = parameter(0.35, "least share of what stands out from the scene that a start covers", "1", 0.0, 1.0)
     seed: int = parameter(0, "of the random postures; the same seed, the same start", "", 0, 2**31 - 1)

@@ -11,28 +11,35 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..camera.camera_rig import CameraRig
+from ..camera.camera_rig import Camera, CameraRig
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..objective.evidence_score import EvidenceScore
 from ..objective.hull import occupancy, places, seen_volume
 from ..observation.small_view import SmallView
+from ..render.raycaster import render_mask
 from ..render.shape_arrays import ShapeArrays
 from .config import StartConfig
 from .engine import Images
 from .start_evidence import StartEvidence
 from .start_fit import SilhouetteFit
 from .start_postures import postures
-from .start_search import Effort, Poses, StartSearch
+from .start_search import Poses, StartSearch
 
 _VOXELS = 14  # along the body
 _HEADINGS = 12
 _PRIOR = 3e-4  # cost of a joint one sigma from neutral, as a share of all evidence
 _RANDOM_POSTURES = 16
 _PLACES = 3
+_LIMB_SAMPLES = 24
+_SURE = 0.6  # a start that covers so much of the evidence is not looked for elsewhere
+_SLIM = 0.3  # how wide a standing body is for its height
+_RING_PX = 14  # around a body in which the colors of its surroundings are learnt
+_CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,24 +104,50 @@ class StartFinder:
         if len(seen) < needed:
             self.problem = f"{len(seen)} of {len(self._cameras)} cameras have an image, {needed} are needed to find a start"
             return []
-        maps = self._evidence.maps()
-        total = sum(float(m[m > 0.0].sum()) for m in maps if m is not None)
-        middles = self._places(maps, seen)
+        evidence = self._evidence
+        if not evidence.scene_known and evidence.watched < self._config.watch:
+            self.problem = f"watching what moves ({evidence.watched} of {self._config.watch} image sets)"
+            return []
+        evidence.forget_colors()
+        middles = self._places(evidence.maps(), seen)
         if around is not None:
             middles = np.concatenate([[_middle(self._model, around)], middles])
         if not len(middles):
-            self.problem = "nothing that looks like a body stands out from the scene"
+            known = evidence.scene_known
+            what = "stands out from the empty scene" if known else "moves; without pictures of the empty scene it has to"
+            self.problem = f"nothing of the size of a body {what}"
             return []
-        poses, scores = self._search(maps, total, middles, around)
-        starts = [Start(poses.state(i), float(scores[i]) / total) for i in np.argsort(-scores, kind="stable")]
+        starts = self._looked_for(middles, around)
         good = [start for start in starts if start.score >= self._config.min_score]
         self.problem = "" if good else f"the best pose covers {100 * max(starts[0].score, 0.0):.0f} % of what stands out"
         return good
 
+    def _looked_for(self, middles: np.ndarray, around: State | None) -> list[Start]:
+        """Starts at or near ``middles`` (n, 3), the best first.
+
+        Without pictures of the empty scene, colors are learnt where a body is likely, then where one has been found.
+        """
+        evidence = self._evidence
+        if evidence.scene_known:
+            return self._search(evidence.maps(), self._hypotheses(middles, around))
+        found: list[Start] = []
+        for middle in middles[:2]:
+            if found and found[0].score > _SURE:
+                break
+            evidence.forget_colors()
+            evidence.learn(*self._likely(middle))
+            beginning, starts = self._hypotheses(self._heights(middle), around), []
+            for last in (False, False, True):
+                starts = self._search(evidence.maps(), beginning, last)
+                evidence.learn(*self._covered(starts[0].state))
+                beginning = Poses.joined([Poses.of([start.state for start in starts]), beginning])
+            found += starts
+        return sorted(found, key=lambda start: -start.score)[: self._config.keep]
+
     def _places(self, maps: Sequence[np.ndarray | None], seen: Sequence[int]) -> np.ndarray:
         cameras = [self._cameras[i] for i in seen]
         volume = seen_volume(cameras, self.size_m, self.size_m / _VOXELS)
-        occupied = occupancy(volume, cameras, [maps[i] for i in seen], min(2, len(seen)))
+        occupied = occupancy(volume, cameras, [maps[i] for i in seen], min(2 if self._evidence.scene_known else 3, len(seen)))
         return places(volume, occupied, self.size_m, _PLACES)
 
     def _hypotheses(self, middles: np.ndarray, around: State | None) -> Poses:
@@ -134,13 +167,48 @@ class StartFinder:
             return Rotation.from_rotvec(angles[:, None] * [0.0, 0.0, 1.0]).as_matrix()
         return np.concatenate([np.eye(3)[None], Rotation.random(8 * _HEADINGS, rng=self._config.seed).as_matrix()])
 
-    def _search(self, maps, total: float, middles: np.ndarray, around: State | None) -> tuple[Poses, np.ndarray]:
-        config = self._config
+    def _heights(self, middle: np.ndarray) -> np.ndarray:
+        """Feet move less than the rest, shadows on the floor with them: the middle may be higher or lower."""
+        return middle + self.size_m * np.array([[0.0, 0.0, share] for share in (-0.06, 0.06, 0.18)])
+
+    def _likely(self, middle: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Weights (h, w) of each camera's pixels as those of a body about ``middle``, and as what is around it."""
+        inside, around = [], []
+        for camera, moved in zip(self._cameras, self._evidence.maps(), strict=True):
+            along, across = self._ellipse(camera, middle)
+            near = along**2 + across**2
+            changed = np.ones(near.shape) if moved is None else 0.25 + 0.75 * (moved > 0.0)
+            inside.append(np.exp(-0.5 * near / 0.6**2) * changed)
+            around.append(((near > 1.5) & (np.abs(along) < 1.6) & (np.abs(across) < 5.0)).astype(np.float64))
+        return inside, around
+
+    def _ellipse(self, camera: Camera, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates (h, w) along and across an upright body about ``middle``: 1 at its ends and sides."""
+        ends, _ = camera.project(np.stack([middle, middle + np.array([0.0, 0.0, 0.5 * self.size_m])]))
+        axis = ends[1] - ends[0]
+        length = max(float(np.linalg.norm(axis)), 2.0)
+        axis = axis / length
+        u, v = np.meshgrid(np.arange(camera.model.width) - ends[0, 0], np.arange(camera.model.height) - ends[0, 1])
+        return (u * axis[0] + v * axis[1]) / length, (v * axis[0] - u * axis[1]) / (_SLIM * length)
+
+    def _covered(self, state: State) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """The same of a body in ``state``."""
+        configuration, inside, around = Configuration(self._model, state), [], []
+        for camera in self._cameras:
+            mask = (render_mask(configuration, camera) > 0).astype(np.uint8)
+            wide = cv2.dilate(mask, np.ones((2 * _RING_PX + 1, 2 * _RING_PX + 1), np.uint8))
+            inside.append(cv2.erode(mask, _CROSS).astype(np.float64))
+            around.append((wide - cv2.dilate(mask, np.ones((5, 5), np.uint8))).astype(np.float64))
+        return inside, around
+
+    def _search(self, maps: Sequence[np.ndarray | None], poses: Poses, thorough: bool = True) -> list[Start]:
+        """From hypotheses to a few starts, the best first."""
+        config, rng = self._config, np.random.default_rng(self._config.seed)
+        total = max(sum(float(m[m > 0.0].sum()) for m in maps if m is not None), 1e-9)
         score = EvidenceScore(self._model, self._cameras, self._parallel)
         score.set_maps(maps)
-        search = StartSearch(score, _PRIOR * total, config.seed)
+        search = StartSearch(score, _PRIOR * total, self.size_m)
         fit = SilhouetteFit(self._model, self._cameras, maps)
-        poses = self._hypotheses(middles, around)
         scores = search.scores(poses)
 
         def keep(n: int, apart_m: float, apart_rad: float) -> None:
@@ -148,19 +216,18 @@ class StartFinder:
             kept = search.best(poses, scores, n, apart_m * self.size_m, apart_rad)
             poses, scores = poses[kept], scores[kept]
 
-        def slide() -> None:
-            nonlocal poses, scores
-            found = Poses.of(self._parallel(lambda i: fit.fit(poses.state(i)), list(range(len(poses)))))
-            poses, scores = search.better(poses, scores, found)
+        def drawn(some: Poses) -> Poses:
+            return Poses.of(self._parallel(lambda i: fit.fit(some.state(i)), list(range(len(some)))))
 
-        keep(config.hypotheses, 0.15, 0.4)
-        slide()
-        for n in (max(config.hypotheses // 3, 4), max(config.hypotheses // 6, 3)):
-            keep(n, 0.1, 0.4)
-            poses, scores = search.improve(poses, scores, Effort(24, 1, 0.04 * self.size_m, 0.25, 0.6, 0.4))
-            slide()
+        keep(config.hypotheses if thorough else config.hypotheses // 2, 0.15, 0.4)
+        poses, scores = search.better(poses, scores, drawn(poses))
+        for share in (4, 8) if thorough else (8,):
+            keep(max(config.hypotheses // share, config.keep), 0.1, 0.4)
+            poses, scores = search.best_of(poses, scores, drawn(search.varied(poses, _LIMB_SAMPLES, rng)))
+        poses, scores = search.shaken(poses, scores, _LIMB_SAMPLES, rng)
+        poses, scores = search.better(poses, scores, drawn(poses))
         keep(config.keep, 0.1, 0.6)
-        return poses, scores
+        return [Start(poses.state(i), float(scores[i]) / total) for i in range(len(poses))]
 
 
 def find_start(

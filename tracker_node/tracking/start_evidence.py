@@ -1,17 +1,26 @@
-"""What speaks for a body in the first images: differences from the empty scene, and colors."""
+"""What speaks for a body in the first images: differences from the empty scene or, where nobody has seen that, what moves; then
+the colors of what is found there.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import cv2
 import numpy as np
+from scipy import ndimage
 
 from ..camera.camera_rig import Camera
 from ..observation.appearance import ColorModel, SceneModel, body_log_odds
 
 _SIGMA = 6.0  # grey levels that a pixel of the small empty scene varies by
+_MOVED_SIGMA = 5.0  # the same between two images of one scene
 _SHADOW = 0.4
 _REACH = 3.0  # log-odds are not believed beyond
+_MOST_IMAGES = 9  # that are kept to see what moves
+_BINS = 16  # a channel
+_RARE = 2e-4  # density, of bins, of colors that have not been seen
+_MOVED = 1.0  # log-odds of a pixel that has changed, besides what its color says
 
 
 class StartEvidence:
@@ -29,20 +38,91 @@ class StartEvidence:
 
     def reset(self) -> None:
         """Forget all images."""
-        self._images: list[np.ndarray | None] = [None] * len(self._cameras)
-        self._colors = [ColorModel() for _ in self._cameras]
+        self._past: list[Sequence[np.ndarray | None]] = []
+        self._colors: list[np.ndarray | None] = [None] * len(self._cameras)
+        self.watched = 0
+
+    @property
+    def images(self) -> Sequence[np.ndarray | None]:
+        """The latest small images."""
+        return self._past[-1]
+
+    @property
+    def scene_known(self) -> bool:
+        """Whether every camera that has an image has a picture of the empty scene as well."""
+        return all(scene is not None or image is None for scene, image in zip(self._scenes, self.images, strict=True))
 
     def watch(self, images: Sequence[np.ndarray | None]) -> None:
-        """Take in the small images of a set."""
-        self._images = list(images)
+        """Take in the small images of a set. The past is kept in steps that become longer with time."""
+        self._past.append(list(images))
+        self.watched += 1
+        if len(self._past) > _MOST_IMAGES:
+            del self._past[1:-1:2]
+
+    def forget_colors(self) -> None:
+        """As before anything was learnt."""
+        self._colors = [None] * len(self._cameras)
 
     def maps(self) -> list[np.ndarray | None]:
-        """Log-odds (h, w) float32 of the latest images."""
+        """Log-odds (h, w) float32 of the latest images; None for a camera that has none, or nothing to hold it against."""
         result: list[np.ndarray | None] = []
-        for image, scene, colors in zip(self._images, self._scenes, self._colors, strict=True):
+        for i, (image, scene) in enumerate(zip(self.images, self._scenes, strict=True)):
             if image is None:
                 result.append(None)
+            elif scene is not None:
+                result.append(_against(image, scene))
             else:
-                whole = (0, 0, image.shape[1], image.shape[0])
-                result.append(body_log_odds(image, whole, scene, colors, _SHADOW, _REACH))
+                result.append(self._by_color(i, image))
         return result
+
+    def _by_color(self, i: int, image: np.ndarray) -> np.ndarray | None:
+        moved, ratios = self._moved(i, image), self._colors[i]
+        if ratios is None:
+            return moved
+        odds = cv2.blur(ratios[_bins(image)], (3, 3))
+        if moved is not None:
+            odds += _MOVED * (moved > 0.0)
+        return np.clip(odds, -_REACH, _REACH, dtype=np.float32)
+
+    def _moved(self, i: int, image: np.ndarray) -> np.ndarray | None:
+        """Log-odds that a pixel shows what it did not show in all of the past; a shadow does not count."""
+        past = [images[i] for images in self._past[:-1] if images[i] is not None]
+        if not past:
+            return None
+        smooth = cv2.GaussianBlur(image, (3, 3), 0.7)
+        odds = [_against(smooth, SceneModel.from_images([cv2.GaussianBlur(p, (3, 3), 0.7)], _MOVED_SIGMA)) for p in past]
+        return np.max(odds, axis=0)
+
+    def learn(self, inside: Sequence[np.ndarray | None], around: Sequence[np.ndarray | None]) -> None:
+        """Take colors from the latest images: those of the body, weighted by ``inside`` (h, w), and those near it, by ``around``.
+
+        The body looks much the same from all sides, what is behind it does not.
+        """
+        pooled, own = np.zeros(_BINS**3), {}
+        for i, (image, weights) in enumerate(zip(self.images, inside, strict=True)):
+            if image is not None and weights is not None and weights.sum() > 1.0:
+                own[i] = _density(image, weights)
+                pooled += own[i]
+        for i, body in own.items():
+            image, weights = self.images[i], around[i]
+            whole = _density(image, np.ones(image.shape[:2]))
+            near = _density(image, weights) if weights is not None and weights.sum() > 1.0 else whole
+            body = 0.6 * pooled / max(pooled.sum(), 1e-9) + 0.4 * body
+            ratio = np.log((body + _RARE) / (0.75 * near + 0.25 * whole + _RARE))
+            self._colors[i] = np.clip(ratio, -_REACH, _REACH).astype(np.float32)
+
+
+def _against(image: np.ndarray, scene: SceneModel) -> np.ndarray:
+    return body_log_odds(image, (0, 0, image.shape[1], image.shape[0]), scene, ColorModel(), _SHADOW, _REACH)
+
+
+def _bins(image: np.ndarray) -> np.ndarray:
+    b, g, r = (image[..., c].astype(np.int64) * _BINS // 256 for c in range(3))
+    return (b * _BINS + g) * _BINS + r
+
+
+def _density(image: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(bins^3,) smoothed share of each bin of colors."""
+    counts = np.bincount(_bins(image).ravel(), weights.ravel().astype(np.float64), _BINS**3)
+    smooth = ndimage.gaussian_filter(counts.reshape(_BINS, _BINS, _BINS), 0.7, mode="constant").ravel()
+    return smooth / max(float(smooth.sum()), 1e-9)

@@ -6,6 +6,8 @@ samples between its limits.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.stats import qmc
 
@@ -66,6 +68,17 @@ def limbs(chain: KinematicChain) -> list[np.ndarray]:
 
     follow(0, [])
     return [np.array(group, dtype=np.int64) for group in groups if group]
+
+
+def other_side(names: Sequence[str]) -> np.ndarray:
+    """Index of the axis of the other side for each axis, its own where a name begins with neither ``left_`` nor ``right_``."""
+    swapped = {"left_": "right_", "right_": "left_"}
+    result = np.arange(len(names))
+    for i, name in enumerate(names):
+        for side, other in swapped.items():
+            if name.startswith(side) and other + name.removeprefix(side) in names:
+                result[i] = list(names).index(other + name.removeprefix(side))
+    return result
 
 
 def reachable(chain: KinematicChain) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Generate and test: where in the maps of evidence a body is, and in which posture."""
+"""Generate and test: in which posture a body is in the maps of evidence, limb by limb."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from ..model.configuration import State
 from ..objective.evidence_score import EvidenceScore
-from .start_postures import limbs, reachable
+from .start_postures import limbs, other_side, reachable
+
+_SHAKE_RAD = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,40 +39,23 @@ class Poses:
         return cls(np.concatenate([p.roots for p in parts]), np.concatenate([p.joints for p in parts]))
 
 
-@dataclass(frozen=True)
-class Effort:
-    """One round of the search.
-
-    Attributes
-    ----------
-    samples : of each hypothesis, for each limb. sweeps : over all limbs.
-    position_m, angle_rad, joint_rad : spread of the samples about the hypothesis.
-    wild : share of a limb's samples that lie anywhere between its limits.
-    """
-
-    samples: int
-    sweeps: int
-    position_m: float
-    angle_rad: float
-    joint_rad: float
-    wild: float = 0.0
-
-
 class StartSearch:
     """Improves hypotheses limb by limb.
 
     Parameters
     ----------
     prior_weight : cost of a joint angle one ``sigma`` from neutral, in units of the score.
+    size_m : of the body.
     """
 
-    def __init__(self, score: EvidenceScore, prior_weight: float, seed: int):
-        self._score, self._prior_weight, self._seed = score, prior_weight, seed
+    def __init__(self, score: EvidenceScore, prior_weight: float, size_m: float):
+        self._score, self._prior_weight, self._shake_m = score, prior_weight, 0.04 * size_m
         chain = score.model.chain
         self._limbs = limbs(chain)
         self._low, self._high = reachable(chain)
         self._neutral = np.array([axis.neutral for axis in chain.axes])
         self._sigma = np.where([axis.stiffness > 1.0 for axis in chain.axes], 0.35, 1.0)
+        self._other_side = other_side([axis.name for axis in chain.axes])
 
     def scores(self, poses: Poses) -> np.ndarray:
         """(n,) evidence covered, less the prior's cost."""
@@ -91,38 +76,57 @@ class StartSearch:
                     break
         return np.array(chosen, dtype=np.int64)
 
+    def varied(self, poses: Poses, samples: int, rng: np.random.Generator) -> Poses:
+        """Variants of each hypothesis, those of one after those of the other.
+
+        There are as many as limbs, each with the best of ``samples`` settings of that limb from anywhere between its limits; and
+        one that faces the other way, left and right exchanged.
+        """
+        n, variants = len(poses), []
+        for limb in self._limbs:
+            joints = np.repeat(poses.joints, samples, axis=0)
+            joints[:, limb] = self._low[limb] + rng.random((n * samples, len(limb))) * (self._high - self._low)[limb]
+            tried = Poses(np.repeat(poses.roots, samples, axis=0), joints)
+            best = np.argmax(self.scores(tried).reshape(n, samples), axis=1)
+            variants.append(tried[np.arange(n) * samples + best])
+        variants.append(self._turned(poses))
+        joined = Poses.joined(variants)
+        return joined[np.arange(len(joined)).reshape(len(variants), n).T.ravel()]
+
+    def _turned(self, poses: Poses) -> Poses:
+        roots = poses.roots.copy()
+        roots[:, :3, :3] = np.diag([-1.0, -1.0, 1.0]) @ roots[:, :3, :3]
+        return Poses(roots, poses.joints[:, self._other_side])
+
+    def best_of(self, poses: Poses, scores: np.ndarray, variants: Poses) -> tuple[Poses, np.ndarray]:
+        """Each hypothesis, or the best of its ``variants`` (as many for each, one after the other)."""
+        n = len(poses)
+        found = self.scores(variants).reshape(n, -1)
+        winner = np.argmax(found, axis=1)
+        return self._better(poses, scores, variants[np.arange(n) * found.shape[1] + winner], found[np.arange(n), winner])
+
+    def shaken(self, poses: Poses, scores: np.ndarray, samples: int, rng: np.random.Generator) -> tuple[Poses, np.ndarray]:
+        """Each hypothesis after limb by limb, and the root, the best of ``samples`` small changes has been made."""
+        n = len(poses)
+        for limb in (None, *self._limbs):
+            roots, joints = np.repeat(poses.roots, samples, axis=0), np.repeat(poses.joints, samples, axis=0)
+            size = 0.25 + 0.75 * rng.random((n * samples, 1))  # some near, some far
+            if limb is None:
+                roots[:, :3, 3] += size * self._shake_m * rng.standard_normal((n * samples, 3))
+                turns = Rotation.from_rotvec(size * _SHAKE_RAD * rng.standard_normal((n * samples, 3))).as_matrix()
+                roots[:, :3, :3] = turns @ roots[:, :3, :3]
+            else:
+                moved = joints[:, limb] + 2.0 * _SHAKE_RAD * size * rng.standard_normal((n * samples, len(limb)))
+                joints[:, limb] = np.clip(moved, self._low[limb], self._high[limb])
+            poses, scores = self.best_of(poses, scores, Poses(roots, joints))
+        return poses, scores
+
     def better(self, poses: Poses, scores: np.ndarray, others: Poses) -> tuple[Poses, np.ndarray]:
         """Each of ``others`` that scores higher takes the place of its hypothesis."""
-        found = self.scores(others)
+        return self._better(poses, scores, others, self.scores(others))
+
+    @staticmethod
+    def _better(poses: Poses, scores: np.ndarray, others: Poses, found: np.ndarray) -> tuple[Poses, np.ndarray]:
         up = found > scores
         roots = np.where(up[:, None, None], others.roots, poses.roots)
         return Poses(roots, np.where(up[:, None], others.joints, poses.joints)), np.where(up, found, scores)
-
-    def improve(self, poses: Poses, scores: np.ndarray, effort: Effort) -> tuple[Poses, np.ndarray]:
-        """Each hypothesis after ``effort``, and its score."""
-        rng = np.random.default_rng(self._seed)
-        for _ in range(effort.sweeps):
-            for limb in (None, *self._limbs):
-                poses, scores = self._try(poses, scores, limb, effort, rng)
-        return poses, scores
-
-    def _try(self, poses: Poses, scores: np.ndarray, limb, effort: Effort, rng) -> tuple[Poses, np.ndarray]:
-        n, m = len(poses), effort.samples
-        roots, joints = np.repeat(poses.roots, m, axis=0), np.repeat(poses.joints, m, axis=0)
-        shrink = 0.25 + 0.75 * rng.random((n * m, 1))  # some near, some far
-        if limb is None:
-            roots[:, :3, 3] += shrink * effort.position_m * rng.standard_normal((n * m, 3))
-            turns = Rotation.from_rotvec(shrink * effort.angle_rad * rng.standard_normal((n * m, 3))).as_matrix()
-            roots[:, :3, :3] = turns @ roots[:, :3, :3]
-        else:
-            near = joints[:, limb] + shrink * effort.joint_rad * rng.standard_normal((n * m, len(limb)))
-            anywhere = self._low[limb] + rng.random((n * m, len(limb))) * (self._high - self._low)[limb]
-            wild = rng.random((n * m, 1)) < effort.wild
-            joints[:, limb] = np.clip(np.where(wild, anywhere, near), self._low[limb], self._high[limb])
-        tried = Poses(roots, joints)
-        found = self.scores(tried).reshape(n, m)
-        winner = np.argmax(found, axis=1)
-        rows, best = np.arange(n) * m + winner, found[np.arange(n), winner]
-        up = best > scores
-        roots = np.where(up[:, None, None], roots[rows], poses.roots)
-        return Poses(roots, np.where(up[:, None], joints[rows], poses.joints)), np.where(up, best, scores)
