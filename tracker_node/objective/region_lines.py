@@ -196,10 +196,10 @@ def draw_lines(bgr, colors, classes, shapes, Ts_shape, Ts_link, camera, rows, pi
         line[LINE_U], line[LINE_V], line[LINE_NU], line[LINE_NV] = pixel[U], pixel[V], pixel[NU], pixel[NV]
         own, beyond = classes[shape], info[j, BEYOND]
         reach = (2 * half + 2) * scale
-        width = max(1, np.int64(chord_px(shapes, shape, Ts_shape[shape], camera, row, pixel, -1.0, reach) / scale + 0.5))
+        width = max(1, int(chord_px(shapes, shape, Ts_shape[shape], camera, row, pixel, -1.0, reach) / scale + 0.5))
         if beyond == shape:  # another side of the same part
-            margin = np.int64(2.0 / scale + 0.5)
-            room = np.int64(chord_px(shapes, shape, Ts_shape[shape], camera, row, pixel, 1.0, reach) / scale)
+            margin = int(2.0 / scale + 0.5)
+            room = int(chord_px(shapes, shape, Ts_shape[shape], camera, row, pixel, 1.0, reach) / scale)
             line[MEAN], line[PRECISION], line[LOG_RATIO] = step_distribution(
                 bgr, pixel[U], pixel[V], pixel[NU], pixel[NV], scale,
                 min(width - margin, 2 * half), min(room - margin, 2 * half), sums,
