@@ -1,0 +1,117 @@
+"""What stands before a body, against rays through a box."""
+
+import numpy as np
+import pytest
+from camera_rigs import circle_rig
+
+from tracker_node.geometry import se3
+from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.configuration import Configuration, State
+from tracker_node.model.human import human_model
+from tracker_node.model.kinematic_chain import KinematicChain
+from tracker_node.model.primitives import Box
+from tracker_node.render.contour import N_COLUMNS, P, world_spheres
+from tracker_node.render.contour_samples import (
+    DEPTH,
+    N_INFO_COLUMNS,
+    N_PIXEL_COLUMNS,
+    NU,
+    U,
+    collect_samples,
+    most_samples,
+)
+from tracker_node.render.occluders import Occluders, drop_covered
+from tracker_node.render.raycaster import render_labels
+from tracker_node.render.shape_arrays import ShapeArrays
+
+RIG, HUMAN = circle_rig(), human_model()
+BODY = Configuration(HUMAN, State(se3.exp(np.array([0.0, 0.0, 0.95, 0.0, 0.0, 0.0])), State.neutral(HUMAN).joint_positions))
+SIZE, REACH_PX = np.array([0.5, 0.6, 0.9]), 3.0
+
+
+def screen(distance: float) -> tuple[ArticulatedModel, np.ndarray]:
+    """A box on the way from the first camera to the body, turned somehow."""
+    place = se3.exp(np.array([0.0, 0.0, 0.0, 0.1, -0.2, 0.5]))
+    place[:3, 3] = distance * RIG.cameras[0].center * [1.0, 1.0, 0.0] / np.linalg.norm(RIG.cameras[0].center[:2]) + [
+        0.0,
+        0.0,
+        0.6,
+    ]
+    return ArticulatedModel("screen", KinematicChain(("room",), ()), (Shape("box", "room", Box(tuple(SIZE)), place),)), place
+
+
+def entered(points: np.ndarray, center: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Share of the way from the camera to each point at which a line of sight enters the box; infinite where it does not."""
+    T = se3.inverse(place)
+    a, b = se3.apply(T, center), se3.apply(T, points)
+    with np.errstate(divide="ignore"):
+        ends = np.sort(np.stack([(-0.5 * SIZE - a) / (b - a), (0.5 * SIZE - a) / (b - a)]), axis=0)
+    first, last = ends[0].max(axis=1), ends[1].min(axis=1)
+    return np.where((first < last) & (last > 0.0), first, np.inf)
+
+
+def samples(camera):
+    arrays, n = ShapeArrays.from_model(HUMAN), most_samples(ShapeArrays.from_model(HUMAN).packed, 12)
+    rows, pixels, info = np.empty((n, N_COLUMNS)), np.empty((n, N_PIXEL_COLUMNS)), np.empty((n, N_INFO_COLUMNS), np.int32)
+    Ts, spheres = BODY.Ts_world_shape, np.empty((len(HUMAN.shapes), 4))
+    world_spheres(Ts, arrays.bounds, spheres)
+    T = camera.T_cam_world
+    place = camera.model.params, np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3]), camera.center
+    n = collect_samples(arrays.packed, Ts, spheres, place, 12, REACH_PX, rows, pixels, info)
+    return rows[:n], pixels[:n], info[:n]
+
+
+def test_samples_behind_a_box_are_dropped():
+    camera, (room, place) = RIG.cameras[0], screen(1.5)
+    rows, pixels, info = samples(camera)
+    points = rows[:, P : P + 3].copy()
+    # The samples themselves, and what lies a few pixels to either side of them at the same depth
+    hidden, unsure = np.zeros(len(points), dtype=bool), np.zeros(len(points), dtype=bool)
+    for reach in (-REACH_PX - 1.5, -REACH_PX, -REACH_PX + 1.5, -1.5, 0.0, 1.5, REACH_PX - 1.5, REACH_PX, REACH_PX + 1.5):
+        rays = camera.model.rays(pixels[:, U : U + 2] + reach * pixels[:, NU : NU + 2])[0]
+        aside = se3.apply(camera.T_world_cam, rays / rays[:, 2:] * pixels[:, DEPTH : DEPTH + 1])
+        covered = entered(aside, camera.center, place) < 1.0
+        if reach in (-REACH_PX, 0.0, REACH_PX):
+            hidden |= covered
+        unsure |= covered
+    unsure &= ~hidden
+    depth = Occluders(room, RIG).depths[0]
+    left = drop_covered(depth, rows, pixels, info, len(rows), REACH_PX)
+    kept = {tuple(p) for p in rows[:left, P : P + 3]}
+    found = np.array([tuple(p) not in kept for p in points])
+    assert 0.2 < hidden.mean() < 0.8
+    assert found[hidden].mean() > 0.97  # the rest lies within half a pixel of the border
+    assert not found[~hidden & ~unsure].any()
+
+
+def test_a_box_behind_the_body_hides_nothing():
+    camera, (room, _) = RIG.cameras[0], screen(-1.5)
+    rows, pixels, info = samples(camera)
+    occluders = Occluders(room, RIG)
+    assert np.isfinite(occluders.depths[0]).any()
+    assert drop_covered(occluders.depths[0], rows, pixels, info, len(rows), REACH_PX) == len(rows)
+    sight = occluders.look(0, BODY, camera, 10)
+    assert sight.veil is None
+    np.testing.assert_array_equal(sight.labels, render_labels(BODY, camera, 10)[1])
+
+
+def test_labels_end_where_the_box_begins():
+    camera, (room, place) = RIG.cameras[0], screen(1.5)
+    sight = Occluders(room, RIG).look(0, BODY, camera, 10)
+    region, labels = render_labels(BODY, camera, 10)
+    assert sight.region == region
+    v, u = np.nonzero(labels)
+    rays = camera.model.rays(np.stack([u + region[0], v + region[1]], axis=1).astype(float))[0]
+    # The box is nearer than the body wherever a line of sight meets it
+    hidden = np.isfinite(entered(se3.apply(camera.T_world_cam, rays), camera.center, place))
+    assert 0.2 < hidden.mean() < 0.8
+    np.testing.assert_array_equal(sight.labels[v, u] == 0, hidden)
+    np.testing.assert_array_equal(sight.labels[v, u][~hidden], labels[v, u][~hidden])
+    assert sight.veil[v, u][hidden].all()
+    assert sight.veil[v, u][~hidden].mean() < 0.2  # only along the border
+
+
+@pytest.mark.parametrize("room", [None, screen(-1.5)[0]])
+def test_a_body_out_of_sight_is_not_looked_at(room):
+    behind = State(se3.exp(np.append(3.0 * RIG.cameras[0].center, np.zeros(3))), BODY.state.joint_positions)
+    assert Occluders(room, RIG).look(0, Configuration(HUMAN, behind), RIG.cameras[0], 10) is None
