@@ -182,6 +182,8 @@ class StartConfig:
     min_cameras: int = parameter(
         2, "smallest number of cameras with an image to look for a start in; of a smaller rig, all", "", 1, 64
     )
+    enabled: bool = parameter(True, "look for the body; without, an initial state is waited for")
+    every: int = parameter(10, "image sets between two searches, as long as nothing is found", "", 0, 100000)
     watch: int = parameter(
         6, "image sets to watch what moves in, where there are no pictures of the empty scene", "", 2, 1000
     )

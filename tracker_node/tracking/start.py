@@ -58,6 +58,10 @@ class StartFinder:
     rig, model, config : cameras, body, parameters.
     plates : camera name -> BGR image (or list of images) of the empty scene, where there is one.
     parallel : maps a function over a list, on several threads.
+
+    Attributes
+    ----------
+    problem : why the last `find` has found nothing. watching : because it has not seen enough image sets yet.
     """
 
     def __init__(
@@ -81,6 +85,7 @@ class StartFinder:
                 small[camera.name] = [view.shrink(p) for p in (plate if isinstance(plate, list) else [plate])]
         self._evidence = StartEvidence(self._cameras, small)
         self.problem = ""
+        self.watching = False
 
     def reset(self) -> None:
         """Forget all images."""
@@ -100,12 +105,14 @@ class StartFinder:
         """
         self.watch(images)
         seen = [i for i, image in enumerate(images) if image is not None]
+        self.watching = False
         needed = min(self._config.min_cameras, len(self._cameras))
         if len(seen) < needed:
             self.problem = f"{len(seen)} of {len(self._cameras)} cameras have an image, {needed} are needed to find a start"
             return []
         evidence = self._evidence
         if not evidence.scene_known and evidence.watched < self._config.watch:
+            self.watching = True
             self.problem = f"watching what moves ({evidence.watched} of {self._config.watch} image sets)"
             return []
         evidence.forget_colors()
@@ -131,6 +138,7 @@ class StartFinder:
         if evidence.scene_known:
             return self._search(evidence.maps(), self._hypotheses(middles, around))
         found: list[Start] = []
+        colors = evidence.colors
         for middle in middles[:2]:
             if found and found[0].score > _SURE:
                 break
@@ -141,8 +149,19 @@ class StartFinder:
                 starts = self._search(evidence.maps(), beginning, last)
                 evidence.learn(*self._covered(starts[0].state))
                 beginning = Poses.joined([Poses.of([start.state for start in starts]), beginning])
-            found += starts
-        return sorted(found, key=lambda start: -start.score)[: self._config.keep]
+            if not found or starts[0].score > found[0].score:
+                colors = evidence.colors
+            found = sorted([*found, *starts], key=lambda start: -start.score)
+        evidence.colors = colors
+        return found[: self._config.keep]
+
+    def shares(self, states: Sequence[State]) -> np.ndarray:
+        """(n,) how much of the evidence of the latest `find` each state covers."""
+        poses, maps = Poses.of(list(states)), self._evidence.maps()
+        total = sum(float(m[m > 0.0].sum()) for m in maps if m is not None)
+        score = EvidenceScore(self._model, self._cameras, self._parallel)
+        score.set_maps(maps)
+        return score.scores(poses.roots, poses.joints) / max(total, 1e-9)
 
     def _places(self, maps: Sequence[np.ndarray | None], seen: Sequence[int]) -> np.ndarray:
         cameras = [self._cameras[i] for i in seen]

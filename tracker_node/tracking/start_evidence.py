@@ -29,6 +29,10 @@ class StartEvidence:
     Parameters
     ----------
     cameras : the small cameras. plates : camera name -> small images of the empty scene.
+
+    Attributes
+    ----------
+    colors : log-odds of every bin of colors for each camera, None where nothing has been learnt.
     """
 
     def __init__(self, cameras: Sequence[Camera], plates: Mapping[str, list[np.ndarray]]):
@@ -39,7 +43,7 @@ class StartEvidence:
     def reset(self) -> None:
         """Forget all images."""
         self._past: list[Sequence[np.ndarray | None]] = []
-        self._colors: list[np.ndarray | None] = [None] * len(self._cameras)
+        self.colors: list[np.ndarray | None] = [None] * len(self._cameras)
         self.watched = 0
 
     @property
@@ -61,7 +65,7 @@ class StartEvidence:
 
     def forget_colors(self) -> None:
         """As before anything was learnt."""
-        self._colors = [None] * len(self._cameras)
+        self.colors = [None] * len(self._cameras)
 
     def maps(self) -> list[np.ndarray | None]:
         """Log-odds (h, w) float32 of the latest images; None for a camera that has none, or nothing to hold it against."""
@@ -76,7 +80,7 @@ class StartEvidence:
         return result
 
     def _by_color(self, i: int, image: np.ndarray) -> np.ndarray | None:
-        moved, ratios = self._moved(i, image), self._colors[i]
+        moved, ratios = self._moved(i, image), self.colors[i]
         if ratios is None:
             return moved
         odds = cv2.blur(ratios[_bins(image)], (3, 3))
@@ -86,30 +90,32 @@ class StartEvidence:
 
     def _moved(self, i: int, image: np.ndarray) -> np.ndarray | None:
         """Log-odds that a pixel shows what it did not show in all of the past; a shadow does not count."""
-        past = [images[i] for images in self._past[:-1] if images[i] is not None]
+        past = [old for images in self._past[:-1] if (old := images[i]) is not None]
         if not past:
             return None
         smooth = cv2.GaussianBlur(image, (3, 3), 0.7)
         odds = [_against(smooth, SceneModel.from_images([cv2.GaussianBlur(p, (3, 3), 0.7)], _MOVED_SIGMA)) for p in past]
         return np.max(odds, axis=0)
 
-    def learn(self, inside: Sequence[np.ndarray | None], around: Sequence[np.ndarray | None]) -> None:
+    def learn(self, inside: Sequence[np.ndarray], around: Sequence[np.ndarray]) -> None:
         """Take colors from the latest images: those of the body, weighted by ``inside`` (h, w), and those near it, by ``around``.
 
         The body looks much the same from all sides, what is behind it does not.
         """
-        pooled, own = np.zeros(_BINS**3), {}
-        for i, (image, weights) in enumerate(zip(self.images, inside, strict=True)):
-            if image is not None and weights is not None and weights.sum() > 1.0:
-                own[i] = _density(image, weights)
-                pooled += own[i]
-        for i, body in own.items():
-            image, weights = self.images[i], around[i]
+        own = {
+            i: _density(image, weights)
+            for i, (image, weights) in enumerate(zip(self.images, inside, strict=True))
+            if image is not None and weights.sum() > 1.0
+        }
+        pooled = sum(own.values(), np.zeros(_BINS**3)) / max(len(own), 1)
+        self.colors = list(self.colors)
+        for i, image in enumerate(self.images):
+            if image is None or i not in own:
+                continue
             whole = _density(image, np.ones(image.shape[:2]))
-            near = _density(image, weights) if weights is not None and weights.sum() > 1.0 else whole
-            body = 0.6 * pooled / max(pooled.sum(), 1e-9) + 0.4 * body
-            ratio = np.log((body + _RARE) / (0.75 * near + 0.25 * whole + _RARE))
-            self._colors[i] = np.clip(ratio, -_REACH, _REACH).astype(np.float32)
+            near = _density(image, around[i]) if around[i].sum() > 1.0 else whole
+            ratio = np.log((0.6 * pooled + 0.4 * own[i] + _RARE) / (0.75 * near + 0.25 * whole + _RARE))
+            self.colors[i] = np.clip(ratio, -_REACH, _REACH).astype(np.float32)
 
 
 def _against(image: np.ndarray, scene: SceneModel) -> np.ndarray:

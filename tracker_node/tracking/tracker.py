@@ -24,6 +24,7 @@ from .estimate import Status, Timings, TrackEstimate
 from .motion_model import MotionModel, Passage, Prediction
 from .region_engine import RegionEngine
 from .self_check import SelfCheck, SelfCheckOptions
+from .starter import Starter
 from .workers import Workers
 
 
@@ -34,7 +35,8 @@ class Tracker:
     ----------
     rig, model, config : cameras, body, parameters.
     plates : camera name -> BGR image (or list of images) of the empty scene, where there is one.
-    initial_state : where the body is in the first image set; None: `set_state` must be called before.
+    initial_state : where the body is in the first image set; None: it is looked for in the images (`config.start`), unless
+        `set_state` is called before.
 
     Raises
     ------
@@ -54,6 +56,7 @@ class Tracker:
         self.config = config or TrackerConfig()
         self._initial_state = initial_state
         self._engine = _make_engine(rig, model, self.config, plates or {})
+        self._starter = Starter(rig, model, self.config.start, plates or {}, Workers(self.config.threads).map)
         self._check = SelfCheck(rig, model, _check_options(self.config))
         self._restart(initial_state)
 
@@ -66,6 +69,7 @@ class Tracker:
         """Back to the initial state, with nothing learnt."""
         self._engine.reset()
         self._check.reset()
+        self._starter.reset()
         self._restart(self._initial_state)
 
     def set_state(self, state: State) -> None:
@@ -81,6 +85,8 @@ class Tracker:
         began, engine = time.perf_counter(), self._engine
         images = self._images(image_set)
         prediction = self._motion.predict(image_set.stamp_ns)
+        if prediction is None and self._start is None and self.config.start.enabled:
+            self._start = self._starter.find(images, image_set, engine)
         first, predicted = prediction is None, self._expected(prediction)
         waiting = first and self._start is None
         start = engine.begin(images, predicted) if first and not waiting else predicted
@@ -90,7 +96,7 @@ class Tracker:
         result = engine.fit(start, first, prior)
         done = time.perf_counter()
         if waiting:
-            verdict, information = Verdict(Status.INITIALISING, "no initial state has been given"), None
+            verdict, information = Verdict(Status.INITIALISING, self._starter.problem), None
         else:
             verdict = engine.judge(result, image_set)
             if verdict.noise:  # stay where the body was last, whatever the optimizer has made of noise
