@@ -40,14 +40,15 @@ def main(arguments: list[str] | None = None) -> int:
         if args.motions is None:
             raise SourceError("bullet_motions", "name the folder of the captured clips with --motions or TRACKER_SHARED_DATA")
         config = configured(args.changes)
-        scene = ROOM_SCENE if args.room else LONG_SCENE
-        clip = recorded("long_run_room" if args.room else LONG_RUN, Request(motion=LONG_RUN, motions=args.motions, scene=scene,
-                        n_images=args.images or LONG_RUN_IMAGES), args.cache)  # fmt: skip
+        scene, name = (ROOM_SCENE, f"{LONG_RUN}_room") if args.room else (LONG_SCENE, LONG_RUN)
+        n = args.images or (QUICK_IMAGES if args.quick else LONG_RUN_IMAGES)
+        request = Request(motion=LONG_RUN, motions=args.motions, scene=scene, n_images=n)
+        clip = recorded(name if n == LONG_RUN_IMAGES else f"{name}-{n}", request, args.cache)
         if not args.scaled:
-            request = Request(motion=BODY_CLIP, motions=args.motions, scene=PERSON_SCENE)
+            request = replace(request, motion=BODY_CLIP, scene=PERSON_SCENE, n_images=None)
             clip = with_body(clip, fitted_body(recorded(f"mannequin_{BODY_CLIP}_4", request, args.cache), config, args.body))
         plates = load_plates(clip.rig) if args.room else {}
-        run = track(clip, config, clip.sets(limit=QUICK_IMAGES if args.quick else None), _progress, plates)
+        run = track(clip, config, clip.sets(), _progress, plates)
         figures = person_figures(judged(clip, run, LONG_RUN)) | time_figures(run, config, LONG_RUN) | _iterations(run)
     except TrackerError as error:
         print(f"contour_long_run: error: {error}", file=sys.stderr)

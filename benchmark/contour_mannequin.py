@@ -53,7 +53,7 @@ def main(arguments: list[str] | None = None) -> int:
         body = None
         if not args.scaled:
             body = fitted_body(recorded(f"mannequin_{BODY_CLIP}_4", request, args.cache), config, args.body, args.refit)
-        for name in args.only or CLIPS:
+        for name in args.only or (CLIPS[-1:] if args.quick else CLIPS):
             clip = recorded(f"mannequin_{name}_4", replace(request, motion=name), args.cache)
             if body is not None:
                 clip = with_body(clip, body)
