@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 
+import numba as nb
 import numpy as np
 import numpy.typing as npt
 
@@ -24,58 +25,85 @@ def hat(v: np.ndarray) -> np.ndarray:
 
 def exp(rotation_vector: npt.ArrayLike) -> np.ndarray:
     """Rotation matrix (3, 3) of a rotation vector (3,), Rodrigues' formula."""
-    w = np.asarray(rotation_vector, dtype=np.float64)
-    angle_sq = float(w @ w)
-    angle = np.sqrt(angle_sq)
-    if angle < _SMALL:
-        a, b = 1.0 - angle_sq / 6.0, 0.5 - angle_sq / 24.0
-    else:
-        a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle_sq
-    k = hat(w)
-    return np.eye(3) + a * k + b * (k @ k)
+    return _exp(np.ascontiguousarray(rotation_vector, dtype=np.float64))
 
 
 def log(rotation: np.ndarray) -> np.ndarray:
     """Rotation vector (3,) with angle in [0, pi] of a rotation matrix (3, 3)."""
-    r = np.asarray(rotation, dtype=np.float64)
-    v = 0.5 * np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])  # sin(angle) * axis
-    sine = float(np.linalg.norm(v))
-    cosine = 0.5 * (float(np.trace(r)) - 1.0)
-    angle = np.arctan2(sine, cosine)
+    return _log(np.ascontiguousarray(rotation, dtype=np.float64))
+
+
+def left_jacobian(rotation_vector: np.ndarray) -> np.ndarray:
+    """(3, 3) J with exp(w + d) = exp(J d + O(d^2)) exp(w)."""
+    return _left_jacobian(np.ascontiguousarray(rotation_vector, dtype=np.float64))
+
+
+def left_jacobian_inverse(rotation_vector: np.ndarray) -> np.ndarray:
+    """(3, 3) J with log(exp(d) exp(w)) = w + J d + O(d^2), for angles below 2 pi."""
+    return _left_jacobian_inverse(np.ascontiguousarray(rotation_vector, dtype=np.float64))
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _series(w, a, b):
+    """I + a [w]x + b [w]x [w]x."""
+    x, y, z = w[0], w[1], w[2]
+    m = np.empty((3, 3))
+    m[0, 0], m[1, 1], m[2, 2] = 1.0 - b * (y * y + z * z), 1.0 - b * (x * x + z * z), 1.0 - b * (x * x + y * y)
+    m[0, 1], m[1, 0] = b * x * y - a * z, b * x * y + a * z
+    m[0, 2], m[2, 0] = b * x * z + a * y, b * x * z - a * y
+    m[1, 2], m[2, 1] = b * y * z - a * x, b * y * z + a * x
+    return m
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _exp(w):
+    angle_sq = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
+    angle = math.sqrt(angle_sq)
+    if angle < _SMALL:
+        return _series(w, 1.0 - angle_sq / 6.0, 0.5 - angle_sq / 24.0)
+    return _series(w, math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle_sq)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _log(r):
+    v = np.empty(3)  # sin(angle) * axis
+    v[0], v[1], v[2] = 0.5 * (r[2, 1] - r[1, 2]), 0.5 * (r[0, 2] - r[2, 0]), 0.5 * (r[1, 0] - r[0, 1])
+    sine = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    cosine = 0.5 * (r[0, 0] + r[1, 1] + r[2, 2] - 1.0)
+    angle = math.atan2(sine, cosine)
     if sine > 1e-5:
         return v * (angle / sine)
     if cosine > 0.0:
         return v * (1.0 + angle * angle / 6.0)
     # Near pi: R + R^T - 2 cos I = 2 (1 - cos) axis axis^T; the largest column gives the axis.
-    outer = 0.5 * (r + r.T) - cosine * np.eye(3)
-    column = int(np.argmax(np.diag(outer)))
-    axis = outer[:, column] / np.linalg.norm(outer[:, column])
-    if axis @ v < 0.0:
-        axis = -axis
+    outer = 0.5 * (r + r.T)
+    column = 0
+    for i in range(3):
+        outer[i, i] -= cosine
+        if outer[i, i] > outer[column, column]:
+            column = i
+    axis = outer[:, column] / math.sqrt(outer[0, column] ** 2 + outer[1, column] ** 2 + outer[2, column] ** 2)
+    if axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2] < 0.0:
+        angle = -angle
     return angle * axis
 
 
-def left_jacobian(rotation_vector: np.ndarray) -> np.ndarray:
-    """(3, 3) J with exp(w + d) = exp(J d + O(d^2)) exp(w)."""
-    w = np.asarray(rotation_vector, dtype=np.float64)
-    angle_sq = float(w @ w)
-    angle = np.sqrt(angle_sq)
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _left_jacobian(w):
+    angle_sq = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
+    angle = math.sqrt(angle_sq)
     if angle < _SMALL:
-        b, c = 0.5 - angle_sq / 24.0, 1.0 / 6.0 - angle_sq / 120.0
-    else:
-        b, c = (1.0 - np.cos(angle)) / angle_sq, (angle - np.sin(angle)) / (angle_sq * angle)
-    k = hat(w)
-    return np.eye(3) + b * k + c * (k @ k)
+        return _series(w, 0.5 - angle_sq / 24.0, 1.0 / 6.0 - angle_sq / 120.0)
+    return _series(w, (1.0 - math.cos(angle)) / angle_sq, (angle - math.sin(angle)) / (angle_sq * angle))
 
 
-def left_jacobian_inverse(rotation_vector: np.ndarray) -> np.ndarray:
-    """(3, 3) J with log(exp(d) exp(w)) = w + J d + O(d^2), for angles below 2 pi."""
-    w = np.asarray(rotation_vector, dtype=np.float64)
-    angle_sq = float(w @ w)
-    angle = np.sqrt(angle_sq)
-    k = hat(w)
-    d = 1.0 / 12.0 + angle_sq / 720.0 if angle < _SMALL else (1.0 - 0.5 * angle / np.tan(0.5 * angle)) / angle_sq
-    return np.eye(3) - 0.5 * k + d * (k @ k)
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _left_jacobian_inverse(w):
+    angle_sq = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
+    angle = math.sqrt(angle_sq)
+    if angle < _SMALL:
+        return _series(w, -0.5, 1.0 / 12.0 + angle_sq / 720.0)
+    return _series(w, -0.5, (1.0 - 0.5 * angle / math.tan(0.5 * angle)) / angle_sq)
 
 
 def from_axis_angle(axis: np.ndarray, angle: float) -> np.ndarray:

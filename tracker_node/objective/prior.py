@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numba as nb
 import numpy as np
 
 from ..geometry import so3
@@ -27,18 +28,35 @@ class Prior:
     def add_to(self, H: np.ndarray, g: np.ndarray, state: State) -> float:
         """Add the pull at ``state`` to the normal equations; returns its cost."""
         offset = state.difference(self.mean)
-        J = so3.left_jacobian_inverse(offset[3:6])  # of the rotation's logarithm by a small turn of the state
-        if self.information.ndim == 1:
-            H[np.diag_indices_from(H)] += np.where(np.arange(g.size) // 3 == 1, 0.0, self.information)
-            H[3:6, 3:6] += J.T @ (self.information[3:6, None] * J)
-            pull = self.information * offset
+        # Of the rotation's logarithm by a small turn of the state
+        J = so3.left_jacobian_inverse(offset[3:6])
+        information = np.diag(self.information) if self.information.ndim == 1 else self.information
+        return _add(offset, J, information, H, g)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _add(offset, J, information, H, g):
+    """Add K^T information K to ``H`` and K^T information offset to ``g``, K the identity but for J at the root's turn; the cost."""
+    n, cost = offset.size, 0.0
+    half, pull = np.empty((n, n)), np.empty(n)  # information K
+    for i in range(n):
+        value = 0.0
+        for j in range(n):
+            half[i, j] = information[i, j]
+            value += information[i, j] * offset[j]
+        for j in range(3):
+            half[i, 3 + j] = (
+                information[i, 3] * J[0, j] + information[i, 4] * J[1, j] + information[i, 5] * J[2, j]
+            )  # fmt: skip
+        pull[i] = value
+        cost += offset[i] * value
+    for i in range(n):
+        if 3 <= i < 6:
+            for j in range(n):
+                H[i, j] += J[0, i - 3] * half[3, j] + J[1, i - 3] * half[4, j] + J[2, i - 3] * half[5, j]
+            g[i] += J[0, i - 3] * pull[3] + J[1, i - 3] * pull[4] + J[2, i - 3] * pull[5]
         else:
-            turned = self.information.copy()
-            turned[3:6] = J.T @ turned[3:6]
-            turned[:, 3:6] = turned[:, 3:6] @ J
-            H += turned
-            pull = self.information @ offset
-        cost = float(offset @ pull)
-        pull[3:6] = J.T @ pull[3:6]
-        g += pull
-        return cost
+            for j in range(n):
+                H[i, j] += half[i, j]
+            g[i] += pull[i]
+    return cost
