@@ -17,7 +17,7 @@ from ..objective.normal_equations import CameraEquations, NormalEquations
 from ..objective.prior import Prior
 from ..observation.image_set import ImageSet
 from ..optimize.result import OptimizerResult
-from .estimate import CameraReport, Status
+from .estimate import CameraReport, LimbReport, Status
 from .motion_model import Passage
 
 Images = Sequence[np.ndarray | None]
@@ -30,13 +30,16 @@ class Verdict:
 
     ``reason`` is empty when the status is TRACKING. ``noise``: what was fitted is not the body at all, and the predicted state is
     the better answer. ``jumped``: the body was found far from where it was expected, and how it got there says nothing of its
-    speed.
+    speed. ``limbs`` are judged one by one where the engine can; ``trust`` (n_dof,) then is the share of the information's square
+    root that is to be believed.
     """
 
     status: Status
     reason: str
     noise: bool = False
     jumped: bool = False
+    limbs: tuple[LimbReport, ...] = ()
+    trust: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)

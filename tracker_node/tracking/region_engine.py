@@ -22,11 +22,13 @@ from ..observation.image_set import ImageSet
 from ..observation.region_colors import RegionColors, color_classes, stated_densities
 from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 from ..optimize.result import OptimizerResult
-from ..render.raycaster import render_labels
+from ..render.occluders import Occluders
 from ..render.shape_arrays import ShapeArrays
 from .config import TrackerConfig
 from .engine import Images, Report, Verdict
-from .estimate import CameraReport, Status
+from .estimate import CameraReport
+from .limb_search import LimbSearch, Lines
+from .limb_status import LimbJudge, body_status, is_noise
 from .motion_model import Passage
 
 
@@ -37,14 +39,21 @@ class RegionEngine:
     ----------
     rig, model, config : as for the `Tracker`.
     parallel : maps a function over cameras.
+    occluders : what stands before the body; None: nothing does.
     """
 
     in_information_units = True
 
     def __init__(
-        self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, parallel: Callable[[Callable, list], list]
+        self,
+        rig: CameraRig,
+        model: ArticulatedModel,
+        config: TrackerConfig,
+        parallel: Callable[[Callable, list], list],
+        occluders: Occluders | None = None,
     ):
         self._rig, self._model, self._config, self._parallel = rig, model, config, parallel
+        self._occluders = occluders or Occluders(None, rig)
         region = config.region
         self._classes = color_classes(model)
         self._stated = stated_densities(model, self._classes)
@@ -60,11 +69,18 @@ class RegionEngine:
         self._scales = _numbers(region.scales)
         self._first_scales = _numbers(region.first_scales)
         self._constraints = [CollisionObjective(model, config.collision.sigma_m)] if config.collision.enabled else []
-        self._objective = RegionObjective(rig, model, ShapeArrays.from_model(model), self._classes, options, parallel)
+        self._objective = RegionObjective(
+            rig, model, ShapeArrays.from_model(model), self._classes, options, parallel, self._occluders.depths
+        )
+        self._limbs = LimbJudge(model, config.status)
+        self._search = LimbSearch(model, self._limbs, config.status, config.region.close_px)
         self.reset()
 
     def reset(self) -> None:
         """Nothing is known but the colors that the model states."""
+        self._limbs.reset()
+        self._search.reset()
+        self._found = False
         self._colors = [RegionColors(self._classes, self._stated, self._config.region.color_prior) for _ in self._rig]
         self._count = 0
         self._passage: Passage | None = None
@@ -72,6 +88,7 @@ class RegionEngine:
 
     def begin(self, images: Images, start: State) -> State:
         """Learn colors, fit, and learn again: the first pose given is rarely exact."""
+        self._limbs.restart()
         self._passage, guard = None, self._config.region.guard_px
         for guard_px in (4 * guard, 2 * guard, guard):
             self._colors = [RegionColors(self._classes, self._stated, self._config.region.color_prior) for _ in self._rig]
@@ -98,28 +115,40 @@ class RegionEngine:
         options = LevenbergMarquardtOptions(max_iterations=self._config.region.updates, tolerance=1e-3)
         result: OptimizerResult | None = None
         for scale in self._first_scales if first else self._scales:
-            self._objective.correspond(state, scale, None if self._passage is None else self._passage.offsets(state))
+            self._correspond(state, scale)
             result = minimize(whole, state, self._model.chain, options)
             state, iterations = result.state, iterations + result.iterations
             evaluations += result.evaluations
         assert result is not None
+        found = None if first else self._found_limbs(state, start)
+        if found is not None:
+            self._correspond(found, self._scales[-1])
+            result = replace(result, state=found, equations=whole.linearize(found))
+        self._found = found is not None
         return replace(result, iterations=iterations, evaluations=evaluations)
 
+    def _found_limbs(self, state: State, predicted: State) -> State | None:
+        """``state`` with limbs that were lost found again, or None. A lost body is not searched limb by limb."""
+        lost = self._limbs.lost
+        if not lost or 0 in lost:
+            return None
+        whole = SumObjective([self._objective, *self._constraints], priors=self._priors(predicted, None)[1:])
+        lines = Lines(self._correspond, whole, self._objective.part_evidence)
+        return self._search.recover(lost, state, predicted, lines)
+
+    def _correspond(self, state: State, scale: float) -> None:
+        self._objective.correspond(state, scale, None if self._passage is None else self._passage.offsets(state))
+
     def judge(self, result: OptimizerResult, image_set: ImageSet) -> Verdict:
-        """By the share of the outline that is borne out, in the middle camera."""
-        active = self._objective.active
-        if not active:
-            return Verdict(Status.LOST, "no camera sees the body where it is expected", noise=True)
+        """Limb by limb."""
+        if not self._objective.active:
+            limbs = self._limbs.nothing_seen()
+            return Verdict(*body_status(limbs), noise=True, limbs=limbs)
         self._evidence = evidence = self._objective.part_evidence(result.state, self._config.region.close_px)
-        shares = evidence.close.sum(axis=1)[active] / np.maximum(evidence.expected.sum(axis=1)[active], 1.0)
-        middle = float(np.sort(shares)[len(shares) // 2])
-        status = self._config.status
-        figures = f"{100 * middle:.0f} % of the outline are borne out"
-        if middle < status.lost_agreement:
-            return Verdict(Status.LOST, figures)
-        if middle < status.degraded_agreement:
-            return Verdict(Status.DEGRADED, figures)
-        return Verdict(Status.TRACKING, "")
+        limbs = self._limbs.update(evidence, result.state)
+        self._search.remember(result.state, limbs)
+        trust = self._limbs.trust(limbs)
+        return Verdict(*body_status(limbs), noise=is_noise(evidence), jumped=self._found, limbs=limbs, trust=trust)
 
     def linearize(self, state: State) -> NormalEquations:
         """Of the lines last drawn."""
@@ -157,9 +186,10 @@ class RegionEngine:
         bodies, around = bodies_seen(self._model, state, offsets), self._config.region.around_px
 
         def learn(i: int) -> None:
-            found = render_labels(bodies[i], self._rig.cameras[i], around)
-            if found is not None:
-                self._colors[i].learn(images[i], *found, rate, guard_px, around)
+            found = self._occluders.look(i, bodies[i], self._rig.cameras[i], around)
+            image = images[i]
+            if found is not None and image is not None:
+                self._colors[i].learn(image, found.region, found.labels, rate, guard_px, around)
 
         self._parallel(learn, [i for i, image in enumerate(images) if image is not None])
 

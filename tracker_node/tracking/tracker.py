@@ -16,6 +16,7 @@ from ..objective.prior import Prior
 from ..observation.image_set import ImageSet
 from ..optimize.levenberg_marquardt import clip_to_limits
 from ..optimize.result import OptimizerResult
+from ..render.occluders import Occluders
 from .camera_fault import CameraFault
 from .config import TrackerConfig
 from .contour_engine import ContourEngine
@@ -37,6 +38,7 @@ class Tracker:
     plates : camera name -> BGR image (or list of images) of the empty scene, where there is one.
     initial_state : where the body is in the first image set; None: it is looked for in the images (`config.start`), unless
         `set_state` is called before.
+    occluders : fixed things that may hide the body from a camera (root at the world's origin, joints neutral); contours only.
 
     Raises
     ------
@@ -51,11 +53,12 @@ class Tracker:
         config: TrackerConfig | None = None,
         plates: Mapping[str, np.ndarray | list] | None = None,
         initial_state: State | None = None,
+        occluders: ArticulatedModel | None = None,
     ):
         self.rig, self.model = rig, model
         self.config = config or TrackerConfig()
         self._initial_state = initial_state
-        self._engine = _make_engine(rig, model, self.config, plates or {})
+        self._engine = _make_engine(rig, model, self.config, plates or {}, Occluders(occluders, rig))
         self._starter = Starter(rig, model, self.config.start, plates or {}, Workers(self.config.threads).map)
         self._check = SelfCheck(rig, model, _check_options(self.config))
         self._restart(initial_state)
@@ -122,6 +125,7 @@ class Tracker:
             velocity_covariance=self._motion.velocity_covariance,
             information=information,
             faults=faults,
+            limbs=verdict.limbs,
         )
 
     def _compare_cameras(self, stamp_ns: int, result: OptimizerResult, verdict: Verdict) -> tuple[CameraFault, ...]:
@@ -166,7 +170,8 @@ class Tracker:
         H, g = np.zeros_like(result.equations.H), np.zeros_like(result.equations.g)
         if prior is not None:
             prior.add_to(H, g, result.state)
-        return result.equations.H - H
+        information = result.equations.H - H
+        return information if verdict.trust is None else verdict.trust[:, None] * information * verdict.trust
 
     def _accept(self, stamp_ns: int, state: State, information: np.ndarray | None, images, verdict: Verdict) -> None:
         self._start = state
@@ -186,13 +191,15 @@ def _check_options(config: TrackerConfig) -> SelfCheckOptions:
     return SelfCheckOptions(check.window_s, np.radians(check.angle_deg), delay_s, check.sigmas)
 
 
-def _make_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, plates: Mapping) -> Engine:
+def _make_engine(
+    rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, plates: Mapping, occluders: Occluders
+) -> Engine:
     """Compiled code of engines that are not used is not loaded."""
     parallel = Workers(config.threads).map
     if config.engine == "contour" and config.evidence.kind == "chamfer":
-        return ContourEngine(rig, model, config, plates, parallel)
+        return ContourEngine(rig, model, config, plates, parallel, occluders)
     if config.engine == "contour":
-        return RegionEngine(rig, model, config, parallel)
+        return RegionEngine(rig, model, config, parallel, occluders)
     if config.color.representation == "affine":
         from .texture_engine import TextureEngine
 
@@ -209,4 +216,4 @@ def _make_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig,
         return colors
     from .color_then_contour import ColorThenContourEngine
 
-    return ColorThenContourEngine(colors, ContourEngine(rig, model, config, plates, parallel))
+    return ColorThenContourEngine(colors, ContourEngine(rig, model, config, plates, parallel, occluders))
