@@ -16,6 +16,7 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument("rig", description="rig.yaml with cameras and their sources"),
         DeclareLaunchArgument("model", description="model.yaml: the body"),
         DeclareLaunchArgument("initial_state", description="state.yaml: where the body is at first"),
+        DeclareLaunchArgument("occluders", default_value="", description="model of fixed things that may hide the body"),
         DeclareLaunchArgument("bag", description="folder of the bag; must not exist"),
     ]
     # It starts and ends its three processes in the right order, which separate launch actions could not.
@@ -29,6 +30,8 @@ def generate_launch_description() -> LaunchDescription:
             LaunchConfiguration("model"),
             "--initial-state",
             LaunchConfiguration("initial_state"),
+            "--occluders",
+            LaunchConfiguration("occluders"),
             "--bag",
             LaunchConfiguration("bag"),
         ],

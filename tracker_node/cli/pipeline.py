@@ -73,12 +73,14 @@ def _check_files(rig, args: argparse.Namespace) -> None:
         load_config(args.config)
     if args.initial_state:
         load_state(args.initial_state, model)
+    if args.occluders:
+        load_model(args.occluders)
     load_plates(rig)
 
 
 def _body_options(args: argparse.Namespace, cameras: list[str]) -> list[str]:
     result = ["--rig", args.rig, "--model", args.model, "--cameras", *cameras]
-    for name in ("config", "initial_state"):
+    for name in ("config", "initial_state", "occluders"):
         if getattr(args, name):
             result += [f"--{name.replace('_', '-')}", getattr(args, name)]
     if args.resize:

@@ -20,11 +20,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--rig", type=Path, required=True, metavar="FILE", help="rig.yaml: cameras, and the videos or folders they read"
     )
-    parser.add_argument("--model", type=Path, required=True, metavar="FILE", help="model.yaml: the body to track")
+    parser.add_argument("--model", type=Path, required=True, metavar="FILE", help="model.yaml or URDF: the body to track")
     parser.add_argument(
         "--config", type=Path, metavar="FILE", help="tracker parameters, the same file as for the node (default: built in)"
     )
     parser.add_argument("--initial-state", type=Path, metavar="FILE", help="state.yaml: where the body is in the first images")
+    parser.add_argument(
+        "--occluders",
+        type=Path,
+        metavar="FILE",
+        help="model.yaml or URDF: fixed things that may hide the body, in the world's frame",
+    )
     parser.add_argument(
         "--output", type=Path, required=True, metavar="FOLDER", help="folder for bag, states.csv, joints.csv, poses.csv, run.json"
     )
@@ -69,6 +75,7 @@ def run(args: argparse.Namespace) -> int:
             model=model,
             config=load_config(args.config) if args.config else TrackerConfig(),
             initial_state=load_state(args.initial_state, model) if args.initial_state else None,
+            occluders=load_model(args.occluders) if args.occluders else None,
             bag=args.from_run_bag or args.bag,
             from_run=args.from_run_bag is not None,
             source_options=_source_options(args),

@@ -13,7 +13,12 @@ OUTPUTS = ("state", "pose", "joint_states", "mask", "overlay", "target_through_m
 def add_body_arguments(parser: argparse.ArgumentParser) -> None:
     """What is tracked, from where, and how; shared with ``pipeline``."""
     parser.add_argument("--rig", required=True, metavar="FILE", help="rig.yaml: places and lenses of the cameras")
-    parser.add_argument("--model", required=True, metavar="FILE", help="model.yaml: the body to track")
+    parser.add_argument("--model", required=True, metavar="FILE", help="model.yaml or URDF: the body to track")
+    parser.add_argument(
+        "--occluders",
+        metavar="FILE",
+        help="model.yaml or URDF: fixed things that may hide the body, in the world's frame",
+    )
     parser.add_argument("--config", metavar="FILE", help="tracker parameters (default: built in)")
     parser.add_argument("--initial-state", metavar="FILE", help="state.yaml: where the body is in the first images")
 
@@ -65,6 +70,7 @@ def run(args: argparse.Namespace) -> int:
         model=model,
         config=load_config(args.config) if args.config else TrackerConfig(),
         initial_state=load_state(args.initial_state, model) if args.initial_state else None,
+        occluders=load_model(args.occluders) if args.occluders else None,
         inbox=InboxOptions(lossless=args.lossless, compressed=args.compressed),
         calibration_from_topics=args.calibration == "camera_info",
     )

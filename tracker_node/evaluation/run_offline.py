@@ -39,7 +39,7 @@ class OfflineRun:
 
     Parameters
     ----------
-    rig, model, config, initial_state : as for `tracking.tracker.Tracker`.
+    rig, model, config, initial_state, occluders : as for `tracking.tracker.Tracker`.
     bag : take the images from this bag instead of the rig's sources.
     from_run : use exactly the image sets that the states in ``bag`` were made from; their images come from the bag, or from
         the rig's sources if the bag holds none.
@@ -54,6 +54,7 @@ class OfflineRun:
     model: ArticulatedModel
     config: TrackerConfig = field(default_factory=TrackerConfig)
     initial_state: State | None = None
+    occluders: ArticulatedModel | None = None
     bag: Path | None = None
     from_run: bool = False
     source_options: SourceOptions = field(default_factory=SourceOptions)
@@ -79,7 +80,7 @@ def run_offline(run: OfflineRun, output: str | Path, progress: Progress | None =
         rig = run.rig if reader is None else rig_of_bag(run.rig, reader)
         stream = _stream_of(run, rig, reader)
         plates = resized_plates(load_plates(run.rig), rig)
-        tracker = Tracker(rig, run.model, run.config, plates, run.initial_state)
+        tracker = Tracker(rig, run.model, run.config, plates, run.initial_state, run.occluders)
         if run.smooth_s is not None and not tracker.in_information_units:
             raise TrackerError(f"to smooth takes an engine that says how sure it is ('contour'), got '{run.config.engine}'")
         writer = stack.enter_context(RunWriter(output, rig, run.model, masks=run.masks, through_masks=run.through_masks))

@@ -41,7 +41,8 @@ class TrackerOptions:
 
     Parameters
     ----------
-    rig, model, config, initial_state : as for `tracking.tracker.Tracker`; parameters given to the node win over ``config``.
+    rig, model, config, initial_state, occluders : as for `tracking.tracker.Tracker`; parameters given to the node win over
+        ``config``.
     inbox : how images are received; ``inbox.lossless`` also makes every image set be tracked, in order.
     calibration_from_topics : lenses come from ``<cam>/camera_info`` instead of the rig, which gives the places only.
     make_tracker : what tracks; by default the `Tracker`.
@@ -51,6 +52,7 @@ class TrackerOptions:
     model: ArticulatedModel
     config: TrackerConfig = field(default_factory=TrackerConfig)
     initial_state: State | None = None
+    occluders: ArticulatedModel | None = None
     inbox: InboxOptions = field(default_factory=InboxOptions)
     calibration_from_topics: bool = False
     make_tracker: Callable[[CameraRig, ArticulatedModel, TrackerConfig, State | None], Steppable] | None = None
@@ -159,7 +161,7 @@ class TrackerNode(Node):
             plate, size = plates.get(camera.name), (camera.model.width, camera.model.height)
             if plate is not None and plate.shape[1::-1] != size:  # the images are published resampled
                 plates[camera.name] = cv2.resize(plate, size, interpolation=cv2.INTER_AREA)
-        return Tracker(rig, self._options.model, config, plates, state)
+        return Tracker(rig, self._options.model, config, plates, state, self._options.occluders)
 
     # Results
 
