@@ -36,7 +36,7 @@ class Prior:
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _add(offset, J, information, H, g):
-    """Add K^T information K to ``H`` and K^T information offset to ``g``, K the identity but for J at the root's turn; the cost."""
+    """Add K^T information K to ``H``, K^T information offset to ``g``, K the identity but for J at the root's turn; the cost."""
     n, cost = offset.size, 0.0
     half, pull = np.empty((n, n)), np.empty(n)  # information K
     for i in range(n):
