@@ -52,7 +52,7 @@ class ShapeArrays:
             elif isinstance(primitive, Ellipsoid):
                 kinds[i] = ELLIPSOID
                 dims[i, :3] = primitive.radii
-            bounds[i] = _bounding_sphere(primitive)
+            bounds[i] = bounding_sphere(primitive)
         return cls(kinds, dims, model.shape_links, bounds, _surfaces([shape.primitive for shape in model.shapes], caps))
 
 
@@ -79,7 +79,8 @@ def _surfaces(primitives: list[Primitive], caps: bool) -> tuple[np.ndarray, np.n
     return ranges, np.vstack(edges), np.vstack(nodes), np.vstack(triangles)
 
 
-def _bounding_sphere(primitive: Primitive) -> np.ndarray:
+def bounding_sphere(primitive: Primitive) -> np.ndarray:
+    """(4,) center in the frame of the shape, and radius, metres."""
     if isinstance(primitive, TruncatedCone):
         middle = 0.5 * (primitive.z1 + primitive.z2)
         scale = max(1 + primitive.k * primitive.z1, 1 + primitive.k * primitive.z2)
