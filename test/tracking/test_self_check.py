@@ -11,7 +11,7 @@ from tracker_node.camera.camera_model import CameraModel
 from tracker_node.camera.camera_rig import Camera, CameraRig
 from tracker_node.geometry import se3, so3
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.objective.normal_equations import CameraEquations, NormalEquations
+from tracker_node.objective.normal_equations import CameraEquations, Comparison, NormalEquations
 from tracker_node.tracking.camera_fault import DELAYED, TURNED, CameraFault
 from tracker_node.tracking.self_check import SelfCheck
 
@@ -80,7 +80,7 @@ class World:
                 g += np.einsum("lda,la->d", A, gradient)
             if not last:
                 state = state.retract(-np.linalg.solve(H, g))
-        return check.add(BEGIN_NS + round(1e9 * t), state, NormalEquations(H, g, 0.0, 1), cameras)
+        return check.add(BEGIN_NS + round(1e9 * t), Comparison(state, NormalEquations(H, g, 0.0, 1), cameras))
 
     @staticmethod
     def _pixel_D_point(camera: Camera, points: np.ndarray) -> np.ndarray:
@@ -176,7 +176,8 @@ def test_a_body_that_stands_still_says_nothing_of_delays():
     rng = np.random.default_rng(5)
     for k in range(90):
         cameras = [CameraEquations(np.tile(np.eye(6), (3, 1, 1)), rng.normal(size=(3, 6))) for _ in range(4)]
-        assert not check.add(BEGIN_NS + round(1e9 * k / RATE_HZ), still, NormalEquations(np.eye(n), np.zeros(n), 0.0, 1), cameras)
+        fit = Comparison(still, NormalEquations(np.eye(n), np.zeros(n), 0.0, 1), cameras)
+        assert not check.add(BEGIN_NS + round(1e9 * k / RATE_HZ), fit)
 
 
 def test_what_comes_after_a_reset_is_looked_at_afresh():

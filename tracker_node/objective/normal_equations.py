@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -33,12 +34,24 @@ class NormalEquations:
 class CameraEquations:
     """What one camera says of how each link should move.
 
-    ``normal`` (n_links, 6, 6) and ``gradient`` (n_links, 6) are W^T W and W^T r of residuals r divided by their standard deviations,
-    W their derivatives by the link's spatial twist (v, omega) at the world origin.
+    ``normal`` (n_links, 6, 6) and ``gradient`` (n_links, 6) are W^T W and W^T r of residuals r divided by their standard
+    deviations, W their derivatives by the link's spatial twist (v, omega) at the world origin.
     """
 
     normal: np.ndarray
     gradient: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A fit of one image set with what each camera of the rig has said of it, None for one that has no part in it.
+
+    ``equations`` are those of ``state``, priors included; all in units of information.
+    """
+
+    state: State
+    equations: NormalEquations
+    cameras: Sequence[CameraEquations | None]
 
 
 class LeastSquaresObjective(Protocol):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective.color_score import ColorObjective, ColorOptions
-from ..objective.normal_equations import CameraEquations, NormalEquations
+from ..objective.normal_equations import Comparison, NormalEquations
 from ..objective.prior import Prior
 from ..objective.surface_photometry import PhotometryOptions, SurfacePhotometry
 from ..observation.image_set import ImageSet
@@ -154,9 +154,9 @@ class ColorEngine:
         self._agreement = self._agreement_at(state)
         return Pulled(self._photometry.at_level(0), self._priors).linearize(state)
 
-    def camera_equations(self) -> Sequence[CameraEquations | None]:
+    def comparison(self) -> Comparison | None:
         """Cameras are not compared: the units are grey levels."""
-        return ()
+        return None
 
     def report(self, result: OptimizerResult, image_set: ImageSet) -> Report:
         """Residuals are in grey levels, where those of contours are in pixels; samples are pixels of the mask.

@@ -1,12 +1,10 @@
 """Two engines in one step: colors say where the body is, contours from there on how exactly."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 from dataclasses import replace
 
 from ..model.configuration import State
-from ..objective.normal_equations import CameraEquations, NormalEquations
+from ..objective.normal_equations import Comparison, NormalEquations
 from ..objective.prior import Prior
 from ..observation.image_set import ImageSet
 from ..optimize.result import OptimizerResult
@@ -67,9 +65,9 @@ class ColorThenContourEngine:
         """Of the contours."""
         return self._contours.linearize(state)
 
-    def camera_equations(self) -> Sequence[CameraEquations | None]:
+    def comparison(self) -> Comparison | None:
         """Of the contours."""
-        return self._contours.camera_equations()
+        return self._contours.comparison()
 
     def report(self, result: OptimizerResult, image_set: ImageSet) -> Report:
         """Of the contours."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective.collision import CollisionObjective
 from ..objective.contour_objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
 from ..objective.moved_configuration import bodies_seen
-from ..objective.normal_equations import CameraEquations, NormalEquations
+from ..objective.normal_equations import Comparison, NormalEquations
 from ..objective.prior import Prior
 from ..objective.sum_objective import SumObjective
 from ..observation.image_set import ImageSet
@@ -83,6 +83,7 @@ class ContourEngine:
         ]
         self._observations: list[Observation | None] = [None] * len(self._rig)
         self._passage: Passage | None = None
+        self._comparison: Comparison | None = None
         self._count = 0
 
     def begin(self, images: Images, start: State) -> State:
@@ -110,9 +111,11 @@ class ContourEngine:
         coarse: OptimizerResult | None = None
         if n_coarse > 0:
             coarse = self._minimize(objective, start, n_coarse)
+            self._comparison = Comparison(coarse.state, coarse.equations, objective.camera_equations())
             objective.restart(self._fine, self._offsets(coarse.state))
         fine = self._minimize(objective, start if coarse is None else coarse.state, total - n_coarse)
         if coarse is None:
+            self._comparison = Comparison(fine.state, fine.equations, objective.camera_equations())
             return fine
         return replace(fine, iterations=fine.iterations + coarse.iterations, evaluations=fine.evaluations + coarse.evaluations)
 
@@ -127,9 +130,9 @@ class ContourEngine:
         """Of the contour residuals."""
         return self._objective.linearize(state)
 
-    def camera_equations(self) -> Sequence[CameraEquations | None]:
-        """Of the last linearization."""
-        return self._objective.camera_equations()
+    def comparison(self) -> Comparison | None:
+        """Of the coarse stage: on finer ones, what a camera alone sees elsewhere is out of reach."""
+        return self._comparison
 
     def report(self, result: OptimizerResult, image_set: ImageSet) -> Report:
         """Distances of contour samples."""

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from ..model.configuration import State
-from ..objective.normal_equations import CameraEquations, NormalEquations
+from ..objective.normal_equations import Comparison, NormalEquations
 from ..objective.prior import Prior
 from ..observation.image_set import ImageSet
 from ..optimize.result import OptimizerResult
@@ -89,11 +89,8 @@ class Engine(Protocol):
         """Normal equations of the observed images at another state; `report` then is about that one."""
         ...
 
-    def camera_equations(self) -> Sequence[CameraEquations | None]:
-        """What each camera of the rig has said in the last linearization, in units of information.
-
-        None for a camera that has no part in it; empty where the engine has other units.
-        """
+    def comparison(self) -> Comparison | None:
+        """What each camera has said of the last fit while it still looked far; None where the engine has units of its own."""
         ...
 
     def report(self, result: OptimizerResult, image_set: ImageSet) -> Report:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective import region_lines as kernel
 from ..objective.collision import CollisionObjective
 from ..objective.moved_configuration import bodies_seen
-from ..objective.normal_equations import CameraEquations, NormalEquations
+from ..objective.normal_equations import Comparison, NormalEquations
 from ..objective.prior import Prior
 from ..objective.region_objective import PartEvidence, RegionObjective, RegionOptions, View
 from ..objective.sum_objective import SumObjective
@@ -83,6 +83,7 @@ class RegionEngine:
         self._found = False
         self._colors = [RegionColors(self._classes, self._stated, self._config.region.color_prior) for _ in self._rig]
         self._count = 0
+        self._comparison: Comparison | None = None
         self._passage: Passage | None = None
         self._evidence: PartEvidence | None = None
 
@@ -116,7 +117,9 @@ class RegionEngine:
         result: OptimizerResult | None = None
         for scale in self._first_scales if first else self._scales:
             self._correspond(state, scale)
-            result = minimize(whole, state, self._model.chain, options)
+            coarsest, result = result is None, minimize(whole, state, self._model.chain, options)
+            if coarsest:
+                self._comparison = Comparison(result.state, result.equations, self._objective.camera_equations())
             state, iterations = result.state, iterations + result.iterations
             evaluations += result.evaluations
         assert result is not None
@@ -154,9 +157,9 @@ class RegionEngine:
         """Of the lines last drawn."""
         return self._objective.linearize(state)
 
-    def camera_equations(self) -> Sequence[CameraEquations | None]:
-        """Of the last linearization."""
-        return self._objective.camera_equations()
+    def comparison(self) -> Comparison | None:
+        """Of the coarse stage: on finer ones, what a camera alone sees elsewhere is out of reach."""
+        return self._comparison
 
     def report(self, result: OptimizerResult, image_set: ImageSet) -> Report:
         """Residuals of the lines."""

@@ -14,7 +14,6 @@ up over image sets.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +22,7 @@ from ..camera.camera_rig import CameraRig
 from ..geometry import so3
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..objective.normal_equations import CameraEquations, NormalEquations
+from ..objective.normal_equations import Comparison
 from .camera_fault import DELAYED, TURNED, CameraFault
 
 _N = 4  # parameters of a camera's fault: rotation (3), delay
@@ -58,9 +57,7 @@ class _Pending:
     """A set whose body's velocity is known once the next one is there."""
 
     stamp_ns: int
-    state: State
-    equations: NormalEquations
-    cameras: Sequence[CameraEquations | None]
+    fit: Comparison
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,36 +102,29 @@ class SelfCheck:
         """A set that is not believed: no velocity is taken across it."""
         self._pending = self._before = None
 
-    def add(
-        self, stamp_ns: int, state: State, equations: NormalEquations, cameras: Sequence[CameraEquations | None]
-    ) -> tuple[CameraFault, ...]:
-        """Take in the fit of one image set; returns `faults`.
-
-        ``equations`` are those of the state, priors included, in the units of ``cameras``: one per camera of the rig, None where
-        it has no part.
-        """
+    def add(self, stamp_ns: int, fit: Comparison) -> tuple[CameraFault, ...]:
+        """Take in the fit of one image set; returns `faults`."""
         pending, before = self._pending, self._before
         if pending is not None and before is not None and before[0] < pending.stamp_ns < stamp_ns:
-            velocity = state.difference(before[1]) / (1e-9 * (stamp_ns - before[0]))
-            self._add_to_block(pending, velocity)
-        self._before = None if pending is None else (pending.stamp_ns, pending.state)
-        self._pending = _Pending(stamp_ns, state, equations, tuple(cameras))
+            velocity = fit.state.difference(before[1]) / (1e-9 * (stamp_ns - before[0]))
+            self._add_to_block(pending.stamp_ns, *self._marginal(pending.fit, velocity))
+        self._before = None if pending is None else (pending.stamp_ns, pending.fit.state)
+        self._pending = _Pending(stamp_ns, fit)
         return self._faults
 
-    def _add_to_block(self, pending: _Pending, velocity: np.ndarray) -> None:
-        L, e = self._marginal(pending, velocity)
+    def _add_to_block(self, stamp_ns: int, L: np.ndarray, e: np.ndarray) -> None:
         length_ns = 1e9 * self._options.window_s / _BLOCKS
-        if self._blocks and pending.stamp_ns - self._blocks[-1].begin_ns < length_ns:
+        if self._blocks and stamp_ns - self._blocks[-1].begin_ns < length_ns:
             self._blocks[-1].L += L
             self._blocks[-1].e += e
             return
         if self._blocks:
             self._judge()
-        self._blocks.append(_Block(pending.stamp_ns, L, e))
+        self._blocks.append(_Block(stamp_ns, L, e))
 
-    def _marginal(self, pending: _Pending, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _marginal(self, fit: Comparison, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(L, e) of all faults with the state eliminated, for one set; delays in seconds."""
-        configuration = Configuration(self._model, pending.state)
+        configuration = Configuration(self._model, fit.state)
         moved, twists = self._model.chain.link_moved_by, configuration.twists
         link_velocities = (moved * velocity) @ twists  # (l, 6)
         n_cameras, n_links = len(self._names), len(moved)
@@ -142,7 +132,7 @@ class SelfCheck:
         E = np.zeros((len(twists), _N * n_cameras))
         F = np.empty((n_links, 6, _N))
         F[:, :, 3] = -link_velocities
-        for i, camera in enumerate(pending.cameras):
+        for i, camera in enumerate(fit.cameras):
             if camera is None:
                 continue
             own = slice(_N * i, _N * (i + 1))
@@ -152,8 +142,8 @@ class SelfCheck:
             e[own] = np.tensordot(F, camera.gradient, axes=((0, 1), (0, 1)))
             by_dof = (moved.T.astype(np.float64) @ NF.reshape(n_links, 6 * _N)).reshape(-1, 6, _N)
             E[:, own] = np.einsum("da,dak->dk", twists, by_dof)
-        H = pending.equations.H + 1e-9 * np.trace(pending.equations.H) / len(E) * np.eye(len(E))
-        solved = np.linalg.solve(H, np.column_stack([E, pending.equations.g]))
+        H = fit.equations.H + 1e-9 * np.trace(fit.equations.H) / len(E) * np.eye(len(E))
+        solved = np.linalg.solve(H, np.column_stack([E, fit.equations.g]))
         return L - E.T @ solved[:, :-1], e - E.T @ solved[:, -1]
 
     def _judge(self) -> None:

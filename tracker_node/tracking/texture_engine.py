@@ -1,8 +1,6 @@
 """A body by the pictures on its faces: aligned in each camera's own brightness, and looked for where it is lost."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +8,7 @@ import numpy as np
 from ..camera.camera_rig import CameraRig
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
-from ..objective.normal_equations import CameraEquations, NormalEquations
+from ..objective.normal_equations import Comparison, NormalEquations
 from ..objective.prior import Prior
 from ..objective.texture_objective import TextureObjective, TextureScore
 from ..observation.image_set import ImageSet
@@ -107,9 +105,9 @@ class TextureEngine:
         self._score = self._objective.evaluate(state)
         return self._objective.at_level(0).linearize(state)
 
-    def camera_equations(self) -> Sequence[CameraEquations | None]:
+    def comparison(self) -> Comparison | None:
         """Cameras are not compared: the units are grey levels."""
-        return ()
+        return None
 
     def report(self, result: OptimizerResult, image_set: ImageSet) -> Report:
         """Residuals are in grey levels of the pictures, where those of contours are in pixels."""

@@ -106,7 +106,7 @@ class Tracker:
                 result = replace(result, state=predicted, equations=engine.linearize(predicted))
             information = self._information(result, prior, verdict)
             self._accept(image_set.stamp_ns, result.state, information, images, verdict)
-        faults = self._compare_cameras(image_set.stamp_ns, result, verdict)
+        faults = self._compare_cameras(image_set.stamp_ns, verdict)
         finished = time.perf_counter()
         report = engine.report(result, image_set)
         return TrackEstimate(
@@ -128,15 +128,15 @@ class Tracker:
             limbs=verdict.limbs,
         )
 
-    def _compare_cameras(self, stamp_ns: int, result: OptimizerResult, verdict: Verdict) -> tuple[CameraFault, ...]:
+    def _compare_cameras(self, stamp_ns: int, verdict: Verdict) -> tuple[CameraFault, ...]:
         """Cameras that disagree with the others, by this set and those before."""
         if not self.config.self_check.enabled:
             return ()
-        cameras = self._engine.camera_equations()
-        if not cameras or verdict.status not in (Status.TRACKING, Status.DEGRADED):
+        comparison = self._engine.comparison()
+        if comparison is None or verdict.status not in (Status.TRACKING, Status.DEGRADED):
             self._check.skip()
             return self._check.faults
-        return self._check.add(stamp_ns, result.state, result.equations, cameras)
+        return self._check.add(stamp_ns, comparison)
 
     def _images(self, image_set: ImageSet) -> list[np.ndarray | None]:
         """BGR pixels per camera of the rig, None where the set has none."""
