@@ -1,6 +1,7 @@
 """Two engines in one step: colors say where the body is, contours from there on how exactly."""
 
 from __future__ import annotations
+
 from dataclasses import replace
 
 from ..model.configuration import State

@@ -1,6 +1,7 @@
 """A body by the pictures on its faces: aligned in each camera's own brightness, and looked for where it is lost."""
 
 from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np
