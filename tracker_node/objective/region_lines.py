@@ -19,10 +19,11 @@ import numpy as np
 
 from ..camera.camera_model import project_point
 from ..observation.appearance_kernels import log_positive
-from ..render.contour import INNER, N_COLUMNS, P
+from ..render.contour import INNER, N_COLUMNS, NORMAL, P
 from ..render.contour_samples import (
     BEYOND,
     CLASS,
+    JACOBIAN,
     LINK,
     N_INFO_COLUMNS,
     N_PIXEL_COLUMNS,
@@ -33,6 +34,7 @@ from ..render.contour_samples import (
     V,
     chord_px,
 )
+from ..render.contour_visibility import ray_interval
 from .region_steps import step_distribution
 
 # Columns of a line: point in the link's frame, pixel and normal of the sample when the line was drawn, how far out the contour is
@@ -40,19 +42,46 @@ from .region_steps import step_distribution
 POINT, LINE_U, LINE_V, LINE_NU, LINE_NV, MEAN, PRECISION, LOG_RATIO = 0, 3, 4, 5, 6, 7, 8, 9
 N_LINE_COLUMNS = 10
 # Indices of the options
-SCALE, HALF_LENGTH, CLAMP, SHARPNESS, MODEL_VARIANCE, ROBUST, CORRELATION, FINE = range(8)
-N_OPTIONS = 8
+SCALE, HALF_LENGTH, CLAMP, SHARPNESS, MODEL_VARIANCE, ROBUST, CORRELATION, FINE, SHADOW = range(9)
+N_OPTIONS = 9
 # Indices of the statistics of one camera
 COST, SQUARES, WEIGHT, COUNT, N_SAMPLES = range(5)
 N_STATISTICS = 5
 
 _LONGEST = 96  # pixels of a line
+_ONE, _HALF, _PI, _THREE_HALVES = np.float32(1.0), np.float32(0.5), np.float32(math.pi), np.float32(1.5)
+_SEEN = np.uint8(1)
+_BIN_VOLUME = np.float32(16.0**3)
+_OUTLIER = np.float32(0.05)  # share of colors that the empty scene does not explain, where it is known
+_FAR = np.float32(12.0)  # half a squared distance beyond which a density is nothing
+_SHADOW_DENSITY = np.float32(0.2 / 75.0)  # as in `observation.appearance`: one pixel in five, of a brightness in 75 grey levels
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _read_line(bgr, body, beyond, scene, has_beyond, u, v, nu, nv, start, step, count, clamp, odds):
+def _room_density(bgr, mean, variance, darkest):
+    """Density per bin of a color where the empty scene shows, lit or in shadow."""
+    b, g, r = np.float32(bgr[0]), np.float32(bgr[1]), np.float32(bgr[2])
+    db, dg, dr = b - mean[0], g - mean[1], r - mean[2]
+    half_precision = _HALF / variance
+    square = half_precision * (db * db + dg * dg + dr * dr)
+    if square < _FAR:
+        return _BIN_VOLUME * (half_precision / _PI) ** _THREE_HALVES * math.exp(-square)
+    gain = (b * mean[0] + g * mean[1] + r * mean[2]) / (mean[0] * mean[0] + mean[1] * mean[1] + mean[2] * mean[2] + _ONE)
+    if not darkest < gain < _ONE:
+        return np.float32(0.0)
+    db, dg, dr = b - gain * mean[0], g - gain * mean[1], r - gain * mean[2]
+    square = half_precision * (db * db + dg * dg + dr * dr)
+    if square > _FAR:
+        return np.float32(0.0)
+    return _BIN_VOLUME * _SHADOW_DENSITY * (half_precision / _PI) * math.exp(-square)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _read_line(bgr, body, beyond, scene, room, darkest, has_beyond, u, v, nu, nv, start, step, count, clamp, odds):
     """Fill ``odds`` with the clamped log(p_body / p_beyond) of ``count`` pixels from ``start`` on; zero beyond the image."""
     height, width = bgr.shape[0], bgr.shape[1]
+    mean, variance, known = room
+    has_room = known.size > 0
     for k in range(count):
         t = start + k * step
         i, j = np.int64(math.floor(v + t * nv + 0.5)), np.int64(math.floor(u + t * nu + 0.5))
@@ -60,6 +89,8 @@ def _read_line(bgr, body, beyond, scene, has_beyond, u, v, nu, nv, start, step, 
         if 0 <= i < height and 0 <= j < width:
             color = (np.int64(bgr[i, j, 0] >> 4) * 16 + np.int64(bgr[i, j, 1] >> 4)) * 16 + np.int64(bgr[i, j, 2] >> 4)
             other = scene[color]
+            if has_room and known[i, j] == _SEEN:
+                other = _OUTLIER * other + _room_density(bgr[i, j], mean[i, j], variance[i, j], darkest)
             if has_beyond:
                 other = np.float32(0.5) * (other + beyond[color])
             value = log_positive(body[color] / other)
@@ -175,11 +206,40 @@ def _refine(bgr, width, line, work):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def draw_lines(bgr, colors, classes, shapes, Ts_shape, Ts_link, camera, rows, pixels, info, n, options, lines):
+def _continues(shapes, Ts, spheres, shape, camera, row, pixel, inward_px):
+    """Does another part of the body show ``inward_px`` inside a contour?"""
+    _, R, _, center = camera
+    nx = R[0, 0] * row[NORMAL] + R[0, 1] * row[NORMAL + 1] + R[0, 2] * row[NORMAL + 2]
+    ny = R[1, 0] * row[NORMAL] + R[1, 1] * row[NORMAL + 1] + R[1, 2] * row[NORMAL + 2]
+    nz = R[2, 0] * row[NORMAL] + R[2, 1] * row[NORMAL + 1] + R[2, 2] * row[NORMAL + 2]
+    along_u = pixel[JACOBIAN] * nx + pixel[JACOBIAN + 1] * ny + pixel[JACOBIAN + 2] * nz
+    along_v = pixel[JACOBIAN + 3] * nx + pixel[JACOBIAN + 4] * ny + pixel[JACOBIAN + 5] * nz
+    step = -inward_px / math.sqrt(along_u * along_u + along_v * along_v)
+    dx = row[P] + step * row[NORMAL] - center[0]
+    dy = row[P + 1] + step * row[NORMAL + 1] - center[1]
+    dz = row[P + 2] + step * row[NORMAL + 2] - center[2]
+    length_sq = dx * dx + dy * dy + dz * dz
+    for other in range(spheres.shape[0]):
+        wx, wy, wz = spheres[other, 0] - center[0], spheres[other, 1] - center[1], spheres[other, 2] - center[2]
+        dot = wx * dx + wy * dy + wz * dz
+        if other == shape or wx * wx + wy * wy + wz * wz - dot * dot / length_sq > spheres[other, 3] ** 2:
+            continue
+        hit, _, t_out = ray_interval(shapes, other, Ts[other], center, dx, dy, dz)
+        if hit and t_out > 0.0:
+            return True
+    return False
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def draw_lines(
+    bgr, colors, room, classes, shapes, Ts_shape, spheres, Ts_link, camera, rows, pixels, info, n, options, lines
+):  # fmt: skip
     """Draw one line per contour sample and fit its distribution: fill ``lines`` (n, `N_LINE_COLUMNS`).
 
     ``colors``: (body (n_classes, n_colors), scene (n_colors,)) densities; ``classes`` (n_shapes,). ``rows``, ``pixels`` and
-    ``info`` are of `contour_samples.collect_samples`. ``options[SCALE]``: pixels from one place on the line to the next.
+    ``info`` are of `contour_samples.collect_samples`, ``spheres`` of `contour.world_spheres`. ``options[SCALE]``: pixels from one
+    place on the line to the next. ``room``: (mean, variance, known) of the empty scene, see `observation.appearance.SceneModel`;
+    of size zero where nothing is known of it.
     """
     body, scene = colors
     scale, half, clamp = options[SCALE], int(options[HALF_LENGTH]), np.float32(options[CLAMP])
@@ -199,22 +259,24 @@ def draw_lines(bgr, colors, classes, shapes, Ts_shape, Ts_link, camera, rows, pi
         width = max(1, int(chord_px(shapes, shape, Ts_shape[shape], camera, row, pixel, -1.0, reach) / scale + 0.5))
         if beyond == shape:  # another side of the same part
             margin = int(2.0 / scale + 0.5)
-            room = int(chord_px(shapes, shape, Ts_shape[shape], camera, row, pixel, 1.0, reach) / scale)
+            free = int(chord_px(shapes, shape, Ts_shape[shape], camera, row, pixel, 1.0, reach) / scale)
             line[MEAN], line[PRECISION], line[LOG_RATIO] = step_distribution(
                 bgr, pixel[U], pixel[V], pixel[NU], pixel[NV], scale,
-                min(width - margin, 2 * half), min(room - margin, 2 * half), sums,
+                min(width - margin, 2 * half), min(free - margin, 2 * half), sums,
             )  # fmt: skip
             line[MEAN] *= scale
             line[PRECISION] /= scale * scale
             if options[FINE] > 0.0 and line[PRECISION] > 0.3:
                 _refine(bgr, float(width), line, work)
             continue
+        if width <= half and _continues(shapes, Ts_shape, spheres, shape, camera, row, pixel, width * scale + 3.0):
+            width = half + 1  # what lies behind the part's other side is body as well
         inside = half + min(width, half) + 1  # steps on either side
         count = 2 * inside
         has_beyond = info[j, CLASS] == INNER and beyond >= 0
         other = classes[beyond] if has_beyond else 0
         _read_line(
-            bgr, body[own], body[other], scene, has_beyond, pixel[U], pixel[V], pixel[NU], pixel[NV],
+            bgr, body[own], body[other], scene, room, options[SHADOW], has_beyond, pixel[U], pixel[V], pixel[NU], pixel[NV],
             (0.5 - inside) * scale, scale, count, clamp, odds,
         )  # fmt: skip
         _distribution(odds, count, half, width, options[SHARPNESS], total, line)

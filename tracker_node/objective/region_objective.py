@@ -32,26 +32,41 @@ class RegionOptions:
     model_sigma_px: float = 0.5
     robust_sigmas: float = 3.0
     correlation: float = 1.0
+    shadow: float = 0.4
 
-    def packed(self, scale: float) -> np.ndarray:
+    def packed(self, scale: float, model_sigma_px: float) -> np.ndarray:
         options = np.zeros(kernel.N_OPTIONS)
         options[kernel.SCALE] = scale
         options[kernel.HALF_LENGTH] = self.half_length
         options[kernel.CLAMP] = self.clamp
         options[kernel.SHARPNESS] = self.sharpness
-        options[kernel.MODEL_VARIANCE] = self.model_sigma_px**2 + ((0.5 * scale) ** 2 / 3.0 if scale > 1.0 else 0.0)
+        options[kernel.MODEL_VARIANCE] = model_sigma_px**2 + ((0.5 * scale) ** 2 / 3.0 if scale > 1.0 else 0.0)
         options[kernel.ROBUST] = self.robust_sigmas
         options[kernel.CORRELATION] = self.correlation
+        options[kernel.SHADOW] = self.shadow
         options[kernel.FINE] = float(scale <= 1.0)
         return options
 
 
+_SHARP = 0.3  # px^-2: precision of a line that tells how well the model fits
+_FEWEST_LINES = 30
+_NO_ROOM = np.zeros((0, 0, 3), np.float32), np.zeros((0, 0), np.float32), np.zeros((0, 0), np.uint8)
+
+
 @dataclass(frozen=True, eq=False)
 class View:
-    """What one camera shows: BGR pixels (h, w, 3) uint8, and its color densities (body (n_classes, n_colors), scene)."""
+    """What one camera shows.
+
+    Attributes
+    ----------
+    bgr : (h, w, 3) uint8.
+    densities : color densities (body (n_classes, n_colors), scene).
+    room : (mean (h, w, 3), variance (h, w), known (h, w)) of the empty scene, of `observation.appearance.SceneModel`.
+    """
 
     bgr: np.ndarray
     densities: tuple[np.ndarray, np.ndarray]
+    room: tuple[np.ndarray, np.ndarray, np.ndarray] = _NO_ROOM
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +136,8 @@ class RegionObjective:
         self.slots = [LineSlot(camera, model, capacity) for camera in rig]
         self.views: list[View | None] = [None] * len(rig)
         self.offsets: list[np.ndarray | None] = [None] * len(rig)
-        self._packed = options.packed(1.0)
+        self.model_sigma_px = options.model_sigma_px
+        self._packed = options.packed(1.0, self.model_sigma_px)
 
     @property
     def active(self) -> list[int]:
@@ -145,7 +161,7 @@ class RegionObjective:
         """
         if offsets is not None:
             self.offsets = list(offsets)
-        self._packed = options = self.options.packed(scale)
+        self._packed = options = self.options.packed(scale, self.model_sigma_px)
         poses = bodies_seen(self.model, state, self.offsets)
 
         def run(i: int) -> None:
@@ -161,7 +177,7 @@ class RegionObjective:
             if self._covers[i].size:
                 slot.n = drop_covered(self._covers[i], slot.rows, slot.pixels, slot.info, slot.n, self.options.outward_px)
             kernel.draw_lines(
-                view.bgr, view.densities, self.classes, self.arrays.packed, Ts_shape, Ts_link, slot.camera,
+                view.bgr, view.densities, view.room, self.classes, self.arrays.packed, Ts_shape, spheres, Ts_link, slot.camera,
                 slot.rows, slot.pixels, slot.info, slot.n, options, slot.lines,
             )  # fmt: skip
 
@@ -219,13 +235,34 @@ class RegionObjective:
             shapes, lines = slot.info[:n, SHAPE][outer], slot.lines[:n][outer]
             residual = self._residuals(i, poses[i])[outer]
             told = lines[:, kernel.PRECISION] > 0.0
-            precision = np.where(told, 1.0 / (1.0 / np.maximum(lines[:, kernel.PRECISION], 1e-12) + self._packed[4]), 0.0)
+            variance = 1.0 / np.maximum(lines[:, kernel.PRECISION], 1e-12) + self._packed[kernel.MODEL_VARIANCE]
+            precision = np.where(told, 1.0 / variance, 0.0)
             np.add.at(evidence.expected[i], shapes, 1.0)
             np.add.at(evidence.found[i], shapes, told)
             np.add.at(evidence.close[i], shapes, told & (np.abs(residual) < close_px))
             np.add.at(evidence.chi2[i], shapes, precision * residual**2)
             np.add.at(evidence.log_ratio[i], shapes, lines[:, kernel.LOG_RATIO])
         return evidence
+
+    def spread_px(self, state: State) -> float | None:
+        """By how much contours are off beyond what their own lines allow for: a robust standard deviation; None of few lines.
+
+        What is left of the median absolute residual once the lines' variance is taken off: the model's error, and that of the rig.
+        """
+        residuals, variances = [], []
+        for i, pose in enumerate(bodies_seen(self.model, state, self.offsets)):
+            slot = self.slots[i]
+            if self.views[i] is None:
+                continue
+            precision = slot.lines[: slot.n, kernel.PRECISION]
+            sharp = precision > _SHARP
+            residuals.append(self._residuals(i, pose)[sharp])
+            variances.append(1.0 / precision[sharp])
+        together = np.concatenate(residuals) if residuals else np.zeros(0)
+        if together.size < _FEWEST_LINES:
+            return None
+        variance = (1.4826 * np.median(np.abs(together))) ** 2 - np.median(np.concatenate(variances))
+        return float(np.sqrt(max(variance, 0.0)))
 
     def _residuals(self, camera: int, pose: Configuration) -> np.ndarray:
         """(n,) pixels, of the lines of one camera."""

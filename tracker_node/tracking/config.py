@@ -80,7 +80,9 @@ class RegionConfig:
     updates: int = parameter(2, "Gauss-Newton steps on the lines of one scale", "", 1, 100)
     clamp: float = parameter(2.0, "log-likelihood ratio of a pixel's color is not believed beyond this", "1", 0.1, 20)
     sharpness: float = parameter(1.0, "share of a line's pixels that are independent of their neighbours", "1", 0.01, 10)
-    model_sigma_px: float = parameter(0.2, "how far the body's contour may be from the model's", "px", 0.0, 100)
+    model_sigma_px: float = parameter(2.0, "how far the body's contour may be from the model's, at first and at most", "px", 0.0, 100)
+    least_sigma_px: float = parameter(0.2, "the least that is believed of it", "px", 0.0, 100)
+    sigma_rate: float = parameter(0.3, "share of the newest image set in what it is taken for; 0 keeps it", "1", 0.0, 1.0)
     robust_sigmas: float = parameter(3.0, "scale of the robust kernel, in standard deviations of a line", "1", 0.1, 1000)
     correlation: float = parameter(4.0, "how many neighbouring lines share one error, for the covariance", "", 1, 1000)
     color_rate: float = parameter(0.05, "share of the newest image in the color histograms", "1", 0, 1)
@@ -88,6 +90,7 @@ class RegionConfig:
         0.3, "share of the model's stated color in a part's, where the images bear it out; 0: learnt colors only", "1", 0, 1
     )
     learn_every: int = parameter(4, "image sets between two lessons of a camera; the cameras take turns", "", 1, 1000)
+    learn_room: bool = parameter(True, "learn what each pixel shows when the body is not there: for cameras that stand still")
     guard_px: int = parameter(4, "width around the fitted body that is not learnt as surroundings", "px", 0, 200)
     around_px: int = parameter(40, "surroundings are what lies within this of the body", "px", 4, 1000)
     close_px: float = parameter(2.5, "a contour that is found within this bears the body out", "px", 0.1, 1000)

@@ -18,6 +18,8 @@ from ..objective.normal_equations import Comparison, NormalEquations
 from ..objective.prior import Prior
 from ..objective.region_objective import PartEvidence, RegionObjective, RegionOptions, View
 from ..objective.sum_objective import SumObjective
+from ..observation.appearance import SceneModel
+from ..observation.body_region import Region, grown
 from ..observation.image_set import ImageSet
 from ..observation.region_colors import RegionColors, color_classes, stated_densities
 from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
@@ -26,7 +28,7 @@ from ..render.occluders import Occluders
 from ..render.shape_arrays import ShapeArrays
 from .config import TrackerConfig
 from .engine import Images, Report, Verdict
-from .estimate import CameraReport
+from .estimate import CameraReport, Status
 from .limb_search import LimbSearch, Lines
 from .limb_status import LimbJudge, body_status, is_noise
 from .motion_model import Passage
@@ -65,6 +67,7 @@ class RegionEngine:
             model_sigma_px=region.model_sigma_px,
             robust_sigmas=region.robust_sigmas,
             correlation=region.correlation,
+            shadow=config.evidence.shadow,
         )
         self._scales = _numbers(region.scales)
         self._first_scales = _numbers(region.first_scales)
@@ -82,6 +85,9 @@ class RegionEngine:
         self._search.reset()
         self._found = False
         self._colors = [RegionColors(self._classes, self._stated, self._config.region.color_prior) for _ in self._rig]
+        self._rooms: list[SceneModel | None] = [None for _ in self._rig]
+        self._steady = False
+        self._objective.model_sigma_px = self._config.region.model_sigma_px
         self._count = 0
         self._comparison: Comparison | None = None
         self._passage: Passage | None = None
@@ -104,10 +110,16 @@ class RegionEngine:
         self._passage = passage
         self._objective.set_views(
             [
-                None if image is None or expected is None or not colors.knows else View(image, (colors.body, colors.scene))
-                for image, colors in zip(images, self._colors, strict=True)
+                None if image is None or expected is None or not colors.knows else self._view(i, image, colors)
+                for i, (image, colors) in enumerate(zip(images, self._colors, strict=True))
             ]
         )
+
+    def _view(self, i: int, image: np.ndarray, colors: RegionColors) -> View:
+        room = self._rooms[i]
+        if room is None or not self._config.region.learn_room:
+            return View(image, (colors.body, colors.scene))
+        return View(image, (colors.body, colors.scene), (room.mean, room.variance, room.known))
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> OptimizerResult:
         """A few Gauss-Newton steps on the lines of each scale."""
@@ -123,6 +135,7 @@ class RegionEngine:
             state, iterations = result.state, iterations + result.iterations
             evaluations += result.evaluations
         assert result is not None
+        self._adapt(state)
         found = None if first else self._found_limbs(state, start)
         if found is not None:
             self._correspond(found, self._scales[-1])
@@ -142,6 +155,13 @@ class RegionEngine:
     def _correspond(self, state: State, scale: float) -> None:
         self._objective.correspond(state, scale, None if self._passage is None else self._passage.offsets(state))
 
+    def _adapt(self, state: State) -> None:
+        """Follow how well the model's contours fit: weights, robustness and covariance go by it."""
+        region, spread = self._config.region, self._objective.spread_px(state)
+        if spread is not None and region.sigma_rate > 0.0:
+            variance = (1.0 - region.sigma_rate) * self._objective.model_sigma_px**2 + region.sigma_rate * spread**2
+            self._objective.model_sigma_px = float(np.clip(np.sqrt(variance), region.least_sigma_px, region.model_sigma_px))
+
     def judge(self, result: OptimizerResult, image_set: ImageSet) -> Verdict:
         """Limb by limb."""
         if not self._objective.active:
@@ -151,7 +171,9 @@ class RegionEngine:
         limbs = self._limbs.update(evidence, result.state)
         self._search.remember(result.state, limbs)
         trust = self._limbs.trust(limbs)
-        return Verdict(*body_status(limbs), noise=is_noise(evidence), jumped=self._found, limbs=limbs, trust=trust)
+        status, reason = body_status(limbs)
+        self._steady = status is Status.TRACKING
+        return Verdict(status, reason, noise=is_noise(evidence), jumped=self._found, limbs=limbs, trust=trust)
 
     def linearize(self, state: State) -> NormalEquations:
         """Of the lines last drawn."""
@@ -193,8 +215,21 @@ class RegionEngine:
             image = images[i]
             if found is not None and image is not None:
                 self._colors[i].learn(image, found.region, found.labels, rate, guard_px, around)
+                if self._steady and self._config.region.learn_room:
+                    self._learn_room(i, image, found.region, found.labels)
 
         self._parallel(learn, [i for i, image in enumerate(images) if image is not None])
+
+    def _learn_room(self, i: int, image: np.ndarray, region: Region, labels: np.ndarray) -> None:
+        evidence, room = self._config.evidence, self._rooms[i]
+        near = grown(labels, evidence.body_margin_px)
+        if room is None:
+            self._rooms[i] = room = SceneModel(*image.shape[:2], evidence.scene_sigma)
+            body = np.zeros(image.shape[:2], dtype=np.uint8)
+            body[region[1] : region[3], region[0] : region[2]] = near
+            room.learn_first(image, body)
+        elif evidence.scene_rate > 0.0:
+            room.update(image, near, evidence.scene_rate, region)
 
     def _priors(self, expected: State, prior: Prior | None) -> list[Prior]:
         """The prediction, and the neutral pose where contours are silent."""
