@@ -15,7 +15,9 @@ def generate_launch_description() -> LaunchDescription:
     arguments = [
         DeclareLaunchArgument("rig", description="rig.yaml with cameras and their sources"),
         DeclareLaunchArgument("model", description="model.yaml: the body"),
-        DeclareLaunchArgument("initial_state", description="state.yaml: where the body is at first"),
+        DeclareLaunchArgument(
+            "initial_state", default_value="", description="state.yaml: where the body is at first; empty: it is looked for"
+        ),
         DeclareLaunchArgument("occluders", default_value="", description="model of fixed things that may hide the body"),
         DeclareLaunchArgument("bag", description="folder of the bag; must not exist"),
     ]

@@ -14,7 +14,9 @@ def generate_launch_description() -> LaunchDescription:
     arguments = [
         DeclareLaunchArgument("rig", description="rig.yaml: places and lenses of the cameras"),
         DeclareLaunchArgument("model", description="model.yaml: the body"),
-        DeclareLaunchArgument("initial_state", default_value="", description="state.yaml: where the body is at first"),
+        DeclareLaunchArgument(
+            "initial_state", default_value="", description="state.yaml: where the body is at first; empty: it is looked for"
+        ),
         DeclareLaunchArgument("occluders", default_value="", description="model of fixed things that may hide the body"),
         DeclareLaunchArgument("params_file", default_value="", description="parameters of the tracker"),
         DeclareLaunchArgument("calibration", default_value="rig", choices=["rig", "camera_info"]),

@@ -161,7 +161,7 @@ def test_a_small_mask_lowers_the_status(clip):
 def test_without_a_state_it_waits(clip):
     tracker = Tracker(clip.rig, clip.model, from_dict(LEARNT))
     for engine in ("color", "color_then_contour"):
-        tracker = Tracker(clip.rig, clip.model, from_dict(LEARNT | {"engine": engine}))
+        tracker = Tracker(clip.rig, clip.model, from_dict(LEARNT | {"engine": engine, "start.enabled": False}))
         estimate = tracker.step(clip.sets[0])
         assert (estimate.status, estimate.status_reason) == (Status.INITIALISING, "no initial state has been given")
         assert estimate.covariance[0, 0] > 1.0  # m^2: anywhere

@@ -24,7 +24,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--config", type=Path, metavar="FILE", help="tracker parameters, the same file as for the node (default: built in)"
     )
-    parser.add_argument("--initial-state", type=Path, metavar="FILE", help="state.yaml: where the body is in the first images")
+    parser.add_argument(
+        "--initial-state", type=Path, metavar="FILE",
+        help="state.yaml: where the body is in the first images (default: it is looked for in them)",
+    )  # fmt: skip
     parser.add_argument(
         "--occluders",
         type=Path,
@@ -124,7 +127,10 @@ class _Progress:
         self._next = now + (0.2 if self._terminal else 5.0)
         total = f"/{expected}" if expected else ""
         rate = done / max(now - self._began, 1e-9)
-        text = f"{done}{total} image sets, {rate:.1f} a second, {estimate.status.name}, {estimate.residual_px:.1f} px"
+        what = f"{estimate.residual_px:.1f} px"
+        if estimate.status.name == "INITIALISING":
+            what = estimate.status_reason
+        text = f"{done}{total} image sets, {rate:.1f} a second, {estimate.status.name}, {what}"
         end = "\r" if self._terminal and done != expected else "\n"
         print(f"track_offline: {text:<70}", end=end, file=sys.stderr, flush=True)
 

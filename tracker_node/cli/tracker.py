@@ -20,7 +20,9 @@ def add_body_arguments(parser: argparse.ArgumentParser) -> None:
         help="model.yaml or URDF: fixed things that may hide the body, in the world's frame",
     )
     parser.add_argument("--config", metavar="FILE", help="tracker parameters (default: built in)")
-    parser.add_argument("--initial-state", metavar="FILE", help="state.yaml: where the body is in the first images")
+    parser.add_argument(
+        "--initial-state", metavar="FILE", help="state.yaml: where the body is in the first images (default: it is looked for)"
+    )
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
