@@ -35,11 +35,10 @@ SCENE = SceneConfig(
 FIRST_SEED = {"fit": 100, "judge": 500}
 # Per body: sound clips, and events of each kind
 COUNTS = {
-    ("fit", "quick"): (3, {"occluded": 1, "exit": 1, "teleport": 1, "wrong_start": 1, "hidden": 2, "swapped": 1, "mirrored": 1}),
-    ("fit", "full"): (10, {"occluded": 3, "exit": 1, "teleport": 4, "wrong_start": 4, "hidden": 5, "swapped": 6, "mirrored": 6}),
-    ("judge", "quick"): (3, {"occluded": 1, "exit": 1, "teleport": 1, "wrong_start": 1, "hidden": 2, "swapped": 1, "mirrored": 1}),
-    ("judge", "full"): (20, {"occluded": 6, "exit": 6, "teleport": 7, "wrong_start": 6, "hidden": 9, "swapped": 8, "mirrored": 8}),
-}  # fmt: skip
+    "fit": (10, {"occluded": 3, "exit": 1, "teleport": 4, "wrong_start": 4, "hidden": 5, "swapped": 6, "mirrored": 6}),
+    "judge": (20, {"occluded": 6, "exit": 6, "teleport": 7, "wrong_start": 6, "hidden": 9, "swapped": 8, "mirrored": 8}),
+    "quick": (4, {"occluded": 1, "exit": 1, "teleport": 1, "wrong_start": 1, "hidden": 2, "swapped": 1, "mirrored": 1}),
+}
 
 
 def _figure(seed: int) -> tuple[ArticulatedModel, list[State]]:
@@ -94,7 +93,8 @@ def record(part: str, size: str, folder: Path) -> tuple[CameraRig, list[Recorded
     studio: list[Studio] = []
     result: list[Recorded] = []
     for body in BODIES:
-        result += _record_body(part, body, *COUNTS[part, size], folder / f"{part}_{size}_{body}", rig, studio)
+        counts = COUNTS["quick" if size == "quick" else part]
+        result += _record_body(part, body, *counts, folder / f"{part}_{size}_{body}", rig, studio)
     for opened in studio:
         opened.__exit__(None, None, None)
     return rig, result
@@ -120,7 +120,8 @@ def _record_body(part, body, n_sound, counts, folder: Path, rig, studio: list[St
             if kind == "teleport":
                 sources[BEGINS:] = sound[_another(base, n_sound)].sources[BEGINS:]
             elif kind == "occluded":  # the crate stands still, and hides all that moves
-                sources[BEGINS:ENDS] = _render(clip, range(BEGINS, BEGINS + 1), subject, folder / name, rig, studio) * (ENDS - BEGINS)
+                still = _render(clip, range(BEGINS, BEGINS + 1), subject, folder / name, rig, studio)
+                sources[BEGINS:ENDS] = still * (ENDS - BEGINS)
             elif kind in ("exit", "hidden"):
                 sources[BEGINS:ENDS] = _render(clip, range(BEGINS, ENDS), subject, folder / name, rig, studio)
             result.append(Recorded(body, subject.model, clip, tuple(sources)))

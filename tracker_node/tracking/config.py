@@ -168,6 +168,12 @@ class StatusConfig:
         1.5, "least standard deviation of one contour sample, for the covariance", "px", 0.01, 100
     )
     correlation: float = parameter(8.0, "how many neighbouring samples share one error, for the covariance", "", 1, 1000)
+    covariance_scale: float = parameter(
+        0.47, "multiplies the inverse of the information, in engines whose normal equations are in such units", "1", 1e-3, 1e3
+    )
+    covariance_curvature: float = parameter(
+        6.0, "times the squared variance of an angle is added to its variance, for what is hardly known", "1/rad^2", 0, 1e6
+    )
     limb_lost: float = parameter(0.5, "a limb that is elsewhere with this probability is LOST", "1", 0, 1)
     limb_degraded: float = parameter(0.2, "and DEGRADED with this one", "1", 0, 1)
     limb_loss: float = parameter(0.01, "probability that a limb gets lost between two image sets", "1", 1e-6, 1)
@@ -195,6 +201,14 @@ class StartConfig:
     keep: int = parameter(4, "starts that the engine tries", "", 1, 64)
     min_score: float = parameter(0.35, "least share of what stands out from the scene that a start covers", "1", 0.0, 1.0)
     seed: int = parameter(0, "of the random postures; the same seed, the same start", "", 0, 2**31 - 1)
+
+
+@dataclass(frozen=True)
+class TogetherConfig:
+    """Colors and contours in one least-squares problem (`engine: color_and_contour`)."""
+
+    passes: int = parameter(2, "times that the points are chosen anew whose colors are compared", "", 1, 100)
+    iterations: int = parameter(3, "iterations in each pass", "", 1, 1000)
 
 
 @dataclass(frozen=True)
@@ -268,8 +282,9 @@ class TrackerConfig:
 
     engine: str = parameter(
         "contour",
-        "contour: silhouettes and edges; color: the colors of the parts; color_then_contour: contours, where colors have led",
-        choices=("contour", "color", "color_then_contour"),
+        "contour: see evidence.kind; color: the colors of the parts; color_then_contour: contours, where colors have led;"
+        " color_and_contour: then both at once, weighted by their covariances",
+        choices=("contour", "color", "color_then_contour", "color_and_contour"),
     )
     synchronizer: SynchronizerConfig = field(default_factory=SynchronizerConfig)
     evidence: EvidenceConfig = field(default_factory=EvidenceConfig)
@@ -279,6 +294,7 @@ class TrackerConfig:
     collision: CollisionConfig = field(default_factory=CollisionConfig)
     status: StatusConfig = field(default_factory=StatusConfig)
     start: StartConfig = field(default_factory=StartConfig)
+    together: TogetherConfig = field(default_factory=TogetherConfig)
     self_check: SelfCheckConfig = field(default_factory=SelfCheckConfig)
     color: ColorConfig = field(default_factory=ColorConfig)
     threads: int = parameter(2, "worker threads; sums are in fixed order whatever their number", "", 1, 64)

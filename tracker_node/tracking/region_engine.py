@@ -14,7 +14,7 @@ from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective import region_lines as kernel
 from ..objective.collision import CollisionObjective
 from ..objective.moved_configuration import bodies_seen
-from ..objective.normal_equations import Comparison, NormalEquations
+from ..objective.normal_equations import Comparison, LeastSquaresObjective, NormalEquations
 from ..objective.prior import Prior
 from ..objective.region_objective import PartEvidence, RegionObjective, RegionOptions, View
 from ..objective.sum_objective import SumObjective
@@ -27,6 +27,7 @@ from ..optimize.result import OptimizerResult
 from ..render.occluders import Occluders
 from ..render.shape_arrays import ShapeArrays
 from .config import TrackerConfig
+from .covariance import calibrated_covariance
 from .engine import Images, Report, Verdict
 from .estimate import CameraReport, Status
 from .limb_search import LimbSearch, Lines
@@ -90,6 +91,7 @@ class RegionEngine:
         self._objective.model_sigma_px = self._config.region.model_sigma_px
         self._count = 0
         self._comparison: Comparison | None = None
+        self.whole: LeastSquaresObjective = self._objective
         self._passage: Passage | None = None
         self._evidence: PartEvidence | None = None
 
@@ -124,7 +126,7 @@ class RegionEngine:
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> OptimizerResult:
         """A few Gauss-Newton steps on the lines of each scale."""
         state, iterations, evaluations = start, 0, 0
-        whole = SumObjective([self._objective, *self._constraints], priors=self._priors(start, prior))
+        self.whole = whole = SumObjective([self._objective, *self._constraints], priors=self._priors(start, prior))
         options = LevenbergMarquardtOptions(max_iterations=self._config.region.updates, tolerance=1e-3)
         result: OptimizerResult | None = None
         for scale in self._first_scales if first else self._scales:
@@ -152,6 +154,10 @@ class RegionEngine:
         lines = Lines(self._correspond, whole, self._objective.part_evidence)
         return self._search.recover(lost, state, predicted, lines)
 
+    def _covariance(self, result: OptimizerResult) -> np.ndarray:
+        status = self._config.status
+        return calibrated_covariance(result.equations.H, status.covariance_scale, status.covariance_curvature)
+
     def _correspond(self, state: State, scale: float) -> None:
         self._objective.correspond(state, scale, None if self._passage is None else self._passage.offsets(state))
 
@@ -168,7 +174,7 @@ class RegionEngine:
             limbs = self._limbs.nothing_seen()
             return Verdict(*body_status(limbs), noise=True, limbs=limbs)
         self._evidence = evidence = self._objective.part_evidence(result.state, self._config.region.close_px)
-        limbs = self._limbs.update(evidence, result.state)
+        limbs = self._limbs.update(evidence, result.state, self._covariance(result))
         self._search.remember(result.state, limbs)
         trust = self._limbs.trust(limbs)
         status, reason = body_status(limbs)
@@ -193,10 +199,7 @@ class RegionEngine:
             squares, weight = squares + stats[kernel.SQUARES], weight + stats[kernel.WEIGHT]
             rms = float(np.sqrt(stats[kernel.SQUARES] / max(stats[kernel.WEIGHT], 1e-12)))
             reports.append(CameraReport(camera.name, 0 if image is None else image.stamp_ns, rms, int(stats[kernel.COUNT])))
-        H = result.equations.H.copy()
-        H[np.diag_indices_from(H)] += 1e-9 * max(float(np.diag(H).max()), 1.0)
-        covariance = np.linalg.inv(H)
-        return Report(tuple(reports), float(np.sqrt(squares / max(weight, 1e-12))), 0.5 * (covariance + covariance.T))
+        return Report(tuple(reports), float(np.sqrt(squares / max(weight, 1e-12))), self._covariance(result))
 
     def learn(self, images: Images, state: State) -> None:
         """Colors change slowly: in each image set some of the cameras learn."""

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..camera.camera_rig import CameraRig
-from ..errors import CalibrationError
+from ..errors import CalibrationError, FileFormatError
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from ..objective.prior import Prior
@@ -20,7 +20,8 @@ from ..render.occluders import Occluders
 from .camera_fault import CameraFault
 from .config import TrackerConfig
 from .contour_engine import ContourEngine
-from .engine import Engine, Verdict
+from .covariance import calibrated_covariance
+from .engine import Engine, Report, Verdict
 from .estimate import Status, Timings, TrackEstimate
 from .motion_model import MotionModel, Passage, Prediction
 from .region_engine import RegionEngine
@@ -115,7 +116,7 @@ class Tracker:
             status_reason=verdict.reason,
             state=result.state,
             velocity=self._motion.velocity.copy(),
-            covariance=report.covariance,
+            covariance=self._covariance(report, result.state, prior, information, verdict),
             score=result.equations.cost,
             residual_px=report.residual_px,
             cameras=report.cameras,
@@ -173,6 +174,19 @@ class Tracker:
         information = result.equations.H - H
         return information if verdict.trust is None else verdict.trust[:, None] * information * verdict.trust
 
+    def _covariance(
+        self, report: Report, state: State, prior: Prior | None, information: np.ndarray | None, verdict: Verdict
+    ) -> np.ndarray:
+        """(n_dof, n_dof) of ``state``: by what is believed of the images, and by the prediction, all there is of what is lost."""
+        if not verdict.limbs or (prior is None and information is None):
+            return report.covariance
+        n = self.model.n_dof
+        H = np.zeros((n, n)) if information is None else information.copy()
+        if prior is not None:
+            prior.add_to(H, np.zeros(n), state)
+        status = self.config.status
+        return calibrated_covariance(H, status.covariance_scale, status.covariance_curvature)
+
     def _accept(self, stamp_ns: int, state: State, information: np.ndarray | None, images, verdict: Verdict) -> None:
         self._start = state
         if verdict.status is not Status.LOST:
@@ -196,10 +210,14 @@ def _make_engine(
 ) -> Engine:
     """Compiled code of engines that are not used is not loaded."""
     parallel = Workers(config.threads).map
-    if config.engine == "contour" and config.evidence.kind == "chamfer":
-        return ContourEngine(rig, model, config, plates, parallel, occluders)
-    if config.engine == "contour":
+
+    def contours() -> ContourEngine | RegionEngine:
+        if config.evidence.kind == "chamfer":
+            return ContourEngine(rig, model, config, plates, parallel, occluders)
         return RegionEngine(rig, model, config, parallel, occluders)
+
+    if config.engine == "contour":
+        return contours()
     if config.color.representation == "affine":
         from .texture_engine import TextureEngine
 
@@ -212,8 +230,15 @@ def _make_engine(
         from .color_engine import ColorEngine
 
         colors = ColorEngine(rig, model, config, parallel)
+        if config.engine == "color_and_contour":
+            from .color_with_contour import ColorWithContourEngine
+
+            return ColorWithContourEngine(colors, contours(), model.chain, config.together)
     if config.engine == "color":
         return colors
+    if config.engine == "color_and_contour":
+        expected = "raw, normalized or blend for the engine 'color_and_contour'"
+        raise FileFormatError("tracker config", "color.representation", expected, config.color.representation)
     from .color_then_contour import ColorThenContourEngine
 
-    return ColorThenContourEngine(colors, ContourEngine(rig, model, config, plates, parallel, occluders))
+    return ColorThenContourEngine(colors, contours())
