@@ -72,6 +72,12 @@ class LimbJudge:
         """Indices of the limbs that were more likely lost than not, at the last `update`."""
         return np.flatnonzero(self.probabilities >= 0.5).tolist() if self._levels is not None else []
 
+    @property
+    def body_lost(self) -> bool:
+        """Whether the trunk, or most of the limbs, are."""
+        lost = self.lost
+        return 0 in lost or 2 * len(lost) > len(self.limbs)
+
     def update(self, evidence: PartEvidence, state: State, covariance: np.ndarray | None = None) -> tuple[LimbReport, ...]:
         """One report a limb, the trunk's first. ``covariance`` (n_dof, n_dof) of ``state``, where it is known."""
         measures = [limb_measures(evidence, limb.shapes) for limb in self.limbs]

@@ -85,6 +85,7 @@ class RegionEngine:
         self._limbs.reset()
         self._search.reset()
         self._found = False
+        self._sound: State | None = None  # where the body was last, before it was lost
         self._colors = [RegionColors(self._classes, self._stated, self._config.region.color_prior) for _ in self._rig]
         self._rooms: list[SceneModel | None] = [None for _ in self._rig]
         self._steady = False
@@ -125,11 +126,42 @@ class RegionEngine:
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> OptimizerResult:
         """A few Gauss-Newton steps on the lines of each scale."""
+        result = self._descend(start, self._first_scales if first else self._scales, prior)
+        self._found = False
+        if first or not self._limbs.lost:
+            return result
+        if self._limbs.body_lost:
+            return self._restarted(result)
+        found = self._found_limbs(result.state, start)
+        if found is None:
+            return result
+        self._found = True
+        self._correspond(found, self._scales[-1])
+        return replace(result, state=found, equations=self.whole.linearize(found))
+
+    def _restarted(self, result: OptimizerResult) -> OptimizerResult:
+        """A lost body is looked for where it was last sound, with longer lines; the better of that and ``result``."""
+        if self._sound is None:
+            return result
+        share, whole = self._close_share(result.state), self.whole
+        again = self._descend(self._sound, self._first_scales, None)
+        self._found = self._close_share(again.state) > share
+        if self._found:
+            return again
+        self.whole = whole
+        self._correspond(result.state, self._scales[-1])
+        return result
+
+    def _close_share(self, state: State) -> float:
+        evidence = self._objective.part_evidence(state, self._config.region.close_px)
+        return float(evidence.close.sum() / max(evidence.expected.sum(), 1.0))
+
+    def _descend(self, start: State, scales: tuple[float, ...], prior: Prior | None) -> OptimizerResult:
         state, iterations, evaluations = start, 0, 0
         self.whole = whole = SumObjective([self._objective, *self._constraints], priors=self._priors(start, prior))
         options = LevenbergMarquardtOptions(max_iterations=self._config.region.updates, tolerance=1e-3)
         result: OptimizerResult | None = None
-        for scale in self._first_scales if first else self._scales:
+        for scale in scales:
             self._correspond(state, scale)
             coarsest, result = result is None, minimize(whole, state, self._model.chain, options)
             if coarsest:
@@ -138,21 +170,13 @@ class RegionEngine:
             evaluations += result.evaluations
         assert result is not None
         self._adapt(state)
-        found = None if first else self._found_limbs(state, start)
-        if found is not None:
-            self._correspond(found, self._scales[-1])
-            result = replace(result, state=found, equations=whole.linearize(found))
-        self._found = found is not None
         return replace(result, iterations=iterations, evaluations=evaluations)
 
     def _found_limbs(self, state: State, predicted: State) -> State | None:
-        """``state`` with limbs that were lost found again, or None. A lost body is not searched limb by limb."""
-        lost = self._limbs.lost
-        if not lost or 0 in lost:
-            return None
+        """``state`` with limbs that were lost found again, or None."""
         whole = SumObjective([self._objective, *self._constraints], priors=self._priors(predicted, None)[1:])
         lines = Lines(self._correspond, whole, self._objective.part_evidence)
-        return self._search.recover(lost, state, predicted, lines)
+        return self._search.recover(self._limbs.lost, state, predicted, lines)
 
     def _covariance(self, result: OptimizerResult) -> np.ndarray:
         status = self._config.status
@@ -179,6 +203,8 @@ class RegionEngine:
         trust = self._limbs.trust(limbs)
         status, reason = body_status(limbs)
         self._steady = status is Status.TRACKING
+        if status is not Status.LOST:
+            self._sound = result.state
         return Verdict(status, reason, noise=is_noise(evidence), jumped=self._found, limbs=limbs, trust=trust)
 
     def linearize(self, state: State) -> NormalEquations:
