@@ -26,7 +26,7 @@ from tracker_node.render.contour_samples import (
     SHAPE,
     U,
     V,
-    chord_px,
+    chords_px,
     collect_samples,
     most_samples,
 )
@@ -295,8 +295,9 @@ def test_chords_end_at_the_other_side_of_the_mask(renderer, name):
     T = camera.T_cam_world
     packed = camera.model.params, np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3]), camera.center
     shapes, reach, off = ShapeArrays.from_model(configuration.model).packed, 64.0, []
-    for row, pixel in zip(rows[info[:, CLASS] == OUTER], pixels[info[:, CLASS] == OUTER], strict=True):
-        chord = chord_px(shapes, 0, configuration.Ts_world_shape[0], packed, row, pixel, -1.0, reach)
+    chords = np.empty((len(rows), 2))
+    chords_px(shapes, configuration.Ts_world_shape, packed, rows, pixels, info, len(rows), reach, chords)
+    for pixel, chord in zip(pixels[info[:, CLASS] == OUTER], chords[info[:, CLASS] == OUTER, 0], strict=True):
         t = np.arange(2.0, reach, 0.25)
         u, v = np.rint(pixel[:2] - t[:, None] * pixel[3:5]).astype(int).T
         beyond = ~mask[v, u]

@@ -32,7 +32,7 @@ from ..render.contour_samples import (
     SHAPE,
     U,
     V,
-    chord_px,
+    chords_px,
 )
 from ..render.contour_visibility import ray_interval
 from .region_steps import step_distribution
@@ -49,6 +49,7 @@ COST, SQUARES, WEIGHT, COUNT, N_SAMPLES = range(5)
 N_STATISTICS = 5
 
 _LONGEST = 96  # pixels of a line
+_NEGLIGIBLE = -20.0  # log-likelihood
 _ONE, _HALF, _PI, _THREE_HALVES = np.float32(1.0), np.float32(0.5), np.float32(math.pi), np.float32(1.5)
 _SEEN = np.uint8(1)
 _BIN_VOLUME = np.float32(16.0**3)
@@ -116,7 +117,10 @@ def _distribution(odds, n, half, width, sharpness, total, line):
     mass, first, second = 0.0, 0.0, 0.0
     for d in range(-half, half + 1):
         value = total[middle + d] - (total[middle + d - width] if narrow else 0.0)
-        p = math.exp(sharpness * (value - best))
+        exponent = sharpness * (value - best)
+        if exponent < _NEGLIGIBLE:
+            continue
+        p = math.exp(exponent)
         mass += p
         first += p * d
         second += p * d * d
@@ -245,23 +249,22 @@ def draw_lines(
     scale, half, clamp = options[SCALE], int(options[HALF_LENGTH]), np.float32(options[CLAMP])
     odds, total = np.empty(_LONGEST, dtype=np.float32), np.empty(_LONGEST + 1, dtype=np.float32)
     sums = np.empty((_LONGEST + 1, 4))
-    work = np.empty((3, 3))
+    work, chords = np.empty((3, 3)), np.empty((n, 2))
+    chords_px(shapes, Ts_shape, camera, rows, pixels, info, n, (2 * half + 2) * scale, chords)
     for j in range(n):
-        row, pixel, line = rows[j], pixels[j], lines[j]
+        line, u, v, nu, nv = lines[j], pixels[j, U], pixels[j, V], pixels[j, NU], pixels[j, NV]
         shape, link = info[j, SHAPE], info[j, LINK]
-        T = Ts_link[link]
-        x, y, z = row[P] - T[0, 3], row[P + 1] - T[1, 3], row[P + 2] - T[2, 3]
+        x, y, z = rows[j, P] - Ts_link[link, 0, 3], rows[j, P + 1] - Ts_link[link, 1, 3], rows[j, P + 2] - Ts_link[link, 2, 3]
         for i in range(3):
-            line[POINT + i] = T[0, i] * x + T[1, i] * y + T[2, i] * z
-        line[LINE_U], line[LINE_V], line[LINE_NU], line[LINE_NV] = pixel[U], pixel[V], pixel[NU], pixel[NV]
+            line[POINT + i] = Ts_link[link, 0, i] * x + Ts_link[link, 1, i] * y + Ts_link[link, 2, i] * z
+        line[LINE_U], line[LINE_V], line[LINE_NU], line[LINE_NV] = u, v, nu, nv
         own, beyond = classes[shape], info[j, BEYOND]
-        reach = (2 * half + 2) * scale
-        width = max(1, int(chord_px(shapes, shape, Ts_shape[shape], camera, row, pixel, -1.0, reach) / scale + 0.5))
+        width = max(1, int(chords[j, 0] / scale + 0.5))
         if beyond == shape:  # another side of the same part
             margin = int(2.0 / scale + 0.5)
-            free = int(chord_px(shapes, shape, Ts_shape[shape], camera, row, pixel, 1.0, reach) / scale)
+            free = int(chords[j, 1] / scale)
             line[MEAN], line[PRECISION], line[LOG_RATIO] = step_distribution(
-                bgr, pixel[U], pixel[V], pixel[NU], pixel[NV], scale,
+                bgr, u, v, nu, nv, scale,
                 min(width - margin, 2 * half), min(free - margin, 2 * half), sums,
             )  # fmt: skip
             line[MEAN] *= scale
@@ -269,14 +272,14 @@ def draw_lines(
             if options[FINE] > 0.0 and line[PRECISION] > 0.3:
                 _refine(bgr, float(width), line, work)
             continue
-        if width <= half and _continues(shapes, Ts_shape, spheres, shape, camera, row, pixel, width * scale + 3.0):
+        if width <= half and _continues(shapes, Ts_shape, spheres, shape, camera, rows[j], pixels[j], width * scale + 3.0):
             width = half + 1  # what lies behind the part's other side is body as well
         inside = half + min(width, half) + 1  # steps on either side
         count = 2 * inside
         has_beyond = info[j, CLASS] == INNER and beyond >= 0
         other = classes[beyond] if has_beyond else 0
         _read_line(
-            bgr, body[own], body[other], scene, room, options[SHADOW], has_beyond, pixel[U], pixel[V], pixel[NU], pixel[NV],
+            bgr, body[own], body[other], scene, room, options[SHADOW], has_beyond, u, v, nu, nv,
             (0.5 - inside) * scale, scale, count, clamp, odds,
         )  # fmt: skip
         _distribution(odds, count, half, width, options[SHARPNESS], total, line)

@@ -110,40 +110,44 @@ def collect_samples(shapes, Ts, spheres, camera, n_samples, outward_px, rows, pi
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def chord_px(shapes, shape, T, camera, row, pixel, side, reach_px):
-    """How far a shape reaches from a contour sample along its normal (``side`` 1) or against it (-1): pixels up to ``reach_px``.
+def chords_px(shapes, Ts, camera, rows, pixels, info, n, reach_px, chords):
+    """How far its shape reaches from each of ``n`` contour samples: fill ``chords`` (., 2), against the normal and along it.
 
-    To an eighth of the reach; for a shape that is not convex: where lines of sight at some distances miss it.
+    Pixels up to ``reach_px``, to an eighth of it; along the normal for creases only. For a shape that is not convex: where
+    lines of sight at some distances miss it.
     """
     _, R, _, center = camera
-    nx = R[0, 0] * row[NORMAL] + R[0, 1] * row[NORMAL + 1] + R[0, 2] * row[NORMAL + 2]
-    ny = R[1, 0] * row[NORMAL] + R[1, 1] * row[NORMAL + 1] + R[1, 2] * row[NORMAL + 2]
-    nz = R[2, 0] * row[NORMAL] + R[2, 1] * row[NORMAL + 1] + R[2, 2] * row[NORMAL + 2]
-    along_u = pixel[JACOBIAN] * nx + pixel[JACOBIAN + 1] * ny + pixel[JACOBIAN + 2] * nz
-    along_v = pixel[JACOBIAN + 3] * nx + pixel[JACOBIAN + 4] * ny + pixel[JACOBIAN + 5] * nz
-    per_pixel = side / math.sqrt(along_u * along_u + along_v * along_v)
-    ox, oy, oz, ux, uy, uz = to_shape(T, center, row[P] - center[0], row[P + 1] - center[1], row[P + 2] - center[2])
-    _, _, _, mx, my, mz = to_shape(T, center, row[NORMAL], row[NORMAL + 1], row[NORMAL + 2])
-    solid = shapes[0][shape] == OTHER
-    low, high, at = 0.0, reach_px, reach_px
-    for _ in range(4):
-        step = at * per_pixel
-        if solid:
-            dx, dy, dz = (row[P] + step * row[NORMAL] - center[0], row[P + 1] + step * row[NORMAL + 1] - center[1],
-                          row[P + 2] + step * row[NORMAL + 2] - center[2])  # fmt: skip
-            hit = solid_hit(shapes[3], shape, T, center, dx, dy, dz, NO_HIT, True) < NO_HIT
-        else:
-            hit, _, _ = interval(
-                shapes[0][shape], shapes[1], shape, ox, oy, oz, ux + step * mx, uy + step * my, uz + step * mz
-            )  # fmt: skip
-        if hit:
-            low = at
-            if at == reach_px:
-                return reach_px
-        else:
-            high = at
-        at = 0.5 * (low + high)
-    return at
+    kinds, dims, surfaces = shapes[0], shapes[1], shapes[3]
+    for i in range(n):
+        s, nx, ny, nz = info[i, SHAPE], rows[i, NORMAL], rows[i, NORMAL + 1], rows[i, NORMAL + 2]
+        dx, dy, dz = rows[i, P] - center[0], rows[i, P + 1] - center[1], rows[i, P + 2] - center[2]
+        cx = R[0, 0] * nx + R[0, 1] * ny + R[0, 2] * nz
+        cy = R[1, 0] * nx + R[1, 1] * ny + R[1, 2] * nz
+        cz = R[2, 0] * nx + R[2, 1] * ny + R[2, 2] * nz
+        u = pixels[i, JACOBIAN] * cx + pixels[i, JACOBIAN + 1] * cy + pixels[i, JACOBIAN + 2] * cz
+        v = pixels[i, JACOBIAN + 3] * cx + pixels[i, JACOBIAN + 4] * cy + pixels[i, JACOBIAN + 5] * cz
+        per_pixel = 1.0 / math.sqrt(u * u + v * v)
+        solid = kinds[s] == OTHER
+        ox, oy, oz, ux, uy, uz = to_shape(Ts[s], center, dx, dy, dz)
+        _, _, _, mx, my, mz = to_shape(Ts[s], center, nx, ny, nz)
+        for side in range(2 if info[i, BEYOND] == s else 1):
+            low, high, at = 0.0, reach_px, reach_px
+            for _ in range(4):
+                step = at * per_pixel if side == 1 else -at * per_pixel
+                if solid:
+                    hit = solid_hit(
+                        surfaces, s, Ts[s], center, dx + step * nx, dy + step * ny, dz + step * nz, NO_HIT, True
+                    ) < NO_HIT  # fmt: skip
+                else:
+                    hit, _, _ = interval(kinds[s], dims, s, ox, oy, oz, ux + step * mx, uy + step * my, uz + step * mz)
+                if hit:
+                    low = at
+                    if at == reach_px:
+                        break
+                else:
+                    high = at
+                at = 0.5 * (low + high)
+            chords[i, side] = at
 
 
 def most_samples(shapes, n_samples: int) -> int:
@@ -151,4 +155,4 @@ def most_samples(shapes, n_samples: int) -> int:
     return SAMPLES * n_samples * len(shapes[0])
 
 
-__all__ = ["BEYOND", "CLASS", "LINK", "OUTER", "SHAPE", "chord_px", "collect_samples", "most_samples"]
+__all__ = ["BEYOND", "CLASS", "LINK", "OUTER", "SHAPE", "chords_px", "collect_samples", "most_samples"]
