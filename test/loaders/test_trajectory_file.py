@@ -43,6 +43,14 @@ def test_the_header_says_the_units(tmp_path: Path) -> None:
     )
 
 
+def test_joints_that_slide_have_metres(tmp_path: Path) -> None:
+    units = ("m", "m", "m", "rad", "rad", "rad", "rad", "m")
+    tf.write_states(tmp_path / "states.csv", tf.StateTrajectory(NAMES, (state_row(np.arange(8.0)),), units))
+    assert "knee_flexion_rad,elbow_m_m,score" in (tmp_path / "states.csv").read_text()
+    read = tf.read_states(tmp_path / "states.csv")
+    assert (read.dof_names, read.dof_units) == (NAMES, units)
+
+
 def test_a_row_is_in_the_file_as_soon_as_it_is_written(tmp_path: Path) -> None:
     writer = tf.StatesWriter(tmp_path / "states.csv", NAMES)
     writer.append(state_row(np.arange(8.0)))

@@ -31,6 +31,13 @@ def test_what_is_no_tree_is_refused(links, joints, message):
         KinematicChain(links, joints)
 
 
+def test_positions_beyond_limits_are_told():
+    chain = KinematicChain(("a", "b"), (joint("a", "b", "q", "r"),))
+    assert chain.beyond_limits(np.array([3.0, -3.0])) == []
+    assert chain.beyond_limits(np.array([3.2, 0.0])) == ["q: 3.2 is not in [-3.142, 3.142] rad"]
+    assert len(chain.beyond_limits(np.array([np.nan, -4.0]))) == 2
+
+
 def test_unknown_names_list_the_valid_ones():
     with pytest.raises(UnknownNameError, match="'x'; valid: a, b"):
         KinematicChain(("a", "b"), (joint("a", "x"),))

@@ -146,6 +146,8 @@ def test_set_state_and_reset(probe, recording, start):
     _, states, cameras = start()
     cameras.send(0)
     probe.spin_until(lambda: len(states) == 1, "a state")
+    answer = probe.ask(SetState, "tracker/set_state", SetState.Request(dof_names=["elbow_flexion"], values=[9.0]))
+    assert answer.success and answer.message.startswith("put at the limit: elbow_flexion: 9 is not in")
     answer = probe.ask(SetState, "tracker/set_state", SetState.Request(dof_names=["elbow_flexion"], values=[0.7]))
     assert answer.success and answer.message == ""
     answer = probe.ask(SetState, "tracker/set_state", SetState.Request(dof_names=["knee"], values=[0.7]))

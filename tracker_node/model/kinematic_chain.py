@@ -214,6 +214,11 @@ class KinematicChain:
     def upper(self) -> np.ndarray:
         return np.array([axis.upper for axis in self.axes])
 
+    def beyond_limits(self, positions: np.ndarray) -> list[str]:
+        """Which joint positions (n_axes,) lie beyond their limits, in words: "elbow: 3.1 is not in [0, 2.6] rad"."""
+        pairs = [(a, float(q)) for a, q in zip(self.axes, positions, strict=True) if not a.lower <= q <= a.upper]
+        return [f"{axis.name}: {q:.4g} is not in [{axis.lower:.4g}, {axis.upper:.4g}] {axis.unit}" for axis, q in pairs]
+
     def link_index(self, name: str) -> int:
         if name not in self.links:
             raise UnknownNameError("link", name, self.links)

@@ -192,8 +192,10 @@ class TrackerNode(Node):
         except TrackerError as error:
             response.success, response.message = False, str(error)
             return response
-        self._worker.set_state(State.from_values(values))
-        response.success, response.message = True, ""
+        state = State.from_values(values)
+        self._worker.set_state(state)
+        beyond = self._options.model.chain.beyond_limits(state.joint_positions)
+        response.success, response.message = True, f"put at the limit: {'; '.join(beyond)}" if beyond else ""
         return response
 
     def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
