@@ -50,7 +50,7 @@ N_STATISTICS = 5
 
 _LONGEST = 96  # pixels of a line
 _NEGLIGIBLE = -20.0  # log-likelihood
-_ONE, _HALF, _PI, _THREE_HALVES = np.float32(1.0), np.float32(0.5), np.float32(math.pi), np.float32(1.5)
+_ONE, _HALF, _PI = np.float32(1.0), np.float32(0.5), np.float32(math.pi)
 _SEEN = np.uint8(1)
 _BIN_VOLUME = np.float32(16.0**3)
 _OUTLIER = np.float32(0.05)  # share of colors that the empty scene does not explain, where it is known
@@ -59,44 +59,51 @@ _SHADOW_DENSITY = np.float32(0.2 / 75.0)  # as in `observation.appearance`: one 
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _room_density(bgr, mean, variance, darkest):
+def _room_density(b, g, r, mean_b, mean_g, mean_r, variance, darkest):
     """Density per bin of a color where the empty scene shows, lit or in shadow."""
-    b, g, r = np.float32(bgr[0]), np.float32(bgr[1]), np.float32(bgr[2])
-    db, dg, dr = b - mean[0], g - mean[1], r - mean[2]
+    db, dg, dr = b - mean_b, g - mean_g, r - mean_r
     half_precision = _HALF / variance
     square = half_precision * (db * db + dg * dg + dr * dr)
+    share = half_precision / _PI
     if square < _FAR:
-        return _BIN_VOLUME * (half_precision / _PI) ** _THREE_HALVES * math.exp(-square)
-    gain = (b * mean[0] + g * mean[1] + r * mean[2]) / (mean[0] * mean[0] + mean[1] * mean[1] + mean[2] * mean[2] + _ONE)
+        return _BIN_VOLUME * share * math.sqrt(share) * math.exp(-square)
+    gain = (b * mean_b + g * mean_g + r * mean_r) / (mean_b * mean_b + mean_g * mean_g + mean_r * mean_r + _ONE)
     if not darkest < gain < _ONE:
         return np.float32(0.0)
-    db, dg, dr = b - gain * mean[0], g - gain * mean[1], r - gain * mean[2]
+    db, dg, dr = b - gain * mean_b, g - gain * mean_g, r - gain * mean_r
     square = half_precision * (db * db + dg * dg + dr * dr)
     if square > _FAR:
         return np.float32(0.0)
-    return _BIN_VOLUME * _SHADOW_DENSITY * (half_precision / _PI) * math.exp(-square)
+    return _BIN_VOLUME * _SHADOW_DENSITY * share * math.exp(-square)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _read_line(bgr, body, beyond, scene, room, darkest, has_beyond, u, v, nu, nv, start, step, count, clamp, odds):
-    """Fill ``odds`` with the clamped log(p_body / p_beyond) of ``count`` pixels from ``start`` on; zero beyond the image."""
+    """Fill ``odds[0]`` with the clamped log(p_body / p_beyond) of ``count`` pixels from ``start`` on; zero beyond the image."""
     height, width = bgr.shape[0], bgr.shape[1]
     mean, variance, known = room
     has_room = known.size > 0
+    ours, others = odds[0], odds[1]
     for k in range(count):
         t = start + k * step
         i, j = np.int64(math.floor(v + t * nv + 0.5)), np.int64(math.floor(u + t * nu + 0.5))
-        value = np.float32(0.0)
-        if 0 <= i < height and 0 <= j < width:
-            color = (np.int64(bgr[i, j, 0] >> 4) * 16 + np.int64(bgr[i, j, 1] >> 4)) * 16 + np.int64(bgr[i, j, 2] >> 4)
-            other = scene[color]
-            if has_room and known[i, j] == _SEEN:
-                other = _OUTLIER * other + _room_density(bgr[i, j], mean[i, j], variance[i, j], darkest)
-            if has_beyond:
-                other = np.float32(0.5) * (other + beyond[color])
-            value = log_positive(body[color] / other)
-            value = min(max(value, -clamp), clamp)
-        odds[k] = value
+        if i < 0 or i >= height or j < 0 or j >= width:
+            ours[k], others[k] = _ONE, _ONE
+            continue
+        b, g, r = bgr[i, j, 0], bgr[i, j, 1], bgr[i, j, 2]
+        color = (np.int64(b >> 4) << 8) | np.int64(g & 0xF0) | np.int64(r >> 4)
+        other = scene[color]
+        if has_room and known[i, j] == _SEEN:
+            other = _OUTLIER * other + _room_density(
+                np.float32(b), np.float32(g), np.float32(r), mean[i, j, 0], mean[i, j, 1], mean[i, j, 2], variance[i, j],
+                darkest,
+            )  # fmt: skip
+        if has_beyond:
+            other = _HALF * (other + beyond[color])
+        ours[k], others[k] = body[color], other
+    for k in range(np.uint64(count)):  # by itself, for the sake of vectors
+        value = log_positive(ours[k] / others[k])
+        ours[k] = min(max(value, -clamp), clamp)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -247,7 +254,7 @@ def draw_lines(
     """
     body, scene = colors
     scale, half, clamp = options[SCALE], int(options[HALF_LENGTH]), np.float32(options[CLAMP])
-    odds, total = np.empty(_LONGEST, dtype=np.float32), np.empty(_LONGEST + 1, dtype=np.float32)
+    odds, total = np.empty((2, _LONGEST), dtype=np.float32), np.empty(_LONGEST + 1, dtype=np.float32)
     sums = np.empty((_LONGEST + 1, 4))
     work, chords = np.empty((3, 3)), np.empty((n, 2))
     chords_px(shapes, Ts_shape, camera, rows, pixels, info, n, (2 * half + 2) * scale, chords)
@@ -282,7 +289,7 @@ def draw_lines(
             bgr, body[own], body[other], scene, room, options[SHADOW], has_beyond, u, v, nu, nv,
             (0.5 - inside) * scale, scale, count, clamp, odds,
         )  # fmt: skip
-        _distribution(odds, count, half, width, options[SHARPNESS], total, line)
+        _distribution(odds[0], count, half, width, options[SHARPNESS], total, line)
         line[MEAN] *= scale
         line[PRECISION] /= scale * scale
         if options[FINE] > 0.0 and line[PRECISION] > 0.3:
