@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker_node.objective.region_steps import step_distribution
+from tracker_node.objective.region_steps import N_SUM_COLUMNS, step_distribution
 
 
 def step_image(place, angle, low=(60.0, 50.0, 90.0), high=(90.0, 70.0, 130.0), noise=4.0, seed=0):
@@ -19,7 +19,7 @@ def step_image(place, angle, low=(60.0, 50.0, 90.0), high=(90.0, 70.0, 130.0), n
 
 def measured(image, angle, scale=1.0, inside=12, outside=12, offset=0.0):
     n = np.cos(angle), np.sin(angle)
-    sums = np.empty((100, 4))
+    sums = np.empty((100, N_SUM_COLUMNS))
     return step_distribution(image, 40.0 + offset * n[0], 40.0 + offset * n[1], *n, scale, inside, outside, sums)
 
 

@@ -35,7 +35,7 @@ from ..render.contour_samples import (
     chords_px,
 )
 from ..render.contour_visibility import ray_interval
-from .region_steps import step_distribution
+from .region_steps import N_SUM_COLUMNS, step_distribution
 
 # Columns of a line: point in the link's frame, pixel and normal of the sample when the line was drawn, how far out the contour is
 # (mean, px) and how sure that is (1/variance, px^-2), log-likelihood of a contour near there against none on the line
@@ -255,7 +255,7 @@ def draw_lines(
     body, scene = colors
     scale, half, clamp = options[SCALE], int(options[HALF_LENGTH]), np.float32(options[CLAMP])
     odds, total = np.empty((2, _LONGEST), dtype=np.float32), np.empty(_LONGEST + 1, dtype=np.float32)
-    sums = np.empty((_LONGEST + 1, 4))
+    sums = np.empty((_LONGEST + 1, N_SUM_COLUMNS))
     work, chords = np.empty((3, 3)), np.empty((n, 2))
     chords_px(shapes, Ts_shape, camera, rows, pixels, info, n, (2 * half + 2) * scale, chords)
     for j in range(n):

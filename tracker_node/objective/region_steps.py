@@ -16,7 +16,9 @@ LEAST_PIXELS = 3  # on either side of a step
 _LEAST_VARIANCE = 9.0  # grey levels squared, per channel
 _LEAST_GAIN = 10.0  # log-likelihood by which a step must beat none
 _MIXED = 0.25  # variance, in places: the pixel that shows both sides may count for either
-_SUMS = 4  # of three colors and of their squares
+_NEGLIGIBLE = -20.0  # log-likelihood
+ERROR = 4  # column of the squared error of a step there, behind the running sums of three colors and of their squares
+N_SUM_COLUMNS = 5
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -24,13 +26,14 @@ def step_distribution(bgr, u, v, nu, nv, scale, inside, outside, sums):
     """(mean, precision, log-ratio) of the offset of a step in brightness, in places of the line (``scale`` pixels).
 
     The line has ``inside`` places before (u, v) and ``outside`` beyond it in the direction (nu, nv); the step is looked for where
-    it leaves `LEAST_PIXELS` on either side. ``sums`` (>= inside + outside + 1, 4) is overwritten. A precision of zero: no step.
+    it leaves `LEAST_PIXELS` on either side. ``sums`` (>= inside + outside + 1, `N_SUM_COLUMNS`) is overwritten. A precision of
+    zero: no step.
     """
     height, width, n = bgr.shape[0], bgr.shape[1], inside + outside
     low, high = LEAST_PIXELS - inside, outside - LEAST_PIXELS
     if high - low < 2:
         return 0.0, 0.0, 0.0
-    for c in range(_SUMS):
+    for c in range(ERROR):
         sums[0, c] = 0.0
     for k in range(n):
         t = (k + 0.5 - inside) * scale
@@ -40,16 +43,25 @@ def step_distribution(bgr, u, v, nu, nv, scale, inside, outside, sums):
         b, g, r = np.float64(bgr[i, j, 0]), np.float64(bgr[i, j, 1]), np.float64(bgr[i, j, 2])
         sums[k + 1, 0], sums[k + 1, 1], sums[k + 1, 2] = sums[k, 0] + b, sums[k, 1] + g, sums[k, 2] + r
         sums[k + 1, 3] = sums[k, 3] + b * b + g * g + r * r
-    best = 1e30
-    for d in range(low, high + 1):
-        best = min(best, _squared_error(sums, n, inside + d))
+    b, g, r = sums[n, 0], sums[n, 1], sums[n, 2]
+    best, of_one = 1e30, sums[n, 3] - (b * b + g * g + r * r) / n
+    for place in range(inside + low, inside + high + 1):
+        before_b, before_g, before_r = sums[place, 0], sums[place, 1], sums[place, 2]
+        b, g, r = sums[n, 0] - before_b, sums[n, 1] - before_g, sums[n, 2] - before_r
+        error = sums[n, 3] - (before_b * before_b + before_g * before_g + before_r * before_r) / place
+        error -= (b * b + g * g + r * r) / (n - place)  # of two mean colors
+        sums[place, ERROR] = error
+        best = min(best, error)
     variance = max(_LEAST_VARIANCE, best / (3.0 * n - 6.0))
-    gain = 0.5 * (_squared_error(sums, n, n) - best) / variance
+    gain = 0.5 * (of_one - best) / variance
     if gain < _LEAST_GAIN:
         return 0.0, 0.0, 0.0
     mass, first, second = 0.0, 0.0, 0.0
     for d in range(low, high + 1):
-        p = math.exp(0.5 * (best - _squared_error(sums, n, inside + d)) / variance)
+        exponent = 0.5 * (best - sums[inside + d, ERROR]) / variance
+        if exponent < _NEGLIGIBLE:
+            continue
+        p = math.exp(exponent)
         mass += p
         first += p * d
         second += p * d * d
@@ -60,15 +72,3 @@ def step_distribution(bgr, u, v, nu, nv, scale, inside, outside, sums):
         return 0.0, 0.0, 0.0
     mean = (mean / spread - middle / uniform) / precision
     return min(max(mean, float(low)), float(high)), precision, gain
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _squared_error(sums, n, place):
-    """Of two mean colors, before and beyond a place; of one where the place is the end."""
-    error = sums[n, 3]
-    for c in range(3):
-        error -= sums[place, c] * sums[place, c] / place
-        if place < n:
-            rest = sums[n, c] - sums[place, c]
-            error -= rest * rest / (n - place)
-    return error
