@@ -27,6 +27,7 @@ from .body_fit_solver import Estimate, Motion, Problem, SharedPrior, Solution, s
 
 Progress = Callable[[str, int, int], None]
 PX2_PER_INFORMATION = 18.0  # of the stiffness of axes, which is stated in squared pixels
+_MEDIAN_OF_CHI2 = 0.455  # of one degree of freedom
 _LEAST_LINES = 50  # of all sets together
 
 
@@ -41,7 +42,9 @@ class BodyFitOptions:
     rounds : how often lines are drawn anew for each robust scale. pose_rounds : the same before the body may change.
     robust_px : scales of the robust kernel, from coarse to fine, pixels; the images are looked at anew for each.
     stay_sigma_rad, stay_sigma_m : how far joints and root may be from the states given.
-    prior_scale : multiplies the standard deviations of the shape prior.
+    prior_scale : multiplies the standard deviations of the shape prior. Where the lines fit worse than they should, by a factor
+        m in their variance, the body's shapes cannot represent the person; that is the same in all n sets, so the prior then
+        counts as if there were fewer: its variances are divided by 1 + n (m - 1).
     correlation : how many neighboring lines share one error.
     """
 
@@ -133,20 +136,28 @@ def fit_body(
         SharedPrior(options.prior_scale * space.sigmas, np.zeros((len(rig), N_CAMERA))), options.correlation,
     )  # fmt: skip
     held = replace(problem, shared=SharedPrior(np.zeros(len(space)), problem.shared.cameras))
-    loop = JointFit(evidence, options.pose_rounds + options.rounds * len(options.robust_px), progress or (lambda *_: None))
+    loop, held_by = JointFit(evidence, options.pose_rounds + options.rounds * len(options.robust_px), progress or _silent), 1.0
     start = Estimate(tuple(states), np.zeros(len(space)), np.zeros((len(rig), N_CAMERA)))
     before = loop.run("poses", held, start, options.robust_px[0], options.pose_rounds)
+    count = sum(len(lines) for lines in loop.draw(held, before.estimate))
+    if count < _LEAST_LINES:
+        raise TrackerError(f"the body is hardly seen in these images: {count} contour lines in {len(states)} sets")
     after = before
-    for robust_px in options.robust_px:
-        after = loop.run("body", problem, after.estimate, robust_px, options.rounds)
+    for stage, robust_px in enumerate(options.robust_px):
+        loop.look(problem, after.estimate, robust_px)
+        if stage:  # the coarse fit tells how well a body of such shapes can fit at all
+            excess = misfit_of(problem, after.estimate, loop.draw(problem, after.estimate)) - 1.0
+            held_by = float(np.sqrt(1.0 + len(states) * max(0.0, excess)))
+            problem = replace(problem, shared=SharedPrior(options.prior_scale * space.sigmas / held_by, problem.shared.cameras))
+        after = loop.rounds("body", problem, after, robust_px, options.rounds)
     lines = loop.draw(problem, after.estimate), loop.draw(problem, before.estimate)
-    if sum(map(len, lines[0])) < _LEAST_LINES:
-        raise TrackerError(
-            f"the body is hardly seen in these images: {sum(map(len, lines[0]))} contour lines in {len(states)} sets"
-        )
     covariance, _ = shared_covariance(problem, lines[0], after.estimate, options.robust_px[-1])
-    report = _report(problem, before, after, lines[1], lines[0], np.sqrt(np.diag(covariance)), loop.iterations)
+    report = _report(problem, before, after, lines[1], lines[0], held_by * np.sqrt(np.diag(covariance)), loop.iterations)
     return BodyFit(space.body(after.estimate.s), after.estimate.states, report)
+
+
+def _silent(what: str, done: int, total: int) -> None:
+    """Progress that nobody wants to see."""
 
 
 class JointFit:
@@ -158,9 +169,16 @@ class JointFit:
 
     def run(self, what: str, problem: Problem, start: Estimate, robust_px: float, rounds: int) -> Solution:
         """Look at the images around ``start``, then ``rounds`` times lines and a step."""
-        states = [problem.states_of(start, k) for k in range(len(start.states))]
-        self._evidence.look(problem.space.body(start.s), problem.rig_of(start), states, robust_px)
-        solution = Solution(start, np.inf, 0)
+        self.look(problem, start, robust_px)
+        return self.rounds(what, problem, Solution(start, np.inf, 0), robust_px, rounds)
+
+    def look(self, problem: Problem, estimate: Estimate, robust_px: float) -> None:
+        """Look at the images around an estimate."""
+        states = [problem.states_of(estimate, k) for k in range(len(estimate.states))]
+        self._evidence.look(problem.space.body(estimate.s), problem.rig_of(estimate), states, robust_px)
+
+    def rounds(self, what: str, problem: Problem, solution: Solution, robust_px: float, rounds: int) -> Solution:
+        """``rounds`` times lines and some steps."""
         for _ in range(rounds):
             self._progress(what, self._done, self._n_rounds)
             solution = solve(problem, self.draw(problem, solution.estimate), solution.estimate, robust_px)
@@ -206,7 +224,7 @@ def _report(
     figures = [residuals_of(problem, s.estimate, lines) for s, lines in ((before, lines_before), (after, lines_after))]
     parameters = tuple(
         ParameterFigures(p.name, float(value), float(sigma), float(prior))
-        for p, value, sigma, prior in zip(space.parameters, after.estimate.s, sigmas, problem.shared.shape, strict=True)
+        for p, value, sigma, prior in zip(space.parameters, after.estimate.s, sigmas, space.sigmas, strict=True)
     )
 
     def both(column: int, index: int) -> tuple[LineFigures, LineFigures]:
@@ -232,6 +250,16 @@ def residuals_of(problem: Problem, estimate: Estimate, lines: Sequence[ContourLi
         residuals, valid = line_residuals(own, model, rig, problem.states_of(estimate, k))
         rows.append(np.column_stack([own.camera, own.shape, residuals])[valid])
     return np.concatenate(rows)
+
+
+def misfit_of(problem: Problem, estimate: Estimate, lines: Sequence[ContourLines]) -> float:
+    """Square of the lines' residuals as a multiple of their variances, in the middle: 1 where they are as good as they say."""
+    model, rig = problem.space.body(estimate.s), problem.rig_of(estimate)
+    ratios = []
+    for k, own in enumerate(lines):
+        residuals, valid = line_residuals(own, model, rig, problem.states_of(estimate, k))
+        ratios.append((residuals**2 / own.variances)[valid])
+    return float(np.median(np.concatenate(ratios))) / _MEDIAN_OF_CHI2
 
 
 def line_figures(residuals: np.ndarray) -> LineFigures:

@@ -114,10 +114,18 @@ def moved_camera(camera: Camera, departure: np.ndarray) -> Camera:
 
 
 def solve(
-    problem: Problem, lines: Sequence[ContourLines], start: Estimate, robust_px: float, max_iterations: int = 3
+    problem: Problem,
+    lines: Sequence[ContourLines],
+    start: Estimate,
+    robust_px: float,
+    max_iterations: int = 3,
+    damping: float = 1e-3,
 ) -> Solution:
-    """Walk downhill on fixed lines from ``start``; deterministic. Joints stay within their limits."""
-    estimate, damping, iterations = start, 1e-3, 0
+    """Walk downhill on fixed lines from ``start``; deterministic. Joints stay within their limits.
+
+    ``damping`` is relative to the diagonal of the Gauss-Newton matrix, to begin with.
+    """
+    estimate, iterations = start, 0
     cost = _cost(problem, lines, estimate, robust_px)
     while iterations < max_iterations:
         iterations += 1
