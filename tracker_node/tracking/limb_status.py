@@ -23,14 +23,15 @@ from .limbs import Limb, limbs_of
 
 LOST_TIP_M = 0.150  # a limb whose end is farther off is lost
 _LEAST_IN_CAMERA = 5  # samples of a limb's outline, for a camera to say anything of it
+_LEAST_OF_PART = 15  # samples of a part's outline in all cameras, for it to be judged alone
 _LEAST = 1e-4  # probability that nothing is ever below
 _NOISE = 0.2  # share of the outline that is found anywhere
 _START = 0.3  # probability of lost that a limb starts with
 
-MEASURES = ("close share, mean", "close share, middle camera", "surety, mean")
+MEASURES = ("close share, mean", "close share, middle camera", "surety, mean", "close share, worst part")
 # Log odds of lost: the constant, and what each measure adds, in shares of its level while all is well
-COEFFICIENTS = np.array([7.3, -4.0, -3.0, -2.9])
-_LEAST_LEVELS = np.array([0.40, 0.40, 5.0])  # what is less is not well, whatever it has always been
+COEFFICIENTS = np.array([7.5, -2.9, -2.4, -2.1, -3.1])
+_LEAST_LEVELS = np.array([0.40, 0.40, 5.0, 0.30])  # what is less is not well, whatever it has always been
 _LEVEL_RATE = 0.05  # share of the newest image set in the levels
 
 
@@ -38,16 +39,20 @@ def limb_measures(evidence: PartEvidence, shapes: np.ndarray) -> np.ndarray | No
     """`MEASURES` of the limb with these shapes (mask (n_shapes,)); None where too little of it should be seen.
 
     The close share is that of the outline found where it should be; surety the log-likelihood ratio of a contour against none, a
-    sample. The middle camera is, of an even number, the better: some may be covered, and one may agree by chance.
+    sample. The middle camera is, of an even number, the better: some may be covered, and one may agree by chance. The worst part
+    is that of the limb's shapes of which the least is found.
     """
     expected = evidence.expected[:, shapes].sum(axis=1)
     seen = expected >= _LEAST_IN_CAMERA
     if not seen.any():
         return None
+    parts, close_parts = evidence.expected[:, shapes].sum(axis=0), evidence.close[:, shapes].sum(axis=0)
+    told = parts >= _LEAST_OF_PART
     expected, close = expected[seen], evidence.close[:, shapes].sum(axis=1)[seen]
     total = expected.sum()
-    middle = np.sort(close / expected)[len(expected) // 2]
-    return np.array([close.sum() / total, middle, evidence.log_ratio[:, shapes].sum(axis=1)[seen].sum() / total])
+    share, middle = close.sum() / total, np.sort(close / expected)[len(expected) // 2]
+    worst = (close_parts[told] / parts[told]).min() if told.any() else share
+    return np.array([share, middle, evidence.log_ratio[:, shapes].sum(axis=1)[seen].sum() / total, worst])
 
 
 class LimbJudge:
