@@ -17,7 +17,7 @@ from tracker_node.loaders.state_yaml import dump_state, load_state
 from tracker_node.loaders.urdf_writer import urdf_of
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.human import human_model
-from tracker_node.model.kinematic_chain import ENDLESS_RAD
+from tracker_node.model.kinematic_chain import ENDLESS_RAD, Following
 from tracker_node.model.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 
 
@@ -135,6 +135,32 @@ def test_a_ball_joint_is_three_turns_and_the_world_is_left_out(tmp_path):
     np.testing.assert_allclose(rotation, Rotation.from_euler("XYZ", angles).as_matrix(), atol=1e-12)
 
 
+GRIPPER = """<robot name="gripper"><link name="palm"><visual><geometry><box size="0.1 0.1 0.02"/></geometry></visual></link>
+<link name="left"><visual><geometry><box size="0.02 0.02 0.1"/></geometry></visual></link>
+<link name="right"><visual><geometry><box size="0.02 0.02 0.1"/></geometry></visual></link>
+<link name="dial"><visual><geometry><sphere radius="0.02"/></geometry></visual></link>
+<joint name="left_finger" type="prismatic"><parent link="palm"/><child link="left"/><axis xyz="1 0 0"/>
+  <limit lower="0.01" upper="0.05"/></joint>
+<joint name="right_finger" type="prismatic"><parent link="palm"/><child link="right"/><axis xyz="-1 0 0"/>
+  <limit lower="0" upper="0.06"/><mimic joint="left_finger" offset="0.005"/></joint>
+<joint name="gauge" type="revolute"><parent link="palm"/><child link="dial"/><limit lower="-3" upper="3"/>
+  <mimic joint="right_finger" multiplier="-40"/></joint></robot>"""
+
+
+def test_fingers_follow_each_other(tmp_path):
+    """Also through our own file, through the text for RViz, and in a pose that names the leader only."""
+    model = load_model(written(tmp_path, GRIPPER))
+    dump_model(model, tmp_path / "gripper.yaml")
+    (tmp_path / "again.urdf").write_text(urdf_of(model))
+    (tmp_path / "state.yaml").write_text("root: {xyz: [0, 0, 0]}\njoints_m: {left_finger: 0.03}\n")
+    for body in (model, load_model(tmp_path / "gripper.yaml"), load_model(tmp_path / "again.urdf")):
+        assert [axis.follows for axis in body.chain.axes] == [
+            None, Following("left_finger", 1.0, 0.005), Following("right_finger", -40.0, 0.0)
+        ]  # fmt: skip
+        np.testing.assert_allclose(State.neutral(body).joint_positions, [0.01, 0.015, -0.6])
+        np.testing.assert_allclose(load_state(tmp_path / "state.yaml", body).joint_positions, [0.03, 0.035, -1.4])
+
+
 @pytest.fixture
 def pyramid() -> Mesh:
     vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
@@ -196,7 +222,7 @@ WRONG = {
     ),
     "joint type": (ROBOT.replace('type="revolute"', 'type="planar"', 1), r"joint\[elbow\].type': expected one of .*got 'planar'"),
     "floating": (ROBOT.replace('type="revolute"', 'type="floating"', 1), r"joint\[elbow\].type': .*the root floats"),
-    "mimic": (ROBOT.replace("<dynamics", '<mimic joint="lift"/><dynamics'), r"joint\[elbow\].mimic': .*one of 'lift'"),
+    "mimic": (ROBOT.replace("<dynamics", '<mimic joint="stuck"/><dynamics'), r"joint\[elbow\].mimic.joint': .*got 'stuck'"),
     "unknown link": (
         ROBOT.replace('child link="tool"', 'child link="tol"'),
         r"joint\[stuck\].child.link': expected a link.*'tol'",

@@ -67,6 +67,15 @@ Degrees = Annotated[tuple[float, float], BeforeValidator(_limits_deg)]
 Metres = Annotated[tuple[float, float], BeforeValidator(_limits_m)]
 
 
+class FollowsEntry(FileModel):
+    """Position = multiplier * that of the leading axis + offset, in radians and metres but for ``offset_deg``."""
+
+    axis: str
+    multiplier: Number = 1.0
+    offset_deg: Number = 0.0
+    offset_m: Number = 0.0
+
+
 class AxisEntry(FileModel):
     """One degree of freedom of a joint: a turn, or with ``limits_m`` a slide."""
 
@@ -77,6 +86,7 @@ class AxisEntry(FileModel):
     limits_m: Metres | None = None
     neutral_m: Number = 0.0
     stiffness: Number = 0.0
+    follows: FollowsEntry | None = None
 
     @model_validator(mode="after")
     def _sound(self) -> AxisEntry:
@@ -92,6 +102,10 @@ class AxisEntry(FileModel):
             raise problem(f"{what} within the limits [{lower:g}, {upper:g}]", neutral, field)
         if self.stiffness < 0.0:
             raise problem("a number >= 0", self.stiffness, "stiffness")
+        if self.follows is not None:
+            wrong = "offset_deg" if self.slides else "offset_m"
+            if wrong in self.follows.model_fields_set:
+                raise problem("an offset in the axis's own unit", wrong, f"follows.{wrong}")
         return self
 
     @property
@@ -290,3 +304,9 @@ class ModelFile(FileModel):
                     expected = f"a name of its own ({seen[axis.name]} has this one)"
                     raise problem(expected, axis.name, f"joints.{name}.axes.{i}.name")
                 seen[axis.name] = f"joint '{name}'"
+        for name, joint in self.joints.items():
+            for i, axis in enumerate(joint.axes):
+                others = [other for other in seen if other not in (axis.name, *ROOT_DOF_NAMES)]
+                if axis.follows is not None and axis.follows.axis not in others:
+                    expected = f"another axis, one of {sorted(others)}"
+                    raise problem(expected, axis.follows.axis, f"joints.{name}.axes.{i}.follows.axis")

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import FileFormatError, ModelError
 from ..geometry import se3, so3
 from ..model.articulated_model import ArticulatedModel, Landmark, Shape
-from ..model.kinematic_chain import Axis, Joint, KinematicChain
+from ..model.kinematic_chain import Axis, Following, Joint, KinematicChain
 from ..model.nurbs import N_AROUND, RING_SPACING, LoftedSolid, loft_mesh
 from ..model.primitives import BOX_FACES, Box, Ellipsoid, Mesh, Primitive, TruncatedCone
 from .mesh_file import read_mesh, write_mesh
@@ -111,11 +111,15 @@ def rpy_deg_of(rotation: np.ndarray) -> tuple[float, float, float]:
 def _axis(entry: AxisEntry) -> Axis:
     direction = np.array(entry.direction) / np.linalg.norm(entry.direction)
     x, y, z = direction.tolist()
+    follows = None
+    if entry.follows is not None:
+        offset = entry.follows.offset_m if entry.slides else float(np.deg2rad(entry.follows.offset_deg))
+        follows = Following(entry.follows.axis, entry.follows.multiplier, offset)
     if entry.limits_m is not None:
-        return Axis(entry.name, (x, y, z), *entry.limits_m, entry.neutral_m, entry.stiffness, prismatic=True)
+        return Axis(entry.name, (x, y, z), *entry.limits_m, entry.neutral_m, entry.stiffness, True, follows)
     lower, upper = np.deg2rad(entry.limits_deg)
     neutral = float(np.clip(np.deg2rad(entry.neutral_deg), lower, upper))
-    return Axis(entry.name, (x, y, z), float(lower), float(upper), neutral, entry.stiffness)
+    return Axis(entry.name, (x, y, z), float(lower), float(upper), neutral, entry.stiffness, False, follows)
 
 
 def _axis_values(axis: Axis) -> dict[str, Any]:
@@ -129,6 +133,11 @@ def _axis_values(axis: Axis) -> dict[str, Any]:
         values[f"neutral_{unit}"] = tidy(axis.neutral)
     if axis.stiffness != 0.0:
         values["stiffness"] = float(axis.stiffness)
+    if axis.follows is not None:
+        following = axis.follows
+        values["follows"] = {"axis": following.leader, "multiplier": float(following.multiplier)}
+        if following.offset != 0.0:
+            values["follows"][f"offset_{unit}"] = tidy(following.offset)
     return values
 
 

@@ -86,6 +86,11 @@ def load_state(path: str | Path, model: ArticulatedModel) -> State:
             if not lower - kind.slack <= value <= upper + kind.slack:
                 raise FileFormatError(path, field, f"{kind.what} in [{lower:.6g}, {upper:.6g}] {kind.unit_name}", value)
             positions[i] = value * kind.unit
+    named = {*content.joints_deg, *content.joints_m}
+    followed = model.chain.followed(positions)
+    for i, axis in enumerate(model.chain.axes):
+        if axis.follows is not None and axis.name not in named:
+            positions[i] = followed[i]
     return State(content.root.transform(), positions)
 
 

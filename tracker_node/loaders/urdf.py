@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import FileFormatError, ModelError
 from ..geometry import se3
 from ..model.articulated_model import ArticulatedModel, Landmark, Shape
-from ..model.kinematic_chain import ENDLESS_RAD, ROOT_DOF_NAMES, Axis, Joint, KinematicChain
+from ..model.kinematic_chain import ENDLESS_RAD, ROOT_DOF_NAMES, Axis, Following, Joint, KinematicChain
 from .urdf_geometry import read_materials, read_shapes
 from .urdf_xml import Node, read_robot
 
@@ -26,8 +26,8 @@ def load_urdf(path: str | Path) -> ArticulatedModel:
 
     Raises
     ------
-    FileFormatError : naming file, element and attribute; also for a robot without geometry, a joint that mimics another, and a
-        floating joint elsewhere than at the root (which floats anyway).
+    FileFormatError : naming file, element and attribute; also for a robot without geometry, and for a floating joint elsewhere
+        than at the root (which floats anyway).
     """
     robot = read_robot(path)
     name = robot.text("name")
@@ -40,6 +40,7 @@ def load_urdf(path: str | Path) -> ArticulatedModel:
         if node.text("type") == "floating":
             joints = _without_floating(joint, node, joints, links, shapes)
     _check_axis_names(joints, joint_nodes)
+    _check_leaders(joints, joint_nodes)
     try:
         chain = KinematicChain(tuple(links), tuple(joints))
     except ModelError as error:
@@ -83,10 +84,6 @@ def _joint(name: str, node: Node, links: dict[str, Node]) -> Joint:
     kind = node.text("type")
     if kind not in _TYPES:
         raise node.error(f"one of {list(_TYPES)}", kind, "type")
-    mimic = node.one("mimic")
-    if mimic is not None:
-        expected = "no <mimic>, as the tracker's joints move independently (take it out, or make the joint fixed)"
-        raise node.error(expected, f"one of '{mimic.element.get('joint')}'", "mimic")
     ends = []
     for end in ("parent", "child"):
         link = node.needed(end).text("link")
@@ -104,9 +101,9 @@ def _axes(name: str, kind: str, node: Node) -> tuple[tuple[Axis, ...], np.ndarra
     if kind == "spherical":
         x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
         return (Axis(f"{name}_x", x), Axis(f"{name}_y", y), Axis(f"{name}_z", z)), np.eye(4)
-    direction = _direction(node)
+    direction, follows = _direction(node), _following(node)
     if kind == "continuous":
-        return (Axis(name, direction, -ENDLESS_RAD, ENDLESS_RAD),), np.eye(4)
+        return (Axis(name, direction, -ENDLESS_RAD, ENDLESS_RAD, follows=follows),), np.eye(4)
     limit = node.needed("limit")
     lower, upper = limit.number("lower", 0.0), limit.number("upper", 0.0)
     if lower > upper:
@@ -115,7 +112,14 @@ def _axes(name: str, kind: str, node: Node) -> tuple[tuple[Axis, ...], np.ndarra
     if lower == upper:
         motion = lower * np.array(direction)
         return (), se3.exp(np.append(motion, np.zeros(3)) if slides else np.append(np.zeros(3), motion))
-    return (Axis(name, direction, lower, upper, min(max(0.0, lower), upper), prismatic=slides),), np.eye(4)
+    return (Axis(name, direction, lower, upper, min(max(0.0, lower), upper), 0.0, slides, follows),), np.eye(4)
+
+
+def _following(node: Node) -> Following | None:
+    mimic = node.one("mimic")
+    if mimic is None:
+        return None
+    return Following(mimic.text("joint"), mimic.number("multiplier", 1.0), mimic.number("offset", 0.0))
 
 
 def _direction(node: Node) -> tuple[float, float, float]:
@@ -146,3 +150,13 @@ def _check_axis_names(joints: list[Joint], nodes: dict[str, Node]) -> None:
             if axis.name in owner:
                 raise nodes[joint.name].error(f"a name of its own ({owner[axis.name]} has this one)", axis.name, "name")
             owner[axis.name] = f"joint '{joint.name}'"
+
+
+def _check_leaders(joints: list[Joint], nodes: dict[str, Node]) -> None:
+    axes = [axis.name for joint in joints for axis in joint.axes]
+    for joint in joints:
+        for axis in joint.axes:
+            others = sorted(name for name in axes if name != axis.name)
+            if axis.follows is not None and axis.follows.leader not in others:
+                expected = f"another joint that moves, one of {others}"
+                raise nodes[joint.name].needed("mimic").error(expected, axis.follows.leader, "joint")

@@ -20,11 +20,24 @@ ENDLESS_RAD = 2000.0 * np.pi  # a turn that no stop ends has these limits: finit
 
 
 @dataclass(frozen=True)
+class Following:
+    """An axis that another one drives, as gears and gripper fingers are: position = ``multiplier`` * leader + ``offset``.
+
+    Positions are in radians and metres.
+    """
+
+    leader: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
 class Axis:
     """One degree of freedom: a turn, or with ``prismatic`` a slide.
 
     ``direction`` (3,) unit, in the frame that the preceding axes have made; ``lower``/``upper`` in radians (metres); ``neutral``
     is where the weak prior pulls to, ``stiffness`` (1/rad^2, 1/m^2) how strongly (0: free; roll-like axes need some).
+    ``follows``: the axis that drives it, if one does.
     """
 
     name: str
@@ -34,6 +47,7 @@ class Axis:
     neutral: float = 0.0
     stiffness: float = 0.0
     prismatic: bool = False
+    follows: Following | None = None
 
     def __post_init__(self):
         if abs(np.linalg.norm(self.direction) - 1.0) > 1e-6:
@@ -175,6 +189,10 @@ class KinematicChain:
             raise ModelError(
                 f"degree-of-freedom names must be unique; repeated: {sorted({x for x in names if names.count(x) > 1})}"
             )
+        for axis in axes:
+            if axis.follows is not None and (axis.follows.leader not in names or axis.follows.leader == axis.name):
+                others = [name for name in names if name != axis.name]
+                raise UnknownNameError(f"axis that '{axis.name}' follows", axis.follows.leader, others)
         link_moved_by = np.zeros((n, N_ROOT_DOF + len(axes)), dtype=np.bool_)
         for i, dofs in enumerate(moved):
             link_moved_by[i, sorted(dofs)] = True
@@ -205,6 +223,21 @@ class KinematicChain:
     def dof_units(self) -> tuple[str, ...]:
         """Units in tangent order, "m" or "rad"."""
         return ("m", "m", "m", "rad", "rad", "rad", *(axis.unit for axis in self.axes))
+
+    @property
+    def couplings(self) -> list[tuple[int, int, Following]]:
+        """(axis, its leader, how it follows) of every axis that another one drives."""
+        names = [axis.name for axis in self.axes]
+        return [(i, names.index(a.follows.leader), a.follows) for i, a in enumerate(self.axes) if a.follows is not None]
+
+    def followed(self, positions: np.ndarray) -> np.ndarray:
+        """Joint positions (n_axes,) with driven axes where their leaders put them, within their limits."""
+        couplings, positions = self.couplings, np.array(positions, dtype=np.float64)
+        for _ in couplings:  # a leader may itself be driven
+            for i, leader, following in couplings:
+                wanted = following.multiplier * positions[leader] + following.offset
+                positions[i] = min(max(wanted, self.axes[i].lower), self.axes[i].upper)
+        return positions
 
     @property
     def lower(self) -> np.ndarray:

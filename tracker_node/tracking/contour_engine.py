@@ -11,10 +11,9 @@ from ..camera.camera_rig import CameraRig
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
-from ..objective.collision import CollisionObjective
 from ..objective.contour_objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
 from ..objective.moved_configuration import bodies_seen
-from ..objective.normal_equations import Comparison, NormalEquations
+from ..objective.normal_equations import Comparison, LeastSquaresObjective, NormalEquations
 from ..objective.prior import Prior
 from ..objective.sum_objective import SumObjective
 from ..observation.image_set import ImageSet
@@ -24,6 +23,7 @@ from ..optimize.result import OptimizerResult
 from ..render.occluders import Occluders, Sight
 from ..render.shape_arrays import ShapeArrays
 from .config import TrackerConfig
+from .constraints import constraints_of
 from .engine import Images, Report, Verdict
 from .judge import NOTHING, covariance_of, judge, reports_of
 from .motion_model import Passage
@@ -57,7 +57,7 @@ class ContourEngine:
         self._occluders = occluders or Occluders(None, rig)
         optimizer, evidence = config.optimizer, config.evidence
         self._arrays = ShapeArrays.from_model(model, caps=False)
-        self._constraints = [CollisionObjective(model, config.collision.sigma_m)] if config.collision.enabled else []
+        self._constraints = constraints_of(model, config)
         self._slots = [CameraSlot(camera, model, optimizer.samples_per_line) for camera in rig]
         self._options = ContourOptions(
             robust_scale_px=optimizer.robust_scale_px,
@@ -110,14 +110,19 @@ class ContourEngine:
         n_coarse = min(total // 2 if first else optimizer.coarse_iterations, total - 1)
         coarse: OptimizerResult | None = None
         if n_coarse > 0:
-            coarse = self._minimize(objective, start, n_coarse)
+            coarse = self._minimize(start, n_coarse)
             self._comparison = Comparison(coarse.state, coarse.equations, objective.camera_equations())
             objective.restart(self._fine, self._offsets(coarse.state))
-        fine = self._minimize(objective, start if coarse is None else coarse.state, total - n_coarse)
+        fine = self._minimize(start if coarse is None else coarse.state, total - n_coarse)
         if coarse is None:
             self._comparison = Comparison(fine.state, fine.equations, objective.camera_equations())
             return fine
         return replace(fine, iterations=fine.iterations + coarse.iterations, evaluations=fine.evaluations + coarse.evaluations)
+
+    @property
+    def whole(self) -> LeastSquaresObjective:
+        """What the last fit has minimized at its end: contours, constraints and priors."""
+        return SumObjective([self._objective, *self._constraints])
 
     def judge(self, result: OptimizerResult, image_set: ImageSet) -> Verdict:
         """By how far outline and silhouette agree."""
@@ -200,9 +205,9 @@ class ContourEngine:
         objective.restart(self._options, self._offsets(expected))
         return objective
 
-    def _minimize(self, objective: ContourObjective, start: State, iterations: int) -> OptimizerResult:
+    def _minimize(self, start: State, iterations: int) -> OptimizerResult:
         options = LevenbergMarquardtOptions(max_iterations=iterations, tolerance=self._config.optimizer.tolerance)
-        return minimize(SumObjective([objective, *self._constraints]), start, self._model.chain, options)
+        return minimize(self.whole, start, self._model.chain, options)
 
 
 def _unveiled(observation: Observation, veil: np.ndarray | None) -> Observation:

@@ -12,7 +12,6 @@ from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective import region_lines as kernel
-from ..objective.collision import CollisionObjective
 from ..objective.moved_configuration import bodies_seen
 from ..objective.normal_equations import Comparison, LeastSquaresObjective, NormalEquations
 from ..objective.prior import Prior
@@ -27,6 +26,7 @@ from ..optimize.result import OptimizerResult
 from ..render.occluders import Occluders
 from ..render.shape_arrays import ShapeArrays
 from .config import TrackerConfig
+from .constraints import constraints_of
 from .covariance import calibrated_covariance
 from .engine import Images, Report, Verdict
 from .estimate import CameraReport, Status
@@ -72,7 +72,7 @@ class RegionEngine:
         )
         self._scales = _numbers(region.scales)
         self._first_scales = _numbers(region.first_scales)
-        self._constraints = [CollisionObjective(model, config.collision.sigma_m)] if config.collision.enabled else []
+        self._constraints = constraints_of(model, config)
         self._objective = RegionObjective(
             rig, model, ShapeArrays.from_model(model), self._classes, options, parallel, self._occluders.depths
         )
