@@ -26,8 +26,7 @@ class State:
     @classmethod
     def neutral(cls, model: ArticulatedModel, T_world_root: np.ndarray | None = None) -> State:
         """Every joint at its neutral angle, and driven ones where their leaders put them."""
-        positions = model.chain.followed(np.array([axis.neutral for axis in model.chain.axes]))
-        return cls(np.eye(4) if T_world_root is None else T_world_root, positions)
+        return cls(np.eye(4) if T_world_root is None else T_world_root, model.chain.neutral.copy())
 
     def retract(self, tangent: np.ndarray) -> State:
         """The state reached from here along ``tangent`` (n_dof,)."""

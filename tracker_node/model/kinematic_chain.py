@@ -167,6 +167,10 @@ class KinematicChain:
     directions: np.ndarray = field(init=False, repr=False, compare=False)  # (n_axes, 4): unit, 1 where it slides
     axes: tuple[Axis, ...] = field(init=False, repr=False, compare=False)
     link_moved_by: np.ndarray = field(init=False, repr=False, compare=False)  # (n_links, n_dof) bool
+    lower: np.ndarray = field(init=False, repr=False, compare=False)  # (n_axes,) radians, metres; read-only
+    upper: np.ndarray = field(init=False, repr=False, compare=False)
+    neutral: np.ndarray = field(init=False, repr=False, compare=False)  # driven axes where their leaders put them
+    couplings: tuple[tuple[int, int, Following], ...] = field(init=False, repr=False, compare=False)  # (axis, leader, how)
 
     def __post_init__(self):
         links, joint_of = _topological_order(self.links, self.joints)
@@ -205,6 +209,13 @@ class KinematicChain:
         set_(self, "axes", tuple(axes))
         set_(self, "directions", np.array([(*a.direction, a.prismatic) for a in axes], dtype=np.float64).reshape(-1, 4))
         set_(self, "link_moved_by", link_moved_by)
+        followers = [(i, axis.follows) for i, axis in enumerate(axes) if axis.follows is not None]
+        set_(self, "couplings", tuple((i, names.index(follows.leader), follows) for i, follows in followers))
+        set_(self, "lower", np.array([axis.lower for axis in axes]))
+        set_(self, "upper", np.array([axis.upper for axis in axes]))
+        set_(self, "neutral", self.followed(np.array([axis.neutral for axis in axes])))
+        for constant in (self.lower, self.upper, self.neutral):
+            constant.flags.writeable = False
 
     @property
     def n_axes(self) -> int:
@@ -224,28 +235,14 @@ class KinematicChain:
         """Units in tangent order, "m" or "rad"."""
         return ("m", "m", "m", "rad", "rad", "rad", *(axis.unit for axis in self.axes))
 
-    @property
-    def couplings(self) -> list[tuple[int, int, Following]]:
-        """(axis, its leader, how it follows) of every axis that another one drives."""
-        names = [axis.name for axis in self.axes]
-        return [(i, names.index(a.follows.leader), a.follows) for i, a in enumerate(self.axes) if a.follows is not None]
-
     def followed(self, positions: np.ndarray) -> np.ndarray:
         """Joint positions (n_axes,) with driven axes where their leaders put them, within their limits."""
-        couplings, positions = self.couplings, np.array(positions, dtype=np.float64)
-        for _ in couplings:  # a leader may itself be driven
-            for i, leader, following in couplings:
+        positions = np.array(positions, dtype=np.float64)
+        for _ in self.couplings:  # a leader may itself be driven
+            for i, leader, following in self.couplings:
                 wanted = following.multiplier * positions[leader] + following.offset
                 positions[i] = min(max(wanted, self.axes[i].lower), self.axes[i].upper)
         return positions
-
-    @property
-    def lower(self) -> np.ndarray:
-        return np.array([axis.lower for axis in self.axes])
-
-    @property
-    def upper(self) -> np.ndarray:
-        return np.array([axis.upper for axis in self.axes])
 
     def beyond_limits(self, positions: np.ndarray) -> list[str]:
         """Which joint positions (n_axes,) lie beyond their limits, in words: "elbow: 3.1 is not in [0, 2.6] rad"."""
