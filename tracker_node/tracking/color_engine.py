@@ -12,7 +12,7 @@ from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective.color_score import ColorObjective, ColorOptions
-from ..objective.normal_equations import Comparison, NormalEquations
+from ..objective.normal_equations import Comparison, LeastSquaresObjective, NormalEquations
 from ..objective.prior import Prior
 from ..objective.surface_photometry import PhotometryOptions, SurfacePhotometry
 from ..observation.image_set import ImageSet
@@ -153,6 +153,13 @@ class ColorEngine:
         """On the finest level, with the priors of the last fit."""
         self._agreement = self._agreement_at(state)
         return Pulled(self._photometry.at_level(0), self._priors).linearize(state)
+
+    def evidence_at(self, state: State) -> tuple[LeastSquaresObjective, float]:
+        """Colors of the surface seen in ``state``, without priors, and what their unit is in units of information."""
+        level, config = self._photometry.at_level(0), self._config
+        level.freeze(state)
+        variance = max(self._agreement_at(state).rms, config.residual_sigma) ** 2
+        return level, 1.0 / (variance * config.correlation)
 
     def comparison(self) -> Comparison | None:
         """Cameras are not compared: the units are grey levels."""

@@ -9,7 +9,6 @@ from ..objective.normal_equations import Comparison, NormalEquations
 from ..objective.prior import Prior
 from ..observation.image_set import ImageSet
 from ..optimize.result import OptimizerResult
-from .contour_engine import ContourEngine
 from .engine import Engine, Images, Report, Verdict
 from .estimate import Status
 from .motion_model import Passage
@@ -23,12 +22,13 @@ class ColorThenContourEngine:
 
     in_information_units = True
 
-    def __init__(self, colors: Engine, contours: ContourEngine):
+    def __init__(self, colors: Engine, contours: Engine):
         self._colors, self._contours = colors, contours
         self._images: Images = ()
         self._passage: Passage | None = None
         self._waiting = True
         self._jumped = False
+        self._lost = True
 
     def reset(self) -> None:
         """Both."""
@@ -49,7 +49,7 @@ class ColorThenContourEngine:
         """Iterations and evaluations are those of both."""
         found = self._colors.fit(start, first)
         verdict = None if self._waiting else self._colors.judge(found, ImageSet(0, ()))
-        lost = verdict is None or verdict.status is Status.LOST
+        self._lost = lost = verdict is None or verdict.status is Status.LOST
         self._jumped = not lost and verdict is not None and verdict.jumped
         begin = start if lost else found.state
         self._contours.observe(self._images, None if self._waiting else begin, self._passage)

@@ -209,6 +209,9 @@ class TogetherConfig:
 
     passes: int = parameter(2, "times that the points are chosen anew whose colors are compared", "", 1, 100)
     iterations: int = parameter(3, "iterations in each pass", "", 1, 1000)
+    color_scale: float = parameter(
+        1.4, "multiplies the inverse of the colors' information, as status.covariance_scale does the contours'", "1", 1e-3, 1e3
+    )
 
 
 @dataclass(frozen=True)

@@ -233,7 +233,7 @@ def _make_engine(
         if config.engine == "color_and_contour":
             from .color_with_contour import ColorWithContourEngine
 
-            return ColorWithContourEngine(colors, contours(), model.chain, config.together)
+            return ColorWithContourEngine(colors, contours(), model.chain, config)
     if config.engine == "color":
         return colors
     if config.engine == "color_and_contour":
