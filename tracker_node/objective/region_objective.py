@@ -175,7 +175,8 @@ class RegionObjective:
                 slot.rows, slot.pixels, slot.info,
             )  # fmt: skip
             if self._covers[i].size:
-                slot.n = drop_covered(self._covers[i], slot.rows, slot.pixels, slot.info, slot.n, self.options.outward_px)
+                reach_px = 0.5 * self.options.outward_px
+                slot.n = drop_covered(self._covers[i], slot.rows, slot.pixels, slot.info, slot.n, reach_px)
             kernel.draw_lines(
                 view.bgr, view.densities, view.room, self.classes, self.arrays.packed, Ts_shape, spheres, Ts_link, slot.camera,
                 slot.rows, slot.pixels, slot.info, slot.n, options, slot.lines,
