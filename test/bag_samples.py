@@ -50,6 +50,7 @@ def tracked_state(stamp_ns: int, residual_px: float = 1.5):
         values=np.array([1.0]),
         velocities=np.zeros(1),
         covariance=np.ones(1),
+        velocity_covariance=np.ones(1),
         score=0.0,
         residual_px=residual_px,
         cameras=["cam01"],

@@ -83,6 +83,7 @@ def some_estimate(model: ArticulatedModel, stamp_ns: int = 1_234_567_890_123) ->
             LimbReport("left_hand", LimbStatus.LOST, "not found", 0.96875),
             LimbReport("left_foot", LimbStatus.UNSEEN, "hidden", 0.5),
         ),
+        velocity_covariance=4.0 * root.T @ root,
     )
 
 

@@ -56,6 +56,7 @@ def test_ros_and_the_reader_without_ros_agree_on_every_field(repository: Path) -
         dof_names=["root_x", "root_y"],
         values=[0.1, -0.2],
         covariance=[4.0, 1.0, 1.0, 9.0],
+        velocity_covariance=[1.0, 0.5, 0.5, 2.0],
         cameras=["cam01", "cam02"],
         camera_samples=[120, 0],
         limbs=["trunk", "left_hand"],

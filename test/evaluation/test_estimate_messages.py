@@ -1,5 +1,6 @@
 """Messages made without ROS: there and back, and the same as the nodes make them."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -49,8 +50,15 @@ def test_an_estimate_survives() -> None:
         assert getattr(after, name) == getattr(before, name), name
     assert (after.covariance == before.covariance).all()
     assert (after.velocity == before.velocity).all()
+    assert (after.velocity_covariance == before.velocity_covariance).all()
     assert (after.state.joint_positions == before.state.joint_positions).all()
     np.testing.assert_allclose(after.state.T_world_root, before.state.T_world_root, atol=1e-14)
+
+
+def test_a_velocity_of_which_nothing_is_known_survives() -> None:
+    before = replace(some_estimate(arm()), velocity_covariance=None)
+    after = messages.estimate_of(there_and_back(messages.tracked_state_message(before, arm(), "world")))
+    assert after.velocity_covariance is None
 
 
 @pytest.mark.parametrize("lens", sorted(LENSES))

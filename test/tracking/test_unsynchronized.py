@@ -81,5 +81,5 @@ def test_each_camera_sees_the_body_at_its_own_instant(film, kind):
     assert [len(s.images) for s in sets] == [4] * N_SETS
     alike = [ImageSet(s.stamp_ns, tuple(CameraImage(i.camera, s.stamp_ns, i.pixels) for i in s.images)) for s in sets]
     own, forced = errors_mm(film, sets, kind), errors_mm(film, alike, kind)
-    assert own[2:].mean() < 0.5 * forced[2:].mean()
-    assert own[2:].mean() < 5.0
+    assert own[2:].mean() < 0.65 * forced[2:].mean()
+    assert own[2:].mean() < 6.0

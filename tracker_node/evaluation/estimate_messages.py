@@ -77,6 +77,7 @@ def tracked_state_message(estimate: TrackEstimate, model: ArticulatedModel, fram
         values=np.ascontiguousarray(estimate.state.to_values(), dtype=np.float64),
         velocities=np.ascontiguousarray(estimate.velocity, dtype=np.float64),
         covariance=np.ascontiguousarray(estimate.covariance, dtype=np.float64).ravel(),
+        velocity_covariance=np.ascontiguousarray(() if (spread := estimate.velocity_covariance) is None else spread).ravel(),
         score=float(estimate.score),
         residual_px=float(estimate.residual_px),
         cameras=[report.camera for report in estimate.cameras],
@@ -106,6 +107,7 @@ def estimate_of(message: Any) -> TrackEstimate:
     limbs: Any = ()
     if hasattr(message, "limbs"):  # bags of version 0.1 have none
         limbs = zip(message.limbs, message.limb_status, message.limb_reasons, message.limb_lost_probability, strict=True)
+    spread = getattr(message, "velocity_covariance", ())
     return TrackEstimate(
         stamp_ns=stamp_ns_of(message.header.stamp),
         status=Status(int(message.status)),
@@ -120,6 +122,7 @@ def estimate_of(message: Any) -> TrackEstimate:
         evaluations=int(message.evaluations),
         timings=Timings(float(message.observe_ms), float(message.optimize_ms), float(message.total_ms)),
         limbs=tuple(LimbReport(name, LimbStatus(int(status)), reason, float(p)) for name, status, reason, p in limbs),
+        velocity_covariance=np.array(spread).reshape(n, n) if len(spread) else None,
     )
 
 

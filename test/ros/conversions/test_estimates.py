@@ -1,5 +1,7 @@
 """Estimates there and back through serialized messages."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -43,6 +45,9 @@ def test_tracked_state_there_and_back(model):
     for name in (*names, "limbs"):
         assert getattr(back, name) == getattr(estimate, name)
     assert np.array_equal(back.covariance, estimate.covariance) and np.array_equal(back.velocity, estimate.velocity)
+    assert np.array_equal(back.velocity_covariance, estimate.velocity_covariance)
+    unknown = replace(estimate, velocity_covariance=None)
+    assert estimate_of(sent(tracked_state_message(unknown, model, "world"))).velocity_covariance is None
     assert np.allclose(back.state.T_world_root, estimate.state.T_world_root, atol=1e-12)
     assert np.array_equal(back.state.joint_positions, estimate.state.joint_positions)
 

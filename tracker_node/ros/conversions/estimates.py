@@ -80,6 +80,8 @@ def tracked_state_message(estimate: TrackEstimate, model: ArticulatedModel, fram
     message.values = _doubles(estimate.state.to_values())
     message.velocities = _doubles(estimate.velocity)
     message.covariance = _doubles(estimate.covariance)
+    if estimate.velocity_covariance is not None:
+        message.velocity_covariance = _doubles(estimate.velocity_covariance)
     message.cameras = [report.camera for report in estimate.cameras]
     message.camera_stamps = [stamp_message(report.stamp_ns) for report in estimate.cameras]
     message.camera_residuals_px = array.array("d", [float(report.residual_px) for report in estimate.cameras])
@@ -118,6 +120,7 @@ def estimate_of(message: TrackedState) -> TrackEstimate:
                 message.limbs, message.limb_status, message.limb_reasons, message.limb_lost_probability, strict=True
             )
         ),
+        velocity_covariance=np.array(message.velocity_covariance).reshape(n, n) if message.velocity_covariance else None,
     )
 
 
