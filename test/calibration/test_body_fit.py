@@ -10,7 +10,7 @@ from tracker_node.errors import TrackerError
 from tracker_node.model.shape_parameters import ShapeSpace
 from tracker_node.objective.shape_jacobian import N_CAMERA, line_residuals
 
-OPTIONS = BodyFitOptions(groups=GROUPS, rounds=3, pose_rounds=2, config=CONFIG)
+OPTIONS = BodyFitOptions(groups=GROUPS, rounds=2, pose_rounds=2, config=CONFIG)
 
 
 @pytest.fixture(scope="module")
