@@ -43,16 +43,16 @@ class BodyFitOptions:
     robust_px : scales of the robust kernel, from coarse to fine, pixels; the images are looked at anew for each.
     stay_sigma_rad, stay_sigma_m : how far joints and root may be from the states given.
     prior_scale : multiplies the standard deviations of the shape prior. Where the lines fit worse than they should, by a factor
-        m in their variance, the body's shapes cannot represent the person; that is the same in all n sets, so the prior then
-        counts as if there were fewer: its variances are divided by 1 + n (m - 1).
+        m in their variance, the body's shapes cannot represent the person. Of that a part is the same in all n sets, so more
+        sets do not help as much as they seem to, and the prior counts more: its variances are divided by 1 + sqrt(n) (m - 1).
     correlation : how many neighboring lines share one error.
     """
 
     symmetric: bool = True
     groups: tuple[str, ...] = GROUPS
-    rounds: int = 5
+    rounds: int = 4
     pose_rounds: int = 4
-    robust_px: tuple[float, ...] = (8.0, 3.0)
+    robust_px: tuple[float, ...] = (8.0, 3.0, 3.0)
     stay_sigma_rad: float = 0.3
     stay_sigma_m: float = 0.2
     prior_scale: float = 1.0
@@ -145,9 +145,9 @@ def fit_body(
     after = before
     for stage, robust_px in enumerate(options.robust_px):
         loop.look(problem, after.estimate, robust_px)
-        if stage:  # the coarse fit tells how well a body of such shapes can fit at all
+        if 0 < stage == len(options.robust_px) - 1:  # by now it shows how well a body of such shapes can fit at all
             excess = misfit_of(problem, after.estimate, loop.draw(problem, after.estimate)) - 1.0
-            held_by = float(np.sqrt(1.0 + len(states) * max(0.0, excess)))
+            held_by = float(np.sqrt(1.0 + np.sqrt(len(states)) * max(0.0, excess)))
             problem = replace(problem, shared=SharedPrior(options.prior_scale * space.sigmas / held_by, problem.shared.cameras))
         after = loop.rounds("body", problem, after, robust_px, options.rounds)
     lines = loop.draw(problem, after.estimate), loop.draw(problem, before.estimate)

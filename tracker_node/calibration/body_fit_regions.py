@@ -12,10 +12,13 @@ from ..model.configuration import Configuration, State
 from ..objective import region_lines as kernel
 from ..objective.region_objective import RegionObjective, RegionOptions, View
 from ..objective.shape_jacobian import ContourLines, normalized
+from ..observation.appearance import SceneModel
+from ..observation.body_region import grown
 from ..observation.image_set import ImageSet
 from ..observation.region_colors import RegionColors, color_classes, stated_densities
 from ..render.contour_samples import SHAPE
 from ..render.raycaster import render_labels
+from ..render.renderer import Region
 from ..render.shape_arrays import ShapeArrays
 from ..tracking.config import TrackerConfig
 from .body_fit_lines import joined, serial
@@ -39,36 +42,57 @@ class RegionEvidence:
         config: TrackerConfig,
         parallel: Callable[[Callable, list], list] = serial,
     ):
-        self._sets, self._region, self._parallel = list(sets), config.region, parallel
-        self._colors: list[RegionColors] = []
+        self._sets, self._config, self._region, self._parallel = list(sets), config, config.region, parallel
+        self._seen: list[tuple[RegionColors, SceneModel | None]] = []
         self._objective: tuple[ArticulatedModel, CameraRig, RegionObjective] | None = None
-        self._scale = 1.0
+        self._scale, self._model_sigma_px = 1.0, 0.5
 
     def look(self, model: ArticulatedModel, rig: CameraRig, states: Sequence[Sequence[State]], robust_px: float) -> None:
         region, classes = self._region, color_classes(model)
         stated = stated_densities(model, classes)
-        self._scale = max(1.0, robust_px / 3.0)
+        self._scale, self._model_sigma_px = max(1.0, robust_px / 3.0), robust_px / 6.0
 
-        def learn(i: int) -> RegionColors:
+        def learn(i: int) -> tuple[RegionColors, SceneModel | None]:
             colors, camera, seen = RegionColors(classes, stated, region.color_prior), rig.cameras[i], 0
+            room = None
             for k, images in enumerate(self._sets):
                 image = images.get(camera.name)
                 found = None if image is None else render_labels(Configuration(model, states[k][i]), camera, region.around_px)
                 if image is not None and found is not None and min(found[1].shape) >= _LEAST_REGION_PX:
                     seen += 1
                     colors.learn(image.bgr, *found, 1.0 / seen, region.guard_px, region.around_px)
-            return colors
+                    room = self._learn_room(room, image.bgr, *found)
+            return colors, room
 
-        self._colors = self._parallel(learn, list(range(len(rig))))
+        self._seen = self._parallel(learn, list(range(len(rig))))
+
+    def _learn_room(self, room: SceneModel | None, bgr: np.ndarray, region: Region, labels: np.ndarray) -> SceneModel | None:
+        """What each pixel shows when the body is not there, for cameras that stand still."""
+        evidence = self._config.evidence
+        if not self._region.learn_room or len(self._sets) < 2:
+            return None
+        near = grown(labels, evidence.body_margin_px)
+        if room is None:
+            room, body = SceneModel(bgr.shape[0], bgr.shape[1], evidence.scene_sigma), np.zeros(bgr.shape[:2], dtype=np.uint8)
+            body[region[1] : region[3], region[0] : region[2]] = near
+            room.learn_first(bgr, body)
+        else:
+            room.update(bgr, near, evidence.scene_rate, region)
+        return room
 
     def lines(self, index: int, model: ArticulatedModel, rig: CameraRig, states: Sequence[State]) -> ContourLines:
         if self._objective is None or self._objective[0] is not model or self._objective[1] is not rig:
             self._objective = model, rig, self._make(model, rig)
         objective, images = self._objective[2], self._sets[index]
-        views = []
-        for camera, colors in zip(rig, self._colors, strict=True):
+        views: list[View | None] = []
+        for camera, (colors, room) in zip(rig, self._seen, strict=True):
             image = images.get(camera.name)
-            views.append(None if image is None or not colors.knows else View(image.bgr, (colors.body, colors.scene)))
+            if image is None or not colors.knows:
+                views.append(None)
+            elif room is None:
+                views.append(View(image.bgr, (colors.body, colors.scene)))
+            else:
+                views.append(View(image.bgr, (colors.body, colors.scene), (room.mean, room.variance, room.known)))
         objective.set_views(views, [state.difference(states[0]) if state is not states[0] else None for state in states])
         objective.correspond(states[0], self._scale)
         return joined([self._lines(i, model, objective) for i in objective.active])
@@ -78,7 +102,7 @@ class RegionEvidence:
         options = RegionOptions(
             samples_per_line=region.samples_per_line, half_length=region.half_length, clamp=region.clamp,
             sharpness=region.sharpness, model_sigma_px=region.model_sigma_px, robust_sigmas=region.robust_sigmas,
-            correlation=region.correlation,
+            correlation=region.correlation, shadow=self._config.evidence.shadow,
         )  # fmt: skip
         return RegionObjective(
             rig, model, ShapeArrays.from_model(model, caps=False), color_classes(model), options, self._parallel
@@ -94,7 +118,7 @@ class RegionEvidence:
             own, T = shapes == k, model.Ts_link_shape[k]
             in_link = lines[own, kernel.POINT : kernel.POINT + 3]
             points[own] = normalized(model.shapes[k].primitive, (in_link - T[:3, 3]) @ T[:3, :3])
-        variances = 1.0 / lines[:, kernel.PRECISION] + self._region.model_sigma_px**2 + (0.5 * self._scale) ** 2 / 3.0
+        variances = 1.0 / lines[:, kernel.PRECISION] + self._model_sigma_px**2 + (0.5 * self._scale) ** 2 / 3.0
         return ContourLines(
             np.full(len(keep), camera), shapes, points, lines[:, kernel.LINE_U : kernel.LINE_V + 1].copy(),
             lines[:, kernel.LINE_NU : kernel.LINE_NV + 1].copy(), lines[:, kernel.MEAN].copy(), variances,
