@@ -14,7 +14,7 @@ from tracker_node.model.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.primitives import Box, Ellipsoid, Mesh
 from tracker_node.objective.evidence_score import EvidenceScore
-from tracker_node.objective.hull import occupancy, places, seen_volume
+from tracker_node.objective.hull import occupancy, places, seen_from, seen_volume
 from tracker_node.observation.small_view import SmallView
 from tracker_node.render.raycaster import render_view
 
@@ -122,3 +122,15 @@ def test_small_views_are_straight():
     _, _, _, centers = cv2.connectedComponentsWithStats(marks)
     for pixel in expected:
         assert np.linalg.norm(centers[1:] - pixel, axis=1).min() < 0.6
+
+
+def test_a_pixel_sees_the_likeliest_point_before_it():
+    middle = np.array([0.3, -0.2, 1.0])
+    maps = ball_maps(middle, 0.35)
+    volume = seen_volume(CAMERAS, 0.7, 0.05)
+    seen = seen_from(CAMERAS[0], volume, occupancy(volume, CAMERAS, maps, 3))
+    ball = cv2.erode((maps[0] > 0).astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
+    beside = cv2.dilate((maps[0] > 0).astype(np.uint8), np.ones((15, 15), np.uint8)) == 0
+    assert seen.shape == (80, 90)
+    assert seen[ball].min() > 0.8
+    assert seen[beside].max() < 0.5

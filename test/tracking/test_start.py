@@ -16,7 +16,7 @@ from tracker_node.tracking.start import StartFinder, body_size, find_start
 from tracker_node.tracking.start_postures import limbs, other_side, postures
 from tracker_node.tracking.tracker import Tracker
 
-CONFIG = from_dict({"start": {"size_px": 56, "hypotheses": 16, "keep": 2}, "threads": 2})
+CONFIG = from_dict({"start": {"size_px": 56, "hypotheses": 24, "keep": 2, "watch": 6}, "threads": 2})
 SCENE = scene()
 WALKING = standing(
     SCENE.model, 0.25, -0.2, 2.2, left_hip_flexion=35, right_hip_flexion=-12, right_knee_flexion=30, left_knee_flexion=10,

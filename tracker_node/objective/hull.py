@@ -70,6 +70,20 @@ def occupancy(volume: Volume, cameras: Sequence[Camera], maps: Sequence[np.ndarr
     return occupied.reshape(volume.shape)
 
 
+def seen_from(camera: Camera, volume: Volume, occupied: np.ndarray) -> np.ndarray:
+    """(h, w) float32, the likeliest point of the volume that each pixel of ``camera`` looks at; 0 beside the volume."""
+    points, model = volume.points, camera.model
+    pixels, valid = camera.project(points)
+    valid &= model.in_image(pixels)
+    depth = float(np.median(np.linalg.norm(points - camera.center, axis=1)))
+    cell = max(1, round(1.5 * volume.step_m * float(model.K[0, 0]) / max(depth, 1e-6)))  # pixels that a point stands for
+    coarse = np.zeros((-(-model.height // cell), -(-model.width // cell)), dtype=np.float32)
+    u, v = (np.rint(pixels[valid]).astype(np.int64) // cell).T
+    np.maximum.at(coarse, (v, u), occupied.ravel()[valid].astype(np.float32))
+    large = cv2.resize(coarse, (coarse.shape[1] * cell, coarse.shape[0] * cell), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(large[: model.height, : model.width], dtype=np.float32)
+
+
 def places(volume: Volume, occupied: np.ndarray, size_m: float, n: int, least: float = 0.4) -> np.ndarray:
     """Middles (m, 3), m <= n, of what may be bodies of ``size_m``, the likeliest first.
 

@@ -123,9 +123,9 @@ class MotionConfig:
     The noise is that of a white acceleration, the memory how long a velocity lasts: see `tracking.motion_dynamics`.
     """
 
-    root_position_noise: float = parameter(2.0, "white acceleration of the root", "m/s^1.5", 1e-6, 1e6)
-    root_angle_noise: float = parameter(8.0, "white angular acceleration of the root", "rad/s^1.5", 1e-6, 1e6)
-    joint_noise: float = parameter(10.0, "white acceleration of joint angles", "rad/s^1.5", 1e-6, 1e6)
+    root_position_noise: float = parameter(4.0, "white acceleration of the root", "m/s^1.5", 1e-6, 1e6)
+    root_angle_noise: float = parameter(16.0, "white angular acceleration of the root", "rad/s^1.5", 1e-6, 1e6)
+    joint_noise: float = parameter(25.0, "white acceleration of joint angles", "rad/s^1.5", 1e-6, 1e6)
     root_position_memory_s: float = parameter(0.5, "how long a velocity of the root lasts", "s", 1e-3, 1e3)
     root_angle_memory_s: float = parameter(0.3, "how long an angular velocity of the root lasts", "s", 1e-3, 1e3)
     joint_memory_s: float = parameter(0.2, "how long a velocity of a joint angle lasts", "s", 1e-3, 1e3)
@@ -194,7 +194,7 @@ class StartConfig:
     enabled: bool = parameter(True, "look for the body; without, an initial state is waited for")
     every: int = parameter(10, "image sets between two searches, as long as nothing is found", "", 0, 100000)
     watch: int = parameter(
-        6, "image sets to watch what moves in, where there are no pictures of the empty scene", "", 2, 1000
+        12, "image sets to watch what moves in, where there are no pictures of the empty scene", "", 2, 1000
     )
     size_px: int = parameter(80, "height of the body in the small images that a start is looked for in", "px", 16, 1000)
     hypotheses: int = parameter(48, "postures, of all that are tried, that are fitted to the silhouettes", "", 4, 1000)

@@ -11,17 +11,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..camera.camera_rig import Camera, CameraRig
+from ..camera.camera_rig import CameraRig
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..objective.evidence_score import EvidenceScore
 from ..objective.hull import occupancy, places, seen_volume
 from ..observation.small_view import SmallView
-from ..render.raycaster import render_mask
 from ..render.shape_arrays import ShapeArrays
 from .config import StartConfig
 from .engine import Images
@@ -29,17 +27,15 @@ from .start_evidence import StartEvidence
 from .start_fit import SilhouetteFit
 from .start_postures import postures
 from .start_search import Poses, StartSearch
+from .start_segmentation import StartSegmentation
 
 _VOXELS = 14  # along the body
 _HEADINGS = 12
 _PRIOR = 3e-4  # cost of a joint one sigma from neutral, as a share of all evidence
 _RANDOM_POSTURES = 16
 _PLACES = 3
-_LIMB_SAMPLES = 24
-_SURE = 0.6  # a start that covers so much of the evidence is not looked for elsewhere
-_SLIM = 0.3  # how wide a standing body is for its height
-_RING_PX = 14  # around a body in which the colors of its surroundings are learnt
-_CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+_LIMB_SAMPLES = 48
+_SURE = 0.45  # a start that covers so much of the evidence is not looked for elsewhere
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +80,7 @@ class StartFinder:
                 plate = plates[camera.name]
                 small[camera.name] = [view.shrink(p) for p in (plate if isinstance(plate, list) else [plate])]
         self._evidence = StartEvidence(self._cameras, small)
+        self._segmentation = StartSegmentation(self._evidence, self._cameras, self.size_m)
         self.problem = ""
         self.watching = False
 
@@ -138,21 +135,20 @@ class StartFinder:
         if evidence.scene_known:
             return self._search(evidence.maps(), self._hypotheses(middles, around))
         found: list[Start] = []
-        colors = evidence.colors
+        learnt = evidence.colors, evidence.support
         for middle in middles[:2]:
             if found and found[0].score > _SURE:
                 break
-            evidence.forget_colors()
-            evidence.learn(*self._likely(middle))
+            self._segmentation.learn_about(middle)
             beginning, starts = self._hypotheses(self._heights(middle), around), []
             for last in (False, False, True):
                 starts = self._search(evidence.maps(), beginning, last)
-                evidence.learn(*self._covered(starts[0].state))
+                self._segmentation.learn_from(Configuration(self._model, starts[0].state), middle)
                 beginning = Poses.joined([Poses.of([start.state for start in starts]), beginning])
             if not found or starts[0].score > found[0].score:
-                colors = evidence.colors
+                learnt = evidence.colors, evidence.support
             found = sorted([*found, *starts], key=lambda start: -start.score)
-        evidence.colors = colors
+        evidence.colors, evidence.support = learnt
         return found[: self._config.keep]
 
     def shares(self, states: Sequence[State]) -> np.ndarray:
@@ -190,36 +186,6 @@ class StartFinder:
         """Feet move less than the rest, shadows on the floor with them: the middle may be higher or lower."""
         return middle + self.size_m * np.array([[0.0, 0.0, share] for share in (-0.06, 0.06, 0.18)])
 
-    def _likely(self, middle: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """Weights (h, w) of each camera's pixels as those of a body about ``middle``, and as what is around it."""
-        inside, around = [], []
-        for camera, moved in zip(self._cameras, self._evidence.maps(), strict=True):
-            along, across = self._ellipse(camera, middle)
-            near = along**2 + across**2
-            changed = np.ones(near.shape) if moved is None else 0.25 + 0.75 * (moved > 0.0)
-            inside.append(np.exp(-0.5 * near / 0.6**2) * changed)
-            around.append(((near > 1.5) & (np.abs(along) < 1.6) & (np.abs(across) < 5.0)).astype(np.float64))
-        return inside, around
-
-    def _ellipse(self, camera: Camera, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Coordinates (h, w) along and across an upright body about ``middle``: 1 at its ends and sides."""
-        ends, _ = camera.project(np.stack([middle, middle + np.array([0.0, 0.0, 0.5 * self.size_m])]))
-        axis = ends[1] - ends[0]
-        length = max(float(np.linalg.norm(axis)), 2.0)
-        axis = axis / length
-        u, v = np.meshgrid(np.arange(camera.model.width) - ends[0, 0], np.arange(camera.model.height) - ends[0, 1])
-        return (u * axis[0] + v * axis[1]) / length, (v * axis[0] - u * axis[1]) / (_SLIM * length)
-
-    def _covered(self, state: State) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """The same of a body in ``state``."""
-        configuration, inside, around = Configuration(self._model, state), [], []
-        for camera in self._cameras:
-            mask = (render_mask(configuration, camera) > 0).astype(np.uint8)
-            wide = cv2.dilate(mask, np.ones((2 * _RING_PX + 1, 2 * _RING_PX + 1), np.uint8))
-            inside.append(cv2.erode(mask, _CROSS).astype(np.float64))
-            around.append((wide - cv2.dilate(mask, np.ones((5, 5), np.uint8))).astype(np.float64))
-        return inside, around
-
     def _search(self, maps: Sequence[np.ndarray | None], poses: Poses, thorough: bool = True) -> list[Start]:
         """From hypotheses to a few starts, the best first."""
         config, rng = self._config, np.random.default_rng(self._config.seed)
@@ -240,7 +206,7 @@ class StartFinder:
 
         keep(config.hypotheses if thorough else config.hypotheses // 2, 0.15, 0.4)
         poses, scores = search.better(poses, scores, drawn(poses))
-        for share in (4, 8) if thorough else (8,):
+        for share in (4, 8, 8) if thorough else (8,):
             keep(max(config.hypotheses // share, config.keep), 0.1, 0.4)
             poses, scores = search.best_of(poses, scores, drawn(search.varied(poses, _LIMB_SAMPLES, rng)))
         poses, scores = search.shaken(poses, scores, _LIMB_SAMPLES, rng)

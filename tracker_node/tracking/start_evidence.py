@@ -21,6 +21,7 @@ _MOST_IMAGES = 9  # that are kept to see what moves
 _BINS = 16  # a channel
 _RARE = 2e-4  # density, of bins, of colors that have not been seen
 _MOVED = 1.0  # log-odds of a pixel that has changed, besides what its color says
+_FAR, _NEAR_PX = 1.5, 14.0  # what a pixel far from all that has changed loses, and from where on
 
 
 class StartEvidence:
@@ -33,6 +34,7 @@ class StartEvidence:
     Attributes
     ----------
     colors : log-odds of every bin of colors for each camera, None where nothing has been learnt.
+    support : what is added to the log-odds by color (h, w), None for nothing.
     """
 
     def __init__(self, cameras: Sequence[Camera], plates: Mapping[str, list[np.ndarray]]):
@@ -43,7 +45,7 @@ class StartEvidence:
     def reset(self) -> None:
         """Forget all images."""
         self._past: list[Sequence[np.ndarray | None]] = []
-        self.colors: list[np.ndarray | None] = [None] * len(self._cameras)
+        self.forget_colors()
         self.watched = 0
 
     @property
@@ -65,7 +67,8 @@ class StartEvidence:
 
     def forget_colors(self) -> None:
         """As before anything was learnt."""
-        self.colors = [None] * len(self._cameras)
+        self.colors: list[np.ndarray | None] = [None] * len(self._cameras)
+        self.support: list[np.ndarray | None] = [None] * len(self._cameras)
 
     def maps(self) -> list[np.ndarray | None]:
         """Log-odds (h, w) float32 of the latest images; None for a camera that has none, or nothing to hold it against."""
@@ -85,8 +88,9 @@ class StartEvidence:
             return moved
         odds = cv2.blur(ratios[_bins(image)], (3, 3))
         if moved is not None:
-            odds += _MOVED * (moved > 0.0)
-        return np.clip(odds, -_REACH, _REACH, dtype=np.float32)
+            odds += _MOVED * (moved > 0.0) - _FAR * np.clip(_distance_to(moved > 0.0) / _NEAR_PX - 1.0, 0.0, 1.0)
+        support = self.support[i]
+        return np.clip(odds if support is None else odds + support, -_REACH, _REACH, dtype=np.float32)
 
     def _moved(self, i: int, image: np.ndarray) -> np.ndarray | None:
         """Log-odds that a pixel shows what it did not show in all of the past; a shadow does not count."""
@@ -120,6 +124,12 @@ class StartEvidence:
 
 def _against(image: np.ndarray, scene: SceneModel) -> np.ndarray:
     return body_log_odds(image, (0, 0, image.shape[1], image.shape[0]), scene, ColorModel(), _SHADOW, _REACH)
+
+
+def _distance_to(mask: np.ndarray) -> np.ndarray:
+    """(h, w) pixels to the nearest one of ``mask`` that is more than a speck."""
+    solid = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+    return cv2.distanceTransform(1 - solid, cv2.DIST_L2, 3) if solid.any() else np.zeros(mask.shape, np.float32)
 
 
 def _bins(image: np.ndarray) -> np.ndarray:
