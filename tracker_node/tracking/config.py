@@ -34,7 +34,7 @@ class EvidenceConfig:
     """From images to silhouettes, edges and distances."""
 
     kind: str = parameter(
-        "chamfer",
+        "region",
         "chamfer: distances to silhouettes and edges; region: where the colors change along the contour's normals; both: the sum",
         choices=("chamfer", "region", "both"),
     )  # fmt: skip
@@ -74,10 +74,10 @@ class RegionConfig:
     """Correspondence lines, and the colors they go by (`evidence.kind: region` or `both`)."""
 
     samples_per_line: int = parameter(12, "contour samples per generator line", "", 2, 1000)
-    half_length: int = parameter(8, "places on either side of the contour where it may be, per scale", "", 2, 20)
+    half_length: int = parameter(10, "places on either side of the contour where it may be, per scale", "", 2, 20)
     scales: str = parameter("4 2 1 1", "pixels from place to place on the lines, from coarse to fine, in each image set")
     first_scales: str = parameter("6 4 3 2 2 1 1", "the same on the first image set after a start or a reset")
-    updates: int = parameter(2, "Gauss-Newton steps on the lines of one scale", "", 1, 100)
+    updates: int = parameter(1, "Gauss-Newton steps on the lines of one scale", "", 1, 100)
     clamp: float = parameter(2.0, "log-likelihood ratio of a pixel's color is not believed beyond this", "1", 0.1, 20)
     sharpness: float = parameter(1.0, "share of a line's pixels that are independent of their neighbours", "1", 0.01, 10)
     model_sigma_px: float = parameter(2.0, "how far the body's contour may be from the model's, at first and at most", "px", 0.0, 100)
@@ -147,7 +147,7 @@ class CollisionConfig:
     """Parts of the body that may not pass through each other."""
 
     enabled: bool = parameter(True, "keep parts that are not neighbors from running into each other")
-    sigma_m: float = parameter(0.02, "how deep they may get into each other, as a standard deviation", "m", 1e-4, 10.0)
+    sigma_m: float = parameter(0.005, "how deep they may get into each other, as a standard deviation", "m", 1e-4, 10.0)
 
 
 @dataclass(frozen=True)

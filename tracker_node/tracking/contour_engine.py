@@ -188,11 +188,25 @@ class ContourEngine:
         for i, observation in zip(seen, found, strict=True):
             self._observations[i] = _unveiled(observation, sights[i].veil)
 
-    def _objective_around(self, expected: State, prior: Prior | None) -> ContourObjective:
+    def learn_first(self, images: Images, state: State) -> None:
+        """Learn from the first image set what the body, which is in ``state``, and its surroundings look like."""
+        self._passage = None
+        self._learn_anew(images, self._look(state, images), self._config.evidence.body_margin_px)
+
+    def evidence_around(self, expected: State) -> ContourObjective:
+        """What was observed, as of the fine iterations and without priors: to be minimized together with other evidence."""
+        self._objective = self._objective_of([])
+        self._objective.restart(self._fine, self._offsets(expected))
+        return self._objective
+
+    def _objective_of(self, priors: list[Prior]) -> ContourObjective:
         maps = [
             None if o is None or o.empty else EvidenceMaps(o.region[:2], o.silhouette_distance, o.edge_distance, o.boundary)
             for o in self._observations
         ]
+        return ContourObjective(self._model, self._arrays, self._slots, maps, self._options, priors, self._parallel)
+
+    def _objective_around(self, expected: State, prior: Prior | None) -> ContourObjective:
         motion, axes, variance = self._config.motion, self._model.chain.axes, self._options.variance_px2
         if prior is None:
             stay = np.full(self._model.n_dof, motion.stay_angle / variance)
@@ -201,7 +215,7 @@ class ContourEngine:
         neutral = np.zeros(self._model.n_dof)
         neutral[N_ROOT_DOF:] = [motion.neutral_angle * axis.stiffness / variance for axis in axes]
         priors = [prior, Prior(State.neutral(self._model, expected.T_world_root), neutral)]
-        objective = ContourObjective(self._model, self._arrays, self._slots, maps, self._options, priors, self._parallel)
+        objective = self._objective_of(priors)
         objective.restart(self._options, self._offsets(expected))
         return objective
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -27,6 +27,7 @@ from ..render.occluders import Occluders
 from ..render.shape_arrays import ShapeArrays
 from .config import TrackerConfig
 from .constraints import constraints_of
+from .contour_engine import ContourEngine
 from .covariance import calibrated_covariance
 from .engine import Images, Report, Verdict
 from .estimate import CameraReport, Status
@@ -43,6 +44,8 @@ class RegionEngine:
     rig, model, config : as for the `Tracker`.
     parallel : maps a function over cameras.
     occluders : what stands before the body; None: nothing does.
+    plates : as for the `Tracker`.
+    distances : contours by distances to silhouettes and edges, whose evidence is added (``evidence.kind: both``), or None.
     """
 
     in_information_units = True
@@ -54,7 +57,10 @@ class RegionEngine:
         config: TrackerConfig,
         parallel: Callable[[Callable, list], list],
         occluders: Occluders | None = None,
+        plates: Mapping[str, np.ndarray | list] | None = None,
+        distances: ContourEngine | None = None,
     ):
+        self._plates, self._distances = dict(plates or {}), distances
         self._rig, self._model, self._config, self._parallel = rig, model, config, parallel
         self._occluders = occluders or Occluders(None, rig)
         region = config.region
@@ -87,7 +93,9 @@ class RegionEngine:
         self._found = False
         self._sound: State | None = None  # where the body was last, before it was lost
         self._colors = [RegionColors(self._classes, self._stated, self._config.region.color_prior) for _ in self._rig]
-        self._rooms: list[SceneModel | None] = [None for _ in self._rig]
+        self._rooms = [self._room_of_plate(camera.name) for camera in self._rig]
+        if self._distances is not None:
+            self._distances.reset()
         self._steady = False
         self._objective.model_sigma_px = self._config.region.model_sigma_px
         self._count = 0
@@ -95,6 +103,12 @@ class RegionEngine:
         self.whole: LeastSquaresObjective = self._objective
         self._passage: Passage | None = None
         self._evidence: PartEvidence | None = None
+
+    def _room_of_plate(self, camera: str) -> SceneModel | None:
+        plate = self._plates.get(camera)
+        if plate is None:
+            return None
+        return SceneModel.from_images(plate if isinstance(plate, list) else [plate], self._config.evidence.scene_sigma)
 
     def begin(self, images: Images, start: State) -> State:
         """Learn colors, fit, and learn again: the first pose given is rarely exact."""
@@ -106,11 +120,15 @@ class RegionEngine:
             if guard_px != guard:
                 self.observe(images, start)
                 start = self.fit(start, first=True).state
+        if self._distances is not None:
+            self._distances.learn_first(images, start)
         return start
 
     def observe(self, images: Images, expected: State | None, passage: Passage | None = None) -> None:
         """Keep the images: lines are drawn where the fit needs them."""
         self._passage = passage
+        if self._distances is not None:
+            self._distances.observe(images, expected, passage)
         self._objective.set_views(
             [
                 None if image is None or expected is None or not colors.knows else self._view(i, image, colors)
@@ -120,7 +138,7 @@ class RegionEngine:
 
     def _view(self, i: int, image: np.ndarray, colors: RegionColors) -> View:
         room = self._rooms[i]
-        if room is None or not self._config.region.learn_room:
+        if room is None:
             return View(image, (colors.body, colors.scene))
         return View(image, (colors.body, colors.scene), (room.mean, room.variance, room.known))
 
@@ -158,7 +176,12 @@ class RegionEngine:
 
     def _descend(self, start: State, scales: tuple[float, ...], prior: Prior | None) -> OptimizerResult:
         state, iterations, evaluations = start, 0, 0
-        self.whole = whole = SumObjective([self._objective, *self._constraints], priors=self._priors(start, prior))
+        evidence: list[LeastSquaresObjective] = [self._objective]
+        if self._distances is not None:
+            evidence.append(self._distances.evidence_around(start))
+        # Both look at the same contours: each counts for its share
+        factors = [1.0 / len(evidence)] * len(evidence) + [1.0] * len(self._constraints)
+        self.whole = whole = SumObjective([*evidence, *self._constraints], factors, self._priors(start, prior))
         options = LevenbergMarquardtOptions(max_iterations=self._config.region.updates, tolerance=1e-3)
         result: OptimizerResult | None = None
         for scale in scales:
@@ -234,6 +257,8 @@ class RegionEngine:
         self._count += 1
         if region.color_rate > 0.0 and any(image is not None for image in turn):
             self._learn(turn, state, region.color_rate, region.guard_px)
+        if self._distances is not None:
+            self._distances.learn(images, state)
 
     def _learn(self, images: Images, state: State, rate: float, guard_px: int) -> None:
         offsets = [None] * len(self._rig) if self._passage is None else self._passage.offsets(state)

@@ -212,9 +212,12 @@ def _make_engine(
     parallel = Workers(config.threads).map
 
     def contours() -> ContourEngine | RegionEngine:
-        if config.evidence.kind == "chamfer":
-            return ContourEngine(rig, model, config, plates, parallel, occluders)
-        return RegionEngine(rig, model, config, parallel, occluders)
+        distances = None
+        if config.evidence.kind != "region":
+            distances = ContourEngine(rig, model, config, plates, parallel, occluders)
+            if config.evidence.kind == "chamfer":
+                return distances
+        return RegionEngine(rig, model, config, parallel, occluders, plates, distances)
 
     if config.engine == "contour":
         return contours()
