@@ -248,7 +248,7 @@ class RegionObjective:
     def spread_px(self, state: State) -> float | None:
         """By how much contours are off beyond what their own lines allow for: a robust standard deviation; None of few lines.
 
-        What is left of the median absolute residual once the lines' variance is taken off: the model's error, and that of the rig.
+        What is left of the median absolute residual once the lines' variance is taken off: the error of the model and the rig.
         """
         residuals, variances = [], []
         for i, pose in enumerate(bodies_seen(self.model, state, self.offsets)):

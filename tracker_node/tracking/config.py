@@ -80,7 +80,9 @@ class RegionConfig:
     updates: int = parameter(1, "Gauss-Newton steps on the lines of one scale", "", 1, 100)
     clamp: float = parameter(2.0, "log-likelihood ratio of a pixel's color is not believed beyond this", "1", 0.1, 20)
     sharpness: float = parameter(1.0, "share of a line's pixels that are independent of their neighbours", "1", 0.01, 10)
-    model_sigma_px: float = parameter(2.0, "how far the body's contour may be from the model's, at first and at most", "px", 0.0, 100)
+    model_sigma_px: float = parameter(
+        2.0, "how far the body's contour may be from the model's, at first and at most", "px", 0.0, 100
+    )
     least_sigma_px: float = parameter(0.2, "the least that is believed of it", "px", 0.0, 100)
     sigma_rate: float = parameter(0.3, "share of the newest image set in what it is taken for; 0 keeps it", "1", 0.0, 1.0)
     robust_sigmas: float = parameter(3.0, "scale of the robust kernel, in standard deviations of a line", "1", 0.1, 1000)
