@@ -9,7 +9,9 @@ about an image taken out, and with a constant offset per landmark taken out too.
 direction, from where the undisturbed run has the body in its first set. A start succeeds if over the last 5 of 25 sets no
 evaluated joint is farther than 60 mm from where the undisturbed run has it, nor than 200 mm from the truth.
 
-Every run begins where the tracker is told that the body is, good to some centimetres (``--start``).
+Every run begins in the first image set, where the tracker has found the body by itself: it is shown the four cameras without
+being told where the body is, and from the set in which it has found it, it goes back to the first one. ``--start given``: where
+the sample's files have it, good to some centimetres.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import argparse
 import sys
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -36,6 +39,7 @@ from tracker_node.evaluation.metrics import LOST_JOINT_M
 from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
 from tracker_node.model.articulated_model import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
+from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.render.overlay import draw_overlay
 from tracker_node.tracking.config import TrackerConfig, flatten, from_dict
 from tracker_node.tracking.estimate import Status
@@ -56,9 +60,13 @@ def main() -> int:
     args = _arguments()
     try:
         config = configured(args.config, args.set)
-        clip = load_clip(args.sample, args.cache, rig=args.rig, model=args.model, start=args.start)
+        named = None if args.start in ("own", "given") else Path(args.start)
+        clip = load_clip(args.sample, args.cache, rig=args.rig, model=args.model, start=named)
         n = args.sets or (20 if args.quick else len(clip.sets))
         figures: dict[str, float | int] = {}
+        if args.start == "own":
+            state, figures = own_start(clip, config, args)
+            clip = replace(clip, start=state)
         for part in args.only or PARTS:
             figures |= MEASURE[part](clip, config, n, args)
     except TrackerError as error:
@@ -96,6 +104,34 @@ def make_tracker(clip: Clip, config: TrackerConfig, args: argparse.Namespace, st
     """``start``: instead of the one asked for."""
     plates = {name: plate for name, plate in clip.plates.items() if name in clip.rig.names} if args.plates else {}
     return Tracker(clip.rig, clip.model, config, plates, start or clip.start)
+
+
+def own_start(clip: Clip, config: TrackerConfig, args: argparse.Namespace) -> tuple[State, dict[str, float | int]]:
+    """The state in the first image set, found without being told; how many sets were looked at for it, and the longest time.
+
+    Raises
+    ------
+    TrackerError : nothing was found.
+    """
+    tracker = Tracker(clip.rig, clip.model, config, clip.plates if args.plates else {})
+    times: list[float] = []
+    for image_set in clip.sets:
+        estimate = tracker.step(image_set)
+        times.append(estimate.timings.total_ms)
+        if estimate.status is not Status.INITIALISING:
+            break
+    else:
+        raise TrackerError(f"no start was found: {estimate.status_reason}")
+    n = len(times)
+    last_ns = estimate.stamp_ns
+    backward = [replace(s, stamp_ns=2 * last_ns - s.stamp_ns, images=_mirrored(s, last_ns)) for s in clip.sets[n - 1 :: -1]]
+    state = track(make_tracker(clip, config, args, estimate.state), backward).states[-1]
+    return state, {"balancing.start_sets": n, "balancing.start_s": 1e-3 * max(times)}
+
+
+def _mirrored(image_set: ImageSet, about_ns: int) -> tuple[CameraImage, ...]:
+    """The images with stamps as though time ran the other way."""
+    return tuple(replace(image, stamp_ns=2 * about_ns - image.stamp_ns) for image in image_set.images)
 
 
 def whole(clip: Clip, config: TrackerConfig, n: int, args: argparse.Namespace) -> dict[str, float | int]:
@@ -234,7 +270,7 @@ def _arguments() -> argparse.Namespace:
     add("--plates", action="store_true", help="use the pictures of the empty scene")
     add("--rig", type=Path, metavar="FILE", help="another rig than the sample's refined one")
     add("--model", type=Path, metavar="FILE", help="another body than the sample's")
-    add("--start", type=Path, metavar="FILE", help="another first state than the sample's")
+    add("--start", default="own", metavar="own|given|FILE", help="where the body is at first: see above (default: own)")
     add("--details", action="store_true", help="errors per joint, and what is lost, on stderr")
     add("--pictures", type=Path, metavar="FOLDER", help="write contact sheets here")
     add("--sample", type=Path, default=Path("out/demo/sample"), metavar="FOLDER", help="made if it is not there")
