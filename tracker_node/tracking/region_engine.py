@@ -34,6 +34,7 @@ from .estimate import CameraReport, Status
 from .limb_search import LimbSearch, Lines
 from .limb_status import LimbJudge, body_status, is_noise
 from .motion_model import Passage
+from .tilts import Misfit, tilted
 
 
 class RegionEngine:
@@ -88,6 +89,7 @@ class RegionEngine:
 
     def reset(self) -> None:
         """Nothing is known but the colors that the model states."""
+        self._misfit = Misfit()
         self._limbs.reset()
         self._search.reset()
         self._found = False
@@ -113,6 +115,7 @@ class RegionEngine:
     def begin(self, images: Images, start: State) -> State:
         """Learn colors, fit, and learn again: the first pose given is rarely exact."""
         self._limbs.restart()
+        self._misfit = Misfit()
         self._passage, guard = None, self._config.region.guard_px
         for guard_px in (4 * guard, 2 * guard, guard):
             self._colors = [RegionColors(self._classes, self._stated, self._config.region.color_prior) for _ in self._rig]
@@ -145,6 +148,8 @@ class RegionEngine:
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> OptimizerResult:
         """A few Gauss-Newton steps on the lines of each scale."""
         result = self._descend(start, self._first_scales if first else self._scales, prior)
+        if not first and self._model.n_dof == N_ROOT_DOF and self._misfit.is_sudden(self._cost_per_line()):
+            result = self._tilted_back(result, prior)
         self._found = False
         if first or not self._limbs.lost:
             return result
@@ -169,6 +174,22 @@ class RegionEngine:
         self.whole = whole
         self._correspond(result.state, self._scales[-1])
         return result
+
+    def _tilted_back(self, result: OptimizerResult, prior: Prior | None) -> OptimizerResult:
+        """A rigid body whose lines disagree all at once may be tilted to the other side: the best of all tilts and ``result``."""
+        sigma, least, best = self._objective.model_sigma_px, self._cost_per_line(), result
+        for state in tilted(self._model, self._rig, result.state):
+            other = self._descend(state, self._scales[-2:], prior)
+            if self._cost_per_line() < least and other.equations.count >= 0.8 * result.equations.count:
+                least, best = self._cost_per_line(), other
+            self._objective.model_sigma_px = sigma
+        self._correspond(best.state, self._scales[-1])
+        return replace(best, equations=self.whole.linearize(best.state))
+
+    def _cost_per_line(self) -> float:
+        """Of the state last linearized."""
+        stats = np.array([self._objective.slots[i].stats for i in self._objective.active]).reshape(-1, kernel.N_STATISTICS)
+        return float(stats[:, kernel.COST].sum() / max(stats[:, kernel.COUNT].sum(), 1.0))
 
     def _close_share(self, state: State) -> float:
         evidence = self._objective.part_evidence(state, self._config.region.close_px)
