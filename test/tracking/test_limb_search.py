@@ -1,0 +1,114 @@
+"""Looking for lost limbs, on an objective whose answer is known."""
+
+import numpy as np
+import pytest
+
+from tracker_node.model.configuration import Configuration, State
+from tracker_node.objective.normal_equations import NormalEquations
+from tracker_node.objective.region_objective import PartEvidence
+from tracker_node.synthesis.figure import figure_model
+from tracker_node.tracking.config import StatusConfig
+from tracker_node.tracking.estimate import LimbReport, LimbStatus
+from tracker_node.tracking.limb_search import LimbSearch, Lines
+from tracker_node.tracking.limb_status import LimbJudge
+
+MODEL = figure_model()
+REST = State.neutral(MODEL)
+REACH_M = 0.15  # landmarks farther from where they belong are not felt
+
+
+class Felt:
+    """Landmarks are pulled to where they are in ``truth``, if they are near it; a limb's outline is found there."""
+
+    def __init__(self, truth: State):
+        self._truth = Configuration(MODEL, truth).landmarks_world
+        self.drawn = 0
+
+    def correspond(self, state: State, scale: float) -> None:
+        self.drawn += 1
+
+    def linearize(self, state: State) -> NormalEquations:
+        body = Configuration(MODEL, state)
+        apart = body.landmarks_world - self._truth
+        near = np.linalg.norm(apart, axis=1) < REACH_M
+        J, r = body.landmark_jacobian()[near].reshape(-1, MODEL.n_dof), apart[near].ravel()
+        return NormalEquations(J.T @ J + 1e-9 * np.eye(MODEL.n_dof), J.T @ r, float(r @ r), len(r))
+
+    def part_evidence(self, state: State, close_px: float) -> PartEvidence:
+        apart = np.linalg.norm(Configuration(MODEL, state).landmarks_world - self._truth, axis=1)
+        shares = np.array([np.exp(-((apart[MODEL.landmark_links == link] / 0.1) ** 2)).mean() for link in MODEL.shape_links])
+        expected = np.full((3, len(MODEL.shapes)), 30.0)
+        return PartEvidence(expected, expected, expected * shares, expected, 12.0 * expected * shares)
+
+    def lines(self) -> Lines:
+        return Lines(self.correspond, self, self.part_evidence)
+
+
+def bent(side: str, flexion_deg: float, elbow_deg: float) -> State:
+    angles = REST.joint_positions.copy()
+    angles[MODEL.chain.axis_index(f"{side}_shoulder_flexion")] += np.radians(flexion_deg)
+    angles[MODEL.chain.axis_index(f"{side}_elbow_flexion")] += np.radians(elbow_deg)
+    return State(REST.T_world_root, angles)
+
+
+def prepared(config: StatusConfig | None = None) -> tuple[LimbJudge, LimbSearch]:
+    """A judge that has seen the body well."""
+    judge = LimbJudge(MODEL, config or StatusConfig())
+    for _ in range(5):
+        judge.update(Felt(REST).part_evidence(REST, 2.0), REST)
+    return judge, LimbSearch(MODEL, judge, config or StatusConfig(), 2.0)
+
+
+def index(judge: LimbJudge, name: str) -> int:
+    return [limb.name for limb in judge.limbs].index(name)
+
+
+def wrist_error(state: State, truth: State) -> float:
+    i = MODEL.landmark_index("left_wrist")
+    return float(np.linalg.norm((Configuration(MODEL, state).landmarks_world - Configuration(MODEL, truth).landmarks_world)[i]))
+
+
+@pytest.mark.parametrize("truth", [REST, bent("left", 10.0, -15.0)], ids=["at rest", "near rest"])
+def test_a_limb_is_found_and_nothing_else_is_moved(truth):
+    judge, search = prepared()
+    lost, felt = bent("left", 110.0, -60.0), Felt(truth)
+    found = search.recover([index(judge, "left_forearm")], lost, lost, felt.lines())
+    assert found is not None and wrist_error(lost, truth) > 0.4 and wrist_error(found, truth) < 0.02
+    own = judge.limbs[index(judge, "left_forearm")].dofs
+    assert not np.any(found.difference(lost)[~own])
+    assert felt.drawn <= StatusConfig().limb_tries + 3 * StatusConfig().limb_fits
+
+
+def test_a_limb_is_looked_for_where_it_was_last_sound():
+    judge, search = prepared(StatusConfig(limb_tries=1))
+    sound = bent("left", 70.0, 20.0)
+    i = index(judge, "left_forearm")
+    assert search.recover([i], REST, REST, Felt(sound).lines()) is None
+    reports = [LimbReport(limb.name, LimbStatus.TRACKING, "", 0.0) for limb in judge.limbs]
+    search.remember(sound, reports)
+    found = search.recover([i], REST, REST, Felt(sound).lines())
+    assert found is not None and wrist_error(found, sound) < 0.01
+
+
+def test_where_nothing_is_found_nothing_is_changed():
+    _, search = prepared()
+    far = REST.retract(np.append([3.0, 0.0, 0.0], np.zeros(MODEL.n_dof - 3)))
+    assert search.recover([1, 2], REST, REST, Felt(far).lines()) is None
+
+
+def test_a_limb_that_is_where_it_belongs_is_left_there():
+    _, search = prepared()
+    felt = Felt(REST)
+    assert search.recover([1], REST, REST, felt.lines()) is None and felt.drawn == 0
+
+
+def test_likely_poses_are_within_the_limits_and_the_same_again():
+    judge, search = prepared()
+    limb, start = judge.limbs[1], bent("left", 150.0, 30.0)
+    first = search.poses(limb, start, REST)
+    search.reset()
+    again = search.poses(limb, start, REST)
+    assert len(first) == StatusConfig().limb_tries
+    for a, b in zip(first, again, strict=True):
+        assert (a.joint_positions == b.joint_positions).all()
+        assert (a.joint_positions >= MODEL.chain.lower).all() and (a.joint_positions <= MODEL.chain.upper).all()

@@ -1,0 +1,167 @@
+"""What evidence makes of the probability that a limb is lost."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tracker_node.model.configuration import Configuration, State
+from tracker_node.objective.region_objective import PartEvidence
+from tracker_node.synthesis.figure import figure_model
+from tracker_node.tracking.config import StatusConfig
+from tracker_node.tracking.covariance import calibrated_covariance
+from tracker_node.tracking.estimate import LimbReport, LimbStatus, Status
+from tracker_node.tracking.limb_status import LOST_TIP_M, LimbJudge, body_status, is_noise, limb_measures
+
+MODEL = figure_model()
+STATE = State.neutral(MODEL)
+N_CAMERAS, N_SHAPES = 4, len(MODEL.shapes)
+NAMES = ["trunk", "left_forearm", "left_shank", "right_forearm", "right_shank"]
+
+
+def evidence(close=0.85, **limbs) -> PartEvidence:
+    """20 samples of every shape in every camera, of which a share is found: that of the shape's limb, if it is named."""
+    judge = LimbJudge(MODEL, StatusConfig())
+    shares = np.full(N_SHAPES, close)
+    expected = np.full((N_CAMERAS, N_SHAPES), 20.0)
+    for limb in judge.limbs:
+        share = limbs.get(limb.name, close)
+        if share is None:
+            expected[:, limb.shapes] = 0.0
+        shares[limb.shapes] = share or 0.0
+    return PartEvidence(expected, expected * shares, expected * shares, expected * shares, 14.0 * expected * shares)
+
+
+def told(judge: LimbJudge, seen: PartEvidence, sets: int = 1, covariance=None) -> dict[str, LimbReport]:
+    reports: tuple[LimbReport, ...] = ()
+    for _ in range(sets):
+        reports = judge.update(seen, STATE, covariance)
+    return {report.name: report for report in reports}
+
+
+def statuses(reports: dict[str, LimbReport]) -> dict[str, LimbStatus]:
+    return {name: report.status for name, report in reports.items() if report.status is not LimbStatus.TRACKING}
+
+
+def test_measures_are_shares_of_what_should_be_seen():
+    seen = evidence()
+    seen.close[0] = 0.0  # one camera is covered: the mean falls, the middle camera does not
+    share, middle, surety, worst = limb_measures(seen, judge_limb("left_forearm").shapes)
+    assert (share, middle, worst) == pytest.approx((0.75 * 0.85, 0.85, 0.75 * 0.85)) and surety == pytest.approx(14.0 * 0.85)
+    assert limb_measures(evidence(left_forearm=None), judge_limb("left_forearm").shapes) is None
+
+
+def judge_limb(name):
+    return next(limb for limb in LimbJudge(MODEL, StatusConfig()).limbs if limb.name == name)
+
+
+def test_a_limb_that_is_not_found_is_lost_within_two_sets_and_the_others_are_not():
+    judge = LimbJudge(MODEL, StatusConfig())
+    assert list(told(judge, evidence(), 20)) == NAMES
+    assert statuses(told(judge, evidence())) == {}
+    lost = told(judge, evidence(left_shank=0.2), 2)
+    assert statuses(lost) == {"left_shank": LimbStatus.LOST}
+    assert "20 % of its outline" in lost["left_shank"].reason
+    assert body_status(tuple(lost.values())) == (Status.DEGRADED, "left_shank lost")
+    assert statuses(told(judge, evidence(), 4)) == {}
+
+
+def test_a_body_that_never_fits_well_is_sound_and_lost_when_it_fits_worse():
+    judge = LimbJudge(MODEL, StatusConfig())
+    assert statuses(told(judge, evidence(0.5), 10)) == {}
+    assert "right_forearm" in statuses(told(judge, evidence(0.5, right_forearm=0.15), 3))
+
+
+def test_a_start_that_is_nowhere_is_lost_at_once():
+    reports = tuple(told(LimbJudge(MODEL, StatusConfig()), evidence(0.15)).values())
+    assert body_status(reports)[0] is Status.LOST
+    assert is_noise(evidence(0.15)) and not is_noise(evidence(0.5))
+
+
+def test_what_hangs_on_a_lost_trunk_is_lost():
+    judge = LimbJudge(MODEL, StatusConfig())
+    told(judge, evidence(), 10)
+    assert set(statuses(told(judge, evidence(trunk=0.1), 3))) == set(NAMES)
+
+
+def test_a_hidden_limb_is_unseen_and_less_and_less_certain():
+    judge = LimbJudge(MODEL, StatusConfig())
+    told(judge, evidence(), 10)
+    hidden = evidence(left_forearm=None)
+    first = told(judge, hidden)["left_forearm"]
+    assert first.status is LimbStatus.UNSEEN
+    later = told(judge, hidden, 10)["left_forearm"]
+    assert first.probability < later.probability < 0.5
+    vague = told(judge, hidden, 1, np.eye(MODEL.n_dof) * 0.2**2)["left_forearm"]
+    assert vague.probability > 0.5
+
+
+def test_the_end_of_a_limb_is_as_uncertain_as_states_drawn_from_the_covariance():
+    """Against drawing: the largest standard deviation of the wrist's place, over directions."""
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(MODEL.n_dof, MODEL.n_dof)) * 2e-4
+    covariance = root @ root.T
+    judge, wrist = LimbJudge(MODEL, StatusConfig()), MODEL.landmark_index("left_wrist")
+    places = [
+        Configuration(MODEL, STATE.retract(root @ rng.normal(size=MODEL.n_dof))).landmarks_world[wrist] for _ in range(4000)
+    ]
+    drawn = np.sqrt(np.linalg.eigvalsh(np.cov(np.array(places).T))[-1])
+    assert judge._tip_sigmas(STATE, covariance)[1] == pytest.approx(drawn, rel=0.05)
+    wide = covariance * (LOST_TIP_M / drawn) ** 2  # one standard deviation is the limit: 32 % beyond it
+    told(judge, evidence(), 20)
+    assert told(judge, evidence(), 1, wide)["left_forearm"].probability == pytest.approx(0.317, abs=0.02)
+
+
+def test_information_on_a_lost_limb_is_not_believed():
+    judge = LimbJudge(MODEL, StatusConfig())
+    told(judge, evidence(), 10)
+    reports = tuple(told(judge, evidence(left_forearm=0.1), 3).values())
+    share, own = judge.trust(reports), judge_limb("left_forearm").dofs
+    assert (share[~own] == 1.0).all() and (share[own] < 0.3).all()
+
+
+def report(status, name="x"):
+    return LimbReport(name, status, "why", 0.5)
+
+
+@pytest.mark.parametrize(
+    ("limbs", "expected"),
+    [
+        ("TTTTT", Status.TRACKING), ("TTTTD", Status.DEGRADED), ("TTLTT", Status.DEGRADED), ("TULTT", Status.DEGRADED),
+        ("LTTTT", Status.LOST), ("TLLLT", Status.LOST), ("TLLTT", Status.DEGRADED), ("UUUUU", Status.LOST),
+        ("T", Status.TRACKING), ("L", Status.LOST), ("U", Status.LOST),
+    ],
+)  # fmt: skip
+def test_the_body_by_its_trunk_and_most_of_its_limbs(limbs, expected):
+    kinds = {"T": LimbStatus.TRACKING, "D": LimbStatus.DEGRADED, "L": LimbStatus.LOST, "U": LimbStatus.UNSEEN}
+    status, reason = body_status([report(kinds[letter], f"limb{i}") for i, letter in enumerate(limbs)])
+    assert status is expected and bool(reason) == (expected is not Status.TRACKING)
+
+
+def test_no_image_at_all():
+    judge = LimbJudge(MODEL, StatusConfig())
+    told(judge, evidence(), 10)
+    reports = judge.nothing_seen()
+    assert body_status(reports)[0] is Status.LOST and all(r.status is LimbStatus.UNSEEN for r in reports)
+
+
+def test_a_set_cannot_change_the_odds_by_more_than_the_limit():
+    config = replace(StatusConfig(), evidence_limit=1.0, limb_loss=1e-6, limb_recovery=0.0)
+    judge = LimbJudge(MODEL, config)
+    told(judge, evidence())
+    judge.probabilities[:] = [1e-4, 0.2, 1e-4, 1e-4, 1e-4]
+    p = told(judge, evidence(left_forearm=0.0))["left_forearm"].probability
+    assert p / (1.0 - p) == pytest.approx(0.25 * np.e, rel=0.01)
+
+
+def test_covariance_is_scaled_and_rounder_where_little_is_known():
+    rng = np.random.default_rng(2)
+    root = rng.normal(size=(9, 9))
+    H = root @ root.T + np.diag([1e4] * 8 + [1e-2])
+    np.testing.assert_allclose(calibrated_covariance(H, 0.5, 0.0), 0.5 * np.linalg.inv(H), rtol=1e-4)
+    added = calibrated_covariance(H, 0.5, 6.0) - calibrated_covariance(H, 0.5, 0.0)
+    expected = 6.0 * np.diag(0.5 * np.linalg.inv(H)) ** 2
+    expected[:3] = 0.0
+    np.testing.assert_allclose(np.diag(added), expected, rtol=1e-4)
+    unknown = calibrated_covariance(np.diag([1e4] * 8 + [0.0]), 1.0, 0.0)
+    assert np.isfinite(unknown).all() and unknown[8, 8] > 1e4  # rad^2: nothing is known of it
