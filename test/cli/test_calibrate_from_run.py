@@ -1,0 +1,95 @@
+"""``calibrate body --from-run`` and ``calibrate refine --from-run`` on the run of a small clip, as a user runs them."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small_clip import RATE_HZ, make_clip
+
+from tracker_node.cli._run_images import chosen_rows, velocity_at
+from tracker_node.cli.main import main
+from tracker_node.errors import FileFormatError
+from tracker_node.evaluation.run_data import load_run
+from tracker_node.loaders.model_yaml import dump_model, load_model
+from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.model.shape_parameters import ShapeSpace
+from tracker_node.tracking.estimate import Status
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A clip tracked with a body whose upper arm is a fifth too thick; the folder holds ``run``."""
+    clip = make_clip(tmp_path_factory.mktemp("clip"), 8)
+    space = ShapeSpace(clip.model, groups=("girth",))
+    thick = space.body(np.array([0.2 if name == "girth upper" else 0.0 for name in space.names]))
+    dump_model(thick, clip.model_file)
+    assert main(["track_offline", *clip.arguments(), "--output", str(clip.folder / "run"), "--quiet"]) == 0
+    return clip
+
+
+def calibrate(what, clip, *arguments):
+    base = ["calibrate", what, "--from-run", str(clip.folder / "run"), "--sets", "4", "--quiet"]
+    return main([*base, *map(str, arguments)])
+
+
+def test_a_girth_is_found_and_nothing_is_overwritten(run, tmp_path, capsys):
+    output = tmp_path / "body.yaml"
+    assert calibrate("body", run, "-o", output, "--only", "girth") == 0
+    fitted, wrong = load_model(output), load_model(run.model_file)
+    radii = [next(s.primitive.a for s in model.shapes if s.name == "upper") for model in (run.model, fitted, wrong)]
+    assert abs(radii[1] / radii[0] - 1.0) < 0.12 < 0.2 < radii[2] / radii[0] - 1.0  # of 160x120 pixels
+    metrics = json.loads((tmp_path / "body.json").read_text())["metrics"]
+    assert metrics["body.rms_after_px"] < metrics["body.rms_before_px"]
+    assert metrics["body.girth_upper"] == pytest.approx(np.log(radii[1] / radii[2]), abs=1e-6)
+    page = (tmp_path / "body.html").read_text()
+    assert page.count("data:image/png") == 6 and "girth upper" in page  # two instants, three cameras
+    assert "girth upper" in capsys.readouterr().out
+    assert calibrate("body", run, "-o", output) == 2
+    assert "is there already" in capsys.readouterr().err
+
+
+def test_a_rig_that_is_right_stays(run, tmp_path, capsys):
+    output = tmp_path / "rig.yaml"
+    assert calibrate("refine", run, "-o", output, "--keep-places", "--model", run.model_file) == 0
+    given, found = load_rig(run.rig_file), load_rig(output)
+    for a, b in zip(given, found, strict=True):
+        assert np.allclose(a.T_world_cam, b.T_world_cam, atol=1e-9)
+        assert abs(a.time_offset_ns - b.time_offset_ns) < 0.25e9 / RATE_HZ
+        assert (a.source, a.plate) == (b.source, b.plate)
+    assert "cam03" in capsys.readouterr().out
+    assert "later, ms" in (tmp_path / "rig.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("what", "arguments", "message"),
+    [
+        ("body", ["--trc", "trial.trc"], "no --trc"),
+        ("refine", ["--points2d", "pose"], "no --points2d"),
+        ("refine", ["--keep-places", "--keep-times"], "something that may change"),
+        ("refine", ["--center-sigma-mm", "-1"], "positive number"),
+    ],
+)
+def test_options_that_contradict_each_other(run, tmp_path, capsys, what, arguments, message):
+    assert calibrate(what, run, "-o", tmp_path / "out.yaml", *arguments) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_folder_without_a_run(tmp_path, capsys):
+    assert main(["calibrate", "body", "--from-run", str(tmp_path), "-o", str(tmp_path / "x.yaml")]) == 2
+    assert "states.csv" in capsys.readouterr().err
+    assert main(["calibrate", "refine", "-o", str(tmp_path / "x.yaml")]) == 2
+    assert "--rig" in capsys.readouterr().err
+
+
+def test_sets_are_spread_and_lost_ones_left_out(run):
+    data = load_run(run.folder / "run")
+    chosen = chosen_rows(data, 4)
+    assert len(chosen) == 4 and chosen == sorted(chosen) and chosen[0] <= 1 and chosen[-1] >= 6
+    half_lost = np.where(np.arange(len(data)) < 4, int(Status.LOST), int(Status.TRACKING))
+    assert min(chosen_rows(replace(data, status=half_lost), 4)) >= 4
+    with pytest.raises(FileFormatError, match="lost"):
+        chosen_rows(replace(data, status=np.full(len(data), int(Status.LOST))), 4)
+    speed = velocity_at(data, 4)
+    assert speed[5] == pytest.approx(0.5, abs=0.2) and np.abs(speed[:3]).max() < 0.15  # of the clip
+    assert np.allclose(velocity_at(replace(data, stamps_ns=np.zeros(len(data), dtype=np.int64)), 4), 0.0)
