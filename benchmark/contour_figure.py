@@ -126,8 +126,8 @@ def basin_figures(
             run = track(replace(clip, start=start), config, sets)
             ends_m.append(_worst_joint_m(clip, run.estimates[-1].state, pose))
             errors_m.append(_worst_joint_m(clip, start, pose))
-            status = run.estimates[-1].status.name
-            print(f"basin {name}: trial {trial}: {1e3 * errors_m[-1]:.0f} -> {1e3 * ends_m[-1]:.1f} mm, {status}", file=sys.stderr)
+            said = run.estimates[-1].status.name
+            print(f"basin {name}: trial {trial}: {1e3 * errors_m[-1]:.0f} -> {1e3 * ends_m[-1]:.1f} mm, {said}", file=sys.stderr)
     return {
         f"figure_basin.{name}": float(np.mean(np.array(ends_m) < BASIN_WITHIN_M)),
         f"figure_basin.{name}_trials": trials,
