@@ -56,7 +56,7 @@ def test_the_box_moves_as_told_and_stays_in_view(box):
 def test_images_show_the_red_box_where_it_is(film):
     model, rig, states, sets = film
     for i, camera in enumerate(rig):
-        mask = render_mask(Configuration(model, states[3]), camera)
+        mask = render_mask(Configuration(model, states[3]), camera) > 0
         image = sets[3].images[i].pixels.astype(float)
         assert image.shape == (480, 640, 3)
         red = image[..., 2] - image[..., :2].max(axis=2)
