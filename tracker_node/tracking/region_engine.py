@@ -315,6 +315,8 @@ class RegionEngine:
             stay = np.full(self._model.n_dof, motion.stay_angle)
             stay[:3] = motion.stay_position
             prior = Prior(expected, stay / PX2_PER_INFORMATION)
+        if not neutral.any():
+            return [prior]
         return [prior, Prior(State.neutral(self._model, expected.T_world_root), neutral / PX2_PER_INFORMATION)]
 
 
