@@ -118,6 +118,7 @@ class _Record:
     total_ms: list[float] = field(default_factory=list)
     iterations: list[int] = field(default_factory=list)
     residual_px: list[float] = field(default_factory=list)
+    faults: dict[tuple[str, str], dict[str, Any]] = field(default_factory=dict)
 
     def add(self, estimate: TrackEstimate) -> None:
         self.status[estimate.status] += 1
@@ -125,6 +126,10 @@ class _Record:
         self.total_ms.append(estimate.timings.total_ms)
         self.iterations.append(estimate.iterations)
         self.residual_px.append(estimate.residual_px)
+        for fault in estimate.faults:
+            sets = self.faults.get((fault.camera, fault.kind), {"sets": 0})["sets"]
+            found = {"camera": fault.camera, "kind": fault.kind, "said": fault.text, "since_ns": fault.since_ns, "sets": sets + 1}
+            self.faults[fault.camera, fault.kind] = found
 
 
 def _track(
@@ -161,6 +166,7 @@ def _summary(run: OfflineRun, stream: ImageSetStream, record: _Record) -> dict[s
         "first_stamp_ns": record.stamps_ns[0] if record.stamps_ns else None,
         "last_stamp_ns": record.stamps_ns[-1] if record.stamps_ns else None,
         "images": stream.counters,
+        "contradicted_cameras": list(record.faults.values()),
         "errors": list(stream.errors),
         "options": dict(run.named_options),
         "parameters": flatten(run.config),

@@ -26,7 +26,8 @@ from ..objective.normal_equations import Comparison
 from .camera_fault import DELAYED, TURNED, CameraFault
 
 _N = 4  # parameters of a camera's fault: rotation (3), delay
-_KINDS = ((0, 1, 2), (3,), (0, 1, 2, 3))  # which of them a camera may have
+# Which of them a fault may have; the turn about the optical axis, hardly known where the body is small, is left out if it can be
+_KINDS = ((0, 1), (0, 1, 2), (3,), (0, 1, 3), (0, 1, 2, 3))
 _BLOCKS, _LEAST_BLOCKS = 8, 4
 _PRICE = 6.0  # of a parameter, in the units of chi-squared: what noise gains by it, and some more
 _ALIKE = 0.6  # share of what one camera explains from which on another might as well be the cause
@@ -219,14 +220,15 @@ class SelfCheck:
         """The parts of a fit that are beyond doubt and large enough to matter."""
         options, name = self._options, self._names[fit.camera]
         result = []
-        if len(fit.chosen) >= 3:
-            turn, covariance = fit.values[:3], fit.covariance[:3, :3]
+        n = len([k for k in fit.chosen if k % _N < 3])
+        if n > 0:
+            turn, covariance = fit.values[:n], fit.covariance[:n, :n]
             size = float(np.linalg.norm(turn))
             sigma = float(np.sqrt(turn @ covariance @ turn)) / max(size, 1e-12)
             certain = float(turn @ np.linalg.solve(covariance, turn)) > options.sigmas**2
             if certain and size > max(options.angle_rad, options.sigmas * sigma):
                 result.append(CameraFault(name, TURNED, size, sigma, self._onset(fit), rivals))
-        if len(fit.chosen) != 3:
+        if n < len(fit.chosen):
             delay, sigma = float(fit.values[-1]), float(np.sqrt(fit.covariance[-1, -1]))
             if abs(delay) > max(options.delay_s, options.sigmas * sigma):
                 result.append(CameraFault(name, DELAYED, delay, sigma, self._onset(fit), rivals))
