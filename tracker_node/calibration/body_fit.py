@@ -22,7 +22,8 @@ from ..objective.prior import Prior
 from ..objective.shape_jacobian import N_CAMERA, ContourLines, line_residuals
 from ..observation.image_set import ImageSet
 from ..tracking.config import TrackerConfig
-from .body_fit_lines import LineEvidence, SilhouetteEvidence
+from .body_fit_lines import LineEvidence
+from .body_fit_regions import RegionEvidence
 from .body_fit_solver import Estimate, Motion, Problem, SharedPrior, Solution, shared_covariance, solve
 
 Progress = Callable[[str, int, int], None]
@@ -119,7 +120,7 @@ def fit_body(
     model : the body to start from; the prior is centered on it.
     image_sets, states : ten to thirty sets with different poses, and where the body about is in each (a tracker's states).
     progress : called with what is done, how often it has been done, and how often it will be.
-    plates : images of the empty scene, as for the tracker. evidence : instead of silhouettes of ``image_sets``.
+    plates : images of the empty scene, as for the tracker. evidence : instead of the colors on either side of contours.
     velocities : (n_dof,) tangent a second of every set, for cameras that do not expose at one instant.
 
     Raises
@@ -129,7 +130,7 @@ def fit_body(
     options = options or BodyFitOptions()
     if not image_sets or len(image_sets) != len(states):
         raise ValueError(f"expected image sets with a state each, got {len(image_sets)} sets and {len(states)} states")
-    evidence = evidence or SilhouetteEvidence(image_sets, options.config, plates)
+    evidence = evidence or RegionEvidence(image_sets, options.config, plates)
     space = ShapeSpace(model, options.symmetric, options.groups)
     problem = Problem(
         space, rig, motions_of(rig, image_sets, model.n_dof, velocities), pose_priors(model, states, options),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -33,16 +33,18 @@ class RegionEvidence:
 
     Parameters
     ----------
-    parallel : maps a function over cameras.
+    plates : images of the empty scene, where there are some, as for the tracker. parallel : maps a function over cameras.
     """
 
     def __init__(
         self,
         sets: Sequence[ImageSet],
         config: TrackerConfig,
+        plates: Mapping[str, np.ndarray | list] | None = None,
         parallel: Callable[[Callable, list], list] = serial,
     ):
         self._sets, self._config, self._region, self._parallel = list(sets), config, config.region, parallel
+        self._plates = dict(plates or {})
         self._seen: list[tuple[RegionColors, SceneModel | None]] = []
         self._objective: tuple[ArticulatedModel, CameraRig, RegionObjective] | None = None
         self._scale, self._model_sigma_px = 1.0, 0.5
@@ -54,7 +56,7 @@ class RegionEvidence:
 
         def learn(i: int) -> tuple[RegionColors, SceneModel | None]:
             colors, camera, seen = RegionColors(classes, stated, region.color_prior), rig.cameras[i], 0
-            room = None
+            room = self._empty_room(camera.name)
             for k, images in enumerate(self._sets):
                 image = images.get(camera.name)
                 found = None if image is None else render_labels(Configuration(model, states[k][i]), camera, region.around_px)
@@ -66,11 +68,20 @@ class RegionEvidence:
 
         self._seen = self._parallel(learn, list(range(len(rig))))
 
+    def _empty_room(self, camera: str) -> SceneModel | None:
+        """What plates say."""
+        plate = self._plates.get(camera)
+        if plate is None:
+            return None
+        return SceneModel.from_images(
+            [plate] if isinstance(plate, np.ndarray) else list(plate), self._config.evidence.scene_sigma
+        )
+
     def _learn_room(self, room: SceneModel | None, bgr: np.ndarray, region: Region, labels: np.ndarray) -> SceneModel | None:
         """What each pixel shows when the body is not there, for cameras that stand still."""
         evidence = self._config.evidence
         if not self._region.learn_room or len(self._sets) < 2:
-            return None
+            return room
         near = grown(labels, evidence.body_margin_px)
         if room is None:
             room, body = SceneModel(bgr.shape[0], bgr.shape[1], evidence.scene_sigma), np.zeros(bgr.shape[:2], dtype=np.uint8)

@@ -173,7 +173,7 @@ def write_rig_report(
         f"{fit.n_sets} image sets, {last.count} contour lines: rms {first.rms_px:.2f} px with the rig as given (poses fitted),"
         f" {last.rms_px:.2f} px with the fitted rig. The world and the common time are those in which most cameras stay what"
         " they were. 'Later' is by how much a camera's images are later than their stamps say; it is in time_offset_s of the"
-        " rig, and a delay of less than two sigmas is taken for none."
+        " rig, and a delay of less than three sigmas is taken for none."
     ]
     cameras = {name: (c.before, c.after) for name, c in fit.cameras.items()}
     pictures = before_and_after(image_sets, (given, rig, fit.states_before), (fit.model, fit.rig, fit.states))

@@ -18,13 +18,24 @@ from ..geometry import se3, so3
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from ..model.shape_parameters import ShapeSpace
-from ..objective.shape_jacobian import FOCAL, N_CAMERA, TIME
+from ..objective.shape_jacobian import FOCAL, N_CAMERA, TIME, ContourLines
 from ..observation.image_set import ImageSet
-from .body_fit import BodyFitOptions, JointFit, LineFigures, Progress, line_figures, motions_of, pose_priors, residuals_of
-from .body_fit_lines import LineEvidence, SilhouetteEvidence
+from .body_fit import (
+    BodyFitOptions,
+    JointFit,
+    LineFigures,
+    Progress,
+    line_figures,
+    misfit_of,
+    motions_of,
+    pose_priors,
+    residuals_of,
+)
+from .body_fit_lines import LineEvidence
+from .body_fit_regions import RegionEvidence
 from .body_fit_solver import Estimate, Problem, SharedPrior, moved_camera, shared_covariance
 
-SURE_SIGMAS = 2.0  # a delay of fewer is taken for none
+SURE_SIGMAS = 3.0  # a delay of fewer is taken for none
 LEAST_LINES = 30  # of a camera; fewer do not hold six numbers
 
 
@@ -126,7 +137,7 @@ def fit_rig(
         got = f"{len(image_sets)} sets, {len(states)} states and {len(velocities)} velocities"
         raise ValueError(f"expected image sets with a state and a velocity each, got {got}")
     body = options.body
-    evidence = evidence or SilhouetteEvidence(image_sets, body.config, plates)
+    evidence = evidence or RegionEvidence(image_sets, body.config, plates)
     space = ShapeSpace(model, body.symmetric, body.groups)
     held = Problem(
         space, rig, motions_of(rig, image_sets, model.n_dof, velocities), pose_priors(model, states, body),
@@ -149,12 +160,17 @@ def fit_rig(
         count = int(np.sum(figures[1][:, 0] == i))
         if count < LEAST_LINES:
             raise CalibrationError(camera.name, f"hardly sees the body: {count} contour lines in {len(states)} image sets")
-    _, covariance = shared_covariance(problem, lines[1], after, body.robust_px[-1])
-    sigmas = settled_sigmas(rig, covariance)
+    sigmas = _sigmas(problem, after, lines[1], body.robust_px[-1])
     fitted, moved = settled(rig, problem, after)
     cameras = {c.name: _camera_fit(i, c, fitted.cameras[i], after.cameras[i], sigmas[i], figures) for i, c in enumerate(rig)}
     overall = line_figures(figures[0][:, 2]), line_figures(figures[1][:, 2])
     return RigFit(fitted, space.body(after.s), moved, before.states, cameras, overall, len(states), loop.iterations)
+
+
+def _sigmas(problem: Problem, estimate: Estimate, lines: Sequence[ContourLines], robust_px: float) -> np.ndarray:
+    """(n_cameras, `N_CAMERA`) standard deviations, for lines that are as bad as their residuals say."""
+    _, covariance = shared_covariance(problem, lines, estimate, robust_px)
+    return np.sqrt(max(1.0, misfit_of(problem, estimate, lines))) * settled_sigmas(problem.rig, covariance)
 
 
 def _without_doubtful_times(problem: Problem, estimate: Estimate, loop: JointFit, body: BodyFitOptions):
@@ -164,8 +180,8 @@ def _without_doubtful_times(problem: Problem, estimate: Estimate, loop: JointFit
     """
     if not np.any(problem.shared.cameras[:, TIME]):
         return problem, estimate
-    _, covariance = shared_covariance(problem, loop.draw(problem, estimate), estimate, body.robust_px[-1])
-    sigmas, cameras = settled_sigmas(problem.rig, covariance)[:, TIME], estimate.cameras.copy()
+    sigmas = _sigmas(problem, estimate, loop.draw(problem, estimate), body.robust_px[-1])[:, TIME]
+    cameras = estimate.cameras.copy()
     common_s = float(np.median(cameras[:, TIME]))
     cameras[:, TIME] -= common_s
     doubtful = np.abs(cameras[:, TIME]) < SURE_SIGMAS * sigmas

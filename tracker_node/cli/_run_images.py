@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ..observation.image_set import ImageSet
     from ..tracking.config import TrackerConfig
 
-EVIDENCE = ("auto", "silhouette", "region")
+EVIDENCE = ("region", "silhouette")
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,13 +39,13 @@ class RunImages:
     velocities: tuple[np.ndarray, ...]
 
     def evidence(self, kind: str) -> LineEvidence:
-        """Of a kind of `EVIDENCE`; auto: silhouettes where every camera has a plate, else regions."""
+        """Of a kind of `EVIDENCE`."""
         from ..calibration.body_fit_lines import SilhouetteEvidence
         from ..calibration.body_fit_regions import RegionEvidence
 
-        if kind == "silhouette" or (kind == "auto" and all(camera.name in self.plates for camera in self.rig)):
+        if kind == "silhouette":
             return SilhouetteEvidence(self.sets, self.config, self.plates)
-        return RegionEvidence(self.sets, self.config)
+        return RegionEvidence(self.sets, self.config, self.plates)
 
 
 def add_run_arguments(parser: argparse.ArgumentParser, n_sets: int) -> None:
@@ -55,8 +55,7 @@ def add_run_arguments(parser: argparse.ArgumentParser, n_sets: int) -> None:
     add("--from-run", metavar="RUN", help="folder written by track_offline, or a bag with tracked states and images")
     add("--sets", type=int, default=n_sets, metavar="N", help="image sets, spread over the run (default: %(default)s)")
     add("--evidence", choices=EVIDENCE, default=EVIDENCE[0],
-        help="silhouette: needs plates to be good; region: colors on either side of contours, needs none; auto: silhouette where"
-        " every camera has a plate")  # fmt: skip
+        help="region: colors on either side of contours; silhouette: needs plates to be good (default: %(default)s)")  # fmt: skip
     add("--config", metavar="FILE", help="tracker parameters, for how the images are looked at (default: built in)")
     add("--force", action="store_true", help="overwrite the output and the report")
     add("--quiet", action="store_true", help="no progress on stderr")
