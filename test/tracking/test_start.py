@@ -58,7 +58,7 @@ def test_without_plates_it_watches_first_then_finds_what_moves():
         assert starts or look.problem == f"watching what moves ({number + 1} of {CONFIG.start.watch} image sets)"
     middle = Configuration(SCENE.model, state).Ts_world_shape[:, :3, 3].mean(axis=0)
     found = Configuration(SCENE.model, starts[0].state).Ts_world_shape[:, :3, 3].mean(axis=0)
-    assert np.linalg.norm(found - middle) < 0.12
+    assert np.linalg.norm(found - middle) < 0.2  # the middle of the body, within the reach of an engine
 
 
 def test_a_still_scene_without_plates_is_no_person():

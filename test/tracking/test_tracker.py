@@ -127,8 +127,8 @@ def test_reset_starts_all_over(clip, tracked):
     assert_same_bits([tracker.step(s) for s in clip.sets[:5]], tracked[:5])
 
 
-def test_without_a_state_it_waits_and_learns_nothing(clip, tracked):
-    tracker = Tracker(clip.rig, clip.model, None, clip.plates)
+def test_without_a_state_and_a_search_it_waits_and_learns_nothing(clip, tracked):
+    tracker = Tracker(clip.rig, clip.model, from_dict({"start.enabled": False}), clip.plates)
     for image_set in clip.sets[:3]:
         estimate = tracker.step(image_set)
         assert estimate.status is Status.INITIALISING

@@ -194,7 +194,8 @@ class StartConfig:
         2, "smallest number of cameras with an image to look for a start in; of a smaller rig, all", "", 1, 64
     )
     enabled: bool = parameter(True, "look for the body; without, an initial state is waited for")
-    every: int = parameter(10, "image sets between two searches, as long as nothing is found", "", 0, 100000)
+    after_lost: int = parameter(20, "image sets after which a body that is LOST is looked for in all of the images", "", 1, 10**9)
+    every: int = parameter(30, "image sets between two searches, as long as nothing is found", "", 0, 100000)
     watch: int = parameter(
         12, "image sets to watch what moves in, where there are no pictures of the empty scene", "", 2, 1000
     )

@@ -35,6 +35,8 @@ _PRIOR = 3e-4  # cost of a joint one sigma from neutral, as a share of all evide
 _RANDOM_POSTURES = 16
 _PLACES = 3
 _LIMB_SAMPLES = 48
+_ROUNDS = ((False, False), (False, False), (True, True), (False, True), (False, True), (False, True))
+# of search and learning: how thorough a search, and whether only what it finds goes on
 _SURE = 0.45  # a start that covers so much of the evidence is not looked for elsewhere
 
 
@@ -114,7 +116,7 @@ class StartFinder:
             return []
         evidence.forget_colors()
         middles = self._places(evidence.maps(), seen)
-        if around is not None:
+        if around is not None and len(middles):
             middles = np.concatenate([[_middle(self._model, around)], middles])
         if not len(middles):
             known = evidence.scene_known
@@ -141,10 +143,11 @@ class StartFinder:
                 break
             self._segmentation.learn_about(middle)
             beginning, starts = self._hypotheses(self._heights(middle), around), []
-            for last in (False, False, True):
-                starts = self._search(evidence.maps(), beginning, last)
+            for thorough, alone in _ROUNDS:
+                starts = self._search(evidence.maps(), beginning, thorough)
                 self._segmentation.learn_from(Configuration(self._model, starts[0].state), middle)
-                beginning = Poses.joined([Poses.of([start.state for start in starts]), beginning])
+                own = Poses.of([start.state for start in starts])
+                beginning = own if alone else Poses.joined([own, beginning])
             if not found or starts[0].score > found[0].score:
                 learnt = evidence.colors, evidence.support
             found = sorted([*found, *starts], key=lambda start: -start.score)

@@ -21,7 +21,7 @@ from .camera_fault import CameraFault
 from .config import TrackerConfig
 from .contour_engine import ContourEngine
 from .covariance import calibrated_covariance
-from .engine import Engine, Report, Verdict
+from .engine import Engine, Images, Report, Verdict
 from .estimate import Status, Timings, TrackEstimate
 from .motion_model import MotionModel, Passage, Prediction
 from .region_engine import RegionEngine
@@ -59,7 +59,9 @@ class Tracker:
         self.rig, self.model = rig, model
         self.config = config or TrackerConfig()
         self._initial_state = initial_state
-        self._engine = _make_engine(rig, model, self.config, plates or {}, Occluders(occluders, rig))
+        self._make_engine = lambda: _make_engine(rig, model, self.config, plates or {}, Occluders(occluders, rig))
+        self._engine = self._make_engine()
+        self._trial_engine: Engine | None = None
         self._starter = Starter(rig, model, self.config.start, plates or {}, Workers(self.config.threads).map)
         self._check = SelfCheck(rig, model, _check_options(self.config))
         self._restart(initial_state)
@@ -82,15 +84,24 @@ class Tracker:
 
     def _restart(self, state: State | None) -> None:
         self._motion = MotionModel(self.model.chain, self.config.motion)
-        self._start = state
+        self._start, self._lost = state, 0
+
+    def _find(self, images: Images, image_set: ImageSet) -> State | None:
+        """Look for the body in all of the images; what the engine has learnt is not touched by that."""
+        if self._trial_engine is None:
+            self._trial_engine = self._make_engine()
+        return self._starter.find(images, image_set, self._trial_engine, self._start)
 
     def step(self, image_set: ImageSet) -> TrackEstimate:
         """Estimate the state for one image set."""
         began, engine = time.perf_counter(), self._engine
         images = self._images(image_set)
+        missing = self._start is None or self._lost >= self.config.start.after_lost
+        if missing and self.config.start.enabled:
+            found = self._find(images, image_set)
+            if found is not None:
+                self._restart(found)
         prediction = self._motion.predict(image_set.stamp_ns)
-        if prediction is None and self._start is None and self.config.start.enabled:
-            self._start = self._starter.find(images, image_set, engine)
         first, predicted = prediction is None, self._expected(prediction)
         waiting = first and self._start is None
         start = engine.begin(images, predicted) if first and not waiting else predicted
@@ -189,6 +200,7 @@ class Tracker:
 
     def _accept(self, stamp_ns: int, state: State, information: np.ndarray | None, images, verdict: Verdict) -> None:
         self._start = state
+        self._lost = self._lost + 1 if verdict.status is Status.LOST else 0
         if verdict.status is not Status.LOST:
             if verdict.jumped:
                 self._motion.restart(stamp_ns, state)
