@@ -22,6 +22,7 @@ from ..objective.prior import Prior
 from ..objective.shape_jacobian import N_CAMERA, ContourLines, line_residuals
 from ..observation.image_set import ImageSet
 from ..tracking.config import TrackerConfig
+from ..tracking.constraints import constraints_of
 from .body_fit_lines import LineEvidence
 from .body_fit_regions import RegionEvidence
 from .body_fit_solver import Estimate, Motion, Problem, SharedPrior, Solution, shared_covariance, solve
@@ -135,6 +136,7 @@ def fit_body(
     problem = Problem(
         space, rig, motions_of(rig, image_sets, model.n_dof, velocities), pose_priors(model, states, options),
         SharedPrior(options.prior_scale * space.sigmas, np.zeros((len(rig), N_CAMERA))), options.correlation,
+        constraints_of(model, options.config),
     )  # fmt: skip
     held = replace(problem, shared=SharedPrior(np.zeros(len(space)), problem.shared.cameras))
     loop, held_by = JointFit(evidence, options.pose_rounds + options.rounds * len(options.robust_px), progress or _silent), 1.0

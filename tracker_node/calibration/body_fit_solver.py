@@ -18,6 +18,7 @@ from ..geometry import se3
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..model.shape_parameters import ShapeSpace
+from ..objective.normal_equations import LeastSquaresObjective
 from ..objective.prior import Prior
 from ..objective.shape_jacobian import FOCAL, N_CAMERA, TIME, ContourLines, line_residuals, linearize_lines, normal_equations
 
@@ -66,6 +67,7 @@ class Problem:
     motions : of every image set.
     pose_priors : of every image set. shared : of what all of them share.
     correlation : how many neighboring lines share one error.
+    constraints : what no pose may do (of the given body).
     """
 
     space: ShapeSpace
@@ -74,6 +76,7 @@ class Problem:
     pose_priors: Sequence[Sequence[Prior]]
     shared: SharedPrior
     correlation: float = 1.0
+    constraints: Sequence[LeastSquaresObjective] = ()
 
     def rig_of(self, estimate: Estimate) -> CameraRig:
         """The rig with the cameras' departures."""
@@ -164,6 +167,7 @@ def _cost(problem: Problem, lines: Sequence[ContourLines], estimate: Estimate, r
         total += float(problem.weights(residuals, own.variances, robust_px)[0].sum())
         H, g = np.zeros((n_dof, n_dof)), np.zeros(n_dof)
         total += sum(prior.add_to(H, g, estimate.states[k]) for prior in problem.pose_priors[k])
+        total += sum(constraint.linearize(estimate.states[k]).cost for constraint in problem.constraints)
     shared, sigmas = _packed(estimate), _packed_prior(problem)
     free = sigmas > 0.0
     return total + float(np.sum((shared[free] / sigmas[free]) ** 2))
@@ -206,6 +210,10 @@ class _Arrow:
             H_pose, g_pose = H[:n_dof, :n_dof].copy(), g[:n_dof].copy()
             for prior in problem.pose_priors[k]:
                 prior.add_to(H_pose, g_pose, estimate.states[k])
+            for constraint in problem.constraints:
+                equations = constraint.linearize(estimate.states[k])
+                H_pose += equations.H
+                g_pose += equations.g
             H_pose[np.diag_indices(n_dof)] += 1e-9 * max(float(np.diag(H_pose).max()), 1e-12)
             self._poses.append((H_pose, g_pose, H[:n_dof, n_dof:].copy()))
         self._H, self._g = H_shared, g_shared

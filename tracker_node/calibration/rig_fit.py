@@ -20,6 +20,7 @@ from ..model.configuration import State
 from ..model.shape_parameters import ShapeSpace
 from ..objective.shape_jacobian import FOCAL, N_CAMERA, TIME, ContourLines
 from ..observation.image_set import ImageSet
+from ..tracking.constraints import constraints_of
 from .body_fit import (
     BodyFitOptions,
     JointFit,
@@ -142,6 +143,7 @@ def fit_rig(
     held = Problem(
         space, rig, motions_of(rig, image_sets, model.n_dof, velocities), pose_priors(model, states, body),
         SharedPrior(np.zeros(len(space)), np.zeros((len(rig), N_CAMERA))), body.correlation,
+        constraints_of(model, body.config),
     )  # fmt: skip
     free = SharedPrior(body.prior_scale * space.sigmas, np.tile(options.sigmas(), (len(rig), 1)))
     problem = replace(held, shared=free)
