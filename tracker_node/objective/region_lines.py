@@ -365,15 +365,3 @@ def line_arrays(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
         np.zeros((n, N_INFO_COLUMNS), dtype=np.int32),
         np.zeros((n, N_LINE_COLUMNS)),
     )
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def line_residuals(points_cam, lines, params, residuals):
-    """Residuals (n,) in pixels of lines whose points are at ``points_cam`` (n, 3) in the camera's frame."""
-    for j in range(residuals.shape[0]):
-        ok, u, v, _, _, _, _, _, _ = project_point(params, points_cam[j, 0], points_cam[j, 1], points_cam[j, 2])
-        line = lines[j]
-        if ok:
-            residuals[j] = line[LINE_NU] * (u - line[LINE_U]) + line[LINE_NV] * (v - line[LINE_V]) - line[MEAN]
-        else:
-            residuals[j] = 1e6

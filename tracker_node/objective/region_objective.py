@@ -10,14 +10,15 @@ import numpy as np
 from ..camera.camera_rig import Camera, CameraRig
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..render.contour import OUTER, world_spheres
-from ..render.contour_samples import CLASS, SHAPE, collect_samples, most_samples
+from ..render.contour import world_spheres
+from ..render.contour_samples import collect_samples, most_samples
 from ..render.occluders import NOTHING, drop_covered
 from ..render.shape_arrays import ShapeArrays
 from . import region_lines as kernel
 from .contour_residual import assemble
 from .moved_configuration import bodies_seen, cameras_by_body
 from .normal_equations import CameraEquations, NormalEquations
+from .region_evidence import N_EVIDENCE, count_evidence, line_residuals
 
 
 @dataclass(frozen=True)
@@ -227,23 +228,13 @@ class RegionObjective:
 
     def part_evidence(self, state: State, close_px: float) -> PartEvidence:
         """How far the lines that were last drawn bear ``state`` out."""
-        shape = (len(self.slots), len(self.model.shapes))
-        evidence = PartEvidence(*(np.zeros(shape) for _ in range(5)))
+        table = np.zeros((N_EVIDENCE, len(self.slots), len(self.model.shapes)))
         poses = bodies_seen(self.model, state, self.offsets)
         for i in self.active:
-            slot, n = self.slots[i], self.slots[i].n
-            outer = slot.info[:n, CLASS] == OUTER
-            shapes, lines = slot.info[:n, SHAPE][outer], slot.lines[:n][outer]
-            residual = self._residuals(i, poses[i])[outer]
-            told = lines[:, kernel.PRECISION] > 0.0
-            variance = 1.0 / np.maximum(lines[:, kernel.PRECISION], 1e-12) + self._packed[kernel.MODEL_VARIANCE]
-            precision = np.where(told, 1.0 / variance, 0.0)
-            np.add.at(evidence.expected[i], shapes, 1.0)
-            np.add.at(evidence.found[i], shapes, told)
-            np.add.at(evidence.close[i], shapes, told & (np.abs(residual) < close_px))
-            np.add.at(evidence.chi2[i], shapes, precision * residual**2)
-            np.add.at(evidence.log_ratio[i], shapes, lines[:, kernel.LOG_RATIO])
-        return evidence
+            slot = self.slots[i]
+            residuals, variance = self._residuals(i, poses[i]), self._packed[kernel.MODEL_VARIANCE]
+            count_evidence(slot.lines, slot.info, slot.n, residuals, variance, close_px, table[:, i])
+        return PartEvidence(*table)
 
     def spread_px(self, state: State) -> float | None:
         """By how much contours are off beyond what their own lines allow for: a robust standard deviation; None of few lines.
@@ -268,10 +259,6 @@ class RegionObjective:
     def _residuals(self, camera: int, pose: Configuration) -> np.ndarray:
         """(n,) pixels, of the lines of one camera."""
         slot = self.slots[camera]
-        lines, links = slot.lines[: slot.n], slot.info[: slot.n, 1]
-        params, R, t, _ = slot.camera
-        T = pose.Ts_world_link[links]
-        points = np.einsum("nij,nj->ni", T[:, :3, :3], lines[:, :3]) + T[:, :3, 3]
-        residuals = np.zeros(slot.n)
-        kernel.line_residuals(points @ R.T + t, lines, params, residuals)
+        residuals = np.empty(slot.n)
+        line_residuals(slot.lines, slot.info, slot.n, pose.Ts_world_link, slot.camera, residuals)
         return residuals
