@@ -45,6 +45,7 @@ class StartEvidence:
     def reset(self) -> None:
         """Forget all images."""
         self._past: list[Sequence[np.ndarray | None]] = []
+        self._moves: dict[int, np.ndarray | None] = {}
         self.forget_colors()
         self.watched = 0
 
@@ -61,6 +62,7 @@ class StartEvidence:
     def watch(self, images: Sequence[np.ndarray | None]) -> None:
         """Take in the small images of a set. The past is kept in steps that become longer with time."""
         self._past.append(list(images))
+        self._moves = {}
         self.watched += 1
         if len(self._past) > _MOST_IMAGES:
             del self._past[1:-1:2]
@@ -83,7 +85,9 @@ class StartEvidence:
         return result
 
     def _by_color(self, i: int, image: np.ndarray) -> np.ndarray | None:
-        moved, ratios = self._moved(i, image), self.colors[i]
+        if i not in self._moves:
+            self._moves[i] = self._moved(i, image)
+        moved, ratios = self._moves[i], self.colors[i]
         if ratios is None:
             return moved
         odds = cv2.blur(ratios[_bins(image)], (3, 3))
