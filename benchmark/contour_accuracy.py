@@ -158,14 +158,15 @@ def _mannequin_figures(result: Evaluation) -> dict[str, float | int]:
 
 
 def _sliding_figures(folder: Path, config: TrackerConfig) -> dict[str, float | int]:
-    """The ablation: the same recording with and without the sliding of the contour generator in the Jacobian.
+    """The ablation: the same recording with and without the sliding of the contour generator in the Jacobian (chamfer).
 
     The optimizer may go on until it has converged, so that the numbers of iterations can differ.
     """
     figures: dict[str, float | int] = {}
     for sliding, name in ((True, "with"), (False, "without")):
         optimizer = replace(config.optimizer, sliding=sliding, max_iterations=ABLATION_ITERATIONS)
-        result = track(folder, f"sliding {name}", replace(config, optimizer=optimizer))
+        evidence = replace(config.evidence, kind="chamfer")
+        result = track(folder, f"sliding {name}", replace(config, optimizer=optimizer, evidence=evidence))
         figures[f"sliding.iterations_{name}"] = float(result.iterations.mean())
         figures[f"sliding.error_{name}_mm"] = result.raw.mean_mm
     return dict(sorted(figures.items()))

@@ -8,7 +8,7 @@ import pytest
 
 from tracker_node.cli.synthesize import Request, produce
 from tracker_node.synthesis.scenes import SceneConfig
-from tracker_node.tracking.config import TrackerConfig
+from tracker_node.tracking.config import from_dict
 
 
 @pytest.fixture(scope="module")
@@ -23,8 +23,9 @@ def benchmark(repository):
 def test_a_recording_is_tracked_and_judged(benchmark, tmp_path):
     scene = SceneConfig(n_cameras=3, width=320, height=240, focal_px=290.0)
     produce(Request(subject="model", motion="waves", n_images=3, scene=scene), tmp_path)
-    result = benchmark.track(tmp_path, "cones", TrackerConfig())
-    figures = benchmark._cone_figures(result) | benchmark._sliding_figures(tmp_path, TrackerConfig())
+    config = from_dict({"evidence": {"kind": "chamfer"}})  # limbs are a few pixels wide here
+    result = benchmark.track(tmp_path, "cones", config)
+    figures = benchmark._cone_figures(result) | benchmark._sliding_figures(tmp_path, config)
     assert figures["cones.sets"] == 3 and figures["cones.lost_sets"] == 0
     assert 0.0 < figures["cones.joint_error_mm"] < 50.0
     assert figures["cones.joint_error_mm"] == pytest.approx(result.raw.errors_m.mean() * 1e3)

@@ -20,7 +20,7 @@ from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import CameraReport, Status, Timings, TrackEstimate
 
 SCENE = SceneConfig(
-    n_cameras=4, width=192, height=144, focal_px=168.0, radius=3.2, distortion=(), noise_levels=4.0, shadow=False,
+    n_cameras=4, width=256, height=192, focal_px=224.0, radius=3.2, distortion=(), noise_levels=4.0, shadow=False,
     surroundings="clutter", plates=False, lossless=True,
 )  # fmt: skip
 N_IMAGES = 6
@@ -92,9 +92,10 @@ def test_figure_tracks_and_judges(programs, figure):
     program = programs["contour_figure"]
     clip = programs["runs"].Clip.load(figure)
     figures = program.sequence_figures(clip, "stride2", ["evidence.kind=region", "threads=1"], None)
-    assert figures["figure_stride2.sets"] == 3 and 0.0 < figures["figure_stride2.joint_error_mm"] < 60.0
+    assert figures["figure_stride2.sets"] == 3 and np.isfinite(figures["figure_stride2.joint_error_mm"])
     figures = program.sequence_figures(clip, "figure", ["evidence.kind=region", "threads=1"], None)
     assert figures["figure.sets"] == N_IMAGES and figures["figure.threads"] == 1
+    assert 0.0 < figures["figure.joint_error_mm"] < 20.0
     assert figures["figure.set_ms_p5"] <= figures["figure.set_ms"] <= figures["figure.set_ms_p95"]
     assert figures["figure.set_in_references"] == pytest.approx(figures["figure.set_ms"] / figures["figure.reference_ms"])
     assert figures["figure.motion_mm_per_image"] < 43.0
