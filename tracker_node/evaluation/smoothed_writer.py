@@ -36,7 +36,7 @@ class SmoothedWriter:
 
     def __init__(self, output: str | Path, model: ArticulatedModel, motion: MotionConfig, lag_s: float):
         self._model, self._lag_s = model, lag_s
-        self._dynamics = Dynamics.of(motion, model.chain)
+        self._dynamics = Dynamics.of(motion, model.chain, motion.smoother_noise)
         self._smoother = Smoother(self._dynamics, lag_s)
         self._waiting: deque[TrackEstimate] = deque()
         folder, names, units = Path(output) / FOLDER, model.chain.dof_names, model.chain.dof_units

@@ -131,11 +131,15 @@ class MotionConfig:
     root_position_memory_s: float = parameter(0.5, "how long a velocity of the root lasts", "s", 1e-3, 1e3)
     root_angle_memory_s: float = parameter(0.3, "how long an angular velocity of the root lasts", "s", 1e-3, 1e3)
     joint_memory_s: float = parameter(0.2, "how long a velocity of a joint angle lasts", "s", 1e-3, 1e3)
+    smoother_noise: float = parameter(
+        0.4, "share of the noise that motions have; the rest is there so that kicks are not held back, and left out in smoothing",
+        "1", 1e-3, 1e3,
+    )  # fmt: skip
     velocity_gain: float = parameter(
         0.8, "how fast the velocity follows the measured one, in engines that do not tell how sure they are", "1", 0.0, 1.0
     )
     velocity_decay: float = parameter(
-        0.9, "share of a joint velocity that is kept in the prediction by such engines; of any velocity, by a lost body", "1", 0.0, 1.0
+        0.9, "share of a joint velocity kept in the prediction by such engines; of any velocity, by a lost body", "1", 0.0, 1.0
     )
     stay_position: float = parameter(0.0, "pull to the root position given, on the first image set", "px^2/m^2", 0.0, 1e12)
     stay_angle: float = parameter(200.0, "pull to the angles given, on the first image set", "px^2/rad^2", 0.0, 1e12)
@@ -149,7 +153,7 @@ class CollisionConfig:
     """Parts of the body that may not pass through each other."""
 
     enabled: bool = parameter(True, "keep parts that are not neighbors from running into each other")
-    sigma_m: float = parameter(0.005, "how deep they may get into each other, as a standard deviation", "m", 1e-4, 10.0)
+    sigma_m: float = parameter(0.02, "how deep they may get into each other, as a standard deviation", "m", 1e-4, 10.0)
 
 
 @dataclass(frozen=True)
@@ -181,7 +185,7 @@ class StatusConfig:
     limb_loss: float = parameter(0.01, "probability that a limb gets lost between two image sets", "1", 1e-6, 1)
     limb_recovery: float = parameter(0.1, "and that a lost one gets where it belongs", "1", 0, 1)
     limb_tries: int = parameter(8, "poses in which a lost limb is looked for, in one image set; 0: it is not", "", 0, 1000)
-    limb_fits: int = parameter(2, "and how many of them are fitted", "", 1, 100)
+    limb_fits: int = parameter(3, "and how many of them are fitted", "", 1, 100)
     limb_seed: int = parameter(0, "of the random ones", "", 0, 2**31 - 1)
     evidence_limit: float = parameter(5.0, "one image set cannot change the log odds of lost by more than this", "1", 0.1, 100)
 

@@ -63,15 +63,18 @@ class Dynamics:
     memory_s: np.ndarray
 
     @classmethod
-    def of(cls, config: MotionConfig, chain: KinematicChain) -> Dynamics:
-        """As configured for the root's translation (and joints that slide), its rotation, and the joints that turn."""
+    def of(cls, config: MotionConfig, chain: KinematicChain, share: float = 1.0) -> Dynamics:
+        """As configured for the root's translation (and joints that slide), its rotation, and the joints that turn.
+
+        ``share`` of that noise.
+        """
         slides = [axis.prismatic for axis in chain.axes]
         noise, memory_s = np.empty(chain.n_dof), np.empty(chain.n_dof)
         noise[:3], memory_s[:3] = config.root_position_noise, config.root_position_memory_s
         noise[3:6], memory_s[3:6] = config.root_angle_noise, config.root_angle_memory_s
         noise[N_ROOT_DOF:] = np.where(slides, config.root_position_noise, config.joint_noise)
         memory_s[N_ROOT_DOF:] = config.joint_memory_s
-        return cls(noise, memory_s)
+        return cls(share * noise, memory_s)
 
     def start(self, state: State, information: np.ndarray, spread: float = 1.0) -> Belief:
         """A body at rest, as far as is known: velocities are spread as the process spreads them in the long run.
