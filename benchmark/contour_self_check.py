@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """Cameras that are turned, or run late, while a body is tracked: are they named, how soon, and are others left in peace?
 
-Clips without a picture of the empty scene. In each of them every camera in turn is turned by 1 degree about its vertical and its
-horizontal axis (its images are warped as a turn warps them), or delayed by two images, from the 15th image set on. ``named``:
-the camera is named within 5 s, alone or first of several that might as well be it; ``alone``: without others; ``wrong``: faults
-over which at any time another camera was named first. Healthy runs of the same clips tell how often one is named without reason.
+Clips without a picture of the empty scene: a figure of cones in fast motion, and a dancing mannequin that is not the tracker's
+model. In each of them every camera in turn is turned by 1 degree about its vertical and its horizontal axis (its images are
+warped as a turn warps them), or delayed by two images, from the 15th image set on. ``named``: the camera is named within 5 s, alone
+or first of several that might as well be it; ``alone``: without others; ``wrong``: faults over which at any time another camera was
+named first. Healthy runs of the same clips tell how often one is named without reason.
 """
 
 from __future__ import annotations
@@ -20,9 +21,12 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from _contour_runs import RATE_HZ, Clip
+from _contour_runs import RATE_HZ, Clip, recorded
+from color_articulated import recording
+from contour_figure import FIGURE_SCENE
 
 from tracker_node.camera.camera_rig import Camera
+from tracker_node.cli.synthesize import FIGURE_IMAGES, Request, default_motions
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
 from tracker_node.geometry import so3
@@ -33,7 +37,7 @@ from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.tracker import Tracker
 
 ONSET, WITHIN_S, ANGLE_DEG, DELAY_IMAGES = 15, 5.0, 1.0, 2
-CLIPS = ("figure", "mannequin_spinkick_4")
+CLIPS = ("figure", "dance_b")
 TURNS = {"pan": (0.0, 1.0, 0.0), "tilt": (1.0, 0.0, 0.0)}
 
 
@@ -52,7 +56,7 @@ def main() -> int:
     figures: dict[str, float | int] = {}
     try:
         for name in args.only or CLIPS:
-            figures |= measure(Clip.load(args.cache / name), name, args)
+            figures |= measure(load(name, args), name, args)
     except TrackerError as error:
         print(f"contour_self_check: error: {error}", file=sys.stderr)
         return 2
@@ -60,6 +64,13 @@ def main() -> int:
     if args.json:
         write_metrics(args.json, figures)
     return 0
+
+
+def load(name: str, args: argparse.Namespace) -> Clip:
+    """The figure of ten cones, or a mannequin in a motion, rendered if it is not there."""
+    if name == "figure":
+        return recorded("figure", Request(subject="figure", n_images=FIGURE_IMAGES, scene=FIGURE_SCENE), args.cache)
+    return Clip.load(recording(name, args.motions, args.cache))
 
 
 def measure(clip: Clip, name: str, args: argparse.Namespace) -> dict[str, float | int]:
@@ -148,11 +159,12 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add = parser.add_argument
     add("--quick", action="store_true", help="only the first camera of each clip")
-    add("--only", nargs="+", metavar="CLIP", help=f"folders of the cache (default: {' '.join(CLIPS)})")
+    add("--only", nargs="+", metavar="CLIP", help=f"figure, or captured clips (default: {' '.join(CLIPS)})")
     add("--sets", type=int, metavar="N", help="only the first N image sets")
     add("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="parameters, e.g. self_check.window_s=3")
     add("--plates", action="store_true", help="use the pictures of the empty scene")
     add("--cache", type=Path, default=Path("out/synthetic"), metavar="FOLDER", help="recordings (default: %(default)s)")
+    add("--motions", default=default_motions(), metavar="FOLDER", help="captured clips (default: %(default)s)")
     add("--json", metavar="FILE", help="write the figures here too")
     return parser.parse_args()
 

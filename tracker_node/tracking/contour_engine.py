@@ -111,11 +111,10 @@ class ContourEngine:
         coarse: OptimizerResult | None = None
         if n_coarse > 0:
             coarse = self._minimize(start, n_coarse)
-            self._comparison = Comparison(coarse.state, coarse.equations, objective.camera_equations())
             objective.restart(self._fine, self._offsets(coarse.state))
         fine = self._minimize(start if coarse is None else coarse.state, total - n_coarse)
+        self._comparison = Comparison(fine.state, fine.equations, objective.camera_equations())
         if coarse is None:
-            self._comparison = Comparison(fine.state, fine.equations, objective.camera_equations())
             return fine
         return replace(fine, iterations=fine.iterations + coarse.iterations, evaluations=fine.evaluations + coarse.evaluations)
 
@@ -136,7 +135,7 @@ class ContourEngine:
         return self._objective.linearize(state)
 
     def comparison(self) -> Comparison | None:
-        """Of the coarse stage: on finer ones, what a camera alone sees elsewhere is out of reach."""
+        """Of the fine stage: in the coarse one, boundaries pull from wherever they are."""
         return self._comparison
 
     def report(self, result: OptimizerResult, image_set: ImageSet) -> Report:

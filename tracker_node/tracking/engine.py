@@ -90,7 +90,7 @@ class Engine(Protocol):
         ...
 
     def comparison(self) -> Comparison | None:
-        """What each camera has said of the last fit while it still looked far; None where the engine has units of its own."""
+        """What each camera has said of the last fit; None where the engine has units of its own."""
         ...
 
     def report(self, result: OptimizerResult, image_set: ImageSet) -> Report:
