@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """Cameras that are turned, or run late, while a body is tracked: are they named, how soon, and are others left in peace?
 
-Clips without a picture of the empty scene: a figure of cones in fast motion, and a dancing mannequin that is not the tracker's
-model. In each of them every camera in turn is turned by 1 degree about its vertical and its horizontal axis (its images are
-warped as a turn warps them), or delayed by two images, from the 15th image set on. ``named``: the camera is named within 5 s, alone
-or first of several that might as well be it; ``alone``: without others; ``wrong``: faults over which at any time another camera was
-named first. Healthy runs of the same clips tell how often one is named without reason.
+Clips without a picture of the empty scene: a figure of cones in fast motion, and a dancing mannequin that is not the
+tracker's model. In each of them every camera in turn is turned by 1 degree about its vertical and its horizontal axis (its
+images are warped as a turn warps them), or delayed by two images, from the 15th image set on. ``named``: the camera is
+named within 5 s, alone or first of several that might as well be it; ``alone``: without others; ``wrong``: faults over
+which at any time another camera was named first. Healthy runs of the same clips tell how often one is named without reason.
 """
 
 from __future__ import annotations

@@ -228,7 +228,7 @@ class SelfCheckConfig:
     enabled: bool = parameter(True, "compare the cameras while tracking")
     window_s: float = parameter(2.0, "how far back they are compared", "s", 0.1, 3600.0)
     angle_deg: float = parameter(0.3, "a camera is named that has been turned by more than this", "deg", 0.0, 180.0)
-    delay_images: float = parameter(0.8, "or whose images are late, or early, by more than this", "1", 0.0, 1000.0)
+    delay_images: float = parameter(0.5, "or whose images are late, or early, by more than this", "1", 0.0, 1000.0)
     sigmas: float = parameter(5.0, "and by more than so many standard deviations", "1", 0.0, 1000.0)
 
 

@@ -40,7 +40,7 @@ class SelfCheckOptions:
 
     window_s: float = 2.0
     angle_rad: float = np.radians(0.3)
-    delay_s: float = 0.8 / 30.0
+    delay_s: float = 0.5 / 30.0
     sigmas: float = 5.0
 
 
