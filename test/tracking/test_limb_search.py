@@ -76,7 +76,7 @@ def test_a_limb_is_found_and_nothing_else_is_moved(truth):
     assert found is not None and wrist_error(lost, truth) > 0.4 and wrist_error(found, truth) < 0.02
     own = judge.limbs[index(judge, "left_forearm")].dofs
     assert not np.any(found.difference(lost)[~own])
-    assert felt.drawn <= StatusConfig().limb_tries + 3 * StatusConfig().limb_fits
+    assert felt.drawn <= StatusConfig().limb_tries + 4 * StatusConfig().limb_fits
 
 
 def test_a_limb_is_looked_for_where_it_was_last_sound():

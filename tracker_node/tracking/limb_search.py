@@ -28,7 +28,8 @@ _SPREAD_RAD = 0.6  # of random poses about the last sound one
 _SCORE_SCALE = 4.0  # pixels from place to place on the lines by which poses are scored...
 _FIT_SCALES = (4.0, 2.0, 1.0)  # ...and fitted
 _LIMBS_A_SET = 2  # that are looked for
-_FOUND_ODDS = -0.5  # log odds of lost below which a limb is taken to be found
+_FOUND_ODDS = 0.5  # log odds of lost that a limb must have to be taken for found...
+_BETTER_ODDS = 1.5  # ...and how much less they must be than where it is now
 _FIT = LevenbergMarquardtOptions(max_iterations=4, tolerance=1e-3)
 
 
@@ -98,26 +99,30 @@ class LimbSearch:
         """``state`` with lost limbs (indices of the judge's) found elsewhere, the lines being drawn about it; None where nothing
         speaks for other places."""
         evidence = lines.part_evidence(state, self._close_px)
-        doubtful = [i for i in lost if self._odds(i, evidence) > 0.0]
+        if not self._config.limb_tries:
+            return None
+        odds = [self._odds(i, evidence) for i in lost]
         found = None
-        for i in doubtful[:_LIMBS_A_SET]:
-            better = self._find(i, found or state, predicted, lines)
+        for i, here in [(i, here) for i, here in zip(lost, odds, strict=True) if here > 0.0][:_LIMBS_A_SET]:
+            better = self._find(i, found or state, predicted, lines, min(_FOUND_ODDS, here - _BETTER_ODDS))
             found = better or found
         return found
 
-    def _find(self, i: int, state: State, predicted: State, lines: Lines) -> State | None:
-        limb = self._judge.limbs[i]
+    def _find(self, i: int, state: State, predicted: State, lines: Lines, least: float) -> State | None:
+        """The state with limb ``i`` elsewhere whose log odds of lost are least, if they are below ``least``."""
+        limb, best = self._judge.limbs[i], None
         poses = self.poses(limb, state, predicted)
         scores = np.array([self._score(limb, pose, lines) for pose in poses])
-        best, least = None, _FOUND_ODDS
-        for j in np.argsort(-scores, kind="stable")[: self._config.limb_fits]:
+        ranked = [0, *(j for j in np.argsort(-scores, kind="stable") if j)]  # where it was last sound comes first
+        for j in ranked[: self._config.limb_fits]:
             pose = poses[j]
-            for scale in _FIT_SCALES:
-                lines.correspond(pose, scale)
-                pose = minimize(OneLimb(lines.whole, limb.dofs), pose, self._model.chain, _FIT).state
-            odds = self._odds(i, lines.part_evidence(pose, self._close_px))
-            if odds < least:
-                best, least = pose, odds
+            for scales in (_FIT_SCALES[-1:], _FIT_SCALES):  # from near, and from afar
+                for scale in scales:
+                    lines.correspond(pose, scale)
+                    pose = minimize(OneLimb(lines.whole, limb.dofs), pose, self._model.chain, _FIT).state
+                odds = self._odds(i, lines.part_evidence(pose, self._close_px))
+                if odds < least:
+                    best, least = pose, odds
         return best
 
     def _odds(self, i: int, evidence: PartEvidence) -> float:

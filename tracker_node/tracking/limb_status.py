@@ -56,7 +56,15 @@ def limb_measures(evidence: PartEvidence, shapes: np.ndarray) -> np.ndarray | No
 
 
 class LimbJudge:
-    """Keeps the probability that each limb is lost; deterministic in what it is told since `reset`."""
+    """Keeps the probability that each limb is lost; deterministic in what it is told since `reset`.
+
+    Attributes
+    ----------
+    limbs : the trunk first.
+    probabilities : (n_limbs,) of being lost, by evidence alone.
+    shares : (n_limbs, n_measures) the last `MEASURES` in shares of their levels; nan for what cannot be seen.
+    was_lost : whether the body was at the last `restart`.
+    """
 
     def __init__(self, model: ArticulatedModel, config: StatusConfig):
         self._model, self._config = model, config
@@ -66,10 +74,12 @@ class LimbJudge:
     def reset(self) -> None:
         """Forget what limbs have looked like."""
         self._levels: np.ndarray | None = None  # (n_limbs, n_measures)
+        self.shares = np.full((len(self.limbs), len(MEASURES)), np.nan)
         self.restart()
 
     def restart(self) -> None:
         """A state has been handed over; nobody knows how good it is."""
+        self.was_lost = self._levels is None or self.body_lost
         self.probabilities = np.full(len(self.limbs), _START)
 
     @property
@@ -91,14 +101,13 @@ class LimbJudge:
         sigmas = np.zeros(len(self.limbs)) if covariance is None else self._tip_sigmas(state, covariance)
         return tuple(self._limb(i, measures[i], float(sigmas[i])) for i in range(len(self.limbs)))
 
-    def shares(self, i: int, measures: np.ndarray) -> np.ndarray:
-        """(n_measures,) of limb ``i`` in shares of its levels."""
-        assert self._levels is not None
-        return np.minimum(measures / self._levels[i], 1.5)
-
     def odds(self, i: int, measures: np.ndarray) -> float:
         """Log odds of limb ``i`` being lost, by one image set alone."""
-        return float(COEFFICIENTS[0] + self.shares(i, measures) @ COEFFICIENTS[1:])
+        return float(COEFFICIENTS[0] + self._shares_of(i, measures) @ COEFFICIENTS[1:])
+
+    def _shares_of(self, i: int, measures: np.ndarray) -> np.ndarray:
+        assert self._levels is not None
+        return np.minimum(measures / self._levels[i], 1.5)
 
     def _first_levels(self, measures: Sequence[np.ndarray | None]) -> np.ndarray:
         """Those of the middle limb, for all: one that is off from the beginning is not to be the standard of itself."""
@@ -119,6 +128,7 @@ class LimbJudge:
         elsewhere = _beyond(LOST_TIP_M, sigma_m)
         if i > 0:  # what hangs on a lost trunk is lost, whatever it happens to lie on
             elsewhere = max(elsewhere, float(self.probabilities[0]))
+        self.shares[i] = np.nan if measures is None else self._shares_of(i, measures)
         if measures is None:
             self.probabilities[i] = p
             return LimbReport(limb.name, LimbStatus.UNSEEN, "hidden, or in no image", 1.0 - (1.0 - p) * (1.0 - elsewhere))

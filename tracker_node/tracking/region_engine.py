@@ -113,8 +113,11 @@ class RegionEngine:
         return SceneModel.from_images(plate if isinstance(plate, list) else [plate], self._config.evidence.scene_sigma)
 
     def begin(self, images: Images, start: State) -> State:
-        """Learn colors, fit, and learn again: the first pose given is rarely exact."""
+        """Learn colors, fit, and learn again: the first pose given is rarely exact. What a sound body has taught is kept."""
         self._limbs.restart()
+        if self._sound is not None and not self._limbs.was_lost:
+            self._passage = None
+            return start
         self._misfit = Misfit()
         self._passage, guard = None, self._config.region.guard_px
         for guard_px in (4 * guard, 2 * guard, guard):
