@@ -76,7 +76,7 @@ class RegionConfig:
     samples_per_line: int = parameter(12, "contour samples per generator line", "", 2, 1000)
     half_length: int = parameter(10, "places on either side of the contour where it may be, per scale", "", 2, 20)
     scales: str = parameter("4 2 1 1", "pixels from place to place on the lines, from coarse to fine, in each image set")
-    first_scales: str = parameter("6 4 3 2 2 1 1", "the same on the first image set after a start or a reset")
+    first_scales: str = parameter("10 10 8 8 6 6 4 4 3 2 1", "the same on the first image set after a start or a reset")
     updates: int = parameter(1, "Gauss-Newton steps on the lines of one scale", "", 1, 100)
     clamp: float = parameter(2.0, "log-likelihood ratio of a pixel's color is not believed beyond this", "1", 0.1, 20)
     sharpness: float = parameter(1.0, "share of a line's pixels that are independent of their neighbours", "1", 0.01, 10)
@@ -175,10 +175,10 @@ class StatusConfig:
     )
     correlation: float = parameter(8.0, "how many neighbouring samples share one error, for the covariance", "", 1, 1000)
     covariance_scale: float = parameter(
-        0.47, "multiplies the inverse of the information, in engines whose normal equations are in such units", "1", 1e-3, 1e3
+        0.32, "multiplies the inverse of the information, in engines whose normal equations are in such units", "1", 1e-3, 1e3
     )
     covariance_curvature: float = parameter(
-        6.0, "times the squared variance of an angle is added to its variance, for what is hardly known", "1/rad^2", 0, 1e6
+        200.0, "times the squared variance of an angle is added to its variance, for what is hardly known", "1/rad^2", 0, 1e6
     )
     limb_lost: float = parameter(0.5, "a limb that is elsewhere with this probability is LOST", "1", 0, 1)
     limb_degraded: float = parameter(0.2, "and DEGRADED with this one", "1", 0, 1)
