@@ -19,6 +19,8 @@ from tracker_node.camera.camera_rig import CameraRig
 from tracker_node.cli.synthesize import Request, produce, show_progress
 from tracker_node.errors import FileFormatError, SourceError
 from tracker_node.evaluation.evaluate import Evaluation, EvaluationOptions, evaluate
+from tracker_node.evaluation.landmarks import LIMBS
+from tracker_node.evaluation.metrics import LOST_LIMB_M
 from tracker_node.evaluation.metrics_file import cpu
 from tracker_node.evaluation.run_data import RunData
 from tracker_node.evaluation.truth import load_truth
@@ -140,6 +142,19 @@ def accuracy_figures(result: Evaluation) -> dict[str, float | int]:
         "sets": result.image_sets,
     }
     return {f"{result.name}.{key}": value for key, value in figures.items()}
+
+
+def report_lost(result: Evaluation) -> None:
+    """Say which limbs are off by more than that of a lost one, and in which image sets."""
+    for limb, joint in LIMBS.items():
+        if joint not in result.joints:
+            continue
+        j = result.joints.index(joint)
+        off = np.concatenate([[False], (result.raw.errors_m[:, j] > LOST_LIMB_M) & result.raw.valid[:, j], [False]])
+        starts, ends = (np.flatnonzero(np.diff(off.astype(int)) == sign) for sign in (1, -1))
+        if len(starts):
+            stretches = ", ".join(f"{a}-{b - 1}" for a, b in zip(starts, ends, strict=True))
+            print(f"{result.name}: {limb} more than {1e3 * LOST_LIMB_M:.0f} mm off in sets {stretches}", file=sys.stderr)
 
 
 def time_figures(run: Run, config: TrackerConfig, name: str) -> dict[str, float | int]:

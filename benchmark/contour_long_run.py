@@ -18,7 +18,17 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from _contour_runs import Run, add_common_arguments, configured, judged, print_circumstances, recorded, time_figures, track
+from _contour_runs import (
+    Run,
+    add_common_arguments,
+    configured,
+    judged,
+    print_circumstances,
+    recorded,
+    report_lost,
+    time_figures,
+    track,
+)
 from _fitted_body import fitted_body, with_body
 from contour_mannequin import BODY_CLIP, PERSON_SCENE, person_figures
 
@@ -49,7 +59,9 @@ def main(arguments: list[str] | None = None) -> int:
             clip = with_body(clip, fitted_body(recorded(f"mannequin_{BODY_CLIP}_4", request, args.cache), config, args.body))
         plates = load_plates(clip.rig) if args.room else {}
         run = track(clip, config, clip.sets(), _progress, plates)
-        figures = person_figures(judged(clip, run, LONG_RUN)) | time_figures(run, config, LONG_RUN) | _iterations(run)
+        result = judged(clip, run, LONG_RUN)
+        report_lost(result)
+        figures = person_figures(result) | time_figures(run, config, LONG_RUN) | _iterations(run)
     except TrackerError as error:
         print(f"contour_long_run: error: {error}", file=sys.stderr)
         return 2

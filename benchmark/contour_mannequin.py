@@ -25,6 +25,7 @@ from _contour_runs import (
     judged,
     print_circumstances,
     recorded,
+    report_lost,
     time_figures,
     track,
 )
@@ -58,7 +59,9 @@ def main(arguments: list[str] | None = None) -> int:
             if body is not None:
                 clip = with_body(clip, body)
             run = track(clip, config, clip.sets(limit=QUICK_IMAGES if args.quick else None))
-            figures |= person_figures(judged(clip, run, f"mannequin_{name}"))
+            result = judged(clip, run, f"mannequin_{name}")
+            report_lost(result)
+            figures |= person_figures(result)
             figures |= time_figures(run, config, f"mannequin_{name}")
     except TrackerError as error:
         print(f"contour_mannequin: error: {error}", file=sys.stderr)

@@ -78,6 +78,17 @@ def test_a_run_on_truth_has_no_error_and_one_beside_it_has_that(programs, figure
         assert figures["x.lost_sets"] == lost and figures["x.lost_limbs"] == (4 if lost else 0)
 
 
+def test_lost_limbs_are_named_with_their_image_sets(programs, figure, capsys):
+    runs, program = programs["runs"], programs["contour_figure"]
+    clip = runs.Clip.load(figure)
+    bent = np.zeros(clip.model.n_dof)
+    bent[clip.model.chain.dof_names.index("left_elbow_flexion")] = -1.0  # takes the wrist 0.26 m away
+    states = [s.retract(bent * (i in (1, 2, 4))) for i, s in enumerate(program.true_states(clip))]
+    run = runs.Run(tuple(estimate(round(i * 1e9 / 30), s) for i, s in enumerate(states)), np.ones(N_IMAGES))
+    runs.report_lost(runs.judged(clip, run, "x"))
+    assert capsys.readouterr().err == "x: left arm more than 150 mm off in sets 1-2, 4-4\n"
+
+
 def test_strides_and_cameras_are_those_asked_for(programs, figure):
     clip = programs["runs"].Clip.load(figure)
     sets = list(clip.with_cameras([0, 2]).sets(stride=2))
