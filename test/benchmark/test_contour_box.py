@@ -66,10 +66,10 @@ def test_images_show_the_red_box_where_it_is(film):
 @pytest.mark.parametrize(("name", "position_mm"), [("box_3cams", 0.5), ("box_1cam", 5.0)])
 def test_the_box_is_tracked(box, film, name, position_mm):
     model, rig, states, sets = film
-    cameras = box.CONFIGURATIONS[name]
+    cameras = box.CAMERAS[name]
     clip = box.Clip(Path(), CameraRig(tuple(rig.cameras[i] for i in cameras)), model, box.displaced(states[0]))
     shown = [ImageSet(s.stamp_ns, tuple(s.images[i] for i in cameras)) for s in sets]
-    run = box.track(clip, box.configured([], evidence__kind="region"), shown)
+    run = box.track(clip, box.configured([], **box.CONFIGURATION), shown)
     figures = box.accuracy(run, states, name)
     assert figures[f"{name}.lost"] == 0 and figures[f"{name}.sets"] == N
     assert figures[f"{name}.position_mm"] < position_mm and figures[f"{name}.angle_deg"] < position_mm
