@@ -12,7 +12,7 @@ def calibrated_covariance(information: np.ndarray, scale: float, curvature: floa
 
     ``scale`` multiplies the inverse: how many lines share an error is not known from them. ``curvature`` times the squared
     variance of an angle, but no more than that variance, is added to it: an angle d that is hardly known leads along an arc, and
-    off its tangent by the order of d^2, where other angles seem to be known exactly. Both were fitted to errors of synthetic runs.
+    off its tangent by the order of d^2, where other angles seem to be known exactly. Both were fitted to synthetic errors.
     """
     H = information.copy()
     H[np.diag_indices_from(H)] += _LEAST * max(float(np.diag(H).max()), 1.0)
