@@ -53,3 +53,11 @@ def test_a_robot_is_followed_to_the_end_of_its_slide():
     assert np.abs(np.rad2deg(errors[:, :3])).max() < 2.0
     assert np.abs(errors[:, 3]).max() < 0.01  # metres
     assert clip.errors_mm(found)[3:].max() < 15.0
+
+
+def test_a_robot_is_found_without_a_first_pose():
+    clip = robot_at_work()
+    tracker = Tracker(clip.rig, clip.model, from_dict({}), clip.plates)
+    found = [tracker.step(s) for s in clip.sets[:4]]
+    assert found[-1].status is Status.TRACKING
+    assert clip.errors_mm(found)[-1].max() < 15.0
