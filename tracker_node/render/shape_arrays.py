@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +11,11 @@ from ..model.articulated_model import ArticulatedModel
 from ..model.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
 from . import contour_edges as edge
 from . import contour_hits as hits
+from .ray_table import MadeOnce
 
 CONE, ELLIPSOID, OTHER = 0, 1, 2
+
+_solid_of: Callable[[Box | Mesh], edge.Solid] = MadeOnce(edge.solid_of)  # large meshes take a second
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +69,7 @@ def _surfaces(primitives: list[Primitive], caps: bool) -> tuple[np.ndarray, np.n
         row[hits.CAPS] = caps and isinstance(primitive, TruncatedCone)
         if not isinstance(primitive, Box | Mesh):
             continue
-        solid = edge.solid_of(primitive)
+        solid = _solid_of(primitive)
         row[hits.FIRST_EDGE], row[hits.N_EDGES], row[hits.ROOT] = n_edges, len(solid.edges), n_nodes
         row[hits.SORT] = (
             hits.BOX_SOLID if isinstance(primitive, Box) else hits.CONVEX_MESH if solid.convex else hits.MESH
