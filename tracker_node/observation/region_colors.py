@@ -13,8 +13,8 @@ import numba as nb
 import numpy as np
 
 from ..model.articulated_model import ArticulatedModel
-from ..render.renderer import Region
 from .appearance import BINS, count_colors, spread_counts
+from .body_region import Region
 
 N_COLORS = BINS**3
 _BIN_WIDTH = 256 // BINS
