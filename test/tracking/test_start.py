@@ -16,7 +16,8 @@ from tracker_node.tracking.start import StartFinder, body_size, find_start
 from tracker_node.tracking.start_postures import limbs, other_side, postures
 from tracker_node.tracking.tracker import Tracker
 
-CONFIG = from_dict({"start": {"size_px": 56, "hypotheses": 24, "keep": 2, "watch": 6}, "threads": 2})
+SMALL = {"start.size_px": 56, "start.hypotheses": 24, "start.keep": 2, "start.watch": 6, "evidence.kind": "chamfer"}
+CONFIG = from_dict(SMALL)
 SCENE = scene()
 WALKING = standing(
     SCENE.model, 0.25, -0.2, 2.2, left_hip_flexion=35, right_hip_flexion=-12, right_knee_flexion=30, left_knee_flexion=10,
@@ -47,6 +48,18 @@ def test_a_tracker_without_an_initial_state_finds_the_person_and_follows():
         estimate = tracker.step(SCENE.image_set(number, SCENE.images(WALKING, number)))
     assert estimate.status in (Status.TRACKING, Status.DEGRADED)
     assert largest_error_m(SCENE.model, estimate.state, WALKING) < 0.1
+
+
+def test_a_body_lost_for_long_is_looked_for_everywhere():
+    config = from_dict(SMALL | {"start.after_lost": 2})
+    tracker = Tracker(SCENE.rig, SCENE.model, config, SCENE.plates, WALKING)
+    elsewhere = standing(SCENE.model, -0.8, 0.6, 0.4, left_hip_flexion=30, right_shoulder_elevation_front=80)
+    there = [WALKING] * 2 + [elsewhere] * 5
+    estimates = [tracker.step(SCENE.image_set(n, SCENE.images(state, n))) for n, state in enumerate(there)]
+    assert estimates[2].status is Status.LOST
+    assert largest_error_m(SCENE.model, estimates[3].state, elsewhere) > 0.8
+    assert estimates[-1].status is not Status.LOST
+    assert largest_error_m(SCENE.model, estimates[-1].state, elsewhere) < 0.15
 
 
 def test_without_plates_it_watches_first_then_finds_what_moves():
@@ -124,3 +137,14 @@ def test_the_size_of_a_body_is_its_longest_side(radii):
     assert body_size(ball) == pytest.approx(1.0)
 
 
+
+
+def test_a_person_whom_some_cameras_see_in_part_is_found():
+    aside = standing(SCENE.model, 1.4, 0.9, -0.6, left_shoulder_elevation_front=80, right_hip_flexion=30)
+    covered = [
+        np.mean(SCENE.rig.cameras[i].model.in_image(camera.project(Configuration(SCENE.model, aside).landmarks_world)[0]))
+        for i, camera in enumerate(SCENE.rig)
+    ]
+    assert sorted(covered)[:2] < [0.6, 0.8]
+    starts = finder().find(SCENE.images(aside))
+    assert starts and largest_error_m(SCENE.model, starts[0].state, aside) < 0.25
