@@ -5,7 +5,7 @@ from dataclasses import fields, is_dataclass
 import pytest
 
 from tracker_node.errors import FileFormatError
-from tracker_node.tracking.config import TrackerConfig, describe, flatten, from_dict
+from tracker_node.tracking.config import TrackerConfig, describe, flatten, from_dict, numbers
 
 DESCRIBED = describe()
 
@@ -25,8 +25,10 @@ def test_a_description_says_what_it_is_and_what_may_be(name):
     assert len(entry["doc"]) >= 12
     default = entry["default"]
     assert type(default) in (bool, int, float, str)
-    if isinstance(default, str):
+    if isinstance(default, str) and entry["choices"]:
         assert default in entry["choices"]
+    elif isinstance(default, str):
+        assert all(entry["low"] <= value <= entry["high"] for value in numbers(default))
     elif not isinstance(default, bool):
         assert entry["low"] <= default <= entry["high"]
         assert entry["low"] < entry["high"]
@@ -42,7 +44,8 @@ def test_values_beyond_the_range_are_refused_and_those_at_its_ends_taken(name):
     if isinstance(entry["default"], bool):
         wrong, right = [1, "yes", None], [True, False]
     elif isinstance(entry["default"], str):
-        wrong, right = ["", "other", 3], list(entry["choices"])
+        listed = [f"{entry['low']}", f"{entry['high']} {entry['low']}"]
+        wrong, right = ["", "other", 3], list(entry["choices"]) or listed
     else:
         kind = type(entry["default"])
         right = [kind(entry["low"]), kind(entry["high"])]

@@ -75,8 +75,12 @@ class RegionConfig:
 
     samples_per_line: int = parameter(12, "contour samples per generator line", "", 2, 1000)
     half_length: int = parameter(10, "places on either side of the contour where it may be, per scale", "", 2, 20)
-    scales: str = parameter("4 2 1 1", "pixels from place to place on the lines, from coarse to fine, in each image set")
-    first_scales: str = parameter("10 10 8 8 6 6 4 4 3 2 1", "the same on the first image set after a start or a reset")
+    scales: str = parameter(
+        "4 2 1 1", "pixels from place to place on the lines, from coarse to fine, in each image set", "px", 0.25, 100
+    )
+    first_scales: str = parameter(
+        "10 10 8 8 6 6 4 4 3 2 1", "the same on the first image set after a start or a reset", "px", 0.25, 100
+    )
     updates: int = parameter(1, "Gauss-Newton steps on the lines of one scale", "", 1, 100)
     clamp: float = parameter(2.0, "log-likelihood ratio of a pixel's color is not believed beyond this", "1", 0.1, 20)
     sharpness: float = parameter(1.0, "share of a line's pixels that are independent of their neighbours", "1", 0.01, 10)
@@ -310,6 +314,19 @@ class TrackerConfig:
     threads: int = parameter(2, "worker threads; sums are in fixed order whatever their number", "", 1, 64)
 
 
+def numbers(text: str) -> tuple[float, ...]:
+    """Of a parameter that lists some, separated by spaces."""
+    return tuple(float(part) for part in text.split())
+
+
+def _are_numbers(text: str, low: float, high: float) -> bool:
+    try:
+        values = numbers(text)
+    except ValueError:
+        return False
+    return len(values) > 0 and all(low <= value <= high for value in values)
+
+
 def flatten(config: Any, prefix: str = "") -> dict[str, Any]:
     """``{"evidence.canny_low": 40.0, ...}`` of a config."""
     result: dict[str, Any] = {}
@@ -392,6 +409,8 @@ def _checked(value: Any, f, source: str, name: str):
     low, high, choices = f.metadata["low"], f.metadata["high"], f.metadata["choices"]
     if kind in (int, float) and not ((low is None or value >= low) and (high is None or value <= high)):
         raise FileFormatError(source, name, f"a number in [{low}, {high}] {f.metadata['unit']}".rstrip(), value)
+    if kind is str and low is not None and not _are_numbers(value, low, high):
+        raise FileFormatError(source, name, f"numbers in [{low}, {high}] {f.metadata['unit']}, separated by spaces", value)
     if choices and value not in choices:
         raise FileFormatError(source, name, f"one of {sorted(choices)}", value)
     return value

@@ -25,7 +25,7 @@ from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 from ..optimize.result import OptimizerResult
 from ..render.occluders import Occluders
 from ..render.shape_arrays import ShapeArrays
-from .config import TrackerConfig
+from .config import TrackerConfig, numbers
 from .constraints import constraints_of
 from .contour_engine import ContourEngine
 from .covariance import calibrated_covariance
@@ -77,8 +77,8 @@ class RegionEngine:
             correlation=region.correlation,
             shadow=config.evidence.shadow,
         )
-        self._scales = _numbers(region.scales)
-        self._first_scales = _numbers(region.first_scales)
+        self._scales = numbers(region.scales)
+        self._first_scales = numbers(region.first_scales)
         self._constraints = constraints_of(model, config)
         self._objective = RegionObjective(
             rig, model, ShapeArrays.from_model(model), self._classes, options, parallel, self._occluders.depths
@@ -324,7 +324,3 @@ class RegionEngine:
 
 
 PX2_PER_INFORMATION = 18.0  # of the pulls of `MotionConfig`, which are stated in squared pixels
-
-
-def _numbers(text: str) -> tuple[float, ...]:
-    return tuple(float(part) for part in text.split())
