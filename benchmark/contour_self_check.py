@@ -55,7 +55,7 @@ def main() -> int:
     args = _arguments()
     figures: dict[str, float | int] = {}
     try:
-        for name in args.only or CLIPS:
+        for name in args.only or (CLIPS if args.motions else CLIPS[:1]):
             figures |= measure(load(name, args), name, args)
     except TrackerError as error:
         print(f"contour_self_check: error: {error}", file=sys.stderr)

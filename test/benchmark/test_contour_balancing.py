@@ -1,0 +1,50 @@
+"""What the benchmark of the Balancing clip is made of; the clip itself takes minutes."""
+
+import importlib.util
+import sys
+
+import numpy as np
+import pytest
+
+from tracker_node.errors import FileFormatError, TrackerError
+from tracker_node.model.configuration import State
+from tracker_node.model.human import human_model
+from tracker_node.observation.image_set import CameraImage, ImageSet
+
+
+@pytest.fixture(scope="module")
+def benchmark(repository):
+    path = repository / "benchmark" / "contour_balancing.py"
+    spec = importlib.util.spec_from_file_location("contour_balancing", path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["contour_balancing"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_disturbed_starts_are_off_in_every_degree_of_freedom(benchmark):
+    model = human_model()
+    rng, start = np.random.default_rng(1), State.neutral(model)
+    off = [benchmark.disturbed(start, rng).difference(start) for _ in range(20)]
+    for tangent in off:
+        assert np.linalg.norm(tangent[:3]) == pytest.approx(0.020)
+        assert np.degrees(np.linalg.norm(tangent[3:6])) == pytest.approx(6.0)
+        assert np.allclose(np.abs(np.degrees(tangent[6:])), 6.0)
+    assert np.abs(np.mean(off, axis=0)).max() < np.radians(6.0)  # not always the same way
+
+
+def test_parameters_on_the_command_line_win_over_the_file(benchmark):
+    changes = ["evidence.kind=region", "threads=1", "optimizer.sliding=false", "region.clamp=1e0"]
+    config = benchmark.configured(benchmark.CONFIG, changes)
+    assert (config.evidence.kind, config.threads, config.optimizer.sliding, config.region.clamp) == ("region", 1, False, 1.0)
+    assert config.synchronizer.image_period_s == pytest.approx(1 / 60, rel=1e-3)  # of the file
+    with pytest.raises(TrackerError, match="KEY=VALUE"):
+        benchmark.configured(benchmark.CONFIG, ["evidence.kind"])
+    with pytest.raises(FileFormatError, match="one of"):
+        benchmark.configured(benchmark.CONFIG, ["evidence.kind=magic"])
+
+
+def test_time_is_turned_round_about_an_instant(benchmark):
+    image = CameraImage("cam01", 130, np.zeros((2, 2, 3), np.uint8))
+    (mirrored,) = benchmark._mirrored(ImageSet(120, (image,)), 200)
+    assert mirrored.stamp_ns == 270 and mirrored.pixels is image.pixels
