@@ -63,7 +63,14 @@ def recording(n_images: int = 10) -> tuple[Recording, ArticulatedModel]:
 
 def tracked(kind: str, room: ArticulatedModel | None):
     clip, _ = recording()
-    tracker = Tracker(clip.rig, clip.model, from_dict({"evidence.kind": kind}), clip.plates, clip.states[0], room)
+    tracker = Tracker(
+        clip.rig,
+        clip.model,
+        from_dict({"evidence.kind": kind, "region.first_scales": "8 5 3 2 1"}),
+        clip.plates,
+        clip.states[0],
+        room,
+    )
     return clip, [tracker.step(s) for s in clip.sets]
 
 
