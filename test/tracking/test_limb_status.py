@@ -161,7 +161,7 @@ def test_covariance_is_scaled_and_rounder_where_little_is_known():
     np.testing.assert_allclose(calibrated_covariance(H, 0.5, 0.0), 0.5 * np.linalg.inv(H), rtol=1e-4)
     added = calibrated_covariance(H, 0.5, 6.0) - calibrated_covariance(H, 0.5, 0.0)
     variance = np.diag(0.5 * np.linalg.inv(H))
-    expected = np.where(np.arange(9) < 3, 0.0, 1.0 / (1.0 / variance + 1.0 / (6.0 * variance**2)))
+    expected = np.where(np.arange(9) < 6, 0.0, 1.0 / (1.0 / variance + 1.0 / (6.0 * variance**2)))
     np.testing.assert_allclose(np.diag(added), expected, rtol=1e-4)
     unknown = calibrated_covariance(np.diag([1e4] * 8 + [0.0]), 1.0, 0.0)
     assert np.isfinite(unknown).all() and unknown[8, 8] > 1e4  # rad^2: nothing is known of it

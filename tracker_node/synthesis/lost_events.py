@@ -1,8 +1,8 @@
 """Clips in which a body, or one limb, cannot be where a tracker takes it to be, and clips in which all is well.
 
 What goes wrong, of the whole body: it is *occluded* by a crate, it *exits* from all images, it *teleports* (a cut), or the
-tracker has a *wrong start*. Of one limb: it is *hidden* in a crate, or the tracker is handed a state in which it is *swapped* with
-its partner on the other side, or *mirrored*. The tracker is told nothing but, where it says so, the state.
+tracker has a *wrong start*. Of one limb: it is *hidden* in a crate, or the tracker is handed a state in which it is *swapped*
+with its partner on the other side, or *mirrored*. The tracker is told nothing but, where it says so, the state.
 """
 
 from __future__ import annotations
