@@ -44,7 +44,7 @@ from tracker_node.tracking.tracker import Tracker
 CLIPS = ("balancing", "balancing_plates", "figure", "mannequin_walk", "mannequin_walk_plates")
 TRIALS = {"quick": 3, "full": 20}
 MEAN_M, LARGEST_M = 0.080, 0.200
-SETS_AFTER, MOST_SETS = 5, 30  # sets tracked after the first state; sets until there must be one
+SETS_AFTER, MOST_SETS = 5, 45  # sets tracked after the first state; sets until there must be one
 BALANCING_LAG_IMAGES = 0.9
 
 

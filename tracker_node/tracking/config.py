@@ -203,9 +203,9 @@ class StartConfig:
     )
     enabled: bool = parameter(True, "look for the body; without, an initial state is waited for")
     after_lost: int = parameter(20, "image sets after which a body that is LOST is looked for in all of the images", "", 1, 10**9)
-    every: int = parameter(30, "image sets between two searches, as long as nothing is found", "", 0, 100000)
+    every: int = parameter(12, "image sets between two searches, as long as nothing is found", "", 0, 100000)
     watch: int = parameter(
-        12, "image sets to watch what moves in, where there are no pictures of the empty scene", "", 2, 1000
+        18, "image sets to watch what moves in, where there are no pictures of the empty scene", "", 2, 1000
     )
     size_px: int = parameter(80, "height of the body in the small images that a start is looked for in", "px", 16, 1000)
     hypotheses: int = parameter(48, "postures, of all that are tried, that are fitted to the silhouettes", "", 4, 1000)
