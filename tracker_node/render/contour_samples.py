@@ -28,6 +28,7 @@ N_PIXEL_COLUMNS = 11
 # Columns of ``info``: index of shape and link, `OUTER` or `INNER`, index of the shape seen just beyond the contour (-1: none)
 SHAPE, LINK, CLASS, BEYOND = range(4)
 N_INFO_COLUMNS = 4
+_BISECTIONS = 6  # of a chord
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -113,7 +114,7 @@ def collect_samples(shapes, Ts, spheres, camera, n_samples, outward_px, rows, pi
 def chords_px(shapes, Ts, camera, rows, pixels, info, n, reach_px, chords):
     """How far its shape reaches from each of ``n`` contour samples: fill ``chords`` (., 2), against the normal and along it.
 
-    Pixels up to ``reach_px``, to an eighth of it; along the normal for creases only. For a shape that is not convex: where
+    Pixels up to ``reach_px``, to a sixtieth of it; along the normal for creases only. For a shape that is not convex: where
     lines of sight at some distances miss it.
     """
     _, R, _, center = camera
@@ -132,7 +133,7 @@ def chords_px(shapes, Ts, camera, rows, pixels, info, n, reach_px, chords):
         _, _, _, mx, my, mz = to_shape(Ts[s], center, nx, ny, nz)
         for side in range(2 if info[i, BEYOND] == s else 1):
             low, high, at = 0.0, reach_px, reach_px
-            for _ in range(4):
+            for _ in range(_BISECTIONS):
                 step = at * per_pixel if side == 1 else -at * per_pixel
                 if solid:
                     hit = solid_hit(
