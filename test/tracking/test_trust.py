@@ -13,7 +13,8 @@ from tracker_node.tracking.estimate import LimbStatus, Status
 from tracker_node.tracking.limbs import limbs_of
 from tracker_node.tracking.tracker import Tracker
 
-CONFIG = from_dict({"evidence.kind": "region", "start.enabled": False})
+# The images are small: the first lines need not be as long as in large ones
+CONFIG = from_dict({"evidence.kind": "region", "start.enabled": False, "region.first_scales": "5 4 3 2 2 1 1"})
 
 
 @pytest.fixture(scope="module")
