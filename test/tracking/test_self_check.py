@@ -189,3 +189,13 @@ def test_what_comes_after_a_reset_is_looked_at_afresh():
     assert check.faults
     check.reset()
     assert not any(world.step(check, k, rig, none) for k in range(60))
+
+
+def test_a_single_camera_contradicts_nobody():
+    """Whatever it says, as where a prior pulls the body away from what it sees."""
+    rig, rng = ring(3), np.random.default_rng(2)
+    check, n = SelfCheck(rig, MODEL), MODEL.n_dof
+    for k in range(90):
+        camera = CameraEquations(np.tile(100.0 * np.eye(6), (3, 1, 1)), rng.normal(5.0, 0.1, (3, 6)))
+        fit = Comparison(state_at(k / RATE_HZ), NormalEquations(1e6 * np.eye(n), np.zeros(n), 0.0, 1), [None, camera, None])
+        assert not check.add(BEGIN_NS + round(1e9 * k / RATE_HZ), fit)

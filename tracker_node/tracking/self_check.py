@@ -104,7 +104,10 @@ class SelfCheck:
         self._pending = self._before = None
 
     def add(self, stamp_ns: int, fit: Comparison) -> tuple[CameraFault, ...]:
-        """Take in the fit of one image set; returns `faults`."""
+        """Take in the fit of one image set; returns `faults`. What a single camera sees contradicts nobody."""
+        if sum(camera is not None for camera in fit.cameras) < 2:
+            self.skip()
+            return self._faults
         pending, before = self._pending, self._before
         if pending is not None and before is not None and before[0] < pending.stamp_ns < stamp_ns:
             velocity = fit.state.difference(before[1]) / (1e-9 * (stamp_ns - before[0]))
@@ -154,6 +157,7 @@ class SelfCheck:
         """
         if len(self._blocks) < _LEAST_BLOCKS:
             return
+        self._L, self._e = np.array([block.L for block in self._blocks]), np.array([block.e for block in self._blocks])
         named: list[_Fit] = []
         found: list[CameraFault] = []
         for _ in range(max((len(self._names) - 1) // 2, 1)):
@@ -192,14 +196,13 @@ class SelfCheck:
         """
         given = [k for fit in named for k in fit.chosen]
         columns, own = np.array([*given, *chosen]), slice(len(given), None)
-        blocks = [(b.L[np.ix_(columns, columns)], b.e[columns]) for b in list(self._blocks)[-n_blocks:]]
-        A, e = np.sum([L for L, _ in blocks], axis=0), np.sum([e for _, e in blocks], axis=0)
+        Ls, es = self._L[-n_blocks:, columns[:, None], columns], self._e[-n_blocks:, columns]
+        A, e = Ls.sum(axis=0), es.sum(axis=0)
         inverse = np.linalg.inv(_regular(A))
         values = -inverse @ e
-        scores = np.array([e_b + L_b @ values for L_b, e_b in blocks])
-        scatter = len(blocks) / (len(blocks) - 1) * scores.T @ scores
-        covariance = inverse + inverse @ scatter @ inverse
-        dispersion = float(np.mean(np.diag(covariance)[own] / np.diag(inverse)[own]))
+        scores = (es + Ls @ values) @ inverse
+        covariance = inverse + n_blocks / (n_blocks - 1) * scores.T @ scores
+        dispersion = float((covariance.diagonal()[own] / inverse.diagonal()[own]).mean())
         explained = -float(e @ values)
         if given:
             explained -= float(e[: len(given)] @ np.linalg.solve(_regular(A[: len(given), : len(given)]), e[: len(given)]))
@@ -211,7 +214,7 @@ class SelfCheck:
         Two cameras that face each other see the body shifted sideways by the same amount, whichever of them has been turned.
         """
         a, b, fault = np.array(best.chosen), np.array(other.chosen), best.values
-        L = np.sum([block.L for block in list(self._blocks)[-best.n_blocks :]], axis=0)
+        L = self._L[-best.n_blocks :].sum(axis=0)
         across = L[np.ix_(b, a)] @ fault
         alike = float(across @ np.linalg.solve(_regular(L[np.ix_(b, b)]), across))
         return alike > _ALIKE * float(fault @ L[np.ix_(a, a)] @ fault) or other.explained > _ALIKE * best.explained
@@ -260,4 +263,6 @@ def _turn_twists(T_world_cam: np.ndarray) -> np.ndarray:
 
 def _regular(A: np.ndarray) -> np.ndarray:
     """With a little on the diagonal: a parameter may show in nothing, as a delay while nobody moves."""
-    return A + np.diag(1e-9 * np.diag(A) + 1e-12)
+    A = A.copy()
+    A.flat[:: len(A) + 1] += 1e-9 * A.diagonal() + 1e-12
+    return A
