@@ -14,6 +14,7 @@ from tracker_node.camera.camera_rig import CameraRig
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import LimbStatus, TrackEstimate
+from tracker_node.tracking.limb_status import MEASURES
 from tracker_node.tracking.limbs import Limb, limbs_of
 from tracker_node.tracking.tracker import Tracker
 
@@ -27,6 +28,7 @@ class Run:
     joint_errors : (T, n_landmarks) metres. tip_errors : (T, n_limbs) metres, of the limbs' ends.
     status : (T,). limb_status, limb_probability : (T, n_limbs).
     errors, covariances : (T, n_dof), (T, n_dof, n_dof), tangent from truth to estimate.
+    shares : (T, n_limbs, n_measures) of `limb_status.MEASURES`, as the judge of the limbs saw them; nan where it saw none.
     landmark_errors, landmark_covariances : (T, n_landmarks, 3), (T, n_landmarks, 3, 3).
     """
 
@@ -45,6 +47,7 @@ class Run:
     covariances: np.ndarray
     landmark_errors: np.ndarray
     landmark_covariances: np.ndarray
+    shares: np.ndarray
     total_ms: np.ndarray
 
     @property
@@ -66,11 +69,12 @@ def track(recorded: Recorded, rig: CameraRig, config: TrackerConfig) -> Run:
     limbs = limbs_of(model)
     handed_first = clip.handed if clip.begins == 0 else None
     tracker = Tracker(rig, model, config, {}, handed_first or clip.states[0])
-    estimates = []
+    estimates, shares = [], []
     for i, image_set in enumerate(recorded.image_sets(rig)):
         if clip.handed is not None and i == clip.begins > 0:
             tracker.set_state(clip.handed)
         estimates.append(tracker.step(image_set))
+        shares.append(_shares(tracker, len(limbs)))
     truth = truth_of(recorded)
     found = np.array([Configuration(model, e.state).landmarks_world for e in estimates])
     names = [limb.name for limb in limbs]
@@ -86,6 +90,7 @@ def track(recorded: Recorded, rig: CameraRig, config: TrackerConfig) -> Run:
         covariances=np.array([e.covariance for e in estimates]),
         landmark_errors=found - truth,
         landmark_covariances=np.array([e.landmark_covariances(model) for e in estimates]),
+        shares=np.array(shares),
         total_ms=np.array([e.timings.total_ms for e in estimates]),
     )  # fmt: skip
 
@@ -99,6 +104,11 @@ def track_all(clips: Sequence[Recorded], rig: CameraRig, config: TrackerConfig, 
 def _tip_errors(recorded: Recorded, limbs: Sequence[Limb], state: State, truth: State) -> list[float]:
     found, true = Configuration(recorded.model, state).Ts_world_link, Configuration(recorded.model, truth).Ts_world_link
     return [float(np.linalg.norm((found[b.end] - true[b.end]) @ np.append(b.tip, 1.0))) for b in limbs]
+
+
+def _shares(tracker: Tracker, n: int) -> np.ndarray:
+    judge = getattr(tracker._engine, "_limbs", None)
+    return np.full((n, len(MEASURES)), np.nan) if judge is None else judge.shares.copy()
 
 
 def _limb_status(estimate: TrackEstimate, n: int) -> list[int]:

@@ -20,10 +20,12 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from _trust_clips import record
+from _trust_fit import coefficients, covariance_scale
 from _trust_runs import Run, config_of, track_all
 
 from tracker_node.errors import TrackerError
@@ -32,6 +34,7 @@ from tracker_node.evaluation.metrics import LOST_JOINT_M, LOST_LIMB_M
 from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
 from tracker_node.evaluation.roc import Roc, roc, roc_picture
 from tracker_node.synthesis.lost_events import BODY_KINDS, LIMB_KINDS
+from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import LimbStatus, Status
 
 HIDING = ("occluded", "exit", "hidden")
@@ -42,6 +45,8 @@ def main() -> int:
     size = "quick" if args.quick else "full"
     try:
         config = config_of(args.evidence)
+        if args.fit:
+            return fit(config, size, args)
         rig, clips = record("judge", size, args.cache)
         _, others = record("fit", size, args.cache)
         runs = track_all(clips, rig, config, args.processes)
@@ -66,10 +71,22 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--json", metavar="FILE", help="write the figures there")
     parser.add_argument("--evidence", default="region", choices=("chamfer", "region", "both"), help="default: %(default)s")
     add = parser.add_argument
+    add("--fit", action="store_true", help="print what limb_status.py and the configuration hold, from the other clips")
     add("--cache", type=Path, default=Path("out/synthetic/trust"), help="where clips are kept, 3 GB (default: %(default)s)")
     add("--picture", type=Path, default=Path("out/benchmark/trust_roc.png"), help="of the ROC (default: %(default)s)")
     add("--processes", type=int, default=len(os.sched_getaffinity(0)), help="side by side (default: %(default)s)")
     return parser.parse_args()
+
+
+def fit(config: TrackerConfig, size: str, args: argparse.Namespace) -> int:
+    """Print coefficients and scales."""
+    rig, clips = record("fit", size, args.cache)
+    plain = replace(config, status=replace(config.status, covariance_scale=1.0, covariance_curvature=0.0))
+    runs = track_all(clips, rig, plain, args.processes)
+    print("COEFFICIENTS", np.round(coefficients(runs), 1).tolist())
+    sound = [run for run in runs if run.kind == "sound" and run.joint_errors.max() < LOST_LIMB_M]
+    print("status.covariance_scale", round(covariance_scale(sound, config.status.covariance_curvature), 2))
+    return 0
 
 
 def nees_figures(runs: Sequence[Run], fitted: Sequence[Run]) -> dict[str, float | int]:
