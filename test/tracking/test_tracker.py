@@ -113,7 +113,7 @@ def test_gray_images_are_tracked(clip):
     sets = [replace(s, images=tuple(gray(i) for i in s.images)) for s in clip.sets[:6]]
     plates = {name: plate.mean(axis=2).astype(np.uint8) for name, plate in clip.plates.items()}
     plates = {name: np.repeat(plate[:, :, None], 3, axis=2) for name, plate in plates.items()}
-    tracker = Tracker(clip.rig, clip.model, None, plates, clip.states[0])
+    tracker = Tracker(clip.rig, clip.model, from_dict({"evidence.kind": "chamfer"}), plates, clip.states[0])
     found = [tracker.step(s) for s in sets]
     assert np.median(clip.errors_mm(found)) < 60.0  # clothes and walls of equal brightness look the same
     assert Status.LOST not in {e.status for e in found}
@@ -144,7 +144,7 @@ def test_set_state_brings_a_lost_body_back(clip):
     tracker = tracker_of(clip)
     for image_set in clip.sets[:4]:
         tracker.step(image_set)
-    aside = clip.states[4].retract(np.append([1.0, 0.6, 0.0], np.zeros(clip.model.n_dof - 3)))
+    aside = clip.states[4].retract(np.append([1.8, 1.2, 0.0], np.zeros(clip.model.n_dof - 3)))
     tracker.set_state(aside)
     lost = tracker.step(clip.sets[4])
     assert lost.status in (Status.DEGRADED, Status.LOST)
@@ -226,7 +226,7 @@ def test_an_image_of_another_size_contradicts_the_calibration(clip):
 
 def test_plates_must_be_there_and_fit(clip):
     with pytest.raises(CalibrationError, match=r"camera 'cam01'.*empty scene"):
-        tracker_of(clip, config=from_dict({"evidence.silhouette": "plate"}), plates=False)
+        tracker_of(clip, config=from_dict({"evidence.kind": "chamfer", "evidence.silhouette": "plate"}), plates=False)
     with pytest.raises(CalibrationError, match="camera 'cam02': expected a plate of 320x240, got 100x50"):
         Tracker(clip.rig, clip.model, None, {"cam02": np.zeros((50, 100, 3), np.uint8)})
 

@@ -72,6 +72,20 @@ class Observation:
     empty: bool
 
 
+def checked_plates(camera: str, width: int, height: int, plate: np.ndarray | list | None) -> list[np.ndarray]:
+    """The pictures of the empty scene as a list.
+
+    Raises
+    ------
+    CalibrationError : one of them has another size than the camera's images.
+    """
+    plates = [] if plate is None else ([plate] if isinstance(plate, np.ndarray) else list(plate))
+    for image in plates:
+        if image.shape[:2] != (height, width):
+            raise CalibrationError(camera, f"expected a plate of {width}x{height}, got {image.shape[1]}x{image.shape[0]}")
+    return plates
+
+
 class Observer:
     """Evidence of one camera.
 
@@ -88,10 +102,7 @@ class Observer:
 
     def __init__(self, camera: str, width: int, height: int, options: EvidenceOptions, plate: np.ndarray | list | None = None):
         self.camera, self._options = camera, options
-        plates = [] if plate is None else ([plate] if isinstance(plate, np.ndarray) else list(plate))
-        for image in plates:
-            if image.shape[:2] != (height, width):
-                raise CalibrationError(camera, f"expected a plate of {width}x{height}, got {image.shape[1]}x{image.shape[0]}")
+        plates = checked_plates(camera, width, height, plate)
         if options.silhouette == "plate" and not plates:
             raise CalibrationError(camera, "evidence.silhouette 'plate' needs an image of the empty scene; the rig names none")
         self.learns = options.silhouette == "both"

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
+from ..camera.camera_rig import Camera, CameraRig
 from ..model.articulated_model import ArticulatedModel
-from ..model.configuration import State
+from ..model.configuration import Configuration, State
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective import region_lines as kernel
 from ..objective.moved_configuration import bodies_seen
@@ -20,6 +20,7 @@ from ..objective.sum_objective import SumObjective
 from ..observation.appearance import SceneModel
 from ..observation.body_region import Region, grown
 from ..observation.image_set import ImageSet
+from ..observation.observer import checked_plates
 from ..observation.region_colors import RegionColors, color_classes, stated_densities
 from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 from ..optimize.result import OptimizerResult
@@ -78,10 +79,11 @@ class RegionEngine:
             shadow=config.evidence.shadow,
         )
         self._scales = numbers(region.scales)
-        self._first_scales = numbers(region.first_scales)
+        self._first_scales, self._wide_scales = numbers(region.first_scales), numbers(region.wide_scales)
         self._constraints = constraints_of(model, config)
+        self._arrays = ShapeArrays.from_model(model)
         self._objective = RegionObjective(
-            rig, model, ShapeArrays.from_model(model), self._classes, options, parallel, self._occluders.depths
+            rig, model, self._arrays, self._classes, options, parallel, self._occluders.depths
         )
         self._limbs = LimbJudge(model, config.status)
         self._search = LimbSearch(model, self._limbs, config.status, config.region.close_px)
@@ -95,7 +97,7 @@ class RegionEngine:
         self._found = False
         self._sound: State | None = None  # where the body was last, before it was lost
         self._colors = [RegionColors(self._classes, self._stated, self._config.region.color_prior) for _ in self._rig]
-        self._rooms = [self._room_of_plate(camera.name) for camera in self._rig]
+        self._rooms = [self._room_of_plate(camera) for camera in self._rig]
         if self._distances is not None:
             self._distances.reset()
         self._steady = False
@@ -106,11 +108,10 @@ class RegionEngine:
         self._passage: Passage | None = None
         self._evidence: PartEvidence | None = None
 
-    def _room_of_plate(self, camera: str) -> SceneModel | None:
-        plate = self._plates.get(camera)
-        if plate is None:
-            return None
-        return SceneModel.from_images(plate if isinstance(plate, list) else [plate], self._config.evidence.scene_sigma)
+    def _room_of_plate(self, camera: Camera) -> SceneModel | None:
+        lens = camera.model
+        plates = checked_plates(camera.name, lens.width, lens.height, self._plates.get(camera.name))
+        return SceneModel.from_images(plates, self._config.evidence.scene_sigma) if plates else None
 
     def begin(self, images: Images, start: State) -> State:
         """Learn colors, fit, and learn again: the first pose given is rarely exact. What a sound body has taught is kept."""
@@ -143,14 +144,14 @@ class RegionEngine:
         )
 
     def _view(self, i: int, image: np.ndarray, colors: RegionColors) -> View:
-        room = self._rooms[i]
+        image, room = np.ascontiguousarray(image), self._rooms[i]
         if room is None:
             return View(image, (colors.body, colors.scene))
         return View(image, (colors.body, colors.scene), (room.mean, room.variance, room.known))
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> OptimizerResult:
         """A few Gauss-Newton steps on the lines of each scale."""
-        result = self._descend(start, self._first_scales if first else self._scales, prior)
+        result = self._first_fit(start, prior) if first else self._descend(start, self._scales, prior)
         if not first and self._model.n_dof == N_ROOT_DOF and self._misfit.is_sudden(self._cost_per_line()):
             result = self._tilted_back(result, prior)
         self._found = False
@@ -165,12 +166,26 @@ class RegionEngine:
         self._correspond(found, self._scales[-1])
         return replace(result, state=found, equations=self.whole.linearize(found))
 
+    def _first_fit(self, start: State, prior: Prior | None) -> OptimizerResult:
+        """Long lines reach a body that is far off, and mislead one that is near: both are tried, and the better is kept."""
+        near = self._descend(start, self._first_scales, prior)
+        if not self._wide_scales:
+            return near
+        whole, sigma, comparison = self.whole, self._objective.model_sigma_px, self._comparison
+        share = self._close_share(near.state)
+        far = self._descend(start, self._wide_scales, prior)
+        if self._close_share(far.state) > share + _CLEARLY:
+            return far
+        self.whole, self._objective.model_sigma_px, self._comparison = whole, sigma, comparison
+        self._correspond(near.state, self._first_scales[-1])
+        return replace(near, equations=whole.linearize(near.state))
+
     def _restarted(self, result: OptimizerResult) -> OptimizerResult:
         """A lost body is looked for where it was last sound, with longer lines; the better of that and ``result``."""
         if self._sound is None:
             return result
         share, whole = self._close_share(result.state), self.whole
-        again = self._descend(self._sound, self._first_scales, None)
+        again = self._first_fit(self._sound, None)
         self._found = self._close_share(again.state) > share
         if self._found:
             return again
@@ -208,8 +223,9 @@ class RegionEngine:
         self.whole = whole = SumObjective([*evidence, *self._constraints], factors, self._priors(start, prior))
         options = LevenbergMarquardtOptions(max_iterations=self._config.region.updates, tolerance=1e-3)
         result: OptimizerResult | None = None
+        zoom = self._size_px(start) / _BODY_PX
         for scale in scales:
-            self._correspond(state, scale)
+            self._correspond(state, max(scale * zoom, 1.0) if scale > 1.0 else scale)
             coarsest, result = result is None, minimize(whole, state, self._model.chain, options)
             if coarsest:
                 self._comparison = Comparison(result.state, result.equations, self._objective.camera_equations())
@@ -218,6 +234,17 @@ class RegionEngine:
         assert result is not None
         self._adapt(state)
         return replace(result, iterations=iterations, evaluations=evaluations)
+
+    def _size_px(self, state: State) -> float:
+        """How large the body is in the images: its extent, seen from the middle one of the distances of the cameras."""
+        places = Configuration(self._model, state).Ts_world_shape[:, :3, 3]
+        reach = max(float(np.linalg.norm(places - places.mean(axis=0), axis=1).max()), float(self._arrays.bounds[:, 3].max()))
+        scales = []
+        for i in self._objective.active:
+            camera = self._rig.cameras[i]
+            depth = float((camera.T_cam_world @ np.append(places.mean(axis=0), 1.0))[2])
+            scales.append(camera.model.params[0] / max(depth, 0.1))
+        return float(2.0 * reach * np.median(scales)) if scales else _BODY_PX
 
     def _found_limbs(self, state: State, predicted: State) -> State | None:
         """``state`` with limbs that were lost found again, or None."""
@@ -241,10 +268,11 @@ class RegionEngine:
 
     def judge(self, result: OptimizerResult, image_set: ImageSet) -> Verdict:
         """Limb by limb."""
-        if not self._objective.active:
-            limbs = self._limbs.nothing_seen()
-            return Verdict(*body_status(limbs), noise=True, limbs=limbs)
-        self._evidence = evidence = self._objective.part_evidence(result.state, self._config.region.close_px)
+        evidence = self._objective.part_evidence(result.state, self._config.region.close_px)
+        if not evidence.expected.any():
+            reason = "no camera sees the body where it is expected"
+            return Verdict(Status.LOST, reason, noise=True, limbs=self._limbs.nothing_seen())
+        self._evidence = evidence
         limbs = self._limbs.update(evidence, result.state, self._covariance(result))
         self._search.remember(result.state, limbs)
         trust = self._limbs.trust(limbs)
@@ -252,7 +280,25 @@ class RegionEngine:
         self._steady = status is Status.TRACKING
         if status is not Status.LOST:
             self._sound = result.state
+        if status is Status.TRACKING:
+            status, reason = self._status_of_cameras(evidence, image_set)
         return Verdict(status, reason, noise=is_noise(evidence), jumped=self._found, limbs=limbs, trust=trust)
+
+    def _status_of_cameras(self, evidence: PartEvidence, image_set: ImageSet) -> tuple[Status, str]:
+        """Of a body that is well: does every camera see it as it should?"""
+        expected, close = evidence.expected.sum(axis=1), evidence.close.sum(axis=1)
+        looking = [i for i in self._objective.active if expected[i] >= _LEAST_OUTLINE]
+        shares = {i: close[i] / expected[i] for i in looking}
+        usual = float(np.median(list(shares.values()))) if shares else 0.0
+        against = [f"{self._rig.cameras[i].name} ({100 * share:.0f} %)" for i, share in shares.items() if share < 0.5 * usual]
+        if against:
+            return Status.DEGRADED, f"the body's outline is not found in {', '.join(against)}"
+        if len(image_set.cameras) < len(self._rig):
+            return Status.DEGRADED, f"{len(image_set.cameras)} of {len(self._rig)} cameras"
+        if len(looking) < min(2, len(self._rig)):
+            names = ", ".join(self._rig.cameras[i].name for i in looking) or "no camera"
+            return Status.DEGRADED, f"only {names} sees where the body is"
+        return Status.TRACKING, ""
 
     def linearize(self, state: State) -> NormalEquations:
         """Of the lines last drawn."""
@@ -302,7 +348,7 @@ class RegionEngine:
         evidence, room = self._config.evidence, self._rooms[i]
         near = grown(labels, evidence.body_margin_px)
         if room is None:
-            self._rooms[i] = room = SceneModel(*image.shape[:2], evidence.scene_sigma)
+            self._rooms[i] = room = SceneModel(image.shape[0], image.shape[1], evidence.scene_sigma)
             body = np.zeros(image.shape[:2], dtype=np.uint8)
             body[region[1] : region[3], region[0] : region[2]] = near
             room.learn_first(image, body)
@@ -323,4 +369,7 @@ class RegionEngine:
         return [prior, Prior(State.neutral(self._model, expected.T_world_root), neutral / PX2_PER_INFORMATION)]
 
 
+_BODY_PX = 300.0  # size of a body for which the scales are stated
+_CLEARLY = 0.05  # share of the outline by which long lines must do better than short ones
+_LEAST_OUTLINE = 10  # samples of the outline that a camera should see, to be asked
 PX2_PER_INFORMATION = 18.0  # of the pulls of `MotionConfig`, which are stated in squared pixels
