@@ -181,7 +181,7 @@ def test_core_times_image_sets_after_the_first_ones(programs, figure):
     program = programs["core"]
     config = program.configuration(1, ["evidence.kind=region"])
     times, stages, counts = program.measure(figure, config, rounds=2)
-    assert len(times) == 2 * (N_IMAGES - program.WARM_UP) and times.min() > stages[1] > 0.0
+    assert len(times) == 2 * (N_IMAGES - program.WARM_UP) and times.max() > stages[1] > 0.0
     assert counts[0] > 0 and counts[1] > 100
     figures = program.timing_figures("roi_", "_one_thread", times, stages, counts, 2.0)
     assert figures["core.roi_set_in_references_p50_one_thread"] == pytest.approx(np.median(times) / 2.0)
