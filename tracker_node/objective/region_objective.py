@@ -11,7 +11,7 @@ from ..camera.camera_rig import Camera, CameraRig
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..render.contour import world_spheres
-from ..render.contour_samples import collect_samples, most_samples
+from ..render.contour_samples import collect_samples, keep_inside, most_samples
 from ..render.occluders import NOTHING, drop_covered
 from ..render.shape_arrays import ShapeArrays
 from . import region_lines as kernel
@@ -175,6 +175,7 @@ class RegionObjective:
                 self.arrays.packed, Ts_shape, spheres, slot.camera, self.options.samples_per_line, self.options.outward_px,
                 slot.rows, slot.pixels, slot.info,
             )  # fmt: skip
+            slot.n = keep_inside(slot.rows, slot.pixels, slot.info, slot.n, view.bgr.shape[1], view.bgr.shape[0])
             if self._covers[i].size:
                 reach_px = 0.5 * self.options.outward_px
                 slot.n = drop_covered(self._covers[i], slot.rows, slot.pixels, slot.info, slot.n, reach_px)

@@ -111,6 +111,18 @@ def collect_samples(shapes, Ts, spheres, camera, n_samples, outward_px, rows, pi
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
+def keep_inside(rows, pixels, info, n, width, height):
+    """Keep the first ``n`` samples that lie on an image of ``width`` x ``height`` pixels, in their order; returns their number."""
+    kept = 0
+    for j in range(n):
+        if -0.5 <= pixels[j, U] < width - 0.5 and -0.5 <= pixels[j, V] < height - 0.5:
+            if kept < j:
+                rows[kept], pixels[kept], info[kept] = rows[j], pixels[j], info[j]
+            kept += 1
+    return kept
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def chords_px(shapes, Ts, camera, rows, pixels, info, n, reach_px, chords):
     """How far its shape reaches from each of ``n`` contour samples: fill ``chords`` (., 2), against the normal and along it.
 
@@ -156,4 +168,4 @@ def most_samples(shapes, n_samples: int) -> int:
     return SAMPLES * n_samples * len(shapes[0])
 
 
-__all__ = ["BEYOND", "CLASS", "LINK", "OUTER", "SHAPE", "chords_px", "collect_samples", "most_samples"]
+__all__ = ["BEYOND", "CLASS", "LINK", "OUTER", "SHAPE", "chords_px", "collect_samples", "keep_inside", "most_samples"]

@@ -15,7 +15,7 @@ from ..observation.appearance import ColorModel, SceneModel, body_log_odds
 
 _SIGMA = 6.0  # grey levels that a pixel of the small empty scene varies by
 _MOVED_SIGMA = 5.0  # the same between two images of one scene
-_SHADOW = 0.4
+_SHADOW = 0.65  # darkest; a wider range would take bare legs for the shadow that they cast
 _REACH = 3.0  # log-odds are not believed beyond
 _MOST_IMAGES = 9  # that are kept to see what moves
 _BINS = 16  # a channel
