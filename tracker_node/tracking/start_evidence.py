@@ -13,10 +13,11 @@ from scipy import ndimage
 from ..camera.camera_rig import Camera
 from ..observation.appearance import ColorModel, SceneModel, body_log_odds
 
-_SIGMA = 6.0  # grey levels that a pixel of the small empty scene varies by
+_SIGMA = 4.0  # grey levels that a pixel of the small empty scene varies by
 _MOVED_SIGMA = 5.0  # the same between two images of one scene
 _SHADOW = 0.65  # darkest; a wider range would take bare legs for the shadow that they cast
 _REACH = 3.0  # log-odds are not believed beyond
+_DENIED = 1.2  # nor those of the scene beyond this: a body may have the colors of what is behind it
 _MOST_IMAGES = 9  # that are kept to see what moves
 _BINS = 16  # a channel
 _RARE = 2e-4  # density, of bins, of colors that have not been seen
@@ -79,7 +80,7 @@ class StartEvidence:
             if image is None:
                 result.append(None)
             elif scene is not None:
-                result.append(_against(image, scene))
+                result.append(np.maximum(_against(image, scene), -_DENIED, dtype=np.float32))
             else:
                 result.append(self._by_color(i, image))
         return result
