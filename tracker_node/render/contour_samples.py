@@ -112,7 +112,7 @@ def collect_samples(shapes, Ts, spheres, camera, n_samples, outward_px, rows, pi
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def keep_inside(rows, pixels, info, n, width, height):
-    """Keep the first ``n`` samples that lie on an image of ``width`` x ``height`` pixels, in their order; returns their number."""
+    """Keep those of the first ``n`` samples that lie on an image of so many pixels, in their order; returns their number."""
     kept = 0
     for j in range(n):
         if -0.5 <= pixels[j, U] < width - 0.5 and -0.5 <= pixels[j, V] < height - 0.5:
