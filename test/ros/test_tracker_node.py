@@ -241,14 +241,14 @@ def test_parameters_change_at_run_time(probe, recording, start):
     _, states, cameras = start()
     cameras.send(0)
     probe.spin_until(lambda: len(states) == 1, "a state")
-    request = SetParameters.Request(parameters=[Parameter("optimizer.max_iterations", value=1).to_parameter_msg()])
+    request = SetParameters.Request(parameters=[Parameter("region.scales", value="1").to_parameter_msg()])
     (result,) = probe.ask(SetParameters, "tracker/set_parameters", request).results
     assert result.successful
     cameras.send(1)
     cameras.send(2)
     probe.spin_until(lambda: len(states) == 3, "states")
     assert states[2].iterations <= 1
-    for name, value in (("optimizer.max_iterations", 0), ("evidence.silhouette", "nonsense"), ("optimizer.nonsense", 1)):
+    for name, value in (("optimizer.max_iterations", 0), ("evidence.silhouette", "nonsense"), ("region.scales", "wide"), ("optimizer.nonsense", 1)):
         request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
         (result,) = probe.ask(SetParameters, "tracker/set_parameters", request).results
         assert not result.successful and result.reason

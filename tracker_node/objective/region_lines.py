@@ -277,7 +277,7 @@ def draw_lines(
             line[MEAN] *= scale
             line[PRECISION] /= scale * scale
             if options[FINE] > 0.0 and line[PRECISION] > 0.3:
-                _refine(bgr, float(width), line, work)
+                _refine(bgr, width * scale, line, work)
             continue
         if width <= half and _continues(shapes, Ts_shape, spheres, shape, camera, rows[j], pixels[j], width * scale + 3.0):
             width = half + 1  # what lies behind the part's other side is body as well
@@ -293,7 +293,7 @@ def draw_lines(
         line[MEAN] *= scale
         line[PRECISION] /= scale * scale
         if options[FINE] > 0.0 and line[PRECISION] > 0.3:
-            _refine(bgr, float(width), line, work)
+            _refine(bgr, width * scale, line, work)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

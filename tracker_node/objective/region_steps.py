@@ -31,7 +31,7 @@ def step_distribution(bgr, u, v, nu, nv, scale, inside, outside, sums):
     """
     height, width, n = bgr.shape[0], bgr.shape[1], inside + outside
     low, high = LEAST_PIXELS - inside, outside - LEAST_PIXELS
-    if high - low < 2:
+    if high - low < 2 or low > 0 or high < 0:  # a face so narrow that the step would be looked for beside itself
         return 0.0, 0.0, 0.0
     for c in range(ERROR):
         sums[0, c] = 0.0

@@ -69,11 +69,14 @@ class RegionColors:
         self.scene = np.full(N_COLORS, _UNIFORM, dtype=np.float32)
         self.knows = False
 
-    def learn(self, bgr: np.ndarray, region: Region, labels: np.ndarray, rate: float, guard_px: int, reach_px: int) -> None:
+    def learn(
+        self, bgr: np.ndarray, region: Region, labels: np.ndarray, rate: float, guard_px: int, reach_px: int,
+        sound: np.ndarray | None = None,
+    ) -> None:  # fmt: skip
         """Mix in the colors of one image, whose body shows as ``labels`` (1 + shape, 0 beside it) on ``region``.
 
         Within ``guard_px`` of the outline nothing is learnt as body or as surroundings; surroundings are what lies within
-        ``reach_px`` of it.
+        ``reach_px`` of it. Nothing is learnt of parts that are not ``sound`` (n_shapes,).
         """
         u0, v0, u1, v1 = region
         body = (labels > 0).view(np.uint8)
@@ -84,6 +87,8 @@ class RegionColors:
         labels = np.where(inner > 0, labels, 0).astype(np.uint8)
         shapes, scene = np.zeros((len(self._classes), N_COLORS), dtype=np.float32), np.zeros(N_COLORS, dtype=np.float32)
         count_colors(np.ascontiguousarray(bgr[v0:v1, u0:u1]), labels, around, shapes, scene)
+        if sound is not None:
+            shapes[~sound] = 0.0
         counts = np.zeros_like(self._parts)
         np.add.at(counts, self._classes, shapes)
         for i, new in enumerate(counts):

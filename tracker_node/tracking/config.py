@@ -182,7 +182,7 @@ class StatusConfig:
     )
     correlation: float = parameter(8.0, "how many neighbouring samples share one error, for the covariance", "", 1, 1000)
     covariance_scale: float = parameter(
-        0.32, "multiplies the inverse of the information, in engines whose normal equations are in such units", "1", 1e-3, 1e3
+        0.3, "multiplies the inverse of the information, in engines whose normal equations are in such units", "1", 1e-3, 1e3
     )
     covariance_curvature: float = parameter(
         200.0, "times the squared variance of an angle is added to its variance, for what is hardly known", "1/rad^2", 0, 1e6

@@ -30,7 +30,7 @@ _START = 0.3  # probability of lost that a limb starts with
 
 MEASURES = ("close share, mean", "close share, middle camera", "surety, mean", "close share, worst part")
 # Log odds of lost: the constant, and what each measure adds, in shares of its level while all is well
-COEFFICIENTS = np.array([7.5, -2.9, -2.4, -2.1, -3.1])
+COEFFICIENTS = np.array([7.3, -3.3, -2.8, -0.5, -3.2])
 _LEAST_LEVELS = np.array([0.40, 0.40, 5.0, 0.30])  # what is less is not well, whatever it has always been
 _LEVEL_RATE = 0.05  # share of the newest image set in the levels
 
@@ -160,6 +160,14 @@ class LimbJudge:
             tip = body.Ts_world_link[limb.end, :3, :3] @ limb.tip + body.Ts_world_link[limb.end, :3, 3]
             J = (v + np.cross(w, tip)) * self._model.chain.link_moved_by[limb.end][:, None]
             result[i] = math.sqrt(max(float(np.linalg.eigvalsh(J.T @ covariance @ J)[-1]), 0.0))
+        return result
+
+    def sound_shapes(self, reports: Sequence[LimbReport]) -> np.ndarray:
+        """(n_shapes,) mask of the parts of limbs that are seen where they should be."""
+        result = np.ones(len(self._model.shapes), dtype=np.bool_)
+        for limb, report in zip(self.limbs, reports, strict=True):
+            if report.status is not LimbStatus.TRACKING:
+                result[limb.shapes] = False
         return result
 
     def trust(self, reports: Sequence[LimbReport]) -> np.ndarray:

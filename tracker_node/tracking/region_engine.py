@@ -101,6 +101,7 @@ class RegionEngine:
         if self._distances is not None:
             self._distances.reset()
         self._steady = False
+        self._trusted: np.ndarray | None = None  # (n_shapes,) parts of limbs that are where they should be
         self._objective.model_sigma_px = self._config.region.model_sigma_px
         self._count = 0
         self._comparison: Comparison | None = None
@@ -119,7 +120,7 @@ class RegionEngine:
         if self._sound is not None and not self._limbs.was_lost:
             self._passage = None
             return start
-        self._misfit = Misfit()
+        self._misfit, self._steady, self._trusted = Misfit(), False, None
         self._passage, guard = None, self._config.region.guard_px
         for guard_px in (4 * guard, 2 * guard, guard):
             self._colors = [RegionColors(self._classes, self._stated, self._config.region.color_prior) for _ in self._rig]
@@ -160,49 +161,49 @@ class RegionEngine:
         if self._limbs.body_lost:
             return self._restarted(result)
         found = self._found_limbs(result.state, start)
-        if found is None:
-            return result
-        self._found = True
-        self._correspond(found, self._scales[-1])
-        return replace(result, state=found, equations=self.whole.linearize(found))
+        self._found = found is not None
+        return self._settled(result if found is None else replace(result, state=found))
+
+    def _settled(self, result: OptimizerResult) -> OptimizerResult:
+        """The same with lines drawn anew about its state, after others have been tried."""
+        self._correspond(result.state, self._scales[-1])
+        return replace(result, equations=self.whole.linearize(result.state))
 
     def _first_fit(self, start: State, prior: Prior | None) -> OptimizerResult:
         """Long lines reach a body that is far off, and mislead one that is near: both are tried, and the better is kept."""
         near = self._descend(start, self._first_scales, prior)
-        if not self._wide_scales:
-            return near
         whole, sigma, comparison = self.whole, self._objective.model_sigma_px, self._comparison
         share = self._close_share(near.state)
         far = self._descend(start, self._wide_scales, prior)
         if self._close_share(far.state) > share + _CLEARLY:
             return far
         self.whole, self._objective.model_sigma_px, self._comparison = whole, sigma, comparison
-        self._correspond(near.state, self._first_scales[-1])
-        return replace(near, equations=whole.linearize(near.state))
+        return self._settled(near)
 
     def _restarted(self, result: OptimizerResult) -> OptimizerResult:
         """A lost body is looked for where it was last sound, with longer lines; the better of that and ``result``."""
         if self._sound is None:
             return result
-        share, whole = self._close_share(result.state), self.whole
+        whole, sigma, comparison = self.whole, self._objective.model_sigma_px, self._comparison
+        share = self._close_share(result.state)
         again = self._first_fit(self._sound, None)
         self._found = self._close_share(again.state) > share
         if self._found:
             return again
-        self.whole = whole
-        self._correspond(result.state, self._scales[-1])
-        return result
+        self.whole, self._objective.model_sigma_px, self._comparison = whole, sigma, comparison
+        return self._settled(result)
 
     def _tilted_back(self, result: OptimizerResult, prior: Prior | None) -> OptimizerResult:
         """A rigid body whose lines disagree all at once may be tilted to the other side: the best of all tilts and ``result``."""
         sigma, least, best = self._objective.model_sigma_px, self._cost_per_line(), result
+        kept = self.whole, self._comparison
         for state in tilted(self._model, self._rig, result.state):
             other = self._descend(state, self._scales[-2:], prior)
             if self._cost_per_line() < least and other.equations.count >= 0.8 * result.equations.count:
-                least, best = self._cost_per_line(), other
+                least, best, kept = self._cost_per_line(), other, (self.whole, self._comparison)
             self._objective.model_sigma_px = sigma
-        self._correspond(best.state, self._scales[-1])
-        return replace(best, equations=self.whole.linearize(best.state))
+        self.whole, self._comparison = kept
+        return self._settled(best)
 
     def _cost_per_line(self) -> float:
         """Of the state last linearized."""
@@ -228,12 +229,19 @@ class RegionEngine:
             self._correspond(state, max(scale * zoom, 1.0) if scale > 1.0 else scale)
             coarsest, result = result is None, minimize(whole, state, self._model.chain, options)
             if coarsest:
-                self._comparison = Comparison(result.state, result.equations, self._objective.camera_equations())
+                self._comparison = self._compared(result, start, prior)
             state, iterations = result.state, iterations + result.iterations
             evaluations += result.evaluations
         assert result is not None
         self._adapt(state)
         return replace(result, iterations=iterations, evaluations=evaluations)
+
+    def _compared(self, result: OptimizerResult, start: State, prior: Prior | None) -> Comparison:
+        """The cameras' own equations beside those of all together, both of lines alone."""
+        equations = result.equations
+        if self._distances is not None:
+            equations = SumObjective([self._objective], priors=self._priors(start, prior)).linearize(result.state)
+        return Comparison(result.state, equations, self._objective.camera_equations())
 
     def _size_px(self, state: State) -> float:
         """How large the body is in the images: its extent, seen from the middle one of the distances of the cameras."""
@@ -243,7 +251,8 @@ class RegionEngine:
         for i in self._objective.active:
             camera = self._rig.cameras[i]
             depth = float((camera.T_cam_world @ np.append(places.mean(axis=0), 1.0))[2])
-            scales.append(camera.model.params[0] / max(depth, 0.1))
+            if depth > reach:  # else the camera looks elsewhere, or stands in the body's midst
+                scales.append(camera.model.params[0] / depth)
         return float(2.0 * reach * np.median(scales)) if scales else _BODY_PX
 
     def _found_limbs(self, state: State, predicted: State) -> State | None:
@@ -270,12 +279,14 @@ class RegionEngine:
         """Limb by limb."""
         evidence = self._objective.part_evidence(result.state, self._config.region.close_px)
         if not evidence.expected.any():
+            self._steady = False
             reason = "no camera sees the body where it is expected"
             return Verdict(Status.LOST, reason, noise=True, limbs=self._limbs.nothing_seen())
         self._evidence = evidence
         limbs = self._limbs.update(evidence, result.state, self._covariance(result))
         self._search.remember(result.state, limbs)
         trust = self._limbs.trust(limbs)
+        self._trusted = self._limbs.sound_shapes(limbs)
         status, reason = body_status(limbs)
         self._steady = status is Status.TRACKING
         if status is not Status.LOST:
@@ -338,7 +349,7 @@ class RegionEngine:
             found = self._occluders.look(i, bodies[i], self._rig.cameras[i], around)
             image = images[i]
             if found is not None and image is not None:
-                self._colors[i].learn(image, found.region, found.labels, rate, guard_px, around)
+                self._colors[i].learn(image, found.region, found.labels, rate, guard_px, around, self._trusted)
                 if self._steady and self._config.region.learn_room:
                     self._learn_room(i, image, found.region, found.labels)
 

@@ -177,7 +177,8 @@ class Tracker:
 
     def _information(self, result: OptimizerResult, prior: Prior | None, verdict: Verdict) -> np.ndarray | None:
         """(n_dof, n_dof) of the images alone; None where they are not believed, or their engine has other units."""
-        if verdict.status is Status.LOST or not self._engine.in_information_units:
+        doubtful = verdict.status is Status.LOST or verdict.noise or verdict.jumped
+        if doubtful or not self._engine.in_information_units:
             return None
         H, g = np.zeros_like(result.equations.H), np.zeros_like(result.equations.g)
         if prior is not None:
