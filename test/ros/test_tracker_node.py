@@ -248,7 +248,8 @@ def test_parameters_change_at_run_time(probe, recording, start):
     cameras.send(2)
     probe.spin_until(lambda: len(states) == 3, "states")
     assert states[2].iterations <= 1
-    for name, value in (("optimizer.max_iterations", 0), ("evidence.silhouette", "nonsense"), ("region.scales", "wide"), ("optimizer.nonsense", 1)):
+    wrong = {"optimizer.max_iterations": 0, "evidence.silhouette": "nonsense", "region.scales": "wide", "optimizer.nonsense": 1}
+    for name, value in wrong.items():
         request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
         (result,) = probe.ask(SetParameters, "tracker/set_parameters", request).results
         assert not result.successful and result.reason

@@ -37,8 +37,15 @@ def test_a_misfit_is_sudden_when_it_is_much_more_than_usual():
     misfit = Misfit()
     assert not any(misfit.is_sudden(value) for value in (0.1, 0.12, 0.09, 0.2, 0.11))
     assert misfit.is_sudden(0.5)
-    assert misfit.is_sudden(0.5)  # and does not become usual
+    assert misfit.is_sudden(0.5)  # and does not become usual at once
     assert not misfit.is_sudden(0.12)
+
+
+def test_a_misfit_that_stays_becomes_usual():
+    misfit = Misfit()
+    assert not misfit.is_sudden(0.1)
+    assert [misfit.is_sudden(0.5) for _ in range(6)] == [True] * Misfit.PATIENCE + [False] * 3
+    assert misfit.is_sudden(2.0)
 
 
 @pytest.mark.parametrize("growth", [1.03, 1.12])

@@ -51,6 +51,7 @@ class RegionOptions:
 
 _SHARP = 0.3  # px^-2: precision of a line that tells how well the model fits
 _FEWEST_LINES = 30
+_FEW_SAMPLES = 1000
 _NO_ROOM = np.zeros((0, 0, 3), np.float32), np.zeros((0, 0), np.float32), np.zeros((0, 0), np.uint8)
 
 
@@ -132,7 +133,8 @@ class RegionObjective:
     ):
         self._covers = [NOTHING] * len(rig) if covers is None else list(covers)
         self.model, self.arrays, self.classes, self.options = model, arrays, classes, options
-        self._map = parallel
+        few = most_samples(arrays.packed, options.samples_per_line) * len(rig) < _FEW_SAMPLES
+        self._map = _serial if few else parallel  # to hand a few lines to another thread takes longer than to draw them
         capacity = most_samples(arrays.packed, options.samples_per_line)
         self.slots = [LineSlot(camera, model, capacity) for camera in rig]
         self.views: list[View | None] = [None] * len(rig)

@@ -76,7 +76,7 @@ class RegionConfig:
     samples_per_line: int = parameter(12, "contour samples per generator line", "", 2, 1000)
     half_length: int = parameter(10, "places on either side of the contour where it may be, per scale", "", 2, 20)
     scales: str = parameter(
-        "6 4 2 1 1", "pixels from place to place on the lines of a body of 300 pixels, from coarse to fine", "px", 0.25, 100
+        "6 4 2 1 1", "pixels from place to place on the lines, from coarse to fine; less on small bodies", "px", 0.25, 100
     )
     first_scales: str = parameter(
         "6 4 3 2 2 1 1", "the same on the first image set after a start or a reset", "px", 0.25, 100

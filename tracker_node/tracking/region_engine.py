@@ -224,7 +224,7 @@ class RegionEngine:
         self.whole = whole = SumObjective([*evidence, *self._constraints], factors, self._priors(start, prior))
         options = LevenbergMarquardtOptions(max_iterations=self._config.region.updates, tolerance=1e-3)
         result: OptimizerResult | None = None
-        zoom = self._size_px(start) / _BODY_PX
+        zoom = min(self._size_px(start) / _BODY_PX, 1.0)
         for scale in scales:
             self._correspond(state, max(scale * zoom, 1.0) if scale > 1.0 else scale)
             coarsest, result = result is None, minimize(whole, state, self._model.chain, options)
@@ -380,7 +380,7 @@ class RegionEngine:
         return [prior, Prior(State.neutral(self._model, expected.T_world_root), neutral / PX2_PER_INFORMATION)]
 
 
-_BODY_PX = 300.0  # size of a body for which the scales are stated
+_BODY_PX = 300.0  # lines are shorter on bodies that are smaller than this
 _CLEARLY = 0.05  # share of the outline by which long lines must do better than short ones
 _LEAST_OUTLINE = 10  # samples of the outline that a camera should see, to be asked
 PX2_PER_INFORMATION = 18.0  # of the pulls of `MotionConfig`, which are stated in squared pixels

@@ -42,13 +42,19 @@ class Misfit:
 
     SUDDEN = 2.5  # times the usual misfit
     RATE = 0.1
+    PATIENCE = 3  # sudden misfits in a row, after which they are usual: what is tried against them has not helped
 
     def __init__(self):
         self._usual: float | None = None
+        self._in_a_row = 0
 
     def is_sudden(self, misfit: float) -> bool:
         """``misfit``: mean robust cost of a line; what is not sudden is usual from now on."""
         if self._usual is not None and misfit > self.SUDDEN * self._usual:
-            return True
+            self._in_a_row += 1
+            if self._in_a_row <= self.PATIENCE:
+                return True
+            self._usual = misfit
+        self._in_a_row = 0
         self._usual = misfit if self._usual is None else (1.0 - self.RATE) * self._usual + self.RATE * misfit
         return False
