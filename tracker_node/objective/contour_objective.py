@@ -17,6 +17,7 @@ from . import contour_residual as kernel
 from .contour_agreement import N_AGREEMENT, count_agreement
 from .moved_configuration import bodies_seen, cameras_by_body
 from .normal_equations import CameraEquations, NormalEquations
+from .per_camera import camera_constants, serial
 from .prior import Prior
 
 
@@ -75,13 +76,7 @@ class CameraSlot:
 
     def __init__(self, camera: Camera, model: ArticulatedModel, samples_per_line: int):
         n_links = len(model.chain.links)
-        T = camera.T_cam_world
-        self.camera = (
-            camera.model.params,
-            np.ascontiguousarray(T[:3, :3]),
-            np.ascontiguousarray(T[:3, 3]),
-            np.ascontiguousarray(camera.center),
-        )
+        self.camera = camera_constants(camera)
         most = SAMPLES * samples_per_line
         self.flags = np.zeros((len(model.shapes), most), dtype=np.uint8)
         self.picks = np.zeros((len(model.shapes), most, N_PICK_COLUMNS))
@@ -96,10 +91,6 @@ class CameraSlot:
     def work(self) -> tuple[np.ndarray, ...]:
         """The arrays that the kernel fills."""
         return self.flags, self.picks, self.n_picks, self.samples, self.normal, self.gradient, self.stats
-
-
-def _serial(function: Callable, items: list) -> list:
-    return [function(item) for item in items]
 
 
 class ContourObjective:
@@ -117,7 +108,7 @@ class ContourObjective:
         maps: Sequence[EvidenceMaps | None],
         options: ContourOptions,
         priors: Sequence[Prior] = (),
-        parallel: Callable[[Callable, list], list] = _serial,
+        parallel: Callable[[Callable, list], list] = serial,
     ):  # fmt: skip
         self.model, self.arrays, self.slots, self.maps = model, arrays, slots, maps
         self.options, self.priors = options, priors

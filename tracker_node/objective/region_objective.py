@@ -18,6 +18,7 @@ from . import region_lines as kernel
 from .contour_residual import assemble
 from .moved_configuration import bodies_seen, cameras_by_body
 from .normal_equations import CameraEquations, NormalEquations
+from .per_camera import camera_constants, serial
 from .region_evidence import N_EVIDENCE, count_evidence, line_residuals
 
 
@@ -92,22 +93,12 @@ class LineSlot:
 
     def __init__(self, camera: Camera, model: ArticulatedModel, capacity: int):
         n_links = len(model.chain.links)
-        T = camera.T_cam_world
-        self.camera = (
-            camera.model.params,
-            np.ascontiguousarray(T[:3, :3]),
-            np.ascontiguousarray(T[:3, 3]),
-            np.ascontiguousarray(camera.center),
-        )
+        self.camera = camera_constants(camera)
         self.rows, self.pixels, self.info, self.lines = kernel.line_arrays(capacity)
         self.n = 0
         self.normal = np.zeros((n_links, 6, 6))
         self.gradient = np.zeros((n_links, 6))
         self.stats = np.zeros(kernel.N_STATISTICS)
-
-
-def _serial(function: Callable, items: list) -> list:
-    return [function(item) for item in items]
 
 
 class RegionObjective:
@@ -128,13 +119,13 @@ class RegionObjective:
         arrays: ShapeArrays,
         classes: np.ndarray,
         options: RegionOptions,
-        parallel: Callable[[Callable, list], list] = _serial,
+        parallel: Callable[[Callable, list], list] = serial,
         covers: Sequence[np.ndarray] | None = None,
     ):
         self._covers = [NOTHING] * len(rig) if covers is None else list(covers)
         self.model, self.arrays, self.classes, self.options = model, arrays, classes, options
         few = most_samples(arrays.packed, options.samples_per_line) * len(rig) < _FEW_SAMPLES
-        self._map = _serial if few else parallel  # to hand a few lines to another thread takes longer than to draw them
+        self._map = serial if few else parallel  # to hand a few lines to another thread takes longer than to draw them
         capacity = most_samples(arrays.packed, options.samples_per_line)
         self.slots = [LineSlot(camera, model, capacity) for camera in rig]
         self.views: list[View | None] = [None] * len(rig)

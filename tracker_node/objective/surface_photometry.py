@@ -21,6 +21,7 @@ from ..render.raycaster import render_color, render_labels
 from . import photometry_kernels as kernel
 from .contour_residual import assemble
 from .normal_equations import NormalEquations
+from .per_camera import serial
 
 _BLUR = 1.2  # px, before every halving
 _FINEST_BLUR = 0.7  # px
@@ -70,10 +71,6 @@ class _Points:
     area: float
 
 
-def _serial(function: Callable, items: list) -> list:
-    return [function(item) for item in items]
-
-
 class SurfacePhotometry:
     """A colored body against one image set at a time.
 
@@ -88,7 +85,7 @@ class SurfacePhotometry:
         model: ArticulatedModel,
         rig: CameraRig,
         options: PhotometryOptions | None = None,
-        parallel: Callable[[Callable, list], list] = _serial,
+        parallel: Callable[[Callable, list], list] = serial,
     ):
         self.model, self.rig, self.options, self.parallel = model, rig, options or PhotometryOptions(), parallel
         self.painted = [model] * len(rig)

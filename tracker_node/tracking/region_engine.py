@@ -107,7 +107,6 @@ class RegionEngine:
         self._comparison: Comparison | None = None
         self.whole: LeastSquaresObjective = self._objective
         self._passage: Passage | None = None
-        self._evidence: PartEvidence | None = None
 
     def _room_of_plate(self, camera: Camera) -> SceneModel | None:
         lens = camera.model
@@ -282,7 +281,6 @@ class RegionEngine:
             self._steady = False
             reason = "no camera sees the body where it is expected"
             return Verdict(Status.LOST, reason, noise=True, limbs=self._limbs.nothing_seen())
-        self._evidence = evidence
         limbs = self._limbs.update(evidence, result.state, self._covariance(result))
         self._search.remember(result.state, limbs)
         trust = self._limbs.trust(limbs)
