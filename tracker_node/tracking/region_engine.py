@@ -32,10 +32,10 @@ from .contour_engine import ContourEngine
 from .covariance import calibrated_covariance
 from .engine import Images, Report, Verdict
 from .estimate import CameraReport, Status
-from .limb_search import LimbSearch, Lines
+from .limb_search import Lines
 from .limb_status import LimbJudge, body_status, is_noise
 from .motion_model import Passage
-from .tilts import Misfit, tilted
+from .region_searches import Fits, Kept, RegionSearches
 
 
 class RegionEngine:
@@ -79,23 +79,18 @@ class RegionEngine:
             shadow=config.evidence.shadow,
         )
         self._scales = numbers(region.scales)
-        self._first_scales, self._wide_scales = numbers(region.first_scales), numbers(region.wide_scales)
         self._constraints = constraints_of(model, config)
         self._arrays = ShapeArrays.from_model(model)
-        self._objective = RegionObjective(
-            rig, model, self._arrays, self._classes, options, parallel, self._occluders.depths
-        )
+        self._objective = RegionObjective(rig, model, self._arrays, self._classes, options, parallel, self._occluders.depths)
         self._limbs = LimbJudge(model, config.status)
-        self._search = LimbSearch(model, self._limbs, config.status, config.region.close_px)
+        self._searches = RegionSearches(rig, model, config, self._limbs, self._fits())
         self.reset()
 
     def reset(self) -> None:
         """Nothing is known but the colors that the model states."""
-        self._misfit = Misfit()
         self._limbs.reset()
-        self._search.reset()
+        self._searches.reset()
         self._found = False
-        self._sound: State | None = None  # where the body was last, before it was lost
         self._colors = [RegionColors(self._classes, self._stated, self._config.region.color_prior) for _ in self._rig]
         self._rooms = [self._room_of_plate(camera) for camera in self._rig]
         if self._distances is not None:
@@ -116,10 +111,11 @@ class RegionEngine:
     def begin(self, images: Images, start: State) -> State:
         """Learn colors, fit, and learn again: the first pose given is rarely exact. What a sound body has taught is kept."""
         self._limbs.restart()
-        if self._sound is not None and not self._limbs.was_lost:
+        if self._searches.sound is not None and not self._limbs.was_lost:
             self._passage = None
             return start
-        self._misfit, self._steady, self._trusted = Misfit(), False, None
+        self._searches.begin()
+        self._steady, self._trusted = False, None
         self._passage, guard = None, self._config.region.guard_px
         for guard_px in (4 * guard, 2 * guard, guard):
             self._colors = [RegionColors(self._classes, self._stated, self._config.region.color_prior) for _ in self._rig]
@@ -150,68 +146,38 @@ class RegionEngine:
         return View(image, (colors.body, colors.scene), (room.mean, room.variance, room.known))
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> OptimizerResult:
-        """A few Gauss-Newton steps on the lines of each scale."""
-        result = self._first_fit(start, prior) if first else self._descend(start, self._scales, prior)
-        if not first and self._model.n_dof == N_ROOT_DOF and self._misfit.is_sudden(self._cost_per_line()):
-            result = self._tilted_back(result, prior)
-        self._found = False
-        if first or not self._limbs.lost:
-            return result
-        if self._limbs.body_lost:
-            return self._restarted(result)
-        found = self._found_limbs(result.state, start)
-        self._found = found is not None
-        return self._settled(result if found is None else replace(result, state=found))
+        """A few Gauss-Newton steps on the lines of each scale, and searches for what they have not reached."""
+        if first:
+            result, self._found = self._searches.first(start, prior), False
+        else:
+            result, self._found = self._searches.mended(self._descend(start, self._scales, prior), start, prior)
+        return result
+
+    def _fits(self) -> Fits:
+        return Fits(
+            self._descend, self._settled, self._kept, self._keep, self._objective.part_evidence, self._cost_per_line,
+            self._limb_lines,
+        )  # fmt: skip
 
     def _settled(self, result: OptimizerResult) -> OptimizerResult:
         """The same with lines drawn anew about its state, after others have been tried."""
         self._correspond(result.state, self._scales[-1])
         return replace(result, equations=self.whole.linearize(result.state))
 
-    def _first_fit(self, start: State, prior: Prior | None) -> OptimizerResult:
-        """Long lines reach a body that is far off, and mislead one that is near: both are tried, and the better is kept."""
-        near = self._descend(start, self._first_scales, prior)
-        whole, sigma, comparison = self.whole, self._objective.model_sigma_px, self._comparison
-        share = self._close_share(near.state)
-        far = self._descend(start, self._wide_scales, prior)
-        if self._close_share(far.state) > share + _CLEARLY:
-            return far
-        self.whole, self._objective.model_sigma_px, self._comparison = whole, sigma, comparison
-        return self._settled(near)
+    def _kept(self) -> Kept:
+        return Kept(self.whole, self._comparison, self._objective.model_sigma_px)
 
-    def _restarted(self, result: OptimizerResult) -> OptimizerResult:
-        """A lost body is looked for where it was last sound, with longer lines; the better of that and ``result``."""
-        if self._sound is None:
-            return result
-        whole, sigma, comparison = self.whole, self._objective.model_sigma_px, self._comparison
-        share = self._close_share(result.state)
-        again = self._first_fit(self._sound, None)
-        self._found = self._close_share(again.state) > share
-        if self._found:
-            return again
-        self.whole, self._objective.model_sigma_px, self._comparison = whole, sigma, comparison
-        return self._settled(result)
-
-    def _tilted_back(self, result: OptimizerResult, prior: Prior | None) -> OptimizerResult:
-        """A rigid body whose lines disagree all at once may be tilted to the other side: the best of all tilts and ``result``."""
-        sigma, least, best = self._objective.model_sigma_px, self._cost_per_line(), result
-        kept = self.whole, self._comparison
-        for state in tilted(self._model, self._rig, result.state):
-            other = self._descend(state, self._scales[-2:], prior)
-            if self._cost_per_line() < least and other.equations.count >= 0.8 * result.equations.count:
-                least, best, kept = self._cost_per_line(), other, (self.whole, self._comparison)
-            self._objective.model_sigma_px = sigma
-        self.whole, self._comparison = kept
-        return self._settled(best)
+    def _keep(self, kept: Kept) -> None:
+        self.whole, self._comparison, self._objective.model_sigma_px = kept.whole, kept.comparison, kept.model_sigma_px
 
     def _cost_per_line(self) -> float:
         """Of the state last linearized."""
         stats = np.array([self._objective.slots[i].stats for i in self._objective.active]).reshape(-1, kernel.N_STATISTICS)
         return float(stats[:, kernel.COST].sum() / max(stats[:, kernel.COUNT].sum(), 1.0))
 
-    def _close_share(self, state: State) -> float:
-        evidence = self._objective.part_evidence(state, self._config.region.close_px)
-        return float(evidence.close.sum() / max(evidence.expected.sum(), 1.0))
+    def _limb_lines(self, predicted: State) -> Lines:
+        whole = SumObjective([self._objective, *self._constraints], priors=self._priors(predicted, None)[1:])
+        return Lines(self._correspond, whole, self._objective.part_evidence)
 
     def _descend(self, start: State, scales: tuple[float, ...], prior: Prior | None) -> OptimizerResult:
         state, iterations, evaluations = start, 0, 0
@@ -254,12 +220,6 @@ class RegionEngine:
                 scales.append(camera.model.params[0] / depth)
         return float(2.0 * reach * np.median(scales)) if scales else _BODY_PX
 
-    def _found_limbs(self, state: State, predicted: State) -> State | None:
-        """``state`` with limbs that were lost found again, or None."""
-        whole = SumObjective([self._objective, *self._constraints], priors=self._priors(predicted, None)[1:])
-        lines = Lines(self._correspond, whole, self._objective.part_evidence)
-        return self._search.recover(self._limbs.lost, state, predicted, lines)
-
     def _covariance(self, result: OptimizerResult) -> np.ndarray:
         status = self._config.status
         return calibrated_covariance(result.equations.H, status.covariance_scale, status.covariance_curvature)
@@ -282,13 +242,11 @@ class RegionEngine:
             reason = "no camera sees the body where it is expected"
             return Verdict(Status.LOST, reason, noise=True, limbs=self._limbs.nothing_seen())
         limbs = self._limbs.update(evidence, result.state, self._covariance(result))
-        self._search.remember(result.state, limbs)
         trust = self._limbs.trust(limbs)
         self._trusted = self._limbs.sound_shapes(limbs)
         status, reason = body_status(limbs)
         self._steady = status is Status.TRACKING
-        if status is not Status.LOST:
-            self._sound = result.state
+        self._searches.remember(result.state, status, limbs)
         if status is Status.TRACKING:
             status, reason = self._status_of_cameras(evidence, image_set)
         return Verdict(status, reason, noise=is_noise(evidence), jumped=self._found, limbs=limbs, trust=trust)
@@ -379,6 +337,5 @@ class RegionEngine:
 
 
 _BODY_PX = 300.0  # lines are shorter on bodies that are smaller than this
-_CLEARLY = 0.05  # share of the outline by which long lines must do better than short ones
 _LEAST_OUTLINE = 10  # samples of the outline that a camera should see, to be asked
 PX2_PER_INFORMATION = 18.0  # of the pulls of `MotionConfig`, which are stated in squared pixels

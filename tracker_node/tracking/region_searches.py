@@ -1,0 +1,138 @@
+"""Searches of the engine of regions for what its fit has not reached: a far start, a lost body, lost limbs, a wrong tilt."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from ..camera.camera_rig import CameraRig
+from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import State
+from ..model.kinematic_chain import N_ROOT_DOF
+from ..objective.normal_equations import Comparison, LeastSquaresObjective
+from ..objective.prior import Prior
+from ..objective.region_objective import PartEvidence
+from ..optimize.result import OptimizerResult
+from .config import TrackerConfig, numbers
+from .estimate import LimbReport, Status
+from .limb_search import LimbSearch, Lines
+from .limb_status import LimbJudge
+from .tilts import Misfit, tilted
+
+_CLEARLY = 0.05  # share of the outline by which long lines must do better than short ones
+_LEAST_LINES = 0.8  # of those of another fit, that a tilted body must have to be held against it
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """What a fit leaves behind in the engine beside its result."""
+
+    whole: LeastSquaresObjective
+    comparison: Comparison | None
+    model_sigma_px: float
+
+
+@dataclass(frozen=True, eq=False)
+class Fits:
+    """How the engine fits, and how well a state is borne out by the lines last drawn.
+
+    Attributes
+    ----------
+    descend : (start, scales of the lines, prior) -> result, the lines of the last scale being drawn about it.
+    settled : a result with the lines drawn anew about its state, after other states have been tried.
+    kept, keep : what `descend` has left in the engine; and back to that.
+    part_evidence : (state, close_px) -> evidence.
+    cost_per_line : robust, of the state last linearized.
+    limb_lines : (predicted state) -> what the search for limbs draws and fits.
+    """
+
+    descend: Callable[[State, tuple[float, ...], Prior | None], OptimizerResult]
+    settled: Callable[[OptimizerResult], OptimizerResult]
+    kept: Callable[[], Kept]
+    keep: Callable[[Kept], None]
+    part_evidence: Callable[[State, float], PartEvidence]
+    cost_per_line: Callable[[], float]
+    limb_lines: Callable[[State], Lines]
+
+
+class RegionSearches:
+    """Knows where body and limbs were last sound; ``limbs`` says which are lost.
+
+    Attributes
+    ----------
+    sound : where the body was last, before it was lost; None: nowhere yet.
+    """
+
+    def __init__(self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, limbs: LimbJudge, fits: Fits):
+        region = config.region
+        self._rig, self._model, self._limbs, self._fits = rig, model, limbs, fits
+        self._scales, self._close_px = numbers(region.scales), region.close_px
+        self._first_scales, self._wide_scales = numbers(region.first_scales), numbers(region.wide_scales)
+        self._search = LimbSearch(model, limbs, config.status, region.close_px)
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing is remembered."""
+        self.sound: State | None = None
+        self._search.reset()
+        self.begin()
+
+    def begin(self) -> None:
+        """A body is looked at that may be another one, or look otherwise."""
+        self._misfit = Misfit()
+
+    def remember(self, state: State, status: Status, limbs: Sequence[LimbReport]) -> None:
+        """Where what is not lost has been found."""
+        self._search.remember(state, limbs)
+        if status is not Status.LOST:
+            self.sound = state
+
+    def first(self, start: State, prior: Prior | None) -> OptimizerResult:
+        """Long lines reach a body that is far off, and mislead one that is near: both are tried, and the better is kept."""
+        fits = self._fits
+        near = fits.descend(start, self._first_scales, prior)
+        kept, share = fits.kept(), self._close_share(near.state)
+        far = fits.descend(start, self._wide_scales, prior)
+        if self._close_share(far.state) > share + _CLEARLY:
+            return far
+        fits.keep(kept)
+        return fits.settled(near)
+
+    def mended(self, result: OptimizerResult, start: State, prior: Prior | None) -> tuple[OptimizerResult, bool]:
+        """The fit of an image set, begun at ``start``, with what is lost found again; and whether anything was."""
+        if self._model.n_dof == N_ROOT_DOF and self._misfit.is_sudden(self._fits.cost_per_line()):
+            result = self._tilted_back(result, prior)
+        if not self._limbs.lost:
+            return result, False
+        if self._limbs.body_lost:
+            return self._restarted(result)
+        found = self._search.recover(self._limbs.lost, result.state, start, self._fits.limb_lines(start))
+        return self._fits.settled(result if found is None else replace(result, state=found)), found is not None
+
+    def _restarted(self, result: OptimizerResult) -> tuple[OptimizerResult, bool]:
+        """A lost body is looked for where it was last sound, with longer lines; the better of that and ``result``."""
+        if self.sound is None:
+            return result, False
+        kept, share = self._fits.kept(), self._close_share(result.state)
+        again = self.first(self.sound, None)
+        if self._close_share(again.state) > share:
+            return again, True
+        self._fits.keep(kept)
+        return self._fits.settled(result), False
+
+    def _tilted_back(self, result: OptimizerResult, prior: Prior | None) -> OptimizerResult:
+        """A rigid body whose lines disagree all at once may be tilted to the other side: the best of all tilts and ``result``."""
+        fits = self._fits
+        before, least, best = fits.kept(), fits.cost_per_line(), result
+        kept = before
+        for state in tilted(self._model, self._rig, result.state):
+            other = fits.descend(state, self._scales[-2:], prior)
+            if fits.cost_per_line() < least and other.equations.count >= _LEAST_LINES * result.equations.count:
+                least, best, kept = fits.cost_per_line(), other, fits.kept()
+            fits.keep(before)
+        fits.keep(replace(kept, model_sigma_px=before.model_sigma_px))
+        return fits.settled(best)
+
+    def _close_share(self, state: State) -> float:
+        evidence = self._fits.part_evidence(state, self._close_px)
+        return float(evidence.close.sum() / max(evidence.expected.sum(), 1.0))
