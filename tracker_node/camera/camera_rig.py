@@ -23,6 +23,9 @@ class Camera:
     T_world_cam : (4, 4), p_world = T_world_cam @ p_cam, metres.
     source : video file, image folder or pattern; None for a camera that something else publishes.
     time_offset_ns : added to the source's own stamps to get common time.
+    time_drift_ppm : by how much common time advances more than the camera's own, in millionths, from its first image on.
+    stamps : where its own stamps come from, see `loaders.stamps`; None for what the source has by default.
+    stamp_file : file that has the stamp of every image of the source, or None.
     plate : path of an image of the empty scene (background plate), or None.
     interlaced : ``top_first`` or ``bottom_first`` where each image of the source is two fields, and which was exposed first.
     gain, gamma : how the camera answers to light, see `camera.light`; ``gain`` is (r, g, b).
@@ -33,6 +36,9 @@ class Camera:
     T_world_cam: np.ndarray
     source: str | None = None
     time_offset_ns: int = 0
+    time_drift_ppm: float = 0.0
+    stamps: str | None = None
+    stamp_file: str | None = None
     plate: str | None = None
     interlaced: str | None = None
     gain: tuple[float, float, float] = (1.0, 1.0, 1.0)

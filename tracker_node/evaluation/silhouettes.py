@@ -145,10 +145,10 @@ def _images(task: _Task, camera: Camera, wanted: set[int]) -> Iterator[tuple[int
         yield from _bag_images(task, camera, wanted)
         return
     source = open_camera_source(camera, SourceOptions(start=min(wanted), end=max(wanted) + 1))
+    numbers = {source.stamp_ns(i): i for i in wanted}
     for stamp_ns, image in source:
-        number = round((stamp_ns - source.stamp_ns(0)) * source.rate_hz / 1e9)
-        if number in wanted:
-            yield number, image
+        if stamp_ns in numbers:
+            yield numbers[stamp_ns], image
 
 
 def _bag_images(task: _Task, camera: Camera, wanted: set[int]) -> Iterator[tuple[int, np.ndarray]]:

@@ -1,8 +1,8 @@
 """Recorded images as a stream of (stamp, image): video files, image folders and file name patterns.
 
 Image ``i`` of a source has the stamp ``base_stamp_ns + round(i * 1e9 / rate_hz)``, computed afresh from the integer ``i``,
-so the same file always gives the same stamps. ``i`` counts from the beginning of the file also when ``start`` skips some,
-and goes on counting when a loop begins again.
+so the same file always gives the same stamps; or that of a list (`loaders.stamps`). ``i`` counts from the beginning of the
+file also when ``start`` skips some, and goes on counting when a loop begins again.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import numpy as np
 from ..camera.camera_rig import Camera
 from ..errors import CalibrationError, SourceError
 from ..observation.deinterlace import check_interlaced, deinterlace
+from .stamps import common_ns, field_times, file_times, period_ns
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm")
 DEFAULT_FOLDER_RATE_HZ = 30.0  # still images carry no rate
@@ -36,7 +37,9 @@ class SourceOptions:
     loop : begin again at ``start`` for ever.
     rate_hz : images per second instead of what the file says.
     size : (width, height) to resample to; None keeps the file's.
-    base_stamp_ns : stamp of image 0.
+    base_stamp_ns : stamp of image 0, or, with a list of stamps, added to all of them.
+    times_ns : stamp of every image of the file, instead of a rate.
+    drift_ppm : by how much common time advances more than these stamps, in millionths.
     """
 
     start: int = 0
@@ -45,6 +48,8 @@ class SourceOptions:
     rate_hz: float | None = None
     size: tuple[int, int] | None = None
     base_stamp_ns: int = 0
+    times_ns: tuple[int, ...] | None = None
+    drift_ppm: float = 0.0
 
     def __post_init__(self):
         if self.start < 0 or (self.end is not None and self.end <= self.start):
@@ -77,6 +82,8 @@ class ImageSource(ABC):
         self.native_width, self.native_height, rate_hz, self._n_in_file = self._open()
         if options.start >= self._n_in_file:
             raise SourceError(path, f"start is image {options.start}, but there are only {self._n_in_file} images")
+        if options.times_ns is not None and period_ns(options.times_ns):
+            rate_hz = 1e9 / period_ns(options.times_ns)
         self.rate_hz = float(options.rate_hz or rate_hz)
         self.width, self.height = options.size or (self.native_width, self.native_height)
 
@@ -85,8 +92,17 @@ class ImageSource(ABC):
         return min(self.options.end or self._n_in_file, self._n_in_file) - self.options.start
 
     def stamp_ns(self, i: int) -> int:
-        """Stamp of image number ``i`` of the file."""
-        return self.options.base_stamp_ns + round(i * 1e9 / self.rate_hz)
+        """Stamp of image number ``i`` of the file; beyond the last one read, that of a later pass."""
+        first_ns = self._own_ns(0)
+        return common_ns(self._own_ns(i), first_ns, self.options.base_stamp_ns, self.options.drift_ppm)
+
+    def _own_ns(self, i: int) -> int:
+        times, start, n = self.options.times_ns, self.options.start, self.n_images
+        if times is None:
+            return round(i * 1e9 / self.rate_hz)
+        passes = max(i - start, 0) // n
+        last_ns = times[start + n - 1] + round(1e9 / self.rate_hz)
+        return times[i - passes * n] + passes * (last_ns - times[start])
 
     def __iter__(self) -> Iterator[tuple[int, np.ndarray]]:
         self.counts = ReadCounts()
@@ -277,13 +293,19 @@ def open_camera_source(camera: Camera, options: SourceOptions | None = None) -> 
 
     Raises
     ------
-    SourceError : no source given, missing or unreadable, or progressive though the camera is said to be interlaced.
+    SourceError : no source given, missing or unreadable, progressive though the camera is said to be interlaced, or stamps
+        that are not those of its images.
+    FileFormatError : a stamp file that cannot be used.
     CalibrationError : the file's image size is not that of the calibration.
     """
     if not camera.source:
         raise SourceError(camera.name, "the rig names no source for this camera")
     options = options or SourceOptions()
-    shifted = replace(options, base_stamp_ns=options.base_stamp_ns + camera.time_offset_ns)
+    base_ns = options.base_stamp_ns + camera.time_offset_ns
+    shifted = replace(options, base_stamp_ns=base_ns, drift_ppm=camera.time_drift_ppm)
+    if camera.stamp_file is not None or camera.stamps is not None:
+        times = file_times(camera, open_source(camera.source)._n_in_file)
+        shifted = replace(shifted, times_ns=field_times(times) if camera.interlaced and times else times)
     if camera.interlaced:
         source: ImageSource = InterlacedSource(camera.source, shifted, camera.interlaced)
     else:

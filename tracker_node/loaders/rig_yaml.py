@@ -19,6 +19,7 @@ from ..geometry import se3
 from .yaml_file import FileModel, Number, PositiveNumber, is_number, numbers, problem, read_mapping, validate, write_mapping
 
 NS_PER_S = 1_000_000_000
+MAX_DRIFT_PPM = 1e5  # a tenth; quartz clocks have 100 millionths
 
 
 def _image_size(value: Any) -> tuple[int, int]:
@@ -49,6 +50,9 @@ class CameraEntry(FileModel):
     T_world_cam: numbers(4, 4)  # type: ignore[valid-type]
     source: str | None = None
     time_offset_s: Number = 0.0
+    time_drift_ppm: Number = 0.0
+    stamps: Literal["rate", "container", "device", "capture"] | None = None
+    stamp_file: str | None = None
     plate: str | None = None
     interlaced: Literal["top_first", "bottom_first"] | None = None
     pixel_map: numbers(2, 3) | None = None  # type: ignore[valid-type]
@@ -71,6 +75,10 @@ class CameraEntry(FileModel):
         lower = (self.K[1][0], self.K[2][0], self.K[2][1])
         if self.K[0][0] != 0.0 and (any(lower) or self.K[2][2] != 1.0 or self.K[0][0] < 0.0 or self.K[1][1] <= 0.0):
             raise problem("[[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with positive focal lengths", self.K, "K")
+        if self.stamps is not None and self.stamp_file is not None:
+            raise problem("either stamps or a stamp_file", "both", "stamps")
+        if abs(self.time_drift_ppm) > MAX_DRIFT_PPM:
+            raise problem(f"at most {MAX_DRIFT_PPM:g} millionths", self.time_drift_ppm, "time_drift_ppm")
         self._check_pixel_map()
         return self
 
@@ -187,6 +195,9 @@ def build_rig(rig_file: RigFile, base_dir: str | Path) -> CameraRig:
                 T_world_cam=_rigid(np.array(entry.T_world_cam)),
                 source=_resolved(entry.source, base_dir),
                 time_offset_ns=round(entry.time_offset_s * NS_PER_S),
+                time_drift_ppm=entry.time_drift_ppm,
+                stamps=entry.stamps,
+                stamp_file=_resolved(entry.stamp_file, base_dir),
                 plate=_resolved(entry.plate, base_dir),
                 interlaced=entry.interlaced,
                 gain=entry.gain,
@@ -210,7 +221,7 @@ def write_rig_file(rig_file: RigFile, path: str | Path, base_dir: str | Path | N
     values = rig_file.model_dump(mode="python", exclude_none=True, exclude_defaults=True)
     values = {key: values[key] for key in ("world_frame", "cameras", "lights") if key in values}
     for entry in values["cameras"].values():
-        for key in ("source", "plate"):
+        for key in ("source", "plate", "stamp_file"):
             if base_dir is not None and key in entry:
                 entry[key] = _moved(entry[key], Path(base_dir), Path(path).parent)
     write_mapping(values, path, "Camera rig; the format is described in docs/formats.md.")
@@ -228,6 +239,9 @@ def rig_file_of(rig: CameraRig) -> RigFile:
             T_world_cam=camera.T_world_cam,
             source=camera.source,
             time_offset_s=camera.time_offset_ns / NS_PER_S,
+            time_drift_ppm=camera.time_drift_ppm,
+            stamps=camera.stamps,  # type: ignore[arg-type]
+            stamp_file=camera.stamp_file,
             plate=camera.plate,
             interlaced=camera.interlaced,  # type: ignore[arg-type]
             gain=camera.gain,
