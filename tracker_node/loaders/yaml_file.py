@@ -110,6 +110,14 @@ def read_mapping(path: str | Path) -> dict[str, Any]:
     return values
 
 
+def parse_value(text: str) -> Any:
+    """A value as it might stand in a file: ``4e-3`` is a number, ``[1, 2]`` a list; what is no YAML stays text."""
+    try:
+        return yaml.load(text, Loader=_StrictLoader)
+    except (yaml.YAMLError, ValueError, RecursionError):
+        return text
+
+
 def write_mapping(values: Mapping[str, Any], path: str | Path, comment: str = "") -> None:
     """Write a mapping as YAML, whole or not at all; ``comment`` lines go on top."""
     text = "".join(f"# {line}".rstrip() + "\n" for line in comment.splitlines())

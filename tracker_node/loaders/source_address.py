@@ -1,0 +1,83 @@
+"""The grammar of image sources, in rig files and on the command line.
+
+============================================  ======================================================================
+``videos/cam1.mp4``, ``file:videos/cam1.mp4``  video file, folder of images, or pattern of image files
+``bag:out/run1/bag``                           the images of this camera in a bag
+``bag:out/run1/bag#/left/image_raw``           those of a topic of the bag, raw or compressed
+``v4l2:/dev/v4l/by-id/usb-...-index0``         a camera of this computer, by a path that stays the same
+``rtsp://``, ``http://``, ``udp://``, ...      a stream of the network
+``topic:/left/image_raw``                      what another node publishes; ``.../compressed`` for compressed images
+============================================  ======================================================================
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from ..errors import SourceError
+
+FILE, BAG, DEVICE, STREAM, TOPIC = "file", "bag", "v4l2", "stream", "topic"
+STREAM_SCHEMES = ("rtsp", "rtsps", "http", "https", "udp", "tcp", "rtmp", "srt")
+_TOPIC_NAME = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*")
+
+
+@dataclass(frozen=True)
+class SourceAddress:
+    """Where images come from.
+
+    Parameters
+    ----------
+    kind : `FILE`, `BAG`, `DEVICE`, `STREAM` or `TOPIC`.
+    target : path, URL or topic.
+    topic : topic within a bag, or none.
+    """
+
+    kind: str
+    target: str
+    topic: str = ""
+
+    @property
+    def is_live(self) -> bool:
+        """Whether its images come when they come, and not again."""
+        return self.kind in (DEVICE, STREAM, TOPIC)
+
+    def __str__(self) -> str:
+        if self.kind in (FILE, STREAM):
+            return self.target
+        return f"{self.kind}:{self.target}" + (f"#{self.topic}" if self.topic else "")
+
+
+def parse_source(text: str) -> SourceAddress:
+    """The address that ``text`` names; see the module.
+
+    Raises
+    ------
+    SourceError : a scheme that is not known, or nothing behind it.
+    """
+    stream = re.match(r"([A-Za-z][A-Za-z0-9+.-]*)://", text)
+    if stream and stream[1].lower() in STREAM_SCHEMES:
+        return SourceAddress(STREAM, text)
+    scheme = re.match(r"([A-Za-z][A-Za-z0-9+.-]+):", text)
+    if scheme is None or Path(text).exists():
+        return SourceAddress(FILE, text)
+    kind, rest = scheme[1].lower(), text[scheme.end() :]
+    if kind not in (FILE, BAG, DEVICE, TOPIC):
+        known = ", ".join([*(f"{name}:" for name in (FILE, BAG, DEVICE, TOPIC)), *(f"{name}://" for name in STREAM_SCHEMES)])
+        raise SourceError(text, f"unknown kind of source '{scheme[1]}:'; known are paths of files and {known}")
+    rest = rest.removeprefix("//") if kind != TOPIC else rest
+    target, _, topic = rest.partition("#") if kind == BAG else (rest, "", "")
+    if not target or (kind == TOPIC and not _TOPIC_NAME.fullmatch(target)):
+        raise SourceError(text, f"expected a {'topic' if kind == TOPIC else 'path'} behind '{kind}:'")
+    return SourceAddress(kind, target, topic)
+
+
+def relocated(text: str, old_dir: str | Path, new_dir: str | Path | None = None) -> str:
+    """A source with its path, relative to ``old_dir``, made absolute, or relative to ``new_dir``."""
+    address = parse_source(text)
+    if address.kind not in (FILE, BAG) or os.path.isabs(address.target):
+        return text
+    path = os.path.normpath(os.path.join(old_dir, address.target))
+    return str(replace(address, target=path if new_dir is None else os.path.relpath(path, new_dir)))

@@ -1,0 +1,150 @@
+"""One image of a source, and what is done to it on the way: mosaics to colors, area averaging, JPEG left as it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ..camera.capture_settings import CaptureSettings
+from ..errors import SourceError
+
+JPEG = "jpeg"
+_REDUCED = {1: cv2.IMREAD_COLOR, 2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_REDUCED_COLOR_4, 8: cv2.IMREAD_REDUCED_COLOR_8}
+# OpenCV counts the pattern from the second line and column; these aliases go by the first.
+_FROM_BAYER = {name: getattr(cv2, f"COLOR_Bayer{name.upper()}2BGR") for name in ("rggb", "bggr", "gbrg", "grbg")}
+_BAYER_ENCODING = {f"bayer_{name}8": name for name in _FROM_BAYER}
+
+
+@dataclass(frozen=True, eq=False)
+class SourceImage:
+    """Pixels as published, or a JPEG that nobody has decoded.
+
+    ``pixels`` is (h, w, 3) for ``bgr8``, (h, w) for ``mono8`` and ``bayer_*8``, None for ``jpeg``, whose bytes are in ``jpeg``.
+    """
+
+    stamp_ns: int
+    pixels: np.ndarray | None
+    encoding: str
+    jpeg: bytes = b""
+
+    @property
+    def bgr(self) -> np.ndarray:
+        """(h, w, 3) uint8.
+
+        Raises
+        ------
+        SourceError : a JPEG that cannot be decoded.
+        """
+        if self.pixels is None:
+            return decode_jpeg(self.jpeg)
+        if self.encoding in _BAYER_ENCODING:
+            return cv2.cvtColor(self.pixels, _FROM_BAYER[_BAYER_ENCODING[self.encoding]])
+        return self.pixels if self.pixels.ndim == 3 else cv2.cvtColor(self.pixels, cv2.COLOR_GRAY2BGR)
+
+
+@dataclass(frozen=True)
+class Preparation:
+    """What becomes of each image between its source and its publication.
+
+    Parameters
+    ----------
+    settings : pattern of a mosaic, and as what images are published.
+    size : (width, height) to resample to, or None.
+    source : for errors.
+
+    Raises
+    ------
+    SourceError : a mosaic, or a JPEG as it is, cannot be resampled.
+    """
+
+    settings: CaptureSettings
+    size: tuple[int, int] | None
+    source: str
+
+    def __post_init__(self):
+        raw_mosaic = self.settings.publish == "native" and self.settings.bayer
+        if self.size is not None and (raw_mosaic or self.settings.publish == JPEG):
+            what = "a Bayer mosaic" if raw_mosaic else "a JPEG that is passed on as it is"
+            raise SourceError(self.source, f"{what} cannot be resampled; publish color, or leave its size")
+
+    def image(self, stamp_ns: int, content: np.ndarray | bytes) -> SourceImage:
+        """The image to publish of what a source has given: pixels (h, w[, 3]) or the bytes of a JPEG.
+
+        Raises
+        ------
+        SourceError : what is to be passed on as JPEG is none, or a JPEG cannot be decoded.
+        """
+        if self.settings.publish == JPEG:
+            if not isinstance(content, bytes):
+                raise SourceError(self.source, "does not give JPEG images that could be passed on as they are")
+            return SourceImage(stamp_ns, None, JPEG, content)
+        jpeg = content if isinstance(content, bytes) else b""
+        pixels = decode_jpeg(content, self.size) if isinstance(content, bytes) else content
+        return SourceImage(stamp_ns, *self._converted(pixels), jpeg)
+
+    def _converted(self, pixels: np.ndarray) -> tuple[np.ndarray, str]:
+        pattern, publish = self.settings.bayer, self.settings.publish
+        if pattern is not None:
+            mosaic = pixels if pixels.ndim == 2 else pixels[:, :, 0]
+            if publish == "native":
+                return mosaic, f"bayer_{pattern}8"
+            pixels = cv2.cvtColor(mosaic, _FROM_BAYER[pattern])
+        pixels = resampled(pixels, self.size)
+        if pixels.ndim == 3 and publish == "mono":
+            return cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), "mono8"
+        if pixels.ndim == 2 and publish == "color":
+            return cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR), "bgr8"
+        return pixels, "bgr8" if pixels.ndim == 3 else "mono8"
+
+
+def resampled(pixels: np.ndarray, size: tuple[int, int] | None) -> np.ndarray:
+    """An image at another size (width, height): area averages when it shrinks, linear interpolation when it grows."""
+    if size is None or (pixels.shape[1], pixels.shape[0]) == tuple(size):
+        return pixels
+    shrinks = size[0] < pixels.shape[1]
+    return cv2.resize(pixels, size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
+
+
+def decode_jpeg(data: bytes, size: tuple[int, int] | None = None) -> np.ndarray:
+    """Pixels (h, w, 3) BGR; where ``size`` is a half, a quarter or an eighth, they are never computed at full size.
+
+    Raises
+    ------
+    SourceError : damaged.
+    """
+    width, height = jpeg_size(data)
+    factor = width // size[0] if size else 1
+    exact = size is not None and (factor * size[0], factor * size[1]) == (width, height)
+    flags = _REDUCED.get(factor, cv2.IMREAD_COLOR) if exact else cv2.IMREAD_COLOR
+    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags | cv2.IMREAD_IGNORE_ORIENTATION)
+    if pixels is None:
+        raise SourceError("JPEG image", "cannot be decoded")
+    return resampled(pixels, size)
+
+
+def jpeg_size(data: bytes) -> tuple[int, int]:
+    """(width, height) from the frame header of a JPEG (ITU-T T.81, B.2.2).
+
+    Raises
+    ------
+    SourceError : no JPEG, or one that ends before its frame header.
+    """
+    at = 2
+    while data[:2] == b"\xff\xd8" and at + 9 <= len(data) and data[at] == 0xFF:
+        kind = data[at + 1]
+        if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
+            return int.from_bytes(data[at + 7 : at + 9], "big"), int.from_bytes(data[at + 5 : at + 7], "big")
+        at += 1 if kind == 0xFF else 2 + int.from_bytes(data[at + 2 : at + 4], "big")
+    raise SourceError("JPEG image", "has no frame header")
+
+
+def content_size(content: np.ndarray | bytes) -> tuple[int, int]:
+    """(width, height) of pixels or of a JPEG; raises SourceError for bytes that are none."""
+    return jpeg_size(content) if isinstance(content, bytes) else (content.shape[1], content.shape[0])
+
+
+def bayer_pattern(encoding: str) -> str | None:
+    """``rggb`` of ``bayer_rggb8``; None for other encodings."""
+    return _BAYER_ENCODING.get(encoding)
