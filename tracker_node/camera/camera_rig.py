@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..errors import UnknownNameError
 from ..geometry import se3
 from .camera_model import CameraModel
+from .capture_settings import CaptureSettings
 from .light import Light
 
 
@@ -21,7 +22,8 @@ class Camera:
     ----------
     name : used for topics; its frame id is ``<name>_optical_frame``.
     T_world_cam : (4, 4), p_world = T_world_cam @ p_cam, metres.
-    source : video file, image folder or pattern; None for a camera that something else publishes.
+    source : where its images come from (`loaders.source_address`); None for a camera that something else publishes.
+    capture : how they are taken, and as what they are published.
     time_offset_ns : added to the source's own stamps to get common time.
     time_drift_ppm : by how much common time advances more than the camera's own, in millionths, from its first image on.
     stamps : where its own stamps come from, see `loaders.stamps`; None for what the source has by default.
@@ -43,6 +45,7 @@ class Camera:
     interlaced: str | None = None
     gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
     gamma: float = 1.0
+    capture: CaptureSettings = field(default_factory=CaptureSettings)
 
     def __post_init__(self):
         transform = np.array(self.T_world_cam, dtype=np.float64)

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Iterable
 from typing import Any, Literal
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from ..camera.capture_settings import CaptureSettings
 from ..errors import TrackerError
@@ -20,7 +20,7 @@ class CaptureEntry(FileModel):
     rate_hz: PositiveNumber | None = None
     exposure_us: PositiveNumber | None = None
     gain: int | None = None
-    controls: dict[str, int] = {}
+    controls: dict[str, int] = Field(default_factory=dict)
     bayer: Literal["rggb", "bggr", "gbrg", "grbg"] | None = None
     publish: Literal["color", "mono", "native", "jpeg"] = "color"
     camera_info_url: str | None = None

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from ..camera.camera_model import CameraModel
 from ..camera.camera_rig import Camera, CameraRig
+from ..camera.capture_settings import CaptureSettings
 from ..camera.distortion import COEFFICIENT_COUNTS
 from ..camera.light import Light
-from ..errors import CalibrationError
+from ..errors import CalibrationError, SourceError
 from ..geometry import se3
+from .capture_yaml import CaptureEntry, capture_entry
+from .source_address import parse_source, relocated
 from .yaml_file import FileModel, Number, PositiveNumber, is_number, numbers, problem, read_mapping, validate, write_mapping
 
 NS_PER_S = 1_000_000_000
@@ -40,6 +42,17 @@ def _gain(value: Any) -> tuple[float, float, float]:
     return float(items[0]), float(items[1]), float(items[2])
 
 
+def _source(value: str | None) -> str | None:
+    try:
+        if value is not None:
+            parse_source(value)
+    except SourceError as error:
+        raise problem(
+            "a path, or a source of a known kind (file:, bag:, v4l2:, topic:, rtsp://, http://, udp://)", error.source
+        ) from None
+    return value
+
+
 class CameraEntry(FileModel):
     """One camera as the file states it: calibration in calibration pixels, extrinsics, source."""
 
@@ -48,7 +61,8 @@ class CameraEntry(FileModel):
     distortion_model: Literal["none", "plumb_bob", "rational_polynomial", "equidistant"] = "none"
     distortion: numbers(None) = ()  # type: ignore[valid-type]
     T_world_cam: numbers(4, 4)  # type: ignore[valid-type]
-    source: str | None = None
+    source: Annotated[str | None, AfterValidator(_source)] = None
+    capture: CaptureEntry | None = None
     time_offset_s: Number = 0.0
     time_drift_ppm: Number = 0.0
     stamps: Literal["rate", "container", "device", "capture"] | None = None
@@ -194,6 +208,7 @@ def build_rig(rig_file: RigFile, base_dir: str | Path) -> CameraRig:
                 model=entry.model(name),
                 T_world_cam=_rigid(np.array(entry.T_world_cam)),
                 source=_resolved(entry.source, base_dir),
+                capture=entry.capture.settings() if entry.capture else CaptureSettings(),
                 time_offset_ns=round(entry.time_offset_s * NS_PER_S),
                 time_drift_ppm=entry.time_drift_ppm,
                 stamps=entry.stamps,
@@ -223,7 +238,7 @@ def write_rig_file(rig_file: RigFile, path: str | Path, base_dir: str | Path | N
     for entry in values["cameras"].values():
         for key in ("source", "plate", "stamp_file"):
             if base_dir is not None and key in entry:
-                entry[key] = _moved(entry[key], Path(base_dir), Path(path).parent)
+                entry[key] = relocated(entry[key], base_dir, Path(path).parent)
     write_mapping(values, path, "Camera rig; the format is described in docs/formats.md.")
 
 
@@ -238,6 +253,7 @@ def rig_file_of(rig: CameraRig) -> RigFile:
             distortion=camera.model.distortion,
             T_world_cam=camera.T_world_cam,
             source=camera.source,
+            capture=capture_entry(camera.capture),
             time_offset_s=camera.time_offset_ns / NS_PER_S,
             time_drift_ppm=camera.time_drift_ppm,
             stamps=camera.stamps,  # type: ignore[arg-type]
@@ -269,12 +285,4 @@ def _rigid(transform: np.ndarray) -> np.ndarray:
 
 
 def _resolved(source: str | None, base_dir: str | Path) -> str | None:
-    if source is None or "://" in source or os.path.isabs(source):
-        return source
-    return os.path.normpath(os.path.join(base_dir, source))
-
-
-def _moved(source: str, old_dir: Path, new_dir: Path) -> str:
-    if "://" in source or os.path.isabs(source):
-        return source
-    return os.path.relpath(os.path.join(old_dir, source), new_dir)
+    return None if source is None else relocated(source, base_dir)
