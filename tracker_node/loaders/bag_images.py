@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import SourceError
 from ..observation.image_set import ENCODINGS, CameraImage
 from .bag_reader import BagMessage, BagReader
+from .source_image import bayer_pattern
 
 RAW = "sensor_msgs/msg/Image"
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
@@ -66,6 +67,10 @@ def image_of(reader: BagReader, message: BagMessage, camera: str) -> CameraImage
             raise SourceError(camera, f"compressed image at {stamp_ns} ns cannot be decoded (format '{content.format}')")
         return CameraImage(camera, stamp_ns, pixels, "bgr8")
     encoding = _SAME_ENCODING.get(content.encoding, content.encoding)
+    return CameraImage(camera, stamp_ns, _rows(content, encoding, camera, stamp_ns), encoding)
+
+
+def _rows(content, encoding: str, camera: str, stamp_ns: int) -> np.ndarray:
     if encoding not in ENCODINGS:
         raise SourceError(camera, f"image encoding: expected one of {sorted(ENCODINGS)}, got '{content.encoding}'")
     row_bytes = content.width * ENCODINGS[encoding]
@@ -76,7 +81,25 @@ def image_of(reader: BagReader, message: BagMessage, camera: str) -> CameraImage
     shape = (content.height, content.width, 3) if ENCODINGS[encoding] == 3 else (content.height, content.width)
     pixels = rows.reshape(shape)  # copies only where rows are padded
     pixels.setflags(write=False)
-    return CameraImage(camera, stamp_ns, pixels, encoding)
+    return pixels
+
+
+def source_content(reader: BagReader, message: BagMessage) -> tuple[int, np.ndarray | bytes, str | None]:
+    """Stamp, pixels (h, w, 3) in BGR or (h, w), or a JPEG as it is, and the Bayer pattern of a mosaic.
+
+    Raises
+    ------
+    SourceError : an encoding that cannot be used, or a damaged image.
+    """
+    content = reader.decode(message)
+    stamp_ns = stamp_ns_of(content.header.stamp)
+    if message.type_name == COMPRESSED and content.data[:2].tobytes() == b"\xff\xd8":
+        return stamp_ns, content.data.tobytes(), None
+    pattern = bayer_pattern(getattr(content, "encoding", ""))
+    if pattern:
+        return stamp_ns, _rows(content, "mono8", message.topic, stamp_ns), pattern
+    image = image_of(reader, message, message.topic)
+    return stamp_ns, image.pixels if image.encoding == "mono8" else np.ascontiguousarray(image.bgr), None
 
 
 def only_topic(reader: BagReader, type_name: str, wanted: Collection[str] = ()) -> str:

@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..errors import TrackerError
-from .image_source import ImageSource
+from .recorded_source import ImageSource
+from .source_image import SourceImage
 
 _AHEAD = 3  # decoded images that wait, per camera
 _SAME_INSTANT = 0.4  # of the shortest image period
@@ -22,12 +23,19 @@ _SAME_INSTANT = 0.4  # of the shortest image period
 
 @dataclass(frozen=True)
 class FeedImage:
-    """One image with its camera's stamp; ``repeats`` when its pixels are those of the camera's image before."""
+    """One image of a camera; ``repeats`` when its pixels are those of the camera's image before."""
 
     camera: str
-    stamp_ns: int
-    bgr: np.ndarray
+    image: SourceImage
     repeats: bool
+
+    @property
+    def stamp_ns(self) -> int:
+        return self.image.stamp_ns
+
+    @property
+    def bgr(self) -> np.ndarray:
+        return self.image.bgr
 
 
 @dataclass(frozen=True)
@@ -122,7 +130,7 @@ class ImageFeed:
 
     def _decode(self, camera: str) -> None:
         try:
-            for image in _marked(camera, self._sources[camera]):
+            for image in _marked(camera, self._sources[camera].images()):
                 if not self._put(camera, image):
                     return
             self._put(camera, "")
@@ -141,10 +149,17 @@ class ImageFeed:
         return False
 
 
-def _marked(camera: str, images: Iterable[tuple[int, np.ndarray]]) -> Iterator[FeedImage]:
-    before: np.ndarray | None = None
-    for stamp_ns, bgr in images:
-        # A few pixels tell almost all images apart, the rest only confirms.
-        repeats = before is not None and np.array_equal(before[::16, ::16], bgr[::16, ::16]) and np.array_equal(before, bgr)
-        yield FeedImage(camera, stamp_ns, bgr, bool(repeats))
-        before = bgr
+def _marked(camera: str, images: Iterable[SourceImage]) -> Iterator[FeedImage]:
+    before: SourceImage | None = None
+    for image in images:
+        yield FeedImage(camera, image, before is not None and is_repetition(before, image))
+        before = image
+
+
+def is_repetition(before: SourceImage, image: SourceImage) -> bool:
+    """Whether two images of a camera are the same to the last bit."""
+    a, b = before.pixels, image.pixels
+    if a is None or b is None:
+        return before.jpeg == image.jpeg
+    # A few pixels tell almost all images apart, the rest only confirms.
+    return bool(np.array_equal(a[::16, ::16], b[::16, ::16]) and np.array_equal(a, b))

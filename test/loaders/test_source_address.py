@@ -1,0 +1,109 @@
+"""The grammar of image sources."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from tracker_node.errors import FileFormatError, SourceError
+from tracker_node.loaders.capture_yaml import changed_settings, split_change
+from tracker_node.loaders.image_source import open_source
+from tracker_node.loaders.rig_yaml import load_rig, rig_file_of, write_rig_file
+from tracker_node.loaders.source_address import SourceAddress, parse_source, relocated
+
+RIG = """
+cameras:
+  left:
+    image_size: [64, 48]
+    K: [[60, 0, 31.5], [0, 60, 23.5], [0, 0, 1]]
+    T_world_cam: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+    source: SOURCE
+    capture: {pixel_format: MJPG, exposure_us: 4000, gain: 12, controls: {focus_absolute: 30}, publish: jpeg}
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "address", "live"),
+    [
+        ("videos/cam1.mp4", SourceAddress("file", "videos/cam1.mp4"), False),
+        ("file:videos/a b.mp4", SourceAddress("file", "videos/a b.mp4"), False),
+        ("file:///data/cam1.mp4", SourceAddress("file", "/data/cam1.mp4"), False),
+        ("images/%04d.png", SourceAddress("file", "images/%04d.png"), False),
+        ("bag:run/bag", SourceAddress("bag", "run/bag"), False),
+        ("bag:run/bag#/left/image_raw", SourceAddress("bag", "run/bag", "/left/image_raw"), False),
+        ("v4l2:/dev/v4l/by-id/usb-A_B-video-index0", SourceAddress("v4l2", "/dev/v4l/by-id/usb-A_B-video-index0"), True),
+        ("topic:/left/image_raw/compressed", SourceAddress("topic", "/left/image_raw/compressed"), True),
+        ("rtsp://user:pw@10.0.0.2:554/h264", SourceAddress("stream", "rtsp://user:pw@10.0.0.2:554/h264"), True),
+        ("http://127.0.0.1:8080/?action=stream", SourceAddress("stream", "http://127.0.0.1:8080/?action=stream"), True),
+        ("udp://@:5000", SourceAddress("stream", "udp://@:5000"), True),
+    ],
+)
+def test_every_kind_of_source(text: str, address: SourceAddress, live: bool):
+    assert parse_source(text) == address and address.is_live is live
+    assert parse_source(str(address)) == address
+
+
+@pytest.mark.parametrize("text", ["vfl2:/dev/video0", "gopher://x/y", "v4l2:", "topic:", "topic:/a//b", "bag:#/a"])
+def test_what_is_no_source_is_refused(text: str):
+    with pytest.raises(SourceError, match="unknown kind of source|expected a"):
+        parse_source(text)
+
+
+def test_a_file_with_a_colon_in_its_name_is_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "take:1.avi").touch()
+    assert parse_source("take:1.avi").kind == "file"
+
+
+def test_paths_are_relative_to_the_rig_and_addresses_are_not(tmp_path: Path):
+    assert relocated("a.mp4", "/rigs") == "/rigs/a.mp4"
+    assert relocated("bag:b#/t", "/rigs") == "bag:/rigs/b#/t"
+    assert relocated("/rigs/x/a.mp4", "/rigs") == "/rigs/x/a.mp4"
+    assert relocated("a.mp4", "/rigs/old", "/rigs/new") == "../old/a.mp4"
+    for text in ("v4l2:/dev/video0", "topic:left/image_raw", "rtsp://host/path"):
+        assert relocated(text, "/rigs", "/elsewhere") == text
+
+
+def test_rig_files_keep_sources_and_settings(tmp_path: Path):
+    source = "v4l2:/dev/v4l/by-id/usb-A_B-video-index0"
+    (tmp_path / "rig.yaml").write_text(RIG.replace("SOURCE", source))
+    rig = load_rig(tmp_path / "rig.yaml")
+    write_rig_file(rig_file_of(rig), tmp_path / "again.yaml")
+    for camera in (rig["left"], load_rig(tmp_path / "again.yaml")["left"]):
+        assert camera.source == source
+        assert (camera.capture.pixel_format, camera.capture.exposure_us, camera.capture.gain) == ("MJPG", 4000.0, 12)
+        assert camera.capture.controls == {"focus_absolute": 30} and camera.capture.publish == "jpeg"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "field"),
+    [
+        ("SOURCE", "gopher://x", "source"),
+        ("MJPG", "mjpeg", "pixel_format"),
+        ("exposure_us: 4000", "exposure_us: -1", "exposure_us"),
+        ("exposure_us", "exposure", "exposure"),
+        ("publish: jpeg", "publish: png", "publish"),
+    ],
+)
+def test_mistakes_in_a_rig_file_are_named(tmp_path: Path, old: str, new: str, field: str):
+    (tmp_path / "rig.yaml").write_text(RIG.replace(old, new).replace("SOURCE", "a.mp4"))
+    with pytest.raises(FileFormatError, match=rf"cameras\.left\.(capture\.)?{field}"):
+        load_rig(tmp_path / "rig.yaml")
+
+
+def test_settings_from_the_command_line(tmp_path: Path):
+    (tmp_path / "rig.yaml").write_text(RIG.replace("SOURCE", "a.mp4"))
+    before = load_rig(tmp_path / "rig.yaml")["left"].capture
+    after = changed_settings(before, [("exposure_us", "2500"), ("controls.brightness", "3"), ("publish", "color")])
+    assert after == dataclasses.replace(
+        before, exposure_us=2500.0, controls={"focus_absolute": 30, "brightness": 3}, publish="color"
+    )
+    with pytest.raises(FileFormatError, match=r"--capture: field 'exposure'"):
+        changed_settings(before, [("exposure", "2500")])
+    assert split_change("left.gain=3", ["left"]) == ("left", "gain", "3")
+    assert split_change("controls.gain=3", ["left"]) == (None, "controls.gain", "3")
+
+
+def test_a_live_source_is_not_read_as_a_recording():
+    with pytest.raises(SourceError, match="is live"):
+        open_source("v4l2:/dev/video0")

@@ -1,0 +1,151 @@
+"""What recorded images have in common: a stream of stamps and images, the same each time.
+
+Image ``i`` of a source has the stamp ``base_stamp_ns + round(i * 1e9 / rate_hz)``, computed afresh from the integer ``i``,
+so the same file always gives the same stamps; or that of a list (`loaders.stamps`), or its own. ``i`` counts from the beginning
+of the file also when ``start`` skips some, and goes on counting when a loop begins again.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..camera.capture_settings import CaptureSettings
+from ..errors import SourceError
+from .source_image import Preparation, SourceImage, content_size
+from .stamps import common_ns, period_ns
+
+
+@dataclass(frozen=True)
+class SourceOptions:
+    """What part of a source is read, and how.
+
+    Parameters
+    ----------
+    start, end : image numbers, ``end`` exclusive; None for the last.
+    loop : begin again at ``start`` for ever.
+    rate_hz : images per second instead of what the file says.
+    size : (width, height) to resample to; None keeps the file's.
+    shrink : whole factor by which images are made smaller, by area averages, unless there is a ``size``.
+    base_stamp_ns : stamp of image 0, or, with a list of stamps, added to all of them.
+    times_ns : stamp of every image of the file, instead of a rate.
+    drift_ppm : by how much common time advances more than these stamps, in millionths.
+    capture : pattern of a mosaic, and as what images are published; the rest is for devices.
+    threads : of the decoder; None leaves it to OpenCV.
+    """
+
+    start: int = 0
+    end: int | None = None
+    loop: bool = False
+    rate_hz: float | None = None
+    size: tuple[int, int] | None = None
+    base_stamp_ns: int = 0
+    times_ns: tuple[int, ...] | None = None
+    drift_ppm: float = 0.0
+    shrink: int = 1
+    capture: CaptureSettings = field(default_factory=CaptureSettings)
+    threads: int | None = None
+
+    def __post_init__(self):
+        if self.start < 0 or (self.end is not None and self.end <= self.start):
+            raise ValueError(f"expected 0 <= start < end, got {self.start} and {self.end}")
+        if self.rate_hz is not None and not 0.0 < self.rate_hz < 1e6:
+            raise ValueError(f"expected a positive rate in Hz, got {self.rate_hz}")
+        if self.size is not None and min(self.size) < 1:
+            raise ValueError(f"expected a positive size in pixels, got {self.size}")
+        if self.shrink < 1 or (self.threads is not None and self.threads < 1):
+            raise ValueError(f"expected a factor and a number of threads of at least 1, got {self.shrink} and {self.threads}")
+
+    def output_size(self, width: int, height: int) -> tuple[int, int]:
+        """(width, height) of what is delivered of images of this size."""
+        return self.size or (max(1, width // self.shrink), max(1, height // self.shrink))
+
+
+@dataclass
+class ReadCounts:
+    """What became of the images of the latest pass over a source."""
+
+    read: int = 0
+    missing: int = 0  # announced by the file, but not there or not readable
+    problems: list[str] = field(default_factory=list)
+
+
+class ImageSource(ABC):
+    """Iterates ``(stamp_ns, bgr)``, or by `images` what is to be published; each iteration reads the file from the beginning.
+
+    ``width`` and ``height`` are those of the delivered images, ``n_images`` the number in one pass as far as the file says
+    (a truncated video delivers fewer, see ``counts``).
+    """
+
+    def __init__(self, path: str, options: SourceOptions):
+        self.path, self.options = path, options
+        self.counts = ReadCounts()
+        self.native_width, self.native_height, rate_hz, self._n_in_file = self._open()
+        if options.start >= self._n_in_file:
+            raise SourceError(path, f"start is image {options.start}, but there are only {self._n_in_file} images")
+        if options.times_ns is not None and period_ns(options.times_ns):
+            rate_hz = 1e9 / period_ns(options.times_ns)
+        self.rate_hz = float(options.rate_hz or rate_hz)
+        self.width, self.height = options.output_size(self.native_width, self.native_height)
+        shrinks = (self.width, self.height) != (self.native_width, self.native_height)
+        self._preparation = Preparation(self._settings(), (self.width, self.height) if shrinks else None, path)
+
+    def _settings(self) -> CaptureSettings:
+        """Known once the source has been opened."""
+        return self.options.capture
+
+    @property
+    def n_images(self) -> int:
+        return min(self.options.end or self._n_in_file, self._n_in_file) - self.options.start
+
+    def stamp_ns(self, i: int) -> int:
+        """Stamp of image number ``i`` of the file; beyond the last one read, that of a later pass."""
+        first_ns = self._own_ns(0)
+        return common_ns(self._own_ns(i), first_ns, self.options.base_stamp_ns, self.options.drift_ppm)
+
+    def _own_ns(self, i: int) -> int:
+        times, start, n = self.options.times_ns, self.options.start, self.n_images
+        if times is None:
+            return round(i * 1e9 / self.rate_hz)
+        passes = max(i - start, 0) // n
+        last_ns = times[start + n - 1] + round(1e9 / self.rate_hz)
+        return times[i - passes * n] + passes * (last_ns - times[start])
+
+    def __iter__(self) -> Iterator[tuple[int, np.ndarray]]:
+        for image in self.images():
+            yield image.stamp_ns, image.bgr
+
+    def images(self) -> Iterator[SourceImage]:
+        """Images as they are to be published."""
+        self.counts = ReadCounts()
+        passes = 0
+        while True:
+            before = self.counts.read
+            for i, content in self._read(self.options.start, self.options.start + self.n_images):
+                self.counts.read += 1
+                yield self._prepared(self.stamp_ns(i + passes * self.n_images), content)
+            passes += 1
+            if not self.options.loop or self.counts.read == before:
+                return
+
+    def _prepared(self, stamp_ns: int, content: np.ndarray | bytes) -> SourceImage:
+        width, height = content_size(content)
+        if (width, height) != (self.native_width, self.native_height):
+            change = f"from {self.native_width}x{self.native_height} to {width}x{height}"
+            raise SourceError(self.path, f"image size changes {change}")
+        return self._preparation.image(stamp_ns, content)
+
+    def _missing(self, n: int, problem: str) -> None:
+        self.counts.missing += n
+        self.counts.problems.append(problem)
+
+    @abstractmethod
+    def _open(self) -> tuple[int, int, float, int]:
+        """(width, height, rate_hz, number of images); raises SourceError."""
+
+    @abstractmethod
+    def _read(self, start: int, end: int) -> Iterator[tuple[int, np.ndarray | bytes]]:
+        """(number, pixels (h, w[, 3]) or JPEG) of the readable images in [start, end)."""
