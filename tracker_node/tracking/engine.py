@@ -31,7 +31,8 @@ class Verdict:
     ``reason`` is empty when the status is TRACKING. ``noise``: what was fitted is not the body at all, and the predicted state is
     the better answer. ``jumped``: the body was found far from where it was expected, and how it got there says nothing of its
     speed. ``limbs`` are judged one by one where the engine can; ``trust`` (n_dof,) then is the share of the information's square
-    root that is to be believed.
+    root that is to be believed. ``surety`` is what the images say for this state against chance, by which states in the same
+    images can be compared; None where the engine has no such measure.
     """
 
     status: Status
@@ -40,6 +41,7 @@ class Verdict:
     jumped: bool = False
     limbs: tuple[LimbReport, ...] = ()
     trust: np.ndarray | None = None
+    surety: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -249,7 +249,9 @@ class RegionEngine:
         self._searches.remember(result.state, status, limbs)
         if status is Status.TRACKING:
             status, reason = self._status_of_cameras(evidence, image_set)
-        return Verdict(status, reason, noise=is_noise(evidence), jumped=self._found, limbs=limbs, trust=trust)
+        return Verdict(
+            status, reason, noise=is_noise(evidence), jumped=self._found, limbs=limbs, trust=trust, surety=_surety(evidence)
+        )
 
     def _status_of_cameras(self, evidence: PartEvidence, image_set: ImageSet) -> tuple[Status, str]:
         """Of a body that is well: does every camera see it as it should?"""
@@ -338,4 +340,10 @@ class RegionEngine:
 
 _BODY_PX = 300.0  # lines are shorter on bodies that are smaller than this
 _LEAST_OUTLINE = 10  # samples of the outline that a camera should see, to be asked
+_CHANCE = 3.0  # log-likelihood ratio of a contour against none, a sample, that a body has wherever it is put
 PX2_PER_INFORMATION = 18.0  # of the pulls of `MotionConfig`, which are stated in squared pixels
+
+
+def _surety(evidence: PartEvidence) -> float:
+    """Log-likelihood of the body's outline against chance; what hides behind the rest wins nothing."""
+    return float((evidence.log_ratio - _CHANCE * evidence.expected).sum())
