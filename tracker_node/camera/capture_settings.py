@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 BAYER_PATTERNS = ("rggb", "bggr", "gbrg", "grbg")
 """Colors of the first two lines of a mosaic, from the left."""
+_MOSAICS = {"RGGB": "rggb", "BA81": "bggr", "GBRG": "gbrg", "GRBG": "grbg"}
 PUBLISHED = ("color", "mono", "native", "jpeg")
 
 
@@ -22,7 +23,7 @@ class CaptureSettings:
     exposure_us : exposure time, microseconds; None leaves the device as it is.
     gain : in the units of the device.
     controls : further controls of the device by name (``white_balance_automatic``), as ``v4l2-ctl --list-ctrls`` has them.
-    bayer : one of `BAYER_PATTERNS` where grey images are a color mosaic.
+    bayer : one of `BAYER_PATTERNS` where grey images are a color mosaic; pixel formats of devices that are one say it.
     publish : ``color`` (bgr8), ``mono`` (mono8), ``native`` (grey images as mono8, mosaics as ``bayer_*8``), or ``jpeg``: the
         bytes of a source of JPEG images as they are.
     camera_info_url : where the lens is kept, see `loaders.camera_info_url`; None for that of the rig.
@@ -44,6 +45,8 @@ class CaptureSettings:
             value = getattr(self, name)
             if value is not None and not 0.0 < value < 1e7:
                 raise ValueError(f"expected a positive {name}, got {value}")
+        if self.bayer is None and self.pixel_format in _MOSAICS:
+            object.__setattr__(self, "bayer", _MOSAICS[self.pixel_format])
         if self.bayer not in (None, *BAYER_PATTERNS):
             raise ValueError(f"expected a Bayer pattern of {BAYER_PATTERNS}, got {self.bayer!r}")
         if self.publish not in PUBLISHED:

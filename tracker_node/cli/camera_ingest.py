@@ -1,12 +1,15 @@
-"""``tracker_node camera_ingest``: publish recorded cameras."""
+"""``tracker_node camera_ingest``: publish cameras of all kinds."""
 
 from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 
-SUMMARY = "publish the videos or image folders of a rig as ROS cameras"
-EXAMPLE = "tracker_node camera_ingest --rig rig.yaml --loop --resize 640x480"
+SUMMARY = "publish videos, image folders, bags, devices, network streams or topics as the ROS cameras of a rig"
+EXAMPLE = """tracker_node camera_ingest --rig rig.yaml --loop --shrink 2
+  tracker_node camera_ingest --rig rig.yaml --source left=rtsp://10.0.0.2/h264 right=v4l2:/dev/v4l/by-id/usb-A_B-video-index0 \\
+      --capture right.pixel_format=MJPG right.exposure_us=4000 --record out/take1"""
 
 
 def image_size(text: str) -> tuple[int, int]:
@@ -17,18 +20,43 @@ def image_size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
+def named_source(text: str) -> tuple[str, str]:
+    """``left=videos/left.mp4`` -> (``left``, ``videos/left.mp4``)."""
+    name, equals, source = text.partition("=")
+    if not equals or not name.isidentifier() or not source:
+        raise argparse.ArgumentTypeError(f"expected CAMERA=SOURCE, got '{text}'")
+    return name, source
+
+
 def add_source_arguments(parser: argparse.ArgumentParser) -> None:
     """What part of the sources, and how; shared with ``pipeline``."""
     parser.add_argument("--cameras", nargs="+", metavar="NAME", help="only these cameras of the rig")
+    parser.add_argument(
+        "--source",
+        nargs="+",
+        default=[],
+        type=named_source,
+        metavar="CAMERA=SOURCE",
+        help="instead of the rig's: a file, folder or pattern, bag:PATH[#TOPIC], v4l2:DEVICE, rtsp://, http://, topic:NAME",
+    )
+    parser.add_argument(
+        "--capture",
+        nargs="+",
+        default=[],
+        metavar="[CAMERA.]FIELD=VALUE",
+        help="pixel_format, rate_hz, exposure_us, gain, controls.NAME, bayer, publish=color|mono|native|jpeg, camera_info_url",
+    )
     parser.add_argument("--rate", type=float, metavar="HZ", help="images per second, instead of what the files say")
     parser.add_argument("--start", type=int, default=0, metavar="N", help="first image (default 0)")
     parser.add_argument("--end", type=int, metavar="N", help="image to stop before (default: the last)")
     parser.add_argument("--resize", type=image_size, metavar="WxH", help="resample the images; the calibration is scaled along")
+    parser.add_argument("--shrink", type=int, default=1, metavar="N", help="make them N times smaller, by area averages")
+    parser.add_argument("--decode-threads", type=int, metavar="N", help="of each camera's decoder (default: OpenCV's choice)")
     parser.add_argument("--compressed", action="store_true", help="offer JPEG images too, on <cam>/image_raw/compressed")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--rig", required=True, metavar="FILE", help="rig.yaml with cameras and their sources")
+    parser.add_argument("--rig", metavar="FILE", help="rig.yaml with cameras and their sources; without it, --source names them")
     add_source_arguments(parser)
     parser.add_argument("--loop", action="store_true", help="begin again at the end, for ever")
     parser.add_argument(
@@ -42,22 +70,56 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--wait-for-subscribers", type=int, default=0, metavar="N", help="wait for N subscribers to the images")
     parser.add_argument("--wait-for-info-subscribers", type=int, default=0, metavar="N", help="and to the calibrations")
     parser.add_argument("--preload", action="store_true", help="decode all images first (short clips at high rates)")
+    parser.add_argument("--record", type=Path, metavar="FOLDER", help="write the images as they come to this bag too")
+
+
+def source_options(args: argparse.Namespace, **more):
+    """`SourceOptions` of the command line.
+
+    Raises
+    ------
+    TrackerError : numbers that contradict each other.
+    """
+    from ..errors import TrackerError
+    from ..loaders.image_source import SourceOptions
+
+    try:
+        return SourceOptions(
+            args.start, args.end, args.loop, args.rate, args.resize, shrink=args.shrink, threads=args.decode_threads, **more
+        )
+    except ValueError as error:
+        raise TrackerError(f"--start, --end, --rate, --resize, --shrink, --decode-threads: {error}") from None
+
+
+def cameras_of(rig, args: argparse.Namespace):
+    """The cameras that the command line asks for.
+
+    Raises
+    ------
+    TrackerError : names or fields that are not known, or nothing to publish.
+    """
+    from ..errors import TrackerError
+    from ..loaders.capture_yaml import split_change
+    from ..ros.ingest_cameras import chosen_cameras
+
+    sources = dict(args.source)
+    if rig is None and not sources:
+        raise TrackerError("nothing to publish: give --rig, or --source CAMERA=SOURCE")
+    names = sources if rig is None else rig.names
+    changes = [split_change(text, names) for text in args.capture]
+    return chosen_cameras(rig, args.cameras or (), sources, changes)
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..errors import TrackerError
-    from ..loaders.image_source import SourceOptions
     from ..loaders.rig_yaml import load_rig
-    from ..ros.camera_ingest_node import CameraIngestNode, IngestOptions, open_sources
+    from ..ros.camera_ingest_node import CameraIngestNode, IngestOptions
     from ..ros.executor import ros_process, spin
+    from ..ros.ingest_cameras import open_cameras
+    from ..ros.input_recorder import InputRecorder
 
-    rig = load_rig(args.rig)
-    try:
-        source_options = SourceOptions(args.start, args.end, args.loop, args.rate, args.resize)
-    except ValueError as error:
-        raise TrackerError(f"--start, --end, --rate, --resize: {error}") from None
+    rig = load_rig(args.rig) if args.rig else None
     options = IngestOptions(
-        source=source_options,
+        source=source_options(args, keep=args.record is not None),
         live_stamps=args.stamps == "live" if args.stamps else not args.as_fast_as_consumed,
         as_fast_as_consumed=args.as_fast_as_consumed,
         consumer=args.consumer,
@@ -65,22 +127,41 @@ def run(args: argparse.Namespace) -> int:
         wait_for_subscribers=args.wait_for_subscribers,
         wait_for_info_subscribers=args.wait_for_info_subscribers,
         compressed=args.compressed,
-        preload=args.preload,
     )
-    sources, problems = open_sources(rig, options, args.cameras)
-    with ros_process(args.ros_args) as stop:
-        node = CameraIngestNode(rig, sources, problems, options)
-        node.start()
-        try:
-            spin(node, stop, node.finished.is_set)
-        finally:
-            node.close()
-            summary = summarize(node.counts)
-            node.destroy_node()
-    print(summary)
-    for name, problem in node.problems.items():
+    opened = open_cameras(cameras_of(rig, args), options.source, args.preload)
+    recorder = InputRecorder(args.record) if args.record is not None else None
+    try:
+        with ros_process(args.ros_args) as stop:
+            node = CameraIngestNode(opened, options, recorder)
+            node.start()
+            try:
+                spin(node, stop, node.finished.is_set)
+            finally:
+                node.close()
+                counts, problems = node.counts, node.problems
+                node.destroy_node()
+    finally:
+        bag_problem = _close(recorder)
+    print(summarize(counts))
+    if recorder is not None:
+        print(f"recorded: {recorder.written} messages in {args.record}, {recorder.dropped} dropped")
+    if bag_problem:
+        problems = problems | {"bag": bag_problem}
+    for name, problem in problems.items():
         print(f"tracker_node camera_ingest: {name}: {problem}", file=sys.stderr)
-    return 1 if node.problems else 0
+    return 1 if problems else 0
+
+
+def _close(recorder) -> str:
+    """Finish the bag; returns what went wrong."""
+    from ..errors import TrackerError
+
+    try:
+        if recorder is not None:
+            recorder.close()
+    except TrackerError as error:
+        return str(error)
+    return ""
 
 
 def summarize(counts) -> str:

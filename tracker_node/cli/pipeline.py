@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from .camera_ingest import add_source_arguments
+from .camera_ingest import add_source_arguments, cameras_of, source_options
 from .tracker import add_body_arguments
 
 SUMMARY = "run camera_ingest, tracker and recorder together, from recorded cameras to a bag"
@@ -34,10 +34,10 @@ def run(args: argparse.Namespace) -> int:
     from ..ros.pipeline import PipelineOptions, run_pipeline
 
     rig = load_rig(args.rig)
+    readable, n_images = _look_at_sources(rig, args)
     if args.cameras:
         rig = rig.subset(args.cameras)
     _check_files(rig, args)
-    readable, n_images = _look_at_sources(rig, args)
     if args.bag is None and (args.masks or args.overlays or args.through_masks or args.images):
         raise TrackerError("--masks, --overlays, --through-masks and --images say what is recorded: give --bag too")
     if args.bag is not None and args.bag.exists():
@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
         through_masks=args.through_masks,
         images=args.images,
         lossless=not args.real_time,
-        n_expected=None if args.loop else n_images,
+        n_expected=n_images,
         ros_args=args.ros_args,
     )
     status, progress = run_pipeline(options)
@@ -83,7 +83,7 @@ def _body_options(args: argparse.Namespace, cameras: list[str]) -> list[str]:
     for name in ("config", "initial_state", "occluders"):
         if getattr(args, name):
             result += [f"--{name.replace('_', '-')}", getattr(args, name)]
-    if args.resize:
+    if args.resize or args.shrink > 1:
         result += ["--calibration", "camera_info"]
     return result
 
@@ -96,32 +96,34 @@ def _source_options(args: argparse.Namespace) -> list[str]:
         result += ["--rate", str(args.rate)]
     if args.resize:
         result += ["--resize", "{}x{}".format(*args.resize)]
+    if args.shrink > 1:
+        result += ["--shrink", str(args.shrink)]
+    if args.decode_threads is not None:
+        result += ["--decode-threads", str(args.decode_threads)]
     if args.cameras:
         result += ["--cameras", *args.cameras]
+    if args.source:
+        result += ["--source", *(f"{name}={source}" for name, source in args.source)]
+    if args.capture:
+        result += ["--capture", *args.capture]
     return result + [flag for name, flag in (("compressed", "--compressed"), ("loop", "--loop")) if getattr(args, name)]
 
 
-def _look_at_sources(rig, args: argparse.Namespace) -> tuple[list[str], int]:
-    """Cameras that can be read, and how many image sets to expect of them.
+def _look_at_sources(rig, args: argparse.Namespace) -> tuple[list[str], int | None]:
+    """Cameras that can be read, and how many image sets to expect of them; None if that is not known.
 
     Raises
     ------
-    TrackerError : when not a single camera can be read.
+    TrackerError : when not a single camera can be read, or one gives what cannot be tracked in this way.
     """
     from ..errors import TrackerError
-    from ..loaders.image_source import SourceOptions, open_camera_source
+    from ..ros.ingest_cameras import open_cameras
 
-    try:
-        options = SourceOptions(args.start, args.end, rate_hz=args.rate)
-    except ValueError as error:
-        raise TrackerError(f"--start, --end, --rate: {error}") from None
-    counts: dict[str, int] = {}
-    problems: list[TrackerError] = []
-    for camera in rig:
-        try:
-            counts[camera.name] = open_camera_source(camera, options).n_images
-        except TrackerError as error:
-            problems.append(error)  # the ingest will say so too
-    if not counts:
-        raise problems[0]
-    return list(counts), max(counts.values())
+    opened = open_cameras(cameras_of(rig, args), source_options(args))  # the ingest will tell the problems too
+    if opened.live and not args.real_time:
+        raise TrackerError(f"{', '.join(opened.live)}: live cameras do not wait for the tracker: give --real-time")
+    undecoded = [name for name, camera in opened.cameras.items() if camera.capture.publish == "jpeg"]
+    if undecoded:
+        raise TrackerError(f"{', '.join(undecoded)}: publish: jpeg gives no pixels to track; use color or mono")
+    endless = args.loop or opened.live
+    return list(opened.cameras), None if endless else max(source.n_images for source in opened.recorded.values())

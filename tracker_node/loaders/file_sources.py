@@ -16,7 +16,7 @@ from .source_image import JPEG, jpeg_size
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm")
 DEFAULT_FOLDER_RATE_HZ = 30.0  # still images carry no rate
-_MJPG = cv2.VideoWriter_fourcc(*"MJPG")
+_MJPG = cv2.VideoWriter.fourcc(*"MJPG")
 
 
 class VideoSource(ImageSource):
@@ -90,7 +90,7 @@ class FolderSource(ImageSource):
         publish, grey = self.options.capture.publish, self.options.capture.bayer or self.options.capture.publish == "mono"
         is_jpeg = Path(file).suffix.lower() in (".jpg", ".jpeg")
         shrinks = (self.width, self.height) != (self.native_width, self.native_height)
-        if publish == JPEG or (is_jpeg and shrinks and publish == "color" and not grey):
+        if publish == JPEG or (is_jpeg and (shrinks or self.options.keep) and publish == "color" and not grey):
             data = _bytes(file)
             if publish == JPEG or _plain_size(data) == (self.native_width, self.native_height):
                 return data

@@ -20,7 +20,7 @@ from .bag_source import BagSource, topic_of_camera
 from .file_sources import DEFAULT_FOLDER_RATE_HZ, IMAGE_SUFFIXES, FolderSource, VideoSource, list_images
 from .recorded_source import ImageSource, ReadCounts, SourceOptions
 from .source_address import BAG, parse_source
-from .source_image import JPEG, SourceImage
+from .source_image import SourceImage, check_fields
 from .stamps import field_times, file_times
 
 __all__ = [
@@ -75,8 +75,7 @@ class InterlacedSource(ImageSource):
     """
 
     def __init__(self, path: str | Path, options: SourceOptions, order: str):
-        if options.capture.publish == JPEG or options.capture.bayer:
-            raise SourceError(path, "interlaced images cannot be mosaics, nor passed on as JPEG")
+        check_fields(options.capture, str(path))
         self._order = order
         self._woven = open_source(path, SourceOptions(threads=options.threads))
         super().__init__(str(path), options)

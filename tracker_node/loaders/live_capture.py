@@ -16,7 +16,7 @@ from .v4l2_device import VideoDevice
 
 OPEN_TIMEOUT_MS = READ_TIMEOUT_MS = 4000  # a stream that says nothing for so long is gone
 _CLOCK_SLACK_NS = 10**10  # a device's stamp farther than this from now is of another clock
-_MJPG = cv2.VideoWriter_fourcc(*"MJPG")
+_MJPG = cv2.VideoWriter.fourcc(*"MJPG")
 _UNCONVERTED = ("GREY", "BA81", "GBRG", "GRBG", "RGGB", "Y8  ")  # one byte a pixel
 
 
@@ -98,7 +98,7 @@ class DeviceCapture(_OpenCvCapture):
     def _parameters(size: tuple[int, int] | None, settings: CaptureSettings) -> list[int]:
         parameters: list[int] = []
         if settings.pixel_format is not None:
-            parameters += [cv2.CAP_PROP_FOURCC, cv2.VideoWriter_fourcc(*settings.pixel_format)]
+            parameters += [cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*settings.pixel_format)]
         if size is not None:
             parameters += [cv2.CAP_PROP_FRAME_WIDTH, size[0], cv2.CAP_PROP_FRAME_HEIGHT, size[1]]
         if settings.rate_hz is not None:

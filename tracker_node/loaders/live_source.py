@@ -16,12 +16,17 @@ FIRST_RETRY_S, LAST_RETRY_S = 0.5, 8.0
 
 @dataclass
 class Connection:
-    """State of a live source: ``problem`` says why there is no connection; empty while there is one, and before the first."""
+    """State of a live source.
+
+    ``problem`` says why there is no connection; empty while there is one, and before the first. ``bayer`` is the pattern of
+    mosaics that say it of themselves.
+    """
 
     connected: bool = False
     problem: str = ""
     times: int = 0  # that it has been made
     received: int = 0
+    bayer: str | None = None
 
 
 class LiveSource:

@@ -35,6 +35,7 @@ class SourceOptions:
     drift_ppm : by how much common time advances more than these stamps, in millionths.
     capture : pattern of a mosaic, and as what images are published; the rest is for devices.
     threads : of the decoder; None leaves it to OpenCV.
+    keep : hand on the images as they were in the source too.
     """
 
     start: int = 0
@@ -48,6 +49,7 @@ class SourceOptions:
     shrink: int = 1
     capture: CaptureSettings = field(default_factory=CaptureSettings)
     threads: int | None = None
+    keep: bool = False
 
     def __post_init__(self):
         if self.start < 0 or (self.end is not None and self.end <= self.start):
@@ -91,7 +93,7 @@ class ImageSource(ABC):
         self.rate_hz = float(options.rate_hz or rate_hz)
         self.width, self.height = options.output_size(self.native_width, self.native_height)
         shrinks = (self.width, self.height) != (self.native_width, self.native_height)
-        self._preparation = Preparation(self._settings(), (self.width, self.height) if shrinks else None, path)
+        self._preparation = Preparation(self._settings(), (self.width, self.height) if shrinks else None, path, options.keep)
 
     def _settings(self) -> CaptureSettings:
         """Known once the source has been opened."""

@@ -21,13 +21,24 @@ _BAYER_ENCODING = {f"bayer_{name}8": name for name in _FROM_BAYER}
 class SourceImage:
     """Pixels as published, or a JPEG that nobody has decoded.
 
-    ``pixels`` is (h, w, 3) for ``bgr8``, (h, w) for ``mono8`` and ``bayer_*8``, None for ``jpeg``, whose bytes are in ``jpeg``.
+    ``pixels`` is (h, w, 3) for ``bgr8``, (h, w) for ``mono8`` and ``bayer_*8``, None for ``jpeg``. ``original`` is what the
+    source has given: a JPEG, or, where they are to be kept, pixels.
     """
 
     stamp_ns: int
     pixels: np.ndarray | None
     encoding: str
-    jpeg: bytes = b""
+    original: np.ndarray | bytes | None = None
+
+    @property
+    def jpeg(self) -> bytes:
+        """The JPEG that the source has given; empty if it was none."""
+        return self.original if isinstance(self.original, bytes) else b""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) as published."""
+        return content_size(self.jpeg if self.pixels is None else self.pixels)
 
     @property
     def bgr(self) -> np.ndarray:
@@ -53,6 +64,7 @@ class Preparation:
     settings : pattern of a mosaic, and as what images are published.
     size : (width, height) to resample to, or None.
     source : for errors.
+    keep : hand on the source's own pixels too.
 
     Raises
     ------
@@ -62,6 +74,7 @@ class Preparation:
     settings: CaptureSettings
     size: tuple[int, int] | None
     source: str
+    keep: bool = False
 
     def __post_init__(self):
         raw_mosaic = self.settings.publish == "native" and self.settings.bayer
@@ -80,9 +93,9 @@ class Preparation:
             if not isinstance(content, bytes):
                 raise SourceError(self.source, "does not give JPEG images that could be passed on as they are")
             return SourceImage(stamp_ns, None, JPEG, content)
-        jpeg = content if isinstance(content, bytes) else b""
         pixels = decode_jpeg(content, self.size) if isinstance(content, bytes) else content
-        return SourceImage(stamp_ns, *self._converted(pixels), jpeg)
+        original = content if self.keep or isinstance(content, bytes) else None
+        return SourceImage(stamp_ns, *self._converted(pixels), original)
 
     def _converted(self, pixels: np.ndarray) -> tuple[np.ndarray, str]:
         pattern, publish = self.settings.bayer, self.settings.publish
@@ -97,6 +110,17 @@ class Preparation:
         if pixels.ndim == 2 and publish == "color":
             return cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR), "bgr8"
         return pixels, "bgr8" if pixels.ndim == 3 else "mono8"
+
+
+def check_fields(settings: CaptureSettings, source: str) -> None:
+    """Refuse to take mosaics, or JPEG images that are to be passed on, apart into fields.
+
+    Raises
+    ------
+    SourceError : naming the source.
+    """
+    if settings.publish == JPEG or settings.bayer:
+        raise SourceError(source, "interlaced images cannot be mosaics, nor passed on as JPEG")
 
 
 def resampled(pixels: np.ndarray, size: tuple[int, int] | None) -> np.ndarray:

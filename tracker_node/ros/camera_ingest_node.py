@@ -1,27 +1,33 @@
-"""Recorded cameras as ROS cameras: images and calibrations of a whole rig, or one camera of it, on one common clock.
+"""Cameras of all kinds as ROS cameras: images and calibrations of a whole rig, or some cameras of it, in one process.
 
-The images go out from a thread of their own, the event loop only serves diagnostics and the consumer's answers.
+Recorded images go out from one thread, on one common clock; each live camera has threads of its own. The event loop only serves
+diagnostics, services, the consumer's answers and the topics of other nodes.
 """
 
 from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
-from rclpy.duration import Duration
 from rclpy.node import Node
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from ..camera.camera_rig import CameraRig
-from ..errors import SourceError, TrackerError
-from ..loaders.image_feed import FeedImage, ImageFeed, Instant
-from ..loaders.image_source import ImageSource, PreloadedSource, SourceOptions, open_camera_source
+from ..errors import SourceError
+from ..loaders.image_feed import ImageFeed, Instant, SourceReport
+from ..loaders.live_capture import open_capture
+from ..loaders.live_source import LiveSource
+from ..loaders.recorded_source import SourceOptions
+from ..loaders.source_address import TOPIC
+from ..loaders.source_image import SourceImage
+from .camera_counts import CameraCounts
+from .camera_outlet import CameraOutlet
 from .consumer_window import ConsumerWindow
-from .conversions import ImageBuffer, camera_info_message, compressed_message
 from .diagnostics import ERROR, OK, WARN, Diagnostics
-from .qos import RESULT, images_published
+from .ingest_cameras import IngestCamera, OpenedCameras
+from .input_recorder import InputRecorder
+from .live_camera import LiveCamera, LiveImages
+from .topic_source import TopicSource
 
 _LIVE_DEPTH, _LOSSLESS_DEPTH = 10, 50  # images of a camera that may wait for a slow subscriber
 _DELIVERY_S = 4.0
@@ -39,10 +45,9 @@ class IngestOptions:
     as_fast_as_consumed : the next instant goes out when the consumer has answered for an earlier one; nothing is skipped.
     consumer : node whose ``state`` topic answers.
     frame_skip : skip instants that cannot go out in time, when a later one is ready.
-    wait_for_subscribers, wait_for_info_subscribers : how many of them every camera's images and calibration must have before
-        the first image.
+    wait_for_subscribers, wait_for_info_subscribers : how many of them the images and calibration of every recorded camera must
+        have before the first image.
     compressed : offer ``image_raw/compressed`` too (encoded only while somebody listens).
-    preload : decode all images before the first goes out.
     """
 
     source: SourceOptions = field(default_factory=SourceOptions)
@@ -53,108 +58,33 @@ class IngestOptions:
     wait_for_subscribers: int = 0
     wait_for_info_subscribers: int = 0
     compressed: bool = False
-    preload: bool = False
-
-
-@dataclass
-class CameraCounts:
-    """What became of a camera's images."""
-
-    published: int = 0
-    dropped: int = 0  # skipped to keep the rate
-    late: int = 0  # published more than half a period after their time
-    duplicated: int = 0  # same pixels as the image before (published all the same)
-    missing: int = 0  # announced by the file, but not there
-
-    def values(self) -> dict[str, int]:
-        return dict(self.__dict__)
-
-
-class _Outlet:
-    """Publishers and message memory of one camera."""
-
-    def __init__(self, node: Node, rig: CameraRig, name: str, source: ImageSource, options: IngestOptions):
-        camera = rig[name]
-        depth = _LOSSLESS_DEPTH if options.as_fast_as_consumed else _LIVE_DEPTH
-        self.frame_id = camera.frame_id
-        lens = camera.model
-        if (source.width, source.height) != (lens.width, lens.height):
-            lens = lens.resized(source.width, source.height)
-        self.images = node.create_publisher(Image, f"{name}/image_raw", images_published(depth))
-        self.infos = node.create_publisher(CameraInfo, f"{name}/camera_info", RESULT)
-        self.compressed = None
-        if options.compressed:
-            topic = f"{name}/image_raw/compressed"
-            self.compressed = node.create_publisher(CompressedImage, topic, images_published(depth))
-        self._buffer = ImageBuffer(self.frame_id, source.width, source.height)
-        self._info = camera_info_message(0, self.frame_id, lens)
-
-    def publish(self, image: FeedImage, stamp_ns: int) -> None:
-        message = self._buffer.fill(stamp_ns, image.bgr)
-        self._info.header.stamp = message.header.stamp
-        self.infos.publish(self._info)
-        self.images.publish(message)
-        if self.compressed is not None and self.compressed.get_subscription_count():
-            self.compressed.publish(compressed_message(stamp_ns, self.frame_id, image.bgr))
-
-    def has_subscribers(self, to_images: int, to_infos: int) -> bool:
-        return self.images.get_subscription_count() >= to_images and self.infos.get_subscription_count() >= to_infos
-
-    def wait_until_delivered(self, timeout_s: float) -> None:
-        for publisher in (self.images, self.infos):
-            publisher.wait_for_all_acked(Duration(seconds=timeout_s))
-
-
-def open_sources(
-    rig: CameraRig, options: IngestOptions, cameras: list[str] | None = None
-) -> tuple[dict[str, ImageSource], dict[str, str]]:
-    """Sources of the rig's cameras and, for those that cannot be used, the problem.
-
-    ``cameras`` limits them; without it cameras of the rig that have no source are left to others.
-
-    Raises
-    ------
-    TrackerError : when not a single one can be used.
-    """
-    chosen = [rig[name] for name in cameras] if cameras else [camera for camera in rig if camera.source]
-    if not chosen:
-        raise SourceError("rig", "none of its cameras has a source")
-    sources: dict[str, ImageSource] = {}
-    problems: dict[str, str] = {}
-    for camera in chosen:
-        try:
-            source = open_camera_source(camera, options.source)
-            sources[camera.name] = PreloadedSource(source) if options.preload else source
-        except TrackerError as error:
-            problems[camera.name] = str(error)
-            first = error
-    if not sources:
-        raise first
-    return sources, problems
 
 
 class CameraIngestNode(Node):
-    """Publishes ``<cam>/image_raw``, ``<cam>/camera_info`` and diagnostics.
+    """Publishes ``<cam>/image_raw``, ``<cam>/camera_info`` and diagnostics; ``<cam>/set_camera_info`` takes calibrations.
 
     Parameters
     ----------
-    rig : lenses and names.
-    sources, problems : from `open_sources`.
+    opened : from `open_cameras`.
+    recorder : writes the images as they come; None to record nothing.
+
+    Raises
+    ------
+    SourceError : live cameras are to be as fast as they are consumed.
     """
 
-    def __init__(
-        self,
-        rig: CameraRig,
-        sources: Mapping[str, ImageSource],
-        problems: Mapping[str, str],
-        options: IngestOptions | None = None,
-    ):
+    def __init__(self, opened: OpenedCameras, options: IngestOptions | None = None, recorder: InputRecorder | None = None):
         super().__init__("camera_ingest")
         self._options = options = options or IngestOptions()
-        self._sources, self.problems = dict(sources), dict(problems)
-        self.counts = {name: CameraCounts() for name in sources}
+        if options.as_fast_as_consumed and opened.live:
+            raise SourceError(", ".join(opened.live), "a live camera does not wait for its consumer; only recordings can")
+        self._opened, self.problems = opened, dict(opened.problems)
+        self._recorder = recorder
         self._diagnostics = Diagnostics(self, "camera rig")
-        self._outlets = {name: _Outlet(self, rig, name, source, options) for name, source in sources.items()}
+        depth = _LOSSLESS_DEPTH if options.as_fast_as_consumed else _LIVE_DEPTH
+        self._outlets = {name: CameraOutlet(self, c, depth, options.compressed) for name, c in opened.cameras.items()}
+        self._live = {name: self._live_camera(opened.cameras[name]) for name in opened.live}
+        self._recorded = {name: CameraCounts() for name in opened.recorded}
         self._window = ConsumerWindow(self, f"{options.consumer}/state") if options.as_fast_as_consumed else None
         self._stop = threading.Event()
         self._feed: ImageFeed | None = None
@@ -163,15 +93,45 @@ class CameraIngestNode(Node):
         self.finished = threading.Event()
         self._report()
 
+    @property
+    def counts(self) -> dict[str, CameraCounts]:
+        """What became of the images, by camera."""
+        live = {name: camera.counts for name, camera in self._live.items()}
+        return {name: live.get(name) or self._recorded[name] for name in self._opened.cameras}
+
+    def _live_camera(self, camera: IngestCamera) -> LiveCamera:
+        outlet = self._outlets[camera.name]
+
+        def publish(image: SourceImage, native_size: tuple[int, int]) -> None:
+            outlet.publish(image, native_size, image.stamp_ns)
+
+        record = None if self._recorder is None else partial(self._recorder.record, camera)
+        return LiveCamera(camera, self._live_images(camera), self._options.source, publish, record)
+
+    def _live_images(self, camera: IngestCamera) -> LiveImages:
+        address, stamps = camera.address, camera.of_rig.stamps if camera.of_rig else None
+        if address.kind == TOPIC:
+            return TopicSource(self, address.target, own_clock=stamps == "capture")
+        size = None if camera.lens is None else (camera.lens.width, camera.lens.height)
+        threads = self._options.source.threads or 1
+        return LiveSource(lambda: open_capture(address, size, camera.capture, stamps, threads))
+
     def start(self) -> None:
-        """Begin to publish, in a thread."""
-        self._thread.start()
+        """Begin to publish, in threads."""
+        for camera in self._live.values():
+            camera.start()
+        if self._opened.recorded:
+            self._thread.start()
 
     def close(self) -> None:
-        """End the thread; what has been published is delivered first."""
+        """End the threads; what has been published is delivered first."""
         self._stop.set()
         if self._window is not None:
             self._window.close()
+        for camera in self._live.values():
+            camera.source.close()
+        for camera in self._live.values():
+            camera.close()
         if self._thread.is_alive():
             self._thread.join(timeout=20.0)
         self._report()
@@ -179,19 +139,20 @@ class CameraIngestNode(Node):
     def _run(self) -> None:
         try:
             if self._wait_for_subscribers():
-                with ImageFeed(self._sources) as self._feed:
+                with ImageFeed(self._opened.recorded) as self._feed:
                     answered = self._publish_all(self._feed)
                 if not answered:  # a writer may take seconds to learn that everything has arrived
                     for outlet in self._outlets.values():
                         outlet.wait_until_delivered(_DELIVERY_S)
         finally:
-            self.finished.set()
+            if not self._live:
+                self.finished.set()
 
     def _wait_for_subscribers(self) -> bool:
         images, infos = self._options.wait_for_subscribers, self._options.wait_for_info_subscribers
         asked = time.monotonic()
         while not self._stop.is_set() and (images or infos):
-            lacking = [name for name, outlet in self._outlets.items() if not outlet.has_subscribers(images, infos)]
+            lacking = [name for name in self._recorded if not self._outlets[name].has_subscribers(images, infos)]
             if not lacking:
                 return not self._stop.wait(_SETTLE_S)
             if time.monotonic() - asked > 5.0:
@@ -209,40 +170,48 @@ class CameraIngestNode(Node):
             if self._window is not None:
                 if not self._window.wait():
                     return False
-                self._window.sent(instant.stamp_ns, complete=len(instant.images) == len(self._sources))
+                self._window.sent(instant.stamp_ns, complete=len(instant.images) == len(self._recorded))
                 self._publish(instant)
                 continue
             lateness_s = clock.wait(instant.stamp_ns, self._stop)
             shift_ns = clock.epoch_ns if self._options.live_stamps else 0
             if self._options.frame_skip and lateness_s > feed.period_s and feed.next_is_ready:
                 for image in instant.images:
-                    self.counts[image.camera].dropped += 1
+                    self._recorded[image.camera].dropped += 1
             elif not self._stop.is_set():
                 self._publish(instant, shift_ns, late=lateness_s > 0.5 * feed.period_s)
         return self._window is not None and self._window.wait_for_all()
 
     def _publish(self, instant: Instant, shift_ns: int = 0, late: bool = False) -> None:
-        for image in instant.images:
-            self._outlets[image.camera].publish(image, image.stamp_ns + shift_ns)
-            counts = self.counts[image.camera]
+        for fed in instant.images:
+            camera, source, image = self._opened.cameras[fed.camera], self._opened.recorded[fed.camera], fed.image
+            stamp_ns = image.stamp_ns + shift_ns
+            if self._recorder is not None and image.original is not None:
+                self._recorder.record(camera, stamp_ns, image.original)
+            self._outlets[fed.camera].publish(image, (source.native_width, source.native_height), stamp_ns)
+            counts = self._recorded[fed.camera]
             counts.published += 1
             counts.late += late
-            counts.duplicated += image.repeats
+            counts.duplicated += fed.repeats
 
     def _report(self) -> None:
-        for name, problem in self.problems.items():
-            if name not in self._sources:
-                self._diagnostics.report(name, ERROR, problem)
-        for name, counts in self.counts.items():
-            report = self._feed.reports[name] if self._feed is not None else None
-            if report is not None:
-                counts.missing = report.missing
-                if report.problem:
-                    self.problems[name] = report.problem
-            level, message = self._verdict(name, counts, report)
-            self._diagnostics.report(name, level, message, counts.values())
+        for name, problem in self._opened.problems.items():
+            self._diagnostics.report(name, ERROR, problem)
+        for name in self._recorded:
+            self._report_recorded(name)
+        for name in self._live:
+            self._report_live(name)
+        self._report_bag()
 
-    def _verdict(self, name: str, counts: CameraCounts, report) -> tuple[bytes, str]:
+    def _report_recorded(self, name: str) -> None:
+        counts, report = self._recorded[name], self._feed.reports[name] if self._feed is not None else None
+        if report is not None:
+            counts.missing = report.missing
+            if report.problem:
+                self.problems[name] = report.problem
+        self._diagnostics.report(name, *self._verdict(name, counts, report), counts.values())
+
+    def _verdict(self, name: str, counts: CameraCounts, report: SourceReport | None) -> tuple[bytes, str]:
         if name in self.problems:
             return ERROR, f"stopped: {self.problems[name]}" if report and report.ended else self.problems[name]
         if report is not None and report.ended:
@@ -252,6 +221,32 @@ class CameraIngestNode(Node):
         if counts.dropped:
             return WARN, "images are skipped to keep the rate"
         return OK, "publishing" if counts.published else "waiting"
+
+    def _report_live(self, name: str) -> None:
+        camera, connection = self._live[name], self._live[name].source.connection
+        camera.counts.connections = connection.times
+        problem = connection.problem or camera.problem
+        self.problems.pop(name, None)
+        if problem:
+            self.problems[name] = problem
+            level, message = ERROR, problem
+        elif camera.counts.dropped:
+            level, message = WARN, "images are dropped: they come faster than they can be published"
+        else:
+            level, message = OK, "publishing" if camera.counts.published else "connecting"
+        self._diagnostics.report(name, level, message, camera.counts.values() | {"received": connection.received})
+
+    def _report_bag(self) -> None:
+        bag = self._recorder
+        if bag is None:
+            return
+        values = {"messages": bag.written, "dropped": bag.dropped}
+        if bag.problem:
+            self._diagnostics.report("bag", ERROR, bag.problem, values)
+        elif bag.dropped:
+            self._diagnostics.report("bag", WARN, "the disk is too slow: images are not recorded", values)
+        else:
+            self._diagnostics.report("bag", OK, "recording", values)
 
 
 class _Pace:

@@ -23,6 +23,7 @@ from .images import (
     compressed_message,
     decode_raw_image,
     image_message,
+    jpeg_message,
 )
 from .stamps import stamp_message, stamp_ns_of
 
@@ -38,6 +39,7 @@ __all__ = [
     "estimate_of",
     "image_message",
     "joint_state_message",
+    "jpeg_message",
     "marker_array_message",
     "pose_message",
     "pose_of",

@@ -10,6 +10,7 @@ import numpy as np
 from sensor_msgs.msg import CompressedImage, Image
 
 from ...errors import SourceError
+from ...loaders.source_image import bayer_pattern
 from ...observation.image_set import ENCODINGS, CameraImage
 from .stamps import NS_PER_S, stamp_message, stamp_ns_of
 
@@ -26,7 +27,7 @@ class ImageBuffer:
     """One Image message whose memory is used again for every image of a camera."""
 
     def __init__(self, frame_id: str, width: int, height: int, encoding: str = "bgr8"):
-        channels = ENCODINGS[encoding]
+        channels = 1 if bayer_pattern(encoding) else ENCODINGS[encoding]
         data = array.array("B", bytes(width * height * channels))
         self._pixels = np.frombuffer(data, np.uint8).reshape((height, width, 3) if channels == 3 else (height, width))
         self.message = Image(height=height, width=width, encoding=encoding, is_bigendian=0, step=width * channels)
@@ -127,10 +128,15 @@ class _CdrReader:
 def compressed_message(stamp_ns: int, frame_id: str, bgr: np.ndarray, quality: int = 90) -> CompressedImage:
     """JPEG of a BGR image."""
     _, encoded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, int(quality)])
+    return jpeg_message(stamp_ns, frame_id, encoded.tobytes())
+
+
+def jpeg_message(stamp_ns: int, frame_id: str, data: bytes) -> CompressedImage:
+    """A JPEG as it is."""
     message = CompressedImage(format="bgr8; jpeg compressed bgr8")
     message.header.stamp = stamp_message(stamp_ns)
     message.header.frame_id = frame_id
-    message._data = array.array("B", encoded.tobytes())
+    message._data = array.array("B", data)
     return message
 
 
