@@ -84,6 +84,7 @@ class CameraIngestNode(Node):
         depth = _LOSSLESS_DEPTH if options.as_fast_as_consumed else _LIVE_DEPTH
         self._outlets = {name: CameraOutlet(self, c, depth, options.compressed) for name, c in opened.cameras.items()}
         self._live = {name: self._live_camera(opened.cameras[name]) for name in opened.live}
+        self._dropped_before = dict.fromkeys(self._live, 0)  # at the last report
         self._recorded = {name: CameraCounts() for name in opened.recorded}
         self._window = ConsumerWindow(self, f"{options.consumer}/state") if options.as_fast_as_consumed else None
         self._stop = threading.Event()
@@ -230,10 +231,11 @@ class CameraIngestNode(Node):
         if problem:
             self.problems[name] = problem
             level, message = ERROR, problem
-        elif camera.counts.dropped:
+        elif camera.counts.dropped > self._dropped_before[name]:
             level, message = WARN, "images are dropped: they come faster than they can be published"
         else:
             level, message = OK, "publishing" if camera.counts.published else "connecting"
+        self._dropped_before[name] = camera.counts.dropped
         self._diagnostics.report(name, level, message, camera.counts.values() | {"received": connection.received})
 
     def _report_bag(self) -> None:

@@ -52,7 +52,7 @@ class CameraOutlet:
     def _prepare(self, image: SourceImage) -> None:
         """Messages for images of this kind; they change with a new calibration, or another connection to the camera."""
         lens, size = self._lens, image.size
-        if self._published == (lens, size, image.encoding):
+        if self._published is not None and self._published[0] is lens and self._published[1:] == (size, image.encoding):
             return
         if image.pixels is not None:
             self._buffer = ImageBuffer(self._camera.frame_id, *size, image.encoding)

@@ -109,6 +109,7 @@ def chosen_cameras(
         source = sources.get(name) or (camera.source if camera else None)
         if source is None and not names:
             continue  # left to others
+        parse_source(source or "")
         own = [(field, value) for target, field, value in changes if target in (None, name)]
         capture = changed_settings(camera.capture if camera else CaptureSettings(), own)
         result.append(IngestCamera(name, source or "", capture, camera.model if camera else None, camera))

@@ -111,6 +111,9 @@ class LiveCamera:
             except TrackerError as error:
                 self.counts.unusable += 1
                 self.problem = str(error)
+            except Exception as error:  # a decoder's own failure must not end the camera
+                self.counts.unusable += 1
+                self.problem = f"{type(error).__name__}: {error}"
 
     def _common(self, own_ns: int) -> int:
         self._first_ns = own_ns if self._first_ns is None else self._first_ns
