@@ -53,7 +53,8 @@ def objective_of(radius, image, learnt_at=(0.0, 0.0), radius_px=None, **options)
     colors = RegionColors(classes, stated_densities(model, classes), 0.3)
     v, u = np.mgrid[0:HEIGHT, 0:WIDTH]
     inside = np.hypot(u - CENTER[0] - learnt_at[0], v - CENTER[1] - learnt_at[1]) < radius_px
-    colors.learn(image, (0, 0, WIDTH, HEIGHT), inside.astype(np.uint8), 1.0, 3, 40)
+    sound = np.ones(1, dtype=np.bool_)
+    colors.learn(image, (0, 0, WIDTH, HEIGHT), inside.astype(np.uint8), 1.0, 3, 40, sound)
     objective = RegionObjective(rig(), model, ShapeArrays.from_model(model), classes, RegionOptions(**options))
     objective.set_views([View(image, (colors.body, colors.scene))])
     return objective
@@ -191,3 +192,20 @@ def test_stated_colors_are_believed_where_the_images_bear_them_out():
     assert not np.allclose(believed.body, learnt_only.body)
     for colors in (believed, refuted):
         assert colors.body[0, bins] > 20.0 * colors.scene[bins]
+
+
+def test_a_stated_color_beside_a_body_that_is_elsewhere_is_believed_and_what_is_there_is_not_learnt():
+    image, radius_px = disk(0.25)
+    v, u = np.mgrid[0:HEIGHT, 0:WIDTH]
+    off = (np.hypot(u - CENTER[0] + 2.2 * radius_px, v - CENTER[1]) < radius_px).astype(np.uint8)
+    model = ball(0.25)
+    classes = color_classes(model)
+    bins = (image[80, 100].astype(int) >> 4) @ [256, 16, 1]
+    seen = []
+    for sound in (False, True):
+        colors = RegionColors(classes, stated_densities(model, classes), 0.3)
+        for known in (None, np.array([sound])):
+            colors.learn(image, (0, 0, WIDTH, HEIGHT), off, 0.5, 3, 80, known)
+            seen.append(colors.body[0, bins])
+    at_first, unsound, _, sound = seen
+    assert unsound > 1.2 * at_first > 1.2 * sound

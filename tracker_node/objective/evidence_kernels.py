@@ -37,8 +37,8 @@ def _cone_box(dims, T, box):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _draw_body(kinds, dims, T_cam_world, Ts_world_shape, params, limits, xs, ys, size, coefficients, buffer, out):
-    """Draw all shapes into ``buffer`` (h, w rounded up to sixteen), which is all zero; ``out`` (4,): what they may cover."""
+def draw_body(kinds, dims, T_cam_world, Ts_world_shape, params, limits, xs, ys, size, coefficients, buffer, out):
+    """Draw all shapes into ``buffer`` (h, w rounded up to sixteen), before what is farther; ``out`` (4,): what they may cover."""
     T, box, pixels, whole = np.empty((4, 4)), np.empty(4), np.empty(4, dtype=np.int64), np.zeros(4, dtype=np.int64)
     whole[2], whole[3] = size[0], size[1]
     out[0], out[1], out[2], out[3] = size[0], size[1], 0, 0
@@ -117,6 +117,6 @@ def score_poses(kinds, dims, Ts_world_shape, camera, rays, maps, map_of_shape, b
     xs, ys = rays
     coefficients, region = np.empty(N_COEFFICIENTS, dtype=np.float32), np.empty(4, dtype=np.int64)
     for n in range(Ts_world_shape.shape[0]):
-        _draw_body(kinds, dims, T_cam_world, Ts_world_shape[n], params, limits, xs, ys, size, coefficients, buffer, region)
+        draw_body(kinds, dims, T_cam_world, Ts_world_shape[n], params, limits, xs, ys, size, coefficients, buffer, region)
         if region[2] > region[0]:
             _collect(buffer, region, size[0], maps, map_of_shape, totals[n])

@@ -37,7 +37,7 @@ class EvidenceScore:
         self.model, self.cameras, self._parallel = model, tuple(cameras), parallel
         chain = model.chain
         self._chain = (chain.parents, chain.offsets, chain.axis_start, chain.axis_count, chain.directions)
-        self._shapes = _packed(model)
+        self._shapes = packed_shapes(model)
         self._views = [
             (c.model.params, ray_table(c.model).limits, c.T_cam_world, (c.model.width, c.model.height)) for c in self.cameras
         ]
@@ -78,7 +78,7 @@ class EvidenceScore:
         return self.totals(roots, joints)[:, :, 0].sum(axis=1)
 
 
-def _packed(model: ArticulatedModel) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def packed_shapes(model: ArticulatedModel) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Kinds, dims, links and places of the shapes as the kernel draws them."""
     arrays = ShapeArrays.from_model(model)
     kinds, dims, places = arrays.kinds.copy(), arrays.dims.copy(), model.Ts_link_shape.copy()

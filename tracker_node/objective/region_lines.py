@@ -77,6 +77,17 @@ def _room_density(b, g, r, mean_b, mean_g, mean_r, variance, darkest):
     return _BIN_VOLUME * _SHADOW_DENSITY * share * math.exp(-square)
 
 
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def other_density(b, g, r, of_scene, room, i, j, darkest):
+    """Density per bin of the color of pixel (i, j) where the scene shows: ``of_scene``, or by the room where that is known."""
+    mean, variance, known = room
+    if known.size > 0 and known[i, j] == _SEEN:
+        return _OUTLIER * of_scene + _room_density(
+            np.float32(b), np.float32(g), np.float32(r), mean[i, j, 0], mean[i, j, 1], mean[i, j, 2], variance[i, j], darkest
+        )
+    return of_scene
+
+
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _read_line(bgr, body, beyond, scene, room, darkest, has_beyond, u, v, nu, nv, start, step, count, clamp, odds):
     """Fill ``odds[0]`` with the clamped log(p_body / p_beyond) of ``count`` pixels from ``start`` on; zero beyond the image."""

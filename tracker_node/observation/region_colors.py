@@ -7,6 +7,7 @@ on line is mixed with the color that the model states, where the images bear tha
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 import cv2
 import numba as nb
@@ -22,6 +23,8 @@ _UNIFORM = 1.0 / N_COLORS
 _MIX = 0.02  # a little of every color: none is impossible
 _LEAST_COUNT = 20.0  # pixels; fewer are not believed
 _SUPPORT = 0.1  # share of a part's pixels that a stated color must explain better than chance, to be believed
+_NEAR = 0.25  # or, in shares of the part's pixels, how many on and beside the body must have that color, beyond chance
+_SPARSE = 6  # every so many rows and columns of an image tell what is chance
 _PRIOR_SIGMA = 14.0  # grey levels across, of a stated color
 _PRIOR_GAINS = np.linspace(0.45, 1.15, 15)  # how bright surfaces of that color may be, in light and shade
 
@@ -64,6 +67,9 @@ class RegionColors:
         self._classes, self._stated, self._prior_share = classes, stated, prior_share
         self._parts = np.zeros_like(stated)
         self._around = np.zeros(N_COLORS, dtype=np.float32)
+        self._shades = stated.copy()  # those of the stated color that are seen on the body or near it
+        self._was_sound, self._was_unsound = np.zeros((2, len(stated)), dtype=np.bool_)
+        self._told = np.zeros(len(stated), dtype=np.bool_)  # whether enough of the part is seen to believe its color, or not
         self._believed = np.zeros(len(stated), dtype=np.bool_)
         self.body = np.full_like(stated, _UNIFORM)
         self.scene = np.full(N_COLORS, _UNIFORM, dtype=np.float32)
@@ -89,25 +95,64 @@ class RegionColors:
         count_colors(np.ascontiguousarray(bgr[v0:v1, u0:u1]), labels, around, shapes, scene)
         if sound is not None:
             shapes[~sound] = 0.0
+            self._was_sound[self._classes[sound]] = True
+            self._was_unsound[self._classes[~sound]] = True
         counts = np.zeros_like(self._parts)
         np.add.at(counts, self._classes, shapes)
+        settled = self._was_sound.all() or not self._stated.any()
+        beyond_chance = np.zeros_like(scene) if settled else _above_chance(bgr, bgr[v0:v1, u0:u1], near)
         for i, new in enumerate(counts):
             self._parts[i] = _mixed(self._parts[i], new, rate)
             if new.sum() >= _LEAST_COUNT and self._stated[i].any():
-                self._believed[i] = new[self._stated[i] > _UNIFORM].sum() > _SUPPORT * new.sum()
+                self._believe(i, new, beyond_chance)
         self._around = _mixed(self._around, scene, rate)
         self._tabulate()
+
+    def _believe(self, i: int, new: np.ndarray, beyond_chance: np.ndarray) -> None:
+        """See whether the part, or what is on and beside the body beyond chance, has the color stated of class ``i``."""
+        kind = self._stated[i] > _UNIFORM
+        near = np.where(kind, self._stated[i] * np.maximum(beyond_chance, 0.0), 0.0)
+        enough = beyond_chance[kind].sum() > _NEAR * new.sum() and near.any()
+        self._told[i] = True
+        self._believed[i] = enough or new[kind].sum() > _SUPPORT * new.sum()
+        self._shades[i] = near / near.sum() if enough else self._stated[i]
 
     def _tabulate(self) -> None:
         for i in range(len(self._parts)):
             density = _smoothed(self._parts[i])
             if self._believed[i]:
-                known = density.any()
-                share = self._prior_share if known else 1.0
+                if self._prior_share > 0.0 and not self._was_sound[i]:
+                    shades = _smoothed(self._shades[i])
+                    density = 0.5 * (density + shades) if density.any() and not self._was_unsound[i] else shades
+                share = self._prior_share if density.any() else 1.0
                 density = (1.0 - share) * density + share * self._stated[i]
             self.body[i] = _mixed_with_all(density)
         self.scene = _mixed_with_all(_smoothed(self._around))
         self.knows = True
+
+
+def agree(cameras: Sequence[RegionColors]) -> None:
+    """What half of the cameras believe of the stated colors, of those that can tell, all of them do."""
+    told = sum(colors._told.astype(int) for colors in cameras)
+    believed = sum((colors._told & colors._believed).astype(int) for colors in cameras)
+    for colors in cameras:
+        if colors.knows:
+            colors._believed = (believed > 0) & (2 * believed >= told)
+            colors._tabulate()
+
+
+def _above_chance(bgr: np.ndarray, crop: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """(`N_COLORS`,) pixels of each color on the ``mask`` of a crop, less those of as many pixels anywhere in the image."""
+    on_mask = _counts(crop, mask)
+    anywhere = _counts(bgr[::_SPARSE, ::_SPARSE], np.ones(bgr[::_SPARSE, ::_SPARSE].shape[:2], dtype=np.bool_))
+    return on_mask - anywhere * (on_mask.sum() / max(anywhere.sum(), 1.0))
+
+
+def _counts(bgr: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    counts = np.zeros(N_COLORS, dtype=np.float32)
+    nobody = np.zeros(mask.shape, dtype=np.uint8)
+    count_colors(np.ascontiguousarray(bgr), nobody, mask, np.zeros((0, N_COLORS), dtype=np.float32), counts)
+    return counts
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -134,5 +179,3 @@ def _mixed(old: np.ndarray, new: np.ndarray, rate: float) -> np.ndarray:
         return old
     new = new / np.float32(total)
     return new if not old.any() else ((1.0 - rate) * old + rate * new).astype(np.float32)
-
-

@@ -191,8 +191,10 @@ class StatusConfig:
     limb_degraded: float = parameter(0.2, "and DEGRADED with this one", "1", 0, 1)
     limb_loss: float = parameter(0.01, "probability that a limb gets lost between two image sets", "1", 1e-6, 1)
     limb_recovery: float = parameter(0.1, "and that a lost one gets where it belongs", "1", 0, 1)
-    limb_tries: int = parameter(8, "poses in which a lost limb is looked for, in one image set; 0: it is not", "", 0, 1000)
-    limb_fits: int = parameter(3, "and how many of them are fitted", "", 1, 100)
+    limb_tries: int = parameter(
+        400, "poses in which a lost limb is looked for, in one image set; 0: it is not", "", 0, 100000
+    )
+    limb_fits: int = parameter(2, "and how many of them are fitted", "", 1, 100)
     limb_seed: int = parameter(0, "of the random ones", "", 0, 2**31 - 1)
     evidence_limit: float = parameter(5.0, "one image set cannot change the log odds of lost by more than this", "1", 0.1, 100)
 

@@ -1,9 +1,11 @@
-"""A lost limb is looked for again: from several likely poses, with the rest of the body as it is.
+"""A limb is looked for: in many poses by the area that it would cover, then in the best of them by its contours.
 
 The poses are where the limb was last sound, where it is predicted, at rest, as its partner on the other side is, mirrored about
-rest, and some at random. They are scored as they are by the engine's own lines; the best few are fitted, the limb's degrees of
-freedom alone, and the best fit is taken if its evidence is that of a sound limb. So many are tried an image set that the effort
-stays bounded; a limb that is not found is looked for again in the next. The generator is seeded.
+rest, at random about those, and at random within the joints' limits; then about the best of them, closer and closer. They are
+scored by the colors that the limb would cover (`objective.limb_score`). The best few are fitted by the engine's lines, the
+limb's degrees of freedom alone. A fit is taken if the colors speak for it, and its outline is that of a sound limb. So many poses
+are tried an image set that the effort stays bounded; a limb that is not found is looked for again in the next. The generator is
+seeded.
 """
 
 from __future__ import annotations
@@ -18,29 +20,39 @@ from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective.normal_equations import LeastSquaresObjective, NormalEquations
 from ..objective.region_objective import PartEvidence
-from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, clip_to_limits, minimize
+from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 from .config import StatusConfig
 from .estimate import LimbReport, LimbStatus
 from .limb_status import LimbJudge, limb_measures
 from .limbs import Limb
 
-_SPREAD_RAD = 0.6  # of random poses about the last sound one
-_SCORE_SCALE = 4.0  # pixels from place to place on the lines by which poses are scored...
-_FIT_SCALES = (4.0, 2.0, 1.0)  # ...and fitted
+_SPREADS_RAD = (0.2, 0.6)  # of random poses about likely ones
+_WANDERERS = 0.25  # share of the random poses that may be anywhere within the limits
+_FIRST = 0.4  # share of all poses that are tried before the best of them are looked around
+_ROUNDS_RAD = (0.25, 0.15, 0.08, 0.04)  # how far around, round by round
+_BEST = 6  # of them that are looked around...
+_APART_RAD = 0.2  # ...and differ in some joint by this at least
+_FIT_SCALES = (4.0, 2.0, 1.0)  # pixels from place to place on the lines by which poses are fitted
 _LIMBS_A_SET = 2  # that are looked for
 _FOUND_ODDS = 0.5  # log odds of lost that a limb must have to be taken for found...
 _BETTER_ODDS = 1.5  # ...and how much less they must be than where it is now
-_FIT = LevenbergMarquardtOptions(max_iterations=4, tolerance=1e-3)
+_GAIN = 0.1  # log-likelihood, per cell in which the limb shows, by which the colors must speak for another pose
+_FIT = LevenbergMarquardtOptions(max_iterations=3, tolerance=1e-3)
 
 
 @dataclass(frozen=True, eq=False)
 class Lines:
     """The correspondence lines of an image set: how they are drawn about a state, their normal equations with priors and
-    constraints, and what they bear out within so many pixels."""
+    constraints, and what they bear out within so many pixels.
+
+    ``area``: (state, shapes (n_shapes,), joints (n, n_axes)) -> (n, 2), what the colors of all cameras gain by these shapes, and
+    the cells in which these show, as in `LimbScore.totals`.
+    """
 
     correspond: Callable[[State, float], None]
     whole: LeastSquaresObjective
     part_evidence: Callable[[State, float], PartEvidence]
+    area: Callable[[State, np.ndarray, np.ndarray], np.ndarray]
 
 
 class OneLimb:
@@ -70,6 +82,7 @@ class LimbSearch:
         """Nothing is remembered."""
         self._rng = np.random.default_rng(self._config.limb_seed)
         self._sound: dict[str, np.ndarray] = {}
+        self._turn = 0  # which of the lost limbs comes first
 
     def remember(self, state: State, reports: Sequence[LimbReport]) -> None:
         """Limbs that are TRACKING are where ``state`` says."""
@@ -77,64 +90,100 @@ class LimbSearch:
             if report.status is LimbStatus.TRACKING:
                 self._sound[limb.name] = state.joint_positions[limb.dofs[N_ROOT_DOF:]]
 
-    def poses(self, limb: Limb, state: State, predicted: State) -> list[State]:
-        """``state`` with the limb in likely places, the likeliest first."""
+    def likely(self, limb: Limb, state: State, predicted: State) -> np.ndarray:
+        """(n, n_own): angles of the limb's joints in likely places."""
         own = limb.dofs[N_ROOT_DOF:]
         neutral = np.array([axis.neutral for axis in self._model.chain.axes])[own]
-        last = self._sound.get(limb.name, neutral)
-        angles = [last, predicted.joint_positions[own], neutral]
+        angles = [self._sound.get(limb.name, neutral), predicted.joint_positions[own], neutral, state.joint_positions[own]]
         if limb.name in self._partners:
             angles.append(state.joint_positions[self._partners[limb.name].dofs[N_ROOT_DOF:]])
         angles.append(2.0 * neutral - state.joint_positions[own])
-        while len(angles) < self._config.limb_tries:
-            angles.append(last + self._rng.normal(0.0, _SPREAD_RAD, int(own.sum())))
-        result = []
-        for q in angles[: self._config.limb_tries]:
-            joints = state.joint_positions.copy()
-            joints[own] = q
-            result.append(clip_to_limits(State(state.T_world_root, joints), self._model.chain))
-        return result
+        return np.array(angles)
 
-    def recover(self, lost: Sequence[int], state: State, predicted: State, lines: Lines) -> State | None:
+    def recover(self, wanted: Sequence[int], state: State, predicted: State, lines: Lines) -> State | None:
         """``state`` with lost limbs (indices of the judge's) found elsewhere, the lines being drawn about it; None where nothing
         speaks for other places."""
         evidence = lines.part_evidence(state, self._close_px)
         if not self._config.limb_tries:
             return None
-        odds = [self._odds(i, evidence) for i in lost]
+        doubtful = [(i, here) for i, here in ((i, self._odds(i, evidence)) for i in wanted) if here > 0.0]
+        self._turn += 1
         found = None
-        for i, here in [(i, here) for i, here in zip(lost, odds, strict=True) if here > 0.0][:_LIMBS_A_SET]:
+        for i, here in [doubtful[(self._turn + j) % len(doubtful)] for j in range(min(len(doubtful), _LIMBS_A_SET))]:
             better = self._find(i, found or state, predicted, lines, min(_FOUND_ODDS, here - _BETTER_ODDS))
             found = better or found
         return found
 
-    def _find(self, i: int, state: State, predicted: State, lines: Lines, least: float) -> State | None:
-        """The state with limb ``i`` elsewhere whose log odds of lost are least, if they are below ``least``."""
-        limb, best = self._judge.limbs[i], None
-        poses = self.poses(limb, state, predicted)
-        scores = np.array([self._score(limb, pose, lines) for pose in poses])
-        ranked = [0, *(j for j in np.argsort(-scores, kind="stable") if j)]  # where it was last sound comes first
-        for j in ranked[: self._config.limb_fits]:
-            pose = poses[j]
-            for scales in (_FIT_SCALES[-1:], _FIT_SCALES):  # from near, and from afar
-                for scale in scales:
-                    lines.correspond(pose, scale)
-                    pose = minimize(OneLimb(lines.whole, limb.dofs), pose, self._model.chain, _FIT).state
-                odds = self._odds(i, lines.part_evidence(pose, self._close_px))
-                if odds < least:
-                    best, least = pose, odds
+    def look_over(self, state: State, lines: Lines) -> State | None:
+        """``state`` with whatever limbs the colors would rather have elsewhere; None where they speak for it."""
+        found = None
+        for i in range(1, len(self._judge.limbs)):
+            better = self._find(i, found or state, state, lines, None) if self._config.limb_tries else None
+            found = better or found
+        return found
+
+    def _find(self, i: int, state: State, predicted: State, lines: Lines, least: float | None) -> State | None:
+        """The state with limb ``i`` where the colors would rather have it, if its log odds of lost are below ``least`` there."""
+        limb, own = self._judge.limbs[i], self._judge.limbs[i].dofs[N_ROOT_DOF:]
+        here, cells = lines.area(state, limb.shapes, state.joint_positions[None])[0]
+        best, highest = None, here + _GAIN * cells
+        for q in self._tried(limb, state, predicted, lines, highest):
+            joints = state.joint_positions.copy()
+            joints[own] = q
+            pose = State(state.T_world_root, joints)
+            for scale in _FIT_SCALES:
+                lines.correspond(pose, scale)
+                pose = minimize(OneLimb(lines.whole, limb.dofs), pose, self._model.chain, _FIT).state
+            gain = float(lines.area(pose, limb.shapes, pose.joint_positions[None])[0, 0])
+            if gain > highest and (least is None or self._odds(i, lines.part_evidence(pose, self._close_px)) < least):
+                best, highest = pose, gain
         return best
+
+    def _tried(self, limb: Limb, state: State, predicted: State, lines: Lines, least: float) -> list[np.ndarray]:
+        """The best (n_own,) of all angles that are tried, the best first, of those that gain more than ``least``."""
+        own, tries = limb.dofs[N_ROOT_DOF:], self._config.limb_tries
+        low, high = self._model.chain.lower[own], self._model.chain.upper[own]
+
+        def scored(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            angles = np.clip(angles, low, high)
+            joints = np.repeat(state.joint_positions[None], len(angles), axis=0)
+            joints[:, own] = angles
+            return angles, lines.area(state, limb.shapes, joints)[:, 0]
+
+        angles, gains = scored(self._drawn(limb, self.likely(limb, state, predicted), round(_FIRST * tries)))
+        around = round((1.0 - _FIRST) * tries / (len(_ROUNDS_RAD) * _BEST))
+        for spread in _ROUNDS_RAD if around else ():
+            best = angles[_apart(angles, gains, _BEST)]
+            more = np.repeat(best, around, axis=0) + self._rng.normal(0.0, spread, (len(best) * around, len(low)))
+            more, more_gains = scored(more)
+            angles, gains = np.concatenate([angles, more]), np.concatenate([gains, more_gains])
+        return [angles[j] for j in _apart(angles, gains, self._config.limb_fits) if gains[j] > least]
+
+    def _drawn(self, limb: Limb, likely: np.ndarray, n: int) -> np.ndarray:
+        """(>= n, n_own): likely angles, others about them, and some anywhere within the limits, where there are limits."""
+        own = limb.dofs[N_ROOT_DOF:]
+        low, high = self._model.chain.lower[own], self._model.chain.upper[own]
+        n_anywhere = round(_WANDERERS * n) if np.isfinite(high - low).all() else 0
+        about = likely[np.arange(max(n - n_anywhere - len(likely), 0)) % len(likely)]
+        spreads = np.resize(np.repeat(_SPREADS_RAD, len(likely)), len(about))
+        about = about + spreads[:, None] * self._rng.normal(size=about.shape)
+        return np.concatenate([likely, about, self._rng.uniform(low, high, (n_anywhere, len(low)))])
 
     def _odds(self, i: int, evidence: PartEvidence) -> float:
         """Log odds of lost; those of a limb that cannot be seen speak for nothing."""
         measures = limb_measures(evidence, self._judge.limbs[i].shapes)
         return np.inf if measures is None else self._judge.odds(i, measures)
 
-    def _score(self, limb: Limb, pose: State, lines: Lines) -> float:
-        """How much of the limb's outline is found about a pose, and how surely; hidden limbs come last."""
-        lines.correspond(pose, _SCORE_SCALE)
-        measures = limb_measures(lines.part_evidence(pose, _SCORE_SCALE * self._close_px), limb.shapes)
-        return -1.0 if measures is None else float(measures[0] * measures[2])
+
+def _apart(angles: np.ndarray, gains: np.ndarray, n: int) -> list[int]:
+    """Indices of at most ``n`` of the angles (m, n_own), of the largest gains (m,), the best first, apart from each other."""
+    chosen: list[int] = []
+    for i in np.argsort(-gains, kind="stable").tolist():
+        if all(np.abs(angles[i] - angles[j]).max() >= _APART_RAD for j in chosen):
+            chosen.append(i)
+            if len(chosen) == n:
+                break
+    return chosen
 
 
 def _partners(limbs: Sequence[Limb]) -> dict[str, Limb]:

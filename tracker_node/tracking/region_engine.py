@@ -12,6 +12,7 @@ from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective import region_lines as kernel
+from ..objective.limb_score import LimbScore
 from ..objective.moved_configuration import bodies_seen
 from ..objective.normal_equations import Comparison, LeastSquaresObjective, NormalEquations
 from ..objective.prior import Prior
@@ -21,7 +22,7 @@ from ..observation.appearance import SceneModel
 from ..observation.body_region import Region, grown
 from ..observation.image_set import ImageSet
 from ..observation.observer import checked_plates
-from ..observation.region_colors import RegionColors, color_classes, stated_densities
+from ..observation.region_colors import RegionColors, agree, color_classes, stated_densities
 from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 from ..optimize.result import OptimizerResult
 from ..render.occluders import Occluders
@@ -82,6 +83,7 @@ class RegionEngine:
         self._constraints = constraints_of(model, config)
         self._arrays = ShapeArrays.from_model(model)
         self._objective = RegionObjective(rig, model, self._arrays, self._classes, options, parallel, self._occluders.depths)
+        self._areas = LimbScore(rig, model, self._classes, config.evidence.shadow, region.clamp, parallel)
         self._limbs = LimbJudge(model, config.status)
         self._searches = RegionSearches(rig, model, config, self._limbs, self._fits())
         self.reset()
@@ -120,6 +122,7 @@ class RegionEngine:
         for guard_px in (4 * guard, 2 * guard, guard):
             self._colors = [RegionColors(self._classes, self._stated, self._config.region.color_prior) for _ in self._rig]
             self._learn(images, start, 1.0, guard_px)
+            agree(self._colors)
             if guard_px != guard:
                 self.observe(images, start)
                 start = self.fit(start, first=True).state
@@ -129,7 +132,7 @@ class RegionEngine:
 
     def observe(self, images: Images, expected: State | None, passage: Passage | None = None) -> None:
         """Keep the images: lines are drawn where the fit needs them."""
-        self._passage = passage
+        self._passage, self._looked = passage, False
         if self._distances is not None:
             self._distances.observe(images, expected, passage)
         self._objective.set_views(
@@ -177,7 +180,13 @@ class RegionEngine:
 
     def _limb_lines(self, predicted: State) -> Lines:
         whole = SumObjective([self._objective, *self._constraints], priors=self._priors(predicted, None)[1:])
-        return Lines(self._correspond, whole, self._objective.part_evidence)
+        return Lines(self._correspond, whole, self._objective.part_evidence, self._area)
+
+    def _area(self, state: State, shapes: np.ndarray, joints: np.ndarray) -> np.ndarray:
+        if not self._looked:
+            self._areas.look(self._objective.views, state, max(1, round(self._size_px(state) / _BODY_CELLS)))
+            self._looked = True
+        return self._areas.totals(state, shapes, joints).sum(axis=1)
 
     def _descend(self, start: State, scales: tuple[float, ...], prior: Prior | None) -> OptimizerResult:
         state, iterations, evaluations = start, 0, 0
@@ -338,6 +347,7 @@ class RegionEngine:
         return [prior, Prior(State.neutral(self._model, expected.T_world_root), neutral / PX2_PER_INFORMATION)]
 
 
+_BODY_CELLS = 90.0  # across the body, in the small images in which limbs are looked for
 _BODY_PX = 300.0  # lines are shorter on bodies that are smaller than this
 _LEAST_OUTLINE = 10  # samples of the outline that a camera should see, to be asked
 _CHANCE = 3.0  # log-likelihood ratio of a contour against none, a sample, that a body has wherever it is put

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from ..camera.camera_rig import CameraRig
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
@@ -20,6 +22,7 @@ from .limb_status import LimbJudge
 from .tilts import Misfit, tilted
 
 _CLEARLY = 0.05  # share of the outline by which long lines must do better than short ones
+_LOOKS = 3  # at all limbs, at most, on the first image set
 _LEAST_LINES = 0.8  # of those of another fit, that a tilted body must have to be held against it
 
 
@@ -88,15 +91,36 @@ class RegionSearches:
             self.sound = state
 
     def first(self, start: State, prior: Prior | None) -> OptimizerResult:
-        """Long lines reach a body that is far off, and mislead one that is near: both are tried, and the better is kept."""
+        """Long lines reach a body that is far off, and mislead one that is near: both are tried, and the better is kept; then
+        each limb is looked for where the colors would rather have it."""
         fits = self._fits
         near = fits.descend(start, self._first_scales, prior)
         kept, share = fits.kept(), self._close_share(near.state)
         far = fits.descend(start, self._wide_scales, prior)
         if self._close_share(far.state) > share + _CLEARLY:
-            return far
+            return self._looked_over(far, prior)
         fits.keep(kept)
-        return fits.settled(near)
+        return self._looked_over(fits.settled(near), prior)
+
+    def _looked_over(self, result: OptimizerResult, prior: Prior | None) -> OptimizerResult:
+        """The same with limbs where the colors would rather have them, as long as the whole body gains by it."""
+        fits, lines = self._fits, self._fits.limb_lines(result.state)
+        for _ in range(_LOOKS):
+            kept, gain = fits.kept(), self._gain(result.state, lines)
+            found = self._search.look_over(result.state, lines)
+            if found is None:
+                break
+            again = fits.descend(found, self._scales, prior)
+            if self._gain(again.state, lines) <= gain:
+                fits.keep(kept)
+                break
+            result = again
+        return fits.settled(result)
+
+    def _gain(self, state: State, lines: Lines) -> float:
+        """What the colors gain by the whole body."""
+        everything = np.ones(len(self._model.shapes), dtype=np.bool_)
+        return float(lines.area(state, everything, state.joint_positions[None])[0, 0])
 
     def mended(self, result: OptimizerResult, start: State, prior: Prior | None) -> tuple[OptimizerResult, bool]:
         """The fit of an image set, begun at ``start``, with what is lost found again; and whether anything was."""
