@@ -15,7 +15,7 @@ import numpy as np
 from ..camera.camera_rig import Camera
 from ..camera.capture_settings import CaptureSettings
 from ..errors import CalibrationError, SourceError
-from ..observation.deinterlace import check_interlaced, deinterlace
+from ..observation.deinterlace import check_field_order, check_interlaced, deinterlace
 from .bag_source import BagSource, topic_of_camera
 from .file_sources import DEFAULT_FOLDER_RATE_HZ, IMAGE_SUFFIXES, FolderSource, VideoSource, list_images
 from .recorded_source import ImageSource, ReadCounts, SourceOptions
@@ -70,7 +70,7 @@ class InterlacedSource(ImageSource):
 
     Raises
     ------
-    SourceError : an odd number of lines, a mosaic or JPEG images that are to be passed on, which cannot be taken apart, or what
+    SourceError : an odd number of lines, the other field order, a mosaic or JPEG images that are to be passed on, which cannot be taken apart, or what
         moves in the first images shows that they are progressive.
     """
 
@@ -79,8 +79,9 @@ class InterlacedSource(ImageSource):
         self._order = order
         self._woven = open_source(path, SourceOptions(threads=options.threads))
         super().__init__(str(path), options)
-        first = itertools.islice(self._woven, min(_CHECKED, self._woven.n_images))
-        check_interlaced([image for _, image in first], str(path))
+        first = [image for _, image in itertools.islice(self._woven, min(_CHECKED, self._woven.n_images))]
+        check_interlaced(first, str(path))
+        check_field_order(first, order, str(path))
 
     def _open(self) -> tuple[int, int, float, int]:
         source = self._woven
@@ -136,6 +137,15 @@ def open_camera_source(camera: Camera, options: SourceOptions | None = None) -> 
     FileFormatError : a stamp file or a bag that cannot be used.
     CalibrationError : the file's image size is not that of the calibration.
     """
+    source = open_camera_source_of_any_size(camera, options)
+    expected, got = (camera.model.width, camera.model.height), (source.native_width, source.native_height)
+    if expected != got:
+        raise CalibrationError(camera.name, size_contradiction(expected, got, str(camera.source)))
+    return source
+
+
+def open_camera_source_of_any_size(camera: Camera, options: SourceOptions | None = None) -> ImageSource:
+    """As `open_camera_source`, whatever size the images have."""
     if not camera.source:
         raise SourceError(camera.name, "the rig names no source for this camera")
     options = options or SourceOptions()
@@ -153,13 +163,8 @@ def open_camera_source(camera: Camera, options: SourceOptions | None = None) -> 
         times = file_times(camera, open_source(str(address))._n_in_file)
         shifted = replace(shifted, times_ns=field_times(times) if camera.interlaced and times else times)
     if camera.interlaced:
-        source: ImageSource = InterlacedSource(str(address), shifted, camera.interlaced)
-    else:
-        source = open_source(str(address), shifted)
-    expected, got = (camera.model.width, camera.model.height), (source.native_width, source.native_height)
-    if expected != got:
-        raise CalibrationError(camera.name, size_contradiction(expected, got, camera.source))
-    return source
+        return InterlacedSource(str(address), shifted, camera.interlaced)
+    return open_source(str(address), shifted)
 
 
 def size_contradiction(expected: tuple[int, int], got: tuple[int, int], source: str) -> str:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -25,6 +26,7 @@ FIELD_ORDERS = ("top_first", "bottom_first")  # the field that was exposed first
 COMB_THRESHOLD = 1.0
 _MOVED = 24  # grey levels of change from image to image that count as motion, well above noise
 _MIN_MOVED_PIXELS = 400
+_ORDERS_DIFFER = 1.5  # least ratio of the combs of both orders that tells them apart; steady motion gives some 9
 
 
 def first_line(field: int, order: str = "top_first") -> int:
@@ -116,6 +118,53 @@ def check_interlaced(images: Sequence[np.ndarray], source: str) -> None:
             f"marked as interlaced, but what moves shows no comb (ratio {ratio:.2f}, interlaced video has more than"
             f" {COMB_THRESHOLD:g}): it is progressive, take the mark away",
         )
+
+
+def field_order(images: Sequence[np.ndarray]) -> str | None:
+    """Which field of interlaced images was exposed first, from what moves.
+
+    The later field of an image and the earlier one of the next are one field period apart, the other two are three: woven
+    together, they show the smaller comb.
+
+    Parameters
+    ----------
+    images : two or more successive images (h, w, 3) uint8 as recorded.
+
+    Returns
+    -------
+    One of `FIELD_ORDERS`; None where too little moves to tell.
+    """
+    combs = {}
+    for order in FIELD_ORDERS:
+        later = first_line(1, order)
+        woven = [weave_fields(a[later::2], b[1 - later :: 2], FIELD_ORDERS[later]) for a, b in pairwise(images)]
+        combs[order] = _line_energy(woven, images)
+    smaller = min(combs, key=combs.__getitem__)
+    larger = max(combs.values())
+    return smaller if larger > 0.0 and combs[smaller] * _ORDERS_DIFFER < larger else None
+
+
+def _line_energy(woven: Sequence[np.ndarray], images: Sequence[np.ndarray]) -> float:
+    """Sum of squared second differences between neighbouring lines, where something has moved; 0 if that is too little."""
+    total, n_moved = 0.0, 0
+    for image, before, after in zip(woven, images[:-1], images[1:], strict=True):
+        moved = (np.abs(_luma(after) - _luma(before)) > _MOVED)[1:-1]
+        luma = _luma(image)
+        total += float((((luma[1:-1] - 0.5 * (luma[:-2] + luma[2:]))[moved]) ** 2).sum())
+        n_moved += int(moved.sum())
+    return total if n_moved >= _MIN_MOVED_PIXELS else 0.0
+
+
+def check_field_order(images: Sequence[np.ndarray], order: str, source: str) -> None:
+    """Refuse a field order that makes everything move back and forth; a scene in which nothing moves passes.
+
+    Raises
+    ------
+    SourceError : naming the source and the order that its images have.
+    """
+    found = field_order(images)
+    if found is not None and found != order:
+        raise SourceError(source, f"marked as {order}, but then what moves would go back and forth: it is {found}")
 
 
 def _luma(image: np.ndarray) -> np.ndarray:
