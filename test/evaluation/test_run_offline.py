@@ -22,7 +22,7 @@ from tracker_node.loaders.bag_writer import BagExistsError, BagWriter
 from tracker_node.loaders.image_source import SourceOptions, open_camera_source
 from tracker_node.loaders.message_types import TRACKED_STATE
 from tracker_node.loaders.model_yaml import load_model
-from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.loaders.rig_yaml import load_rig, read_rig_file, write_rig_file
 from tracker_node.loaders.state_yaml import load_state
 from tracker_node.loaders.trajectory_file import read_joints, read_poses, read_states
 from tracker_node.model.configuration import Configuration
@@ -196,6 +196,17 @@ def test_a_run_without_images_is_made_again_from_the_sources(clip: Clip, tmp_pat
     wrong = replace(again, source_options=SourceOptions(rate_hz=25.0))
     with pytest.raises(SourceError, match="not those of the rig's sources"):
         run_offline(wrong, tmp_path / "third")
+
+
+def test_a_run_from_stamp_0_on_that_began_without_a_camera_is_made_again(own_clip: Clip, tmp_path: Path) -> None:
+    """In the message of a set at stamp 0, 0 says that a camera gave no image, or one at 0."""
+    rig = read_rig_file(own_clip.rig_file)
+    late = rig.cameras["cam02"].model_copy(update={"time_offset_s": 0.1})
+    write_rig_file(rig.model_copy(update={"cameras": {**rig.cameras, "cam02": late}}), own_clip.rig_file)
+    run_offline(offline_run(own_clip), tmp_path / "first")
+    summary = run_offline(offline_run(own_clip, bag=tmp_path / "first/bag", from_run=True), tmp_path / "second")
+    assert summary["errors"] == []
+    assert (tmp_path / "second/states.csv").read_bytes() == (tmp_path / "first/states.csv").read_bytes()
 
 
 def test_a_video_that_breaks_off_leaves_the_other_cameras(own_clip: Clip, tmp_path: Path) -> None:

@@ -116,16 +116,25 @@ class RecordedRunStream(ImageSetStream):
         """Stamp of image 0 that makes every recorded stamp one of the sources' stamps."""
         wanted: dict[str, set[int]] = {}
         for camera, stamp_ns in self._needed:
-            wanted.setdefault(camera, set()).add(stamp_ns)
+            wanted.setdefault(camera, set()).update({stamp_ns} - {0})  # a set at 0 may mean that there was no image
         sources = opened_sources(self.rig, options, [])
         for base_ns in [options.base_stamp_ns, *self._announced_bases(sources)]:
             shift = base_ns - options.base_stamp_ns
-            if all(wanted[c] <= {s + shift for s in _stamps(source)} for c, source in sources.items() if c in wanted):
+            stamps = {c: {s + shift for s in _stamps(source)} for c, source in sources.items()}
+            if all(wanted[c] <= stamps[c] for c in sources if c in wanted):
+                self._drop_absent({c for c in sources if 0 not in stamps[c]})
                 return base_ns
         raise SourceError(
             self._reader.path,
             "its stamps are not those of the rig's sources; give the stamp of image 0 that the run had, and its rate and start",
         )
+
+    def _drop_absent(self, cameras: set[str]) -> None:
+        """In sets at stamp 0, whose message says 0 for "no image" too: these cameras had none."""
+        absent = {(camera, 0) for camera in cameras}
+        self.sets = [replace(s, images=tuple(key for key in s.images if key not in absent)) for s in self.sets]
+        for key in absent & set(self._needed):
+            del self._needed[key]
 
     def _announced_bases(self, sources: dict[str, ImageSource]) -> Iterator[int]:
         """Candidates from the first camera_info of each camera, which an image of the run had."""
