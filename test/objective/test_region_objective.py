@@ -9,9 +9,9 @@ from tracker_node.model.articulated_model import ArticulatedModel, Shape
 from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.primitives import Ellipsoid
-from tracker_node.objective import region_lines as kernel
+from tracker_node.objective import line_table as table
 from tracker_node.objective.region_objective import RegionObjective, RegionOptions, View
-from tracker_node.observation.appearance import SceneModel
+from tracker_node.observation.empty_room import EmptyRoom
 from tracker_node.observation.region_colors import RegionColors, color_classes, stated_densities
 from tracker_node.optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 from tracker_node.render.shape_arrays import ShapeArrays
@@ -68,14 +68,14 @@ def test_a_line_finds_how_far_its_contour_is(off_px):
     objective.correspond(at(x=off_px * DISTANCE / FOCAL), scale)
     slot = objective.slots[0]
     lines = slot.lines[: slot.n]
-    normals = lines[:, kernel.LINE_NU : kernel.LINE_NV + 1]
-    from_center = lines[:, kernel.LINE_U : kernel.LINE_V + 1] - CENTER
+    normals = lines[:, table.LINE_NU : table.LINE_NV + 1]
+    from_center = lines[:, table.LINE_U : table.LINE_V + 1] - CENTER
     # The circle along the ray from the sample: |p + t n| = R
     along = (from_center * normals).sum(axis=1)
     wanted = -along + np.sqrt(along**2 - (from_center**2).sum(axis=1) + radius_px**2)
-    told = lines[:, kernel.PRECISION] > 1.0
+    told = lines[:, table.PRECISION] > 1.0
     assert told.mean() > 0.9
-    error = lines[told, kernel.MEAN] - wanted[told]
+    error = lines[told, table.MEAN] - wanted[told]
     assert abs(error.mean()) < 0.05
     assert error.std() < 0.25
 
@@ -120,8 +120,8 @@ def test_a_part_that_is_narrower_than_its_line_is_found_as_a_whole():
     off_px = 11.0  # more than twice its own width
     objective.correspond(at(x=off_px * DISTANCE / FOCAL), 2.0)
     lines = objective.slots[0].lines[: objective.slots[0].n]
-    across = np.abs(lines[:, kernel.LINE_NU]) > 0.95  # lines that run through the ball
-    shifts = lines[across, kernel.MEAN] * lines[across, kernel.LINE_NU]
+    across = np.abs(lines[:, table.LINE_NU]) > 0.95  # lines that run through the ball
+    shifts = lines[across, table.MEAN] * lines[across, table.LINE_NU]
     assert across.sum() >= 4
     np.testing.assert_allclose(shifts, -off_px, atol=2.0)  # one place of the line
 
@@ -163,9 +163,8 @@ def test_a_known_room_of_the_bodys_color_still_shows_the_body():
         objective = objective_of(0.25, image, (8.0, 0.0), radius_px, samples_per_line=40)
         if known:
             plate = np.clip(wall + np.random.default_rng(2).normal(0.0, 2.0, wall.shape), 0, 255).astype(np.uint8)
-            room = SceneModel.from_images([plate], 3.0)
             view = objective.views[0]
-            objective.set_views([View(image, view.densities, (room.mean, room.variance, room.known))])
+            objective.set_views([View(image, view.densities, EmptyRoom([plate], 3.0, 0.0, 4).packed)])
         state = at(x=8.0 * DISTANCE / FOCAL)
         for scale in (2.0, 1.0):
             objective.correspond(state, scale)

@@ -9,16 +9,14 @@ import numpy as np
 from ..camera.camera_rig import CameraRig
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..objective import region_lines as kernel
+from ..objective import line_table as table
 from ..objective.region_objective import RegionObjective, RegionOptions, View
 from ..objective.shape_jacobian import ContourLines, normalized
-from ..observation.appearance import SceneModel
-from ..observation.body_region import grown
+from ..observation.empty_room import EmptyRoom
 from ..observation.image_set import ImageSet
 from ..observation.region_colors import RegionColors, color_classes, stated_densities
 from ..render.contour_samples import SHAPE
 from ..render.raycaster import render_labels
-from ..render.renderer import Region
 from ..render.shape_arrays import ShapeArrays
 from ..tracking.config import TrackerConfig
 from .body_fit_lines import joined, serial
@@ -45,7 +43,7 @@ class RegionEvidence:
     ):
         self._sets, self._config, self._region, self._parallel = list(sets), config, config.region, parallel
         self._plates = dict(plates or {})
-        self._seen: list[tuple[RegionColors, SceneModel | None]] = []
+        self._seen: list[tuple[RegionColors, EmptyRoom]] = []
         self._objective: tuple[ArticulatedModel, CameraRig, RegionObjective] | None = None
         self._scale, self._model_sigma_px = 1.0, 0.5
 
@@ -54,7 +52,7 @@ class RegionEvidence:
         stated = stated_densities(model, classes)
         self._scale, self._model_sigma_px = max(1.0, robust_px / 3.0), robust_px / 6.0
 
-        def learn(i: int) -> tuple[RegionColors, SceneModel | None]:
+        def learn(i: int) -> tuple[RegionColors, EmptyRoom]:
             colors, camera, seen = RegionColors(classes, stated, region.color_prior), rig.cameras[i], 0
             room = self._empty_room(camera.name)
             for k, images in enumerate(self._sets):
@@ -63,33 +61,16 @@ class RegionEvidence:
                 if image is not None and found is not None and min(found[1].shape) >= _LEAST_REGION_PX:
                     seen += 1
                     colors.learn(image.bgr, *found, 1.0 / seen, region.guard_px, region.around_px)
-                    room = self._learn_room(room, image.bgr, *found)
+                    if self._region.learn_room and len(self._sets) > 1:
+                        room.learn(image.bgr, *found)
             return colors, room
 
         self._seen = self._parallel(learn, list(range(len(rig))))
 
-    def _empty_room(self, camera: str) -> SceneModel | None:
-        """What plates say."""
-        plate = self._plates.get(camera)
-        if plate is None:
-            return None
-        return SceneModel.from_images(
-            [plate] if isinstance(plate, np.ndarray) else list(plate), self._config.evidence.scene_sigma
-        )
-
-    def _learn_room(self, room: SceneModel | None, bgr: np.ndarray, region: Region, labels: np.ndarray) -> SceneModel | None:
-        """What each pixel shows when the body is not there, for cameras that stand still."""
-        evidence = self._config.evidence
-        if not self._region.learn_room or len(self._sets) < 2:
-            return room
-        near = grown(labels, evidence.body_margin_px)
-        if room is None:
-            room, body = SceneModel(bgr.shape[0], bgr.shape[1], evidence.scene_sigma), np.zeros(bgr.shape[:2], dtype=np.uint8)
-            body[region[1] : region[3], region[0] : region[2]] = near
-            room.learn_first(bgr, body)
-        else:
-            room.update(bgr, near, evidence.scene_rate, region)
-        return room
+    def _empty_room(self, camera: str) -> EmptyRoom:
+        plate, evidence = self._plates.get(camera), self._config.evidence
+        plates = [] if plate is None else [plate] if isinstance(plate, np.ndarray) else list(plate)
+        return EmptyRoom(plates, evidence.scene_sigma, evidence.scene_rate, evidence.body_margin_px)
 
     def lines(self, index: int, model: ArticulatedModel, rig: CameraRig, states: Sequence[State]) -> ContourLines:
         if self._objective is None or self._objective[0] is not model or self._objective[1] is not rig:
@@ -100,10 +81,8 @@ class RegionEvidence:
             image = images.get(camera.name)
             if image is None or not colors.knows:
                 views.append(None)
-            elif room is None:
-                views.append(View(image.bgr, (colors.body, colors.scene)))
             else:
-                views.append(View(image.bgr, (colors.body, colors.scene), (room.mean, room.variance, room.known)))
+                views.append(View(image.bgr, (colors.body, colors.scene), room.packed))
         objective.set_views(views, [state.difference(states[0]) if state is not states[0] else None for state in states])
         objective.correspond(states[0], self._scale)
         return joined([self._lines(i, model, objective) for i in objective.active])
@@ -122,15 +101,15 @@ class RegionEvidence:
     def _lines(self, camera: int, model: ArticulatedModel, objective: RegionObjective) -> ContourLines:
         slot = objective.slots[camera]
         found = slot.lines[: slot.n]
-        keep = np.flatnonzero(found[:, kernel.PRECISION] > 0.0)
+        keep = np.flatnonzero(found[:, table.PRECISION] > 0.0)
         lines, shapes = found[keep], slot.info[keep, SHAPE].astype(np.int64)
         points = np.empty((len(keep), 3))
         for k in np.unique(shapes):
             own, T = shapes == k, model.Ts_link_shape[k]
-            in_link = lines[own, kernel.POINT : kernel.POINT + 3]
+            in_link = lines[own, table.POINT : table.POINT + 3]
             points[own] = normalized(model.shapes[k].primitive, (in_link - T[:3, 3]) @ T[:3, :3])
-        variances = 1.0 / lines[:, kernel.PRECISION] + self._model_sigma_px**2 + (0.5 * self._scale) ** 2 / 3.0
+        variances = 1.0 / lines[:, table.PRECISION] + self._model_sigma_px**2 + (0.5 * self._scale) ** 2 / 3.0
         return ContourLines(
-            np.full(len(keep), camera), shapes, points, lines[:, kernel.LINE_U : kernel.LINE_V + 1].copy(),
-            lines[:, kernel.LINE_NU : kernel.LINE_NV + 1].copy(), lines[:, kernel.MEAN].copy(), variances,
+            np.full(len(keep), camera), shapes, points, lines[:, table.LINE_U : table.LINE_V + 1].copy(),
+            lines[:, table.LINE_NU : table.LINE_NV + 1].copy(), lines[:, table.MEAN].copy(), variances,
         )  # fmt: skip

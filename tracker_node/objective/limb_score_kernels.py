@@ -14,7 +14,7 @@ from ..observation.appearance_kernels import log_positive
 from ..render.ray_coefficients import N_COEFFICIENTS
 from ..render.ray_kernels import LABEL_BITS, LANES
 from .evidence_kernels import draw_body
-from .region_lines import other_density
+from .line_colors import other_density
 
 REST = np.int32(LABEL_BITS)  # label of all that is not the limb
 
@@ -25,9 +25,11 @@ def fill_maps(bgr, log_body, scene, room, darkest, step, clamp, region, maps):
     ``region`` (u0, v0, u1, v1); the rest stays as it is.
 
     Cells are ``bgr.shape[0] // h`` pixels high, or a little more, and of their pixels every ``step``-th is looked at.
-    ``log_body`` (n_colors, n_classes): log densities; ``scene``, ``room`` and ``darkest`` as in `region_lines.draw_lines`.
+    ``log_body`` (n_colors, n_classes): log densities; ``scene``, ``room`` and ``darkest`` as in `line_colors.read_lines`.
     """
     height, width, n_classes = maps.shape
+    pixels, least_variance = room
+    most = np.float32(0.5 / least_variance)
     rows, columns = bgr.shape[0] / height, bgr.shape[1] / width
     for i in range(region[1], region[3]):
         top, bottom = int(i * rows), int((i + 1) * rows)
@@ -37,9 +39,11 @@ def fill_maps(bgr, log_body, scene, room, darkest, step, clamp, region, maps):
             cell[:] = np.float32(0.0)
             for v in range(top, bottom, step):
                 for u in range(left, right, step):
-                    b, g, r = bgr[v, u, 0], bgr[v, u, 1], bgr[v, u, 2]
+                    b, g, r = np.uint32(bgr[v, u, 0]), np.uint32(bgr[v, u, 1]), np.uint32(bgr[v, u, 2])
                     color = (np.int64(b >> 4) << 8) | np.int64(g & 0xF0) | np.int64(r >> 4)
-                    other = log_positive(other_density(b, g, r, scene[color], room, v, u, darkest))
+                    mean = pixels[v, u] if pixels.size > 0 else np.uint32(0)
+                    packed = b | (g << np.uint32(8)) | (r << np.uint32(16))
+                    other = log_positive(other_density(packed, mean, scene[color], most, np.float32(darkest)))
                     for k in range(n_classes):
                         cell[k] += min(max(log_body[color, k] - other, -clamp), clamp)
                     count += 1

@@ -7,7 +7,7 @@ import numba as nb
 from ..camera.camera_model import project_point
 from ..render.contour import OUTER
 from ..render.contour_samples import CLASS, LINK, SHAPE
-from .region_lines import LINE_NU, LINE_NV, LINE_U, LINE_V, LOG_RATIO, MEAN, POINT, PRECISION
+from .line_table import LINE_NU, LINE_NV, LINE_U, LINE_V, LOG_RATIO, MEAN, POINT, PRECISION
 
 # Rows of the evidence of one camera
 EXPECTED, FOUND, CLOSE, CHI2, SUM_LOG_RATIO = range(5)

@@ -17,8 +17,7 @@ import math
 import numba as nb
 import numpy as np
 
-from ..camera.camera_model import project_point
-from ..observation.appearance_kernels import log_positive
+from ..camera.camera_model import NEAR, project_point
 from ..render.contour import INNER, N_COLUMNS, NORMAL, P
 from ..render.contour_samples import (
     BEYOND,
@@ -35,12 +34,28 @@ from ..render.contour_samples import (
     chords_px,
 )
 from ..render.contour_visibility import ray_interval
+from .line_colors import read_lines
+from .line_distribution import fit_distributions
+from .line_refinement import refine_lines
+from .line_table import (
+    BEFORE,
+    BEHIND,
+    LINE_NU,
+    LINE_NV,
+    LINE_U,
+    LINE_V,
+    LOG_RATIO,
+    LONGEST,
+    MEAN,
+    N_LINE_COLUMNS,
+    N_PLAN_COLUMNS,
+    OWN,
+    POINT,
+    PRECISION,
+    WIDTH,
+)
 from .region_steps import N_SUM_COLUMNS, step_distribution
 
-# Columns of a line: point in the link's frame, pixel and normal of the sample when the line was drawn, how far out the contour is
-# (mean, px) and how sure that is (1/variance, px^-2), log-likelihood of a contour near there against none on the line
-POINT, LINE_U, LINE_V, LINE_NU, LINE_NV, MEAN, PRECISION, LOG_RATIO = 0, 3, 4, 5, 6, 7, 8, 9
-N_LINE_COLUMNS = 10
 # Indices of the options
 SCALE, HALF_LENGTH, CLAMP, SHARPNESS, MODEL_VARIANCE, ROBUST, CORRELATION, FINE, SHADOW = range(9)
 N_OPTIONS = 9
@@ -48,208 +63,67 @@ N_OPTIONS = 9
 COST, SQUARES, WEIGHT, COUNT, N_SAMPLES = range(5)
 N_STATISTICS = 5
 
-_LONGEST = 96  # pixels of a line
-_NEGLIGIBLE = -20.0  # log-likelihood
-_ONE, _HALF, _PI = np.float32(1.0), np.float32(0.5), np.float32(math.pi)
-_SEEN = np.uint8(1)
-_BIN_VOLUME = np.float32(16.0**3)
-_OUTLIER = np.float32(0.05)  # share of colors that the empty scene does not explain, where it is known
-_FAR = np.float32(12.0)  # half a squared distance beyond which a density is nothing
-_SHADOW_DENSITY = np.float32(0.2 / 75.0)  # as in `observation.appearance`: one pixel in five, of a brightness in 75 grey levels
-
-
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _room_density(b, g, r, mean_b, mean_g, mean_r, variance, darkest):
-    """Density per bin of a color where the empty scene shows, lit or in shadow."""
-    db, dg, dr = b - mean_b, g - mean_g, r - mean_r
-    half_precision = _HALF / variance
-    square = half_precision * (db * db + dg * dg + dr * dr)
-    share = half_precision / _PI
-    if square < _FAR:
-        return _BIN_VOLUME * share * math.sqrt(share) * math.exp(-square)
-    gain = (b * mean_b + g * mean_g + r * mean_r) / (mean_b * mean_b + mean_g * mean_g + mean_r * mean_r + _ONE)
-    if not darkest < gain < _ONE:
-        return np.float32(0.0)
-    db, dg, dr = b - gain * mean_b, g - gain * mean_g, r - gain * mean_r
-    square = half_precision * (db * db + dg * dg + dr * dr)
-    if square > _FAR:
-        return np.float32(0.0)
-    return _BIN_VOLUME * _SHADOW_DENSITY * share * math.exp(-square)
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def other_density(b, g, r, of_scene, room, i, j, darkest):
-    """Density per bin of the color of pixel (i, j) where the scene shows: ``of_scene``, or by the room where that is known."""
-    mean, variance, known = room
-    if known.size > 0 and known[i, j] == _SEEN:
-        return _OUTLIER * of_scene + _room_density(
-            np.float32(b), np.float32(g), np.float32(r), mean[i, j, 0], mean[i, j, 1], mean[i, j, 2], variance[i, j], darkest
-        )
-    return of_scene
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _read_line(bgr, body, beyond, scene, room, darkest, has_beyond, u, v, nu, nv, start, step, count, clamp, odds):
-    """Fill ``odds[0]`` with the clamped log(p_body / p_beyond) of ``count`` pixels from ``start`` on; zero beyond the image."""
-    height, width = bgr.shape[0], bgr.shape[1]
-    mean, variance, known = room
-    has_room = known.size > 0
-    ours, others = odds[0], odds[1]
-    for k in range(count):
-        t = start + k * step
-        i, j = np.int64(math.floor(v + t * nv + 0.5)), np.int64(math.floor(u + t * nu + 0.5))
-        if i < 0 or i >= height or j < 0 or j >= width:
-            ours[k], others[k] = _ONE, _ONE
+def _plan(shapes, Ts, spheres, camera, rows, pixels, info, n, chords, classes, half, scale, plan):
+    """Fill ``plan`` (n, `N_PLAN_COLUMNS`); `BEFORE` is -1 of creases."""
+    for j in range(n):
+        shape, beyond = info[j, SHAPE], info[j, BEYOND]
+        width = max(1, int(chords[j, 0] / scale + 0.5))
+        plan[j, OWN], plan[j, WIDTH], plan[j, BEHIND], plan[j, BEFORE] = classes[shape], width, -1, -1
+        if beyond == shape:  # another side of the same part
             continue
-        b, g, r = bgr[i, j, 0], bgr[i, j, 1], bgr[i, j, 2]
-        color = (np.int64(b >> 4) << 8) | np.int64(g & 0xF0) | np.int64(r >> 4)
-        other = scene[color]
-        if has_room and known[i, j] == _SEEN:
-            other = _OUTLIER * other + _room_density(
-                np.float32(b), np.float32(g), np.float32(r), mean[i, j, 0], mean[i, j, 1], mean[i, j, 2], variance[i, j],
-                darkest,
-            )  # fmt: skip
-        if has_beyond:
-            other = _HALF * (other + beyond[color])
-        ours[k], others[k] = body[color], other
-    for k in range(np.uint64(count)):  # by itself, for the sake of vectors
-        value = log_positive(ours[k] / others[k])
-        ours[k] = min(max(value, -clamp), clamp)
+        plan[j, BEFORE] = width if width <= half else 0
+        if info[j, CLASS] == INNER and beyond >= 0:
+            plan[j, BEHIND] = classes[beyond]
+    _look_beyond(shapes, Ts, spheres, camera, rows, pixels, info, n, scale, plan)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _distribution(odds, n, half, width, sharpness, total, line):
-    """Mean and precision (in steps of the line) of the contour's offset, and the log-ratio, into ``line``.
+def _look_beyond(shapes, Ts, spheres, camera, rows, pixels, info, n, scale, plan):
+    """Where another part of the body shows beyond the other side of a narrow part, it counts as wide.
 
-    ``odds`` (n,): pixel k lies (k + 0.5 - n/2) steps out; offsets are -half ... half. ``total`` (n + 1,) becomes the running sum.
+    Beyond: three pixels inside of the contour opposite.
     """
-    total[0] = 0.0
-    for k in range(n):
-        total[k + 1] = total[k] + odds[k]
-    middle = n // 2
-    narrow = width < middle - half  # the line reaches across the part wherever its contour may be
-    best = -1e30
-    for d in range(-half, half + 1):
-        value = total[middle + d] - (total[middle + d - width] if narrow else 0.0)
-        best = max(best, value)
-    mass, first, second = 0.0, 0.0, 0.0
-    for d in range(-half, half + 1):
-        value = total[middle + d] - (total[middle + d - width] if narrow else 0.0)
-        exponent = sharpness * (value - best)
-        if exponent < _NEGLIGIBLE:
-            continue
-        p = math.exp(exponent)
-        mass += p
-        first += p * d
-        second += p * d * d
-    mean = first / mass
-    variance = max(second / mass - mean * mean, 0.0) + 1.0 / 12.0
-    uniform = half * (half + 1.0) / 3.0 + 1.0 / 12.0
-    # The limits of the line are a prior of their own, whose mean is zero: it is taken out again
-    precision = 1.0 / variance - 1.0 / uniform
-    if precision <= 0.02 / uniform:
-        line[MEAN], line[PRECISION], line[LOG_RATIO] = 0.0, 0.0, 0.0
-        return
-    mean = mean / (variance * precision)
-    line[MEAN] = min(max(mean, -float(half)), float(half))
-    line[PRECISION] = precision
-    none = 0.0 if narrow else max(total[middle - half], total[middle + half])
-    line[LOG_RATIO] = sharpness * (best - none)
-
-
-_FLANK = 3  # colors on either side that stand for body and beyond
-_GAP = 1.5  # pixels that the optics may mix, on either side
-_WINDOW = 4  # places across the contour whose mixture is summed
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _color_at(bgr, u, v, out):
-    """Bilinear color at a pixel into ``out`` (3,); False beyond the image."""
-    x, y = math.floor(u), math.floor(v)
-    i, j = int(y), int(x)
-    if i < 0 or j < 0 or i + 1 >= bgr.shape[0] or j + 1 >= bgr.shape[1]:
-        return False
-    a, b = u - x, v - y
-    w00, w01, w10, w11 = (1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b
-    for c in range(3):
-        out[c] = w00 * bgr[i, j, c] + w01 * bgr[i, j + 1, c] + w10 * bgr[i + 1, j, c] + w11 * bgr[i + 1, j + 1, c]
-    return True
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _refine(bgr, width, line, work):
-    """Find the contour to a fraction of a pixel: by the share that the color inside has in the mixed pixels around it.
-
-    The colors are those of this very line, left and right of the mixed pixels; how much they vary says how sure the result is.
-    """
-    u, v = line[LINE_U] + line[MEAN] * line[LINE_NU], line[LINE_V] + line[MEAN] * line[LINE_NV]
-    nu, nv = line[LINE_NU], line[LINE_NV]
-    n_inside = min(_FLANK, max(1, int(width - _GAP - 1.0)))
-    color, inside, beyond = work[0], work[1], work[2]
-    inside[:] = 0.0
-    beyond[:] = 0.0
-    spread = 0.0
-    for side in range(2):
-        mean, count = (inside, n_inside) if side == 0 else (beyond, _FLANK)
-        sign = -1.0 if side == 0 else 1.0
-        squares = 0.0
-        for k in range(count):
-            t = sign * (_GAP + 0.5 + k)
-            if not _color_at(bgr, u + t * nu, v + t * nv, color):
-                return
-            for c in range(3):
-                mean[c] += color[c]
-                squares += color[c] * color[c]
-        for c in range(3):
-            mean[c] /= count
-            squares -= count * mean[c] * mean[c]
-        spread += squares / max(count - 1, 1)
-    contrast = 0.0
-    for c in range(3):
-        contrast += (inside[c] - beyond[c]) ** 2
-    if contrast < 300.0:
-        return
-    share = 0.0
-    for k in range(_WINDOW):
-        t = k + 0.5 - 0.5 * _WINDOW
-        if not _color_at(bgr, u + t * nu, v + t * nv, color):
-            return
-        value = 0.0
-        for c in range(3):
-            value += (color[c] - beyond[c]) * (inside[c] - beyond[c])
-        share += min(max(value / contrast, -0.2), 1.2)
-    shift = share - 0.5 * _WINDOW
-    if abs(shift) > 1.5:
-        return
-    variance = 0.01 + (spread / 3.0 + 48.0) * _WINDOW / contrast
-    if variance < 1.0 / line[PRECISION]:
-        line[MEAN] += shift
-        line[PRECISION] = 1.0 / variance
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _continues(shapes, Ts, spheres, shape, camera, row, pixel, inward_px):
-    """Does another part of the body show ``inward_px`` inside a contour?"""
     _, R, _, center = camera
-    nx = R[0, 0] * row[NORMAL] + R[0, 1] * row[NORMAL + 1] + R[0, 2] * row[NORMAL + 2]
-    ny = R[1, 0] * row[NORMAL] + R[1, 1] * row[NORMAL + 1] + R[1, 2] * row[NORMAL + 2]
-    nz = R[2, 0] * row[NORMAL] + R[2, 1] * row[NORMAL + 1] + R[2, 2] * row[NORMAL + 2]
-    along_u = pixel[JACOBIAN] * nx + pixel[JACOBIAN + 1] * ny + pixel[JACOBIAN + 2] * nz
-    along_v = pixel[JACOBIAN + 3] * nx + pixel[JACOBIAN + 4] * ny + pixel[JACOBIAN + 5] * nz
-    step = -inward_px / math.sqrt(along_u * along_u + along_v * along_v)
-    dx = row[P] + step * row[NORMAL] - center[0]
-    dy = row[P + 1] + step * row[NORMAL + 1] - center[1]
-    dz = row[P + 2] + step * row[NORMAL + 2] - center[2]
-    length_sq = dx * dx + dy * dy + dz * dz
-    for other in range(spheres.shape[0]):
-        wx, wy, wz = spheres[other, 0] - center[0], spheres[other, 1] - center[1], spheres[other, 2] - center[2]
-        dot = wx * dx + wy * dy + wz * dz
-        if other == shape or wx * wx + wy * wy + wz * wz - dot * dot / length_sq > spheres[other, 3] ** 2:
+    n_shapes = spheres.shape[0]
+    for j in range(n):
+        if plan[j, BEFORE] <= 0:
             continue
-        hit, _, t_out = ray_interval(shapes, other, Ts[other], center, dx, dy, dz)
-        if hit and t_out > 0.0:
-            return True
-    return False
+        nx, ny, nz = rows[j, NORMAL], rows[j, NORMAL + 1], rows[j, NORMAL + 2]
+        cx = R[0, 0] * nx + R[0, 1] * ny + R[0, 2] * nz
+        cy = R[1, 0] * nx + R[1, 1] * ny + R[1, 2] * nz
+        cz = R[2, 0] * nx + R[2, 1] * ny + R[2, 2] * nz
+        along_u = pixels[j, JACOBIAN] * cx + pixels[j, JACOBIAN + 1] * cy + pixels[j, JACOBIAN + 2] * cz
+        along_v = pixels[j, JACOBIAN + 3] * cx + pixels[j, JACOBIAN + 4] * cy + pixels[j, JACOBIAN + 5] * cz
+        step = -(plan[j, WIDTH] * scale + 3.0) / math.sqrt(along_u * along_u + along_v * along_v)
+        dx, dy, dz = (rows[j, P] + step * nx - center[0], rows[j, P + 1] + step * ny - center[1],
+                      rows[j, P + 2] + step * nz - center[2])  # fmt: skip
+        length_sq = dx * dx + dy * dy + dz * dz
+        for other in range(n_shapes):
+            wx, wy, wz = spheres[other, 0] - center[0], spheres[other, 1] - center[1], spheres[other, 2] - center[2]
+            dot = wx * dx + wy * dy + wz * dz
+            square = (wx * wx + wy * wy + wz * wz - spheres[other, 3] * spheres[other, 3]) * length_sq
+            if square > dot * dot or other == info[j, SHAPE]:
+                continue
+            hit, _, t_out = ray_interval(shapes, other, Ts[other], center, dx, dy, dz)
+            if hit and t_out > 0.0:
+                plan[j, BEFORE] = 0
+                break
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _fit_creases(bgr, chords, info, n, half, scale, lines):
+    """Mean, precision and log-ratio of the lines across creases."""
+    sums, margin = np.empty((LONGEST + 1, N_SUM_COLUMNS)), int(2.0 / scale + 0.5)
+    for j in range(n):
+        if info[j, BEYOND] != info[j, SHAPE]:
+            continue
+        inside, free = max(1, int(chords[j, 0] / scale + 0.5)) - margin, int(chords[j, 1] / scale) - margin
+        mean, precision, lines[j, LOG_RATIO] = step_distribution(
+            bgr, lines[j, LINE_U], lines[j, LINE_V], lines[j, LINE_NU], lines[j, LINE_NV], scale, min(inside, 2 * half),
+            min(free, 2 * half), sums,
+        )  # fmt: skip
+        lines[j, MEAN], lines[j, PRECISION] = scale * mean, precision / (scale * scale)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -260,51 +134,31 @@ def draw_lines(
 
     ``colors``: (body (n_classes, n_colors), scene (n_colors,)) densities; ``classes`` (n_shapes,). ``rows``, ``pixels`` and
     ``info`` are of `contour_samples.collect_samples`, ``spheres`` of `contour.world_spheres`. ``options[SCALE]``: pixels from one
-    place on the line to the next. ``room``: (mean, variance, known) of the empty scene, see `observation.appearance.SceneModel`;
-    of size zero where nothing is known of it.
+    place on the line to the next. ``room``: see `line_colors.read_lines`.
+
+    The steps go over all lines one after another: an array that is handed from function to function for every line costs more
+    than what is done with it.
     """
     body, scene = colors
-    scale, half, clamp = options[SCALE], int(options[HALF_LENGTH]), np.float32(options[CLAMP])
-    odds, total = np.empty((2, _LONGEST), dtype=np.float32), np.empty(_LONGEST + 1, dtype=np.float32)
-    sums = np.empty((_LONGEST + 1, N_SUM_COLUMNS))
-    work, chords = np.empty((3, 3)), np.empty((n, 2))
-    chords_px(shapes, Ts_shape, camera, rows, pixels, info, n, (2 * half + 2) * scale, chords)
+    scale, half = options[SCALE], int(options[HALF_LENGTH])
     for j in range(n):
-        line, u, v, nu, nv = lines[j], pixels[j, U], pixels[j, V], pixels[j, NU], pixels[j, NV]
-        shape, link = info[j, SHAPE], info[j, LINK]
+        link = info[j, LINK]
         x, y, z = rows[j, P] - Ts_link[link, 0, 3], rows[j, P + 1] - Ts_link[link, 1, 3], rows[j, P + 2] - Ts_link[link, 2, 3]
         for i in range(3):
-            line[POINT + i] = Ts_link[link, 0, i] * x + Ts_link[link, 1, i] * y + Ts_link[link, 2, i] * z
-        line[LINE_U], line[LINE_V], line[LINE_NU], line[LINE_NV] = u, v, nu, nv
-        own, beyond = classes[shape], info[j, BEYOND]
-        width = max(1, int(chords[j, 0] / scale + 0.5))
-        if beyond == shape:  # another side of the same part
-            margin = int(2.0 / scale + 0.5)
-            free = int(chords[j, 1] / scale)
-            line[MEAN], line[PRECISION], line[LOG_RATIO] = step_distribution(
-                bgr, u, v, nu, nv, scale,
-                min(width - margin, 2 * half), min(free - margin, 2 * half), sums,
-            )  # fmt: skip
-            line[MEAN] *= scale
-            line[PRECISION] /= scale * scale
-            if options[FINE] > 0.0 and line[PRECISION] > 0.3:
-                _refine(bgr, width * scale, line, work)
-            continue
-        if width <= half and _continues(shapes, Ts_shape, spheres, shape, camera, rows[j], pixels[j], width * scale + 3.0):
-            width = half + 1  # what lies behind the part's other side is body as well
-        inside = half + min(width, half) + 1  # steps on either side
-        count = 2 * inside
-        has_beyond = info[j, CLASS] == INNER and beyond >= 0
-        other = classes[beyond] if has_beyond else 0
-        _read_line(
-            bgr, body[own], body[other], scene, room, options[SHADOW], has_beyond, u, v, nu, nv,
-            (0.5 - inside) * scale, scale, count, clamp, odds,
-        )  # fmt: skip
-        _distribution(odds[0], count, half, width, options[SHARPNESS], total, line)
-        line[MEAN] *= scale
-        line[PRECISION] /= scale * scale
-        if options[FINE] > 0.0 and line[PRECISION] > 0.3:
-            _refine(bgr, width * scale, line, work)
+            lines[j, POINT + i] = Ts_link[link, 0, i] * x + Ts_link[link, 1, i] * y + Ts_link[link, 2, i] * z
+        lines[j, LINE_U], lines[j, LINE_V] = pixels[j, U], pixels[j, V]
+        lines[j, LINE_NU], lines[j, LINE_NV] = pixels[j, NU], pixels[j, NV]
+    chords, plan = np.empty((n, 2)), np.empty((n, N_PLAN_COLUMNS), dtype=np.int32)
+    chords_px(shapes, Ts_shape, camera, rows, pixels, info, n, (2 * half + 2) * scale, chords)
+    _plan(shapes, Ts_shape, spheres, camera, rows, pixels, info, n, chords, classes, half, scale, plan)
+    odds = np.empty((n, LONGEST), dtype=np.float32)
+    read_lines(
+        bgr, body, scene, room, np.float32(options[SHADOW]), np.float32(options[CLAMP]), scale, half, lines, plan, n, odds
+    )  # fmt: skip
+    fit_distributions(odds, plan, n, half, scale, options[SHARPNESS], lines)
+    _fit_creases(bgr, chords, info, n, half, scale, lines)
+    if options[FINE] > 0.0:
+        refine_lines(bgr, plan, n, scale, lines)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -319,31 +173,37 @@ def linearize_lines(lines, info, n, Ts_link, camera, options, normal, gradient, 
     robust_sq, model_variance, share = options[ROBUST] ** 2, options[MODEL_VARIANCE], 1.0 / options[CORRELATION]
     stats[:] = 0.0
     stats[N_SAMPLES] = n
+    fx, fy, cx, cy, skew, plain = params[0], params[1], params[2], params[3], params[4], params[5] == 0.0
     g = np.empty(6)
     for j in range(n):
-        line = lines[j]
-        if line[PRECISION] <= 0.0:
+        if lines[j, PRECISION] <= 0.0:
             continue
-        link = info[j, LINK]
-        T = Ts_link[link]
-        px = T[0, 0] * line[POINT] + T[0, 1] * line[POINT + 1] + T[0, 2] * line[POINT + 2] + T[0, 3]
-        py = T[1, 0] * line[POINT] + T[1, 1] * line[POINT + 1] + T[1, 2] * line[POINT + 2] + T[1, 3]
-        pz = T[2, 0] * line[POINT] + T[2, 1] * line[POINT + 1] + T[2, 2] * line[POINT + 2] + T[2, 3]
+        link, a, b, c = info[j, LINK], lines[j, POINT], lines[j, POINT + 1], lines[j, POINT + 2]
+        px = Ts_link[link, 0, 0] * a + Ts_link[link, 0, 1] * b + Ts_link[link, 0, 2] * c + Ts_link[link, 0, 3]
+        py = Ts_link[link, 1, 0] * a + Ts_link[link, 1, 1] * b + Ts_link[link, 1, 2] * c + Ts_link[link, 1, 3]
+        pz = Ts_link[link, 2, 0] * a + Ts_link[link, 2, 1] * b + Ts_link[link, 2, 2] * c + Ts_link[link, 2, 3]
         x = R[0, 0] * px + R[0, 1] * py + R[0, 2] * pz + t[0]
         y = R[1, 0] * px + R[1, 1] * py + R[1, 2] * pz + t[1]
         z = R[2, 0] * px + R[2, 1] * py + R[2, 2] * pz + t[2]
-        ok, u, v, ux, uy, uz, vx, vy, vz = project_point(params, x, y, z)
-        if not ok:
-            continue
-        nu, nv = line[LINE_NU], line[LINE_NV]
-        r = nu * (u - line[LINE_U]) + nv * (v - line[LINE_V]) - line[MEAN]
+        if plain and z >= NEAR:  # no distortion: without a call
+            iz = 1.0 / z
+            xn, yn = x * iz, y * iz
+            u, v = fx * xn + skew * yn + cx, fy * yn + cy
+            ux, uy, vx, vy = fx * iz, skew * iz, 0.0, fy * iz
+            uz, vz = -(ux * xn + uy * yn), -vy * yn
+        else:
+            ok, u, v, ux, uy, uz, vx, vy, vz = project_point(params, x, y, z)
+            if not ok:
+                continue
+        nu, nv = lines[j, LINE_NU], lines[j, LINE_NV]
+        r = nu * (u - lines[j, LINE_U]) + nv * (v - lines[j, LINE_V]) - lines[j, MEAN]
         hx, hy, hz = nu * ux + nv * vx, nu * uy + nv * vy, nu * uz + nv * vz
         h0 = R[0, 0] * hx + R[1, 0] * hy + R[2, 0] * hz
         h1 = R[0, 1] * hx + R[1, 1] * hy + R[2, 1] * hz
         h2 = R[0, 2] * hx + R[1, 2] * hy + R[2, 2] * hz
         g[0], g[1], g[2] = h0, h1, h2
         g[3], g[4], g[5] = py * h2 - pz * h1, pz * h0 - px * h2, px * h1 - py * h0
-        precision = 1.0 / (1.0 / line[PRECISION] + model_variance)
+        precision = 1.0 / (1.0 / lines[j, PRECISION] + model_variance)
         chi2 = r * r * precision
         ratio = robust_sq / (robust_sq + chi2)
         w = share * precision * ratio * ratio

@@ -10,12 +10,14 @@ import numpy as np
 from ..camera.camera_rig import Camera, CameraRig
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
+from ..observation.empty_room import NO_ROOM, PackedRoom
 from ..render.contour import world_spheres
 from ..render.contour_samples import collect_samples, keep_inside, most_samples
 from ..render.occluders import NOTHING, drop_covered
 from ..render.shape_arrays import ShapeArrays
 from . import region_lines as kernel
 from .contour_residual import assemble
+from .line_table import PRECISION, SHARP
 from .moved_configuration import bodies_seen, cameras_by_body
 from .normal_equations import CameraEquations, NormalEquations
 from .per_camera import camera_constants, serial
@@ -50,10 +52,9 @@ class RegionOptions:
         return options
 
 
-_SHARP = 0.3  # px^-2: precision of a line that tells how well the model fits
 _FEWEST_LINES = 30
+_COARSE_SAMPLES = 5  # of a generator line: where lines are coarse, half of them do, but not fewer than these
 _FEW_SAMPLES = 1000
-_NO_ROOM = np.zeros((0, 0, 3), np.float32), np.zeros((0, 0), np.float32), np.zeros((0, 0), np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,12 +65,12 @@ class View:
     ----------
     bgr : (h, w, 3) uint8.
     densities : color densities (body (n_classes, n_colors), scene).
-    room : (mean (h, w, 3), variance (h, w), known (h, w)) of the empty scene, of `observation.appearance.SceneModel`.
+    room : of the empty scene, `EmptyRoom.packed`.
     """
 
     bgr: np.ndarray
     densities: tuple[np.ndarray, np.ndarray]
-    room: tuple[np.ndarray, np.ndarray, np.ndarray] = _NO_ROOM
+    room: PackedRoom = NO_ROOM
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +133,7 @@ class RegionObjective:
         self.offsets: list[np.ndarray | None] = [None] * len(rig)
         self.model_sigma_px = options.model_sigma_px
         self._packed = options.packed(1.0, self.model_sigma_px)
+        self._drawn_at: State | None = None  # what the slots' sums are of, as long as lines are as they were drawn
 
     @property
     def active(self) -> list[int]:
@@ -145,6 +147,7 @@ class RegionObjective:
         """
         self.views = list(views)
         self.offsets = [None] * len(self.views) if offsets is None else list(offsets)
+        self._drawn_at = None
         for slot in self.slots:
             slot.n = 0
 
@@ -156,6 +159,9 @@ class RegionObjective:
         if offsets is not None:
             self.offsets = list(offsets)
         self._packed = options = self.options.packed(scale, self.model_sigma_px)
+        n_samples = self.options.samples_per_line
+        if scale > 1.0:
+            n_samples = max(n_samples // 2, min(n_samples, _COARSE_SAMPLES))
         poses = bodies_seen(self.model, state, self.offsets)
 
         def run(i: int) -> None:
@@ -165,7 +171,7 @@ class RegionObjective:
             spheres = np.empty((len(Ts_shape), 4))
             world_spheres(Ts_shape, self.arrays.bounds, spheres)
             slot.n = collect_samples(
-                self.arrays.packed, Ts_shape, spheres, slot.camera, self.options.samples_per_line, self.options.outward_px,
+                self.arrays.packed, Ts_shape, spheres, slot.camera, n_samples, self.options.outward_px,
                 slot.rows, slot.pixels, slot.info,
             )  # fmt: skip
             slot.n = keep_inside(slot.rows, slot.pixels, slot.info, slot.n, view.bgr.shape[1], view.bgr.shape[0])
@@ -176,21 +182,18 @@ class RegionObjective:
                 view.bgr, view.densities, view.room, self.classes, self.arrays.packed, Ts_shape, spheres, Ts_link, slot.camera,
                 slot.rows, slot.pixels, slot.info, slot.n, options, slot.lines,
             )  # fmt: skip
+            self._linearize(i, Ts_link)
 
         self._map(run, self.active)
+        self._drawn_at = state
 
     def linearize(self, state: State) -> NormalEquations:
         """Normal equations of the lines at ``state``."""
-        poses = bodies_seen(self.model, state, self.offsets)
-        active = self.active
-        for i in active:
-            slot = self.slots[i]
-            slot.normal[:] = 0.0
-            slot.gradient[:] = 0.0
-            kernel.linearize_lines(
-                slot.lines, slot.info, slot.n, poses[i].Ts_world_link, slot.camera, self._packed,
-                slot.normal, slot.gradient, slot.stats,
-            )  # fmt: skip
+        poses, active = bodies_seen(self.model, state, self.offsets), self.active
+        if state is not self._drawn_at:
+            self._drawn_at = None
+            for i in active:
+                self._linearize(i, poses[i].Ts_world_link)
         H, g = np.zeros((self.model.n_dof, self.model.n_dof)), np.zeros(self.model.n_dof)
         cost, count = 0.0, 0
         for together in cameras_by_body(active, poses):
@@ -200,13 +203,22 @@ class RegionObjective:
             count += int(self.slots[i].stats[kernel.COUNT])
         return NormalEquations(H, g, cost, count)
 
+    def _linearize(self, camera: int, Ts_world_link: np.ndarray) -> None:
+        """Fill the sums of a camera's slot."""
+        slot = self.slots[camera]
+        slot.normal[:] = 0.0
+        slot.gradient[:] = 0.0
+        kernel.linearize_lines(
+            slot.lines, slot.info, slot.n, Ts_world_link, slot.camera, self._packed, slot.normal, slot.gradient, slot.stats
+        )
+        kernel.fill_lower(slot.normal)
+
     def _assemble(self, cameras: Sequence[int], body: Configuration, H: np.ndarray, g: np.ndarray) -> None:
         """Add what the links of ``body`` have to tell in these cameras."""
         chain = self.model.chain
         own_H, own_g = np.empty_like(H), np.empty_like(g)
         normal, gradient = np.zeros((len(chain.links), 6, 6)), np.zeros((len(chain.links), 6))
         for i in cameras:
-            kernel.fill_lower(self.slots[i].normal)
             normal += self.slots[i].normal
             gradient += self.slots[i].gradient
         assemble(normal, gradient, chain.link_moved_by, body.twists, own_H, own_g)
@@ -240,8 +252,8 @@ class RegionObjective:
             slot = self.slots[i]
             if self.views[i] is None:
                 continue
-            precision = slot.lines[: slot.n, kernel.PRECISION]
-            sharp = precision > _SHARP
+            precision = slot.lines[: slot.n, PRECISION]
+            sharp = precision > SHARP
             residuals.append(self._residuals(i, pose)[sharp])
             variances.append(1.0 / precision[sharp])
         together = np.concatenate(residuals) if residuals else np.zeros(0)

@@ -90,22 +90,22 @@ class RegionColors:
         inner = cv2.erode(body, np.ones((3, 3), dtype=np.uint8), borderValue=1)
         near = cv2.dilate(body, np.ones((2 * reach_px + 1, 2 * reach_px + 1), dtype=np.uint8)).view(np.bool_)
         around = near & (cv2.dilate(body, square) == 0)
-        labels = np.where(inner > 0, labels, 0).astype(np.uint8)
-        shapes, scene = np.zeros((len(self._classes), N_COLORS), dtype=np.float32), np.zeros(N_COLORS, dtype=np.float32)
-        count_colors(np.ascontiguousarray(bgr[v0:v1, u0:u1]), labels, around, shapes, scene)
+        kinds = np.zeros(256, dtype=np.uint8)  # by label
+        kinds[1 : len(self._classes) + 1] = 1 + self._classes
         if sound is not None:
-            shapes[~sound] = 0.0
+            kinds[1 : len(sound) + 1][~sound] = 0
             self._was_sound[self._classes[sound]] = True
             self._was_unsound[self._classes[~sound]] = True
-        counts = np.zeros_like(self._parts)
-        np.add.at(counts, self._classes, shapes)
+        counts, scene = np.zeros_like(self._parts), np.zeros(N_COLORS, dtype=np.float32)
+        crop = np.ascontiguousarray(bgr[v0:v1, u0:u1])
+        count_colors(crop, cv2.LUT(labels, kinds) * inner, around, counts, scene)
         settled = self._was_sound.all() or not self._stated.any()
-        beyond_chance = np.zeros_like(scene) if settled else _above_chance(bgr, bgr[v0:v1, u0:u1], near)
+        beyond_chance = np.zeros_like(scene) if settled else _above_chance(bgr, crop, near)
         for i, new in enumerate(counts):
-            self._parts[i] = _mixed(self._parts[i], new, rate)
             if new.sum() >= _LEAST_COUNT and self._stated[i].any():
                 self._believe(i, new, beyond_chance)
-        self._around = _mixed(self._around, scene, rate)
+            _mix(self._parts[i], new, np.float32(rate))
+        _mix(self._around, scene, np.float32(rate))
         self._tabulate()
 
     def _believe(self, i: int, new: np.ndarray, beyond_chance: np.ndarray) -> None:
@@ -118,16 +118,15 @@ class RegionColors:
         self._shades[i] = near / near.sum() if enough else self._stated[i]
 
     def _tabulate(self) -> None:
-        for i in range(len(self._parts)):
-            density = _smoothed(self._parts[i])
+        for i, learnt in enumerate(self._parts):
+            of_shades, of_stated = 0.0, 0.0  # shares
             if self._believed[i]:
+                known = learnt.any()
                 if self._prior_share > 0.0 and not self._was_sound[i]:
-                    shades = _smoothed(self._shades[i])
-                    density = 0.5 * (density + shades) if density.any() and not self._was_unsound[i] else shades
-                share = self._prior_share if density.any() else 1.0
-                density = (1.0 - share) * density + share * self._stated[i]
-            self.body[i] = _mixed_with_all(density)
-        self.scene = _mixed_with_all(_smoothed(self._around))
+                    of_shades = 0.5 if known and not self._was_unsound[i] else 1.0
+                of_stated = self._prior_share if known or of_shades > 0.0 else 1.0
+            _fill_density(learnt, self._shades[i], of_shades, self._stated[i], of_stated, self.body[i])
+        _fill_density(self._around, self._around, 0.0, self._around, 0.0, self.scene)
         self.knows = True
 
 
@@ -156,26 +155,35 @@ def _counts(bgr: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _smooth(density, out):
-    out[:] = 0.0
-    spread_counts(density, out)
-
-
-def _smoothed(density: np.ndarray) -> np.ndarray:
-    out = np.empty_like(density)
-    _smooth(density, out)
-    return out
-
-
-def _mixed_with_all(density: np.ndarray) -> np.ndarray:
-    if not density.any():
-        return np.full(N_COLORS, _UNIFORM, dtype=np.float32)
-    return ((1.0 - _MIX) * density + _MIX * _UNIFORM).astype(np.float32)
-
-
-def _mixed(old: np.ndarray, new: np.ndarray, rate: float) -> np.ndarray:
-    total = float(new.sum())
+def _mix(shares, counts, rate):
+    """Mix new ``counts`` of colors into their ``shares``; few counts are not believed."""
+    total = counts.sum()
     if total < _LEAST_COUNT:
-        return old
-    new = new / np.float32(total)
-    return new if not old.any() else ((1.0 - rate) * old + rate * new).astype(np.float32)
+        return
+    old = np.float32(1.0) - rate if shares.any() else np.float32(0.0)
+    new = (np.float32(1.0) - old) / total
+    for k in range(shares.size):
+        shares[k] = old * shares[k] + new * counts[k]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _fill_density(learnt, shades, of_shades, stated, of_stated, density):
+    """The ``density`` of what is learnt and of shades, neighbouring colors sharing, of what is stated, and a little of all."""
+    if not learnt.any() and of_shades == 0.0 and of_stated == 0.0:
+        density[:] = _UNIFORM
+        return
+    density[:] = np.float32(0.0)
+    if of_shades > 0.0:
+        spread_counts(shades, density)
+        ratio = np.float32(of_shades)
+        for k in range(density.size):
+            density[k] *= ratio
+    if of_shades < 1.0:
+        own = np.zeros_like(density)
+        spread_counts(learnt, own)
+        ratio = np.float32(1.0 - of_shades)
+        for k in range(density.size):
+            density[k] += ratio * own[k]
+    both, prior = np.float32((1.0 - _MIX) * (1.0 - of_stated)), np.float32((1.0 - _MIX) * of_stated)
+    for k in range(density.size):
+        density[k] = both * density[k] + prior * stated[k] + np.float32(_MIX * _UNIFORM)

@@ -43,6 +43,17 @@ def _step(equations: NormalEquations, damping: float, lower: np.ndarray, upper: 
     return step if minimize_quadratic(H, equations.g, lower, upper, step) >= 0 else None
 
 
+def stepped(equations: NormalEquations, state: State, chain: KinematicChain, damping: float) -> State:
+    """``state`` after one step within the joints' limits, by its ``equations`` alone; where these have none, as it is."""
+    anywhere = np.full(N_ROOT_DOF, np.inf)
+    lower = np.append(-anywhere, chain.lower - state.joint_positions)
+    upper = np.append(anywhere, chain.upper - state.joint_positions)
+    step = _step(equations, damping, lower, upper)
+    if step is None:
+        return state
+    return clip_to_limits(state.retract(step), chain)
+
+
 def minimize(
     objective: LeastSquaresObjective, start: State, chain: KinematicChain, options: LevenbergMarquardtOptions
 ) -> OptimizerResult:

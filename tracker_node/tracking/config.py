@@ -76,7 +76,7 @@ class RegionConfig:
     samples_per_line: int = parameter(12, "contour samples per generator line", "", 2, 1000)
     half_length: int = parameter(10, "places on either side of the contour where it may be, per scale", "", 2, 20)
     scales: str = parameter(
-        "6 4 2 1 1", "pixels from place to place on the lines, from coarse to fine; less on small bodies", "px", 0.25, 100
+        "6 2 1", "pixels from place to place on the lines, from coarse to fine; less on small bodies", "px", 0.25, 100
     )
     first_scales: str = parameter(
         "6 4 3 2 2 1 1", "the same on the first image set after a start or a reset", "px", 0.25, 100
@@ -84,7 +84,7 @@ class RegionConfig:
     wide_scales: str = parameter(
         "10 10 8 8 6 6 4 4 3 2 1", "then tried as well, and kept where more of the outline is found", "px", 0.25, 100
     )
-    updates: int = parameter(1, "Gauss-Newton steps on the lines of one scale", "", 1, 100)
+    repeats: int = parameter(2, "steps more on the finest scale, at most, while the body still moves", "", 0, 100)
     clamp: float = parameter(2.0, "log-likelihood ratio of a pixel's color is not believed beyond this", "1", 0.1, 20)
     sharpness: float = parameter(1.0, "share of a line's pixels that are independent of their neighbours", "1", 0.01, 10)
     model_sigma_px: float = parameter(

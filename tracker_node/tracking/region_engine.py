@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -18,12 +19,11 @@ from ..objective.normal_equations import Comparison, LeastSquaresObjective, Norm
 from ..objective.prior import Prior
 from ..objective.region_objective import PartEvidence, RegionObjective, RegionOptions, View
 from ..objective.sum_objective import SumObjective
-from ..observation.appearance import SceneModel
-from ..observation.body_region import Region, grown
+from ..observation.empty_room import EmptyRoom
 from ..observation.image_set import ImageSet
 from ..observation.observer import checked_plates
 from ..observation.region_colors import RegionColors, agree, color_classes, stated_densities
-from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
+from ..optimize.levenberg_marquardt import clip_to_limits, stepped
 from ..optimize.result import OptimizerResult
 from ..render.occluders import Occluders
 from ..render.shape_arrays import ShapeArrays
@@ -94,7 +94,7 @@ class RegionEngine:
         self._searches.reset()
         self._found = False
         self._colors = [RegionColors(self._classes, self._stated, self._config.region.color_prior) for _ in self._rig]
-        self._rooms = [self._room_of_plate(camera) for camera in self._rig]
+        self._rooms = [self._room(camera) for camera in self._rig]
         if self._distances is not None:
             self._distances.reset()
         self._steady = False
@@ -105,10 +105,10 @@ class RegionEngine:
         self.whole: LeastSquaresObjective = self._objective
         self._passage: Passage | None = None
 
-    def _room_of_plate(self, camera: Camera) -> SceneModel | None:
-        lens = camera.model
+    def _room(self, camera: Camera) -> EmptyRoom:
+        lens, evidence = camera.model, self._config.evidence
         plates = checked_plates(camera.name, lens.width, lens.height, self._plates.get(camera.name))
-        return SceneModel.from_images(plates, self._config.evidence.scene_sigma) if plates else None
+        return EmptyRoom(plates, evidence.scene_sigma, evidence.scene_rate, evidence.body_margin_px)
 
     def begin(self, images: Images, start: State) -> State:
         """Learn colors, fit, and learn again: the first pose given is rarely exact. What a sound body has taught is kept."""
@@ -143,10 +143,7 @@ class RegionEngine:
         )
 
     def _view(self, i: int, image: np.ndarray, colors: RegionColors) -> View:
-        image, room = np.ascontiguousarray(image), self._rooms[i]
-        if room is None:
-            return View(image, (colors.body, colors.scene))
-        return View(image, (colors.body, colors.scene), (room.mean, room.variance, room.known))
+        return View(np.ascontiguousarray(image), (colors.body, colors.scene), self._rooms[i].packed)
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> OptimizerResult:
         """A few Gauss-Newton steps on the lines of each scale, and searches for what they have not reached."""
@@ -184,50 +181,60 @@ class RegionEngine:
 
     def _area(self, state: State, shapes: np.ndarray, joints: np.ndarray) -> np.ndarray:
         if not self._looked:
-            self._areas.look(self._objective.views, state, max(1, round(self._size_px(state) / _BODY_CELLS)))
+            self._areas.look(self._objective.views, state, max(1, round(math.prod(self._size(state)) / _BODY_CELLS)))
             self._looked = True
         return self._areas.totals(state, shapes, joints).sum(axis=1)
 
     def _descend(self, start: State, scales: tuple[float, ...], prior: Prior | None) -> OptimizerResult:
-        state, iterations, evaluations = start, 0, 0
+        state = clip_to_limits(start, self._model.chain)
         evidence: list[LeastSquaresObjective] = [self._objective]
         if self._distances is not None:
             evidence.append(self._distances.evidence_around(start))
         # Both look at the same contours: each counts for its share
         factors = [1.0 / len(evidence)] * len(evidence) + [1.0] * len(self._constraints)
         self.whole = whole = SumObjective([*evidence, *self._constraints], factors, self._priors(start, prior))
-        options = LevenbergMarquardtOptions(max_iterations=self._config.region.updates, tolerance=1e-3)
-        result: OptimizerResult | None = None
-        zoom = min(self._size_px(start) / _BODY_PX, 1.0)
-        for scale in scales:
+        chain, repeats = self._model.chain, self._config.region.repeats
+        size_m, px_per_m = self._size(state)
+        zoom = min(size_m * px_per_m / _BODY_PX, 1.0)
+        steps, moved_px = 0, np.inf
+        places = self._places(state)
+        while steps < len(scales) or (steps < len(scales) + repeats and moved_px > _SETTLED_PX):
+            scale = scales[min(steps, len(scales) - 1)]
             self._correspond(state, max(scale * zoom, 1.0) if scale > 1.0 else scale)
-            coarsest, result = result is None, minimize(whole, state, self._model.chain, options)
-            if coarsest:
-                self._comparison = self._compared(result, start, prior)
-            state, iterations = result.state, iterations + result.iterations
-            evaluations += result.evaluations
-        assert result is not None
+            equations = whole.linearize(state)
+            if steps == 0:
+                self._comparison = self._compared(state, equations, start, prior)
+            state = stepped(equations, state, chain, _DAMPING)
+            steps += 1
+            before, places = places, self._places(state)
+            moved_px = px_per_m * float(np.linalg.norm(places - before, axis=1).max())
+        equations = whole.linearize(state)
         self._adapt(state)
-        return replace(result, iterations=iterations, evaluations=evaluations)
+        return OptimizerResult(state, equations, steps, steps + 1, bool(np.isfinite(equations.cost)))
 
-    def _compared(self, result: OptimizerResult, start: State, prior: Prior | None) -> Comparison:
+    def _compared(self, state: State, equations: NormalEquations, start: State, prior: Prior | None) -> Comparison:
         """The cameras' own equations beside those of all together, both of lines alone."""
-        equations = result.equations
         if self._distances is not None:
-            equations = SumObjective([self._objective], priors=self._priors(start, prior)).linearize(result.state)
-        return Comparison(result.state, equations, self._objective.camera_equations())
+            equations = SumObjective([self._objective], priors=self._priors(start, prior)).linearize(state)
+        return Comparison(state, equations, self._objective.camera_equations())
 
-    def _size_px(self, state: State) -> float:
-        """How large the body is in the images: its extent, seen from the middle one of the distances of the cameras."""
-        places = Configuration(self._model, state).Ts_world_shape[:, :3, 3]
-        reach = max(float(np.linalg.norm(places - places.mean(axis=0), axis=1).max()), float(self._arrays.bounds[:, 3].max()))
+    def _places(self, state: State) -> np.ndarray:
+        """(n_shapes, 3) where the parts are."""
+        return Configuration(self._model, state).Ts_world_shape[:, :3, 3]
+
+    def _size(self, state: State) -> tuple[float, float]:
+        """How large the body is (m), and how many pixels a metre of it has, seen from the middle one of the distances of the
+        cameras; such that it has `_BODY_PX` where no camera looks at it."""
+        places = self._places(state)
+        middle = places.mean(axis=0)
+        reach = max(float(np.linalg.norm(places - middle, axis=1).max()), float(self._arrays.bounds[:, 3].max()))
         scales = []
         for i in self._objective.active:
             camera = self._rig.cameras[i]
-            depth = float((camera.T_cam_world @ np.append(places.mean(axis=0), 1.0))[2])
+            depth = float(camera.T_cam_world[2, :3] @ middle + camera.T_cam_world[2, 3])
             if depth > reach:  # else the camera looks elsewhere, or stands in the body's midst
                 scales.append(camera.model.params[0] / depth)
-        return float(2.0 * reach * np.median(scales)) if scales else _BODY_PX
+        return 2.0 * reach, float(np.median(scales)) if scales else _BODY_PX / (2.0 * reach)
 
     def _covariance(self, result: OptimizerResult) -> np.ndarray:
         status = self._config.status
@@ -318,20 +325,9 @@ class RegionEngine:
             if found is not None and image is not None:
                 self._colors[i].learn(image, found.region, found.labels, rate, guard_px, around, self._trusted)
                 if self._steady and self._config.region.learn_room:
-                    self._learn_room(i, image, found.region, found.labels)
+                    self._rooms[i].learn(image, found.region, found.labels)
 
         self._parallel(learn, [i for i, image in enumerate(images) if image is not None])
-
-    def _learn_room(self, i: int, image: np.ndarray, region: Region, labels: np.ndarray) -> None:
-        evidence, room = self._config.evidence, self._rooms[i]
-        near = grown(labels, evidence.body_margin_px)
-        if room is None:
-            self._rooms[i] = room = SceneModel(image.shape[0], image.shape[1], evidence.scene_sigma)
-            body = np.zeros(image.shape[:2], dtype=np.uint8)
-            body[region[1] : region[3], region[0] : region[2]] = near
-            room.learn_first(image, body)
-        elif evidence.scene_rate > 0.0:
-            room.update(image, near, evidence.scene_rate, region)
 
     def _priors(self, expected: State, prior: Prior | None) -> list[Prior]:
         """The prediction, and the neutral pose where contours are silent."""
@@ -348,6 +344,8 @@ class RegionEngine:
 
 
 _BODY_CELLS = 90.0  # across the body, in the small images in which limbs are looked for
+_SETTLED_PX = 1.5  # a step that moves no part farther is the last
+_DAMPING = 1e-3  # of a step, relative to the diagonal
 _BODY_PX = 300.0  # lines are shorter on bodies that are smaller than this
 _LEAST_OUTLINE = 10  # samples of the outline that a camera should see, to be asked
 _CHANCE = 3.0  # log-likelihood ratio of a contour against none, a sample, that a body has wherever it is put
