@@ -207,7 +207,9 @@ class StartConfig:
         2, "smallest number of cameras with an image to look for a start in; of a smaller rig, all", "", 1, 64
     )
     enabled: bool = parameter(True, "look for the body; without, an initial state is waited for")
-    after_lost: int = parameter(20, "image sets after which a body that is LOST is looked for in all of the images", "", 1, 10**9)
+    after_lost: int = parameter(
+        15, "image sets, LOST or with a limb lost since the start, after which all images are searched", "", 1, 10**9
+    )
     every: int = parameter(12, "image sets between two searches, as long as nothing is found", "", 0, 100000)
     watch: int = parameter(
         18, "image sets to watch what moves in, where there are no pictures of the empty scene", "", 2, 1000
@@ -215,6 +217,9 @@ class StartConfig:
     size_px: int = parameter(80, "height of the body in the small images that a start is looked for in", "px", 16, 1000)
     hypotheses: int = parameter(48, "postures, of all that are tried, that are fitted to the silhouettes", "", 4, 1000)
     keep: int = parameter(4, "starts that the engine tries", "", 1, 64)
+    repair: int = parameter(2, "of these, whose doubtful limbs are looked for elsewhere", "", 0, 64)
+    hold: int = parameter(3, "starts that are tracked side by side, where none is clearly the best", "", 1, 16)
+    hold_sets: int = parameter(6, "image sets after which the best of these is taken", "", 1, 1000)
     min_score: float = parameter(0.35, "least share of what stands out from the scene that a start covers", "1", 0.0, 1.0)
     seed: int = parameter(0, "of the random postures; the same seed, the same start", "", 0, 2**31 - 1)
 

@@ -25,6 +25,7 @@ from .config import StartConfig
 from .engine import Images
 from .start_evidence import StartEvidence
 from .start_fit import SilhouetteFit
+from .start_parts import LimbAlternatives
 from .start_postures import postures
 from .start_search import Poses, StartSearch
 from .start_segmentation import StartSegmentation
@@ -60,6 +61,7 @@ class StartFinder:
     Attributes
     ----------
     problem : why the last `find` has found nothing. watching : because it has not seen enough image sets yet.
+    alternatives : other places for limbs, in the latest images.
     """
 
     def __init__(
@@ -83,6 +85,7 @@ class StartFinder:
                 small[camera.name] = [view.shrink(p) for p in (plate if isinstance(plate, list) else [plate])]
         self._evidence = StartEvidence(self._cameras, small)
         self._segmentation = StartSegmentation(self._evidence, self._cameras, self.size_m)
+        self.alternatives = LimbAlternatives(model, self._cameras, self._evidence, parallel)
         self.problem = ""
         self.watching = False
 

@@ -91,11 +91,34 @@ class StartEvidence:
         moved, ratios = self._moves[i], self.colors[i]
         if ratios is None:
             return moved
-        odds = cv2.blur(ratios[_bins(image)], (3, 3))
-        if moved is not None:
-            odds += _MOVED * (moved > 0.0) - _FAR * np.clip(_distance_to(moved > 0.0) / _NEAR_PX - 1.0, 0.0, 1.0)
+        odds = cv2.blur(ratios[color_bins(image)], (3, 3)) + self._by_motion(i)
         support = self.support[i]
         return np.clip(odds if support is None else odds + support, -_REACH, _REACH, dtype=np.float32)
+
+    def _by_motion(self, i: int) -> np.ndarray | float:
+        """Log-odds (h, w) besides what colors say: of what has changed, and far from all that has."""
+        moved = self._moves.get(i)
+        if moved is None:
+            return 0.0
+        return _MOVED * (moved > 0.0) - _FAR * np.clip(_distance_to(moved > 0.0) / _NEAR_PX - 1.0, 0.0, 1.0)
+
+    def maps_of_parts(self, parts: np.ndarray, scenes: Sequence[np.ndarray | None]) -> list[np.ndarray | None]:
+        """Log-odds (n, h, w) float32 of ``parts``, which are densities of colors (n, bins), against those of the scenes (bins,).
+
+        Where a scene has been seen empty, all parts are told from it alike.
+        """
+        result: list[np.ndarray | None] = []
+        for i, (odds, image, density) in enumerate(zip(self.maps(), self.images, scenes, strict=True)):
+            if odds is None or image is None or density is None:
+                result.append(None)
+            elif self._scenes[i] is not None:
+                result.append(np.repeat(odds[None], len(parts), axis=0))
+            else:
+                bins, besides = color_bins(image), self._by_motion(i)
+                ratios = np.log((parts + _RARE) / (density + _RARE)).clip(-_REACH, _REACH).astype(np.float32)
+                by_part = [cv2.blur(ratio[bins], (3, 3)) + besides for ratio in ratios]
+                result.append(np.clip(by_part, -_REACH, _REACH, dtype=np.float32))
+        return result
 
     def _moved(self, i: int, image: np.ndarray) -> np.ndarray | None:
         """Log-odds that a pixel shows what it did not show in all of the past; a shadow does not count."""
@@ -112,7 +135,7 @@ class StartEvidence:
         The body looks much the same from all sides, what is behind it does not.
         """
         own = {
-            i: _density(image, weights)
+            i: color_density(image, weights)
             for i, (image, weights) in enumerate(zip(self.images, inside, strict=True))
             if image is not None and weights.sum() > 1.0
         }
@@ -121,9 +144,7 @@ class StartEvidence:
         for i, image in enumerate(self.images):
             if image is None or i not in own:
                 continue
-            whole = _density(image, np.ones(image.shape[:2]))
-            near = _density(image, around[i]) if around[i].sum() > 1.0 else whole
-            ratio = np.log((0.6 * pooled + 0.4 * own[i] + _RARE) / (0.75 * near + 0.25 * whole + _RARE))
+            ratio = np.log((0.6 * pooled + 0.4 * own[i] + _RARE) / (scene_density(image, around[i]) + _RARE))
             self.colors[i] = np.clip(ratio, -_REACH, _REACH).astype(np.float32)
 
 
@@ -137,13 +158,20 @@ def _distance_to(mask: np.ndarray) -> np.ndarray:
     return cv2.distanceTransform(1 - solid, cv2.DIST_L2, 3) if solid.any() else np.zeros(mask.shape, np.float32)
 
 
-def _bins(image: np.ndarray) -> np.ndarray:
+def color_bins(image: np.ndarray) -> np.ndarray:
+    """(h, w) number of each pixel's bin of colors."""
     b, g, r = (image[..., c].astype(np.int64) * _BINS // 256 for c in range(3))
     return (b * _BINS + g) * _BINS + r
 
 
-def _density(image: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(bins^3,) smoothed share of each bin of colors."""
-    counts = np.bincount(_bins(image).ravel(), weights.ravel().astype(np.float64), _BINS**3)
+def scene_density(image: np.ndarray, around: np.ndarray) -> np.ndarray:
+    """(bins^3,) density of the colors beside a body: mostly of those near it, weighted by ``around`` (h, w)."""
+    whole = color_density(image, np.ones(image.shape[:2]))
+    return 0.75 * color_density(image, around) + 0.25 * whole if around.sum() > 1.0 else whole
+
+
+def color_density(image: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(bins^3,) smoothed share of each bin of colors, pixels counting by their ``weights`` (h, w)."""
+    counts = np.bincount(color_bins(image).ravel(), weights.ravel().astype(np.float64), _BINS**3)
     smooth = ndimage.gaussian_filter(counts.reshape(_BINS, _BINS, _BINS), 0.7, mode="constant").ravel()
     return smooth / max(float(smooth.sum()), 1e-9)

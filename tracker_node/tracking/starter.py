@@ -1,8 +1,8 @@
-"""From images to a state to track from: starts are found, tried by the engine, and the one that holds is taken."""
+"""From images to a state to track from: starts are found, tried by the engine, mended, and held against each other."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -12,15 +12,21 @@ from ..model.configuration import State
 from ..observation.image_set import ImageSet
 from .config import StartConfig
 from .engine import Engine, Images
-from .estimate import Status
-from .start import StartFinder
+from .estimate import Status, TrackEstimate
+from .start import Start, StartFinder
+from .start_trials import Contest, Follower, LimbRepair, Trial, rivals, tried
 
+NOT_GIVEN = "no initial state has been given"
 _SURE = 0.6  # a start that covers so much of the evidence is taken whatever the engine says
 _WORSE = 0.08  # of that share, by which an engine may make a start worse
 
 
 class Starter:
-    """Asks a `StartFinder`, then an `Engine`; parameters are those of the finder.
+    """Asks a `StartFinder`, then engines; parameters are those of the finder.
+
+    Parameters
+    ----------
+    make_engine : an engine for trials. make_follower : a tracker that does not look for starts itself.
 
     Attributes
     ----------
@@ -34,51 +40,98 @@ class Starter:
         config: StartConfig,
         plates: Mapping[str, np.ndarray | list],
         parallel: Callable[[Callable, list], list],
+        make_engine: Callable[[], Engine],
+        make_follower: Callable[[], Follower],
     ):
+        self._model, self._config = model, config
         self._finder = StartFinder(rig, model, config, plates, parallel)
-        self._every, self._count = config.every, 0
-        self.problem = "no initial state has been given"
+        self._mended = LimbRepair(model, self._finder.alternatives)
+        self._make_engine, self._make_follower = make_engine, make_follower
+        self._engine: Engine | None = None
+        self._followers: list[Follower] = []
+        self.reset()
 
     def reset(self) -> None:
         """Forget all images."""
         self._finder.reset()
-        self._count = 0
+        self.problem = NOT_GIVEN
+        self.stop()
+
+    def stop(self) -> None:
+        """Nothing is looked for any more; what has moved is remembered."""
+        self._contest: Contest | None = None
+        self._pause = 0
+
+    @property
+    def busy(self) -> bool:
+        """Whether the next image sets may bring what this one has not."""
+        return self._contest is not None or self._finder.watching
 
     def watch(self, images: Images) -> None:
         """Take in an image set in which nothing has to be found."""
         self._finder.watch(images)
 
-    def find(self, images: Images, image_set: ImageSet, engine: Engine, around: State | None = None) -> State | None:
-        """Where the body is, or None, and ``problem`` says why. The engine then has learnt from whatever it has tried last.
+    def find(self, images: Images, image_set: ImageSet, around: State | None = None) -> tuple[Follower, TrackEstimate] | None:
+        """A tracker that has the body, and what it says of this image set; None without, and ``problem`` says why.
 
-        After a search in vain, the next few image sets are only watched.
+        After a search in vain, the next few image sets are only watched. ``around`` is where the body was last.
         """
-        if self._count > 0:
-            self._count -= 1
+        if self._contest is not None:
+            self._finder.watch(images)
+            return self._continued(self._contest, image_set)
+        if self._pause > 0:
+            self._pause -= 1
             self._finder.watch(images)
             return None
         starts = self._finder.find(images, around)
         self.problem = self._finder.problem
         if not starts:
-            self._count = 0 if self._finder.watching else self._every
+            self._pause = 0 if self._finder.watching else self._config.every
             return None
-        tried: list[tuple[bool, State]] = []
-        for start in starts:
-            engine.reset()
-            state = engine.begin(images, start.state)
-            engine.observe(images, state)
-            result = engine.fit(state, True)
-            tried.append((engine.judge(result, image_set).status is not Status.LOST, result.state))
-        shares = self._finder.shares([state for _, state in tried] + [start.state for start in starts])
-        refined, unrefined = shares[: len(tried)], shares[len(tried) :]
+        states = self._chosen(starts, images, image_set)
+        if not states:
+            self._pause = self._config.every
+            covers = f"{100 * starts[0].score:.0f} % of what stands out"
+            self.problem = f"the best of {len(starts)} poses does not hold; it covers {covers}"
+            return None
+        while len(self._followers) < len(states):
+            self._followers.append(self._make_follower())
+        self._contest = Contest(self._followers[: len(states)], states, self._config.hold_sets)
+        return self._continued(self._contest, image_set)
+
+    def _continued(self, contest: Contest, image_set: ImageSet) -> tuple[Follower, TrackEstimate] | None:
+        found = contest.step(image_set)
+        self.problem = f"{len(contest)} poses are held against each other ({contest.sets} of {self._config.hold_sets} image sets)"
+        if found is None:
+            return None
+        self.stop()
+        if found[1].status is Status.LOST and found[0].surety is not None:
+            self._pause = self._config.every
+            self.problem = f"the best pose does not hold: {found[1].status_reason}"
+            return None
+        self._followers = [other for other in self._followers if other is not found[0]]
+        return found
+
+    def _chosen(self, starts: Sequence[Start], images: Images, image_set: ImageSet) -> list[State]:
+        """States that go on, the best first."""
+        engine = self._engine = self._engine or self._make_engine()
+        trials = [tried(engine, images, image_set, start.state) for start in starts]
+        if any(trial.verdict.surety is None for trial in trials):
+            return self._by_share(starts, trials)
+        trials.sort(key=lambda trial: -trial.surety)
+        for i, trial in enumerate(trials[: self._config.repair]):
+            if i and not rivals(self._model, trials[: i + 1], self._finder.size_m, i + 1)[i:]:
+                break  # too far behind, or the same as a better one
+            trials[i] = self._mended(trial, lambda state: tried(engine, images, image_set, state))
+        best = rivals(self._model, trials, self._finder.size_m, self._config.hold)
+        return [trial.state for trial in best if trial.surety > 0.0]
+
+    def _by_share(self, starts: Sequence[Start], trials: Sequence[Trial]) -> list[State]:
+        """The state that covers most of the evidence, of an engine that does not compare states; none if it does not hold."""
+        shares = self._finder.shares([trial.state for trial in trials] + [start.state for start in starts])
+        refined, unrefined = shares[: len(trials)], shares[len(trials) :]
         best = int(np.argmax(np.maximum(refined, unrefined)))
-        held, state = tried[best]
+        held, state = trials[best].verdict.status is not Status.LOST, trials[best].state
         if refined[best] < unrefined[best] - _WORSE:  # the engine has left what the body was found by
             held, state = False, starts[best].state
-        if held or max(refined[best], unrefined[best]) > _SURE:
-            return state
-        self._count = self._every
-        covers = f"{100 * unrefined[best]:.0f} % of what stands out"
-        self.problem = f"the best of {len(starts)} poses does not hold; it covers {covers}"
-        return None
-
+        return [state] if held or max(refined[best], unrefined[best]) > _SURE else []

@@ -22,12 +22,14 @@ from .config import TrackerConfig
 from .contour_engine import ContourEngine
 from .covariance import calibrated_covariance
 from .engine import Engine, Images, Report, Verdict
-from .estimate import Status, Timings, TrackEstimate
+from .estimate import LimbStatus, Status, Timings, TrackEstimate
 from .motion_model import MotionModel, Passage, Prediction
 from .region_engine import RegionEngine
 from .self_check import SelfCheck, SelfCheckOptions
-from .starter import Starter
+from .starter import NOT_GIVEN, Starter
 from .workers import Workers
+
+_CLEARLY = 1.05  # ratio of sureties, for another place to be taken for one that is not lost
 
 
 class Tracker:
@@ -40,6 +42,10 @@ class Tracker:
     initial_state : where the body is in the first image set; None: it is looked for in the images (`config.start`), unless
         `set_state` is called before.
     occluders : fixed things that may hide the body from a camera (root at the world's origin, joints neutral); contours only.
+
+    Attributes
+    ----------
+    surety : of the last verdict, see `Verdict`.
 
     Raises
     ------
@@ -61,8 +67,14 @@ class Tracker:
         self._initial_state = initial_state
         self._make_engine = lambda: _make_engine(rig, model, self.config, plates or {}, Occluders(occluders, rig))
         self._engine = self._make_engine()
-        self._trial_engine: Engine | None = None
-        self._starter = Starter(rig, model, self.config.start, plates or {}, Workers(self.config.threads).map)
+        self._starter: Starter | None = None
+        if self.config.start.enabled:
+            follower = replace(self.config, start=replace(self.config.start, enabled=False))
+            parallel = Workers(self.config.threads).map
+            self._starter = Starter(
+                rig, model, self.config.start, plates or {}, parallel, self._make_engine,
+                lambda: Tracker(rig, model, follower, plates, None, occluders),
+            )  # fmt: skip
         self._check = SelfCheck(rig, model, _check_options(self.config))
         self._restart(initial_state)
 
@@ -75,7 +87,8 @@ class Tracker:
         """Back to the initial state, with nothing learnt."""
         self._engine.reset()
         self._check.reset()
-        self._starter.reset()
+        if self._starter is not None:
+            self._starter.reset()
         self._restart(self._initial_state)
 
     def set_state(self, state: State) -> None:
@@ -85,22 +98,45 @@ class Tracker:
     def _restart(self, state: State | None) -> None:
         self._motion = MotionModel(self.model.chain, self.config.motion)
         self._start, self._lost = state, 0
+        self._unproven: int | None = 0  # image sets since the start in which a limb was lost; None: there was one without
+        self.surety: float | None = None
+        if self._starter is not None:
+            self._starter.stop()
 
-    def _find(self, images: Images, image_set: ImageSet) -> State | None:
-        """Look for the body in all of the images; what the engine has learnt is not touched by that."""
-        if self._trial_engine is None:
-            self._trial_engine = self._make_engine()
-        return self._starter.find(images, image_set, self._trial_engine, self._start)
+    def _looked_for(self, starter: Starter, images: Images, image_set: ImageSet) -> TrackEstimate | None:
+        """Of another tracker that has found the body in all of the images, and whose place this one takes; None without one.
+
+        Looked for is a body that is not known yet, that is LOST for long, or of which a limb has been lost ever since the start;
+        this once, and another place has to be clearly better.
+        """
+        if self._start is not None and max(self._lost, self._unproven or 0) < self.config.start.after_lost:
+            starter.stop()
+            if self._lost or self._unproven:
+                starter.watch(images)
+            return None
+        found = starter.find(images, image_set, self._start)
+        if found is None:
+            if not starter.busy and self._start is not None and not self._lost:
+                self._unproven = None
+            return None
+        other, estimate = found
+        assert isinstance(other, Tracker)
+        if self._start is not None and not self._lost and (other.surety or 0.0) < _CLEARLY * (self.surety or 0.0):
+            self._unproven = None
+            return None
+        self._engine, self._motion, self.surety = other._engine, other._motion, other.surety
+        self._start, self._lost, self._unproven = other._start, other._lost, other._unproven
+        return estimate
 
     def step(self, image_set: ImageSet) -> TrackEstimate:
         """Estimate the state for one image set."""
-        began, engine = time.perf_counter(), self._engine
+        began = time.perf_counter()
         images = self._images(image_set)
-        missing = self._start is None or self._lost >= self.config.start.after_lost
-        if missing and self.config.start.enabled:
-            found = self._find(images, image_set)
+        if self._starter is not None:
+            found = self._looked_for(self._starter, images, image_set)
             if found is not None:
-                self._restart(found)
+                return replace(found, timings=replace(found.timings, total_ms=1e3 * (time.perf_counter() - began)))
+        engine = self._engine
         prediction = self._motion.predict(image_set.stamp_ns)
         first, predicted = prediction is None, self._expected(prediction)
         waiting = first and self._start is None
@@ -111,9 +147,11 @@ class Tracker:
         result = engine.fit(start, first, prior)
         done = time.perf_counter()
         if waiting:
-            verdict, information = Verdict(Status.INITIALISING, self._starter.problem), None
+            problem = NOT_GIVEN if self._starter is None else self._starter.problem
+            verdict, information = Verdict(Status.INITIALISING, problem), None
         else:
             verdict = engine.judge(result, image_set)
+            self.surety = verdict.surety
             if verdict.noise:  # stay where the body was last, whatever the optimizer has made of noise
                 result = replace(result, state=predicted, equations=engine.linearize(predicted))
             information = self._information(result, prior, verdict)
@@ -202,6 +240,9 @@ class Tracker:
     def _accept(self, stamp_ns: int, state: State, information: np.ndarray | None, images, verdict: Verdict) -> None:
         self._start = state
         self._lost = self._lost + 1 if verdict.status is Status.LOST else 0
+        if self._unproven is not None:
+            lost = verdict.status is Status.LOST or any(limb.status is LimbStatus.LOST for limb in verdict.limbs)
+            self._unproven = self._unproven + 1 if lost else None
         if verdict.status is not Status.LOST:
             if verdict.jumped:
                 self._motion.restart(stamp_ns, state)
@@ -218,9 +259,7 @@ def _check_options(config: TrackerConfig) -> SelfCheckOptions:
     return SelfCheckOptions(check.window_s, np.radians(check.angle_deg), delay_s, check.sigmas)
 
 
-def _make_engine(
-    rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, plates: Mapping, occluders: Occluders
-) -> Engine:
+def _make_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, plates: Mapping, occluders: Occluders) -> Engine:
     """Compiled code of engines that are not used is not loaded."""
     parallel = Workers(config.threads).map
 

@@ -1,0 +1,132 @@
+"""Starts put to the test: what the engine makes of each, with doubtful limbs elsewhere, and over some image sets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import Configuration, State
+from ..observation.image_set import ImageSet
+from .engine import Engine, Images, Verdict
+from .estimate import Status, TrackEstimate
+from .limbs import limbs_of
+from .start_parts import LimbAlternatives
+
+_DOUBTFUL = 0.05  # probability of being lost, of a limb that is looked for elsewhere...
+_LOST = 0.5  # ...and that teaches nothing about the rest of the body
+_ELSEWHERE = 4  # places that are tried for it
+_ROUNDS = 3
+_BETTER = 0.01  # share of the surety that another place of a limb must add
+_RIVAL = 0.85  # of the best one's surety: with less, a start is out
+_SAME = 0.05  # of the body's size: states whose landmarks differ less, on average, are the same
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """What the engine has made of a start in one image set; ``surety`` as of `Verdict`, which has to have it."""
+
+    state: State
+    verdict: Verdict
+
+    @property
+    def surety(self) -> float:
+        assert self.verdict.surety is not None
+        return self.verdict.surety
+
+
+def tried(engine: Engine, images: Images, image_set: ImageSet, start: State) -> Trial:
+    """A fit from ``start`` by an engine that knows nothing else."""
+    engine.reset()
+    state = engine.begin(images, start)
+    engine.observe(images, state)
+    result = engine.fit(state, True)
+    return Trial(result.state, engine.judge(result, image_set))
+
+
+class LimbRepair:
+    """Looks for the doubtful limbs of a start elsewhere; the engine says what is better."""
+
+    def __init__(self, model: ArticulatedModel, alternatives: LimbAlternatives):
+        self._limbs, self._alternatives = limbs_of(model), alternatives
+
+    def __call__(self, trial: Trial, attempt: Callable[[State], Trial]) -> Trial:
+        """The best that `attempt` has made of ``trial`` and what differs from it in one limb after the other."""
+        for _ in range(_ROUNDS):
+            before = trial
+            doubts = [limb.probability for limb in trial.verdict.limbs]
+            for i in sorted(range(1, len(doubts)), key=lambda i: -doubts[i]):
+                if trial.verdict.limbs[i].probability > _DOUBTFUL:
+                    trial = self._with_limb_elsewhere(i, trial, attempt)
+            if trial is before:
+                break
+        return trial
+
+    def _with_limb_elsewhere(self, i: int, trial: Trial, attempt: Callable[[State], Trial]) -> Trial:
+        doubtful = np.zeros_like(self._limbs[0].shapes)
+        for limb, said in zip(self._limbs[1:], trial.verdict.limbs[1:], strict=True):
+            doubtful |= limb.shapes & (said.probability > _LOST)
+        others = [attempt(state) for state in self._alternatives.find(trial.state, self._limbs[i], doubtful, _ELSEWHERE)]
+        best = max(others, key=lambda other: other.surety, default=trial)
+        return best if best.surety > trial.surety + _BETTER * abs(trial.surety) else trial
+
+
+class Follower(Protocol):
+    """What goes on from a start: a tracker of its own. ``surety`` is that of its last verdict."""
+
+    surety: float | None
+
+    def reset(self) -> None:
+        """Forget everything."""
+        ...
+
+    def set_state(self, state: State) -> None:
+        """Where the body is in the next image set."""
+        ...
+
+    def step(self, image_set: ImageSet) -> TrackEstimate:
+        """Follow it there."""
+        ...
+
+
+class Contest:
+    """Several starts, followed side by side until one of them is clearly the best, or some image sets have passed."""
+
+    def __init__(self, followers: Sequence[Follower], starts: Sequence[State], most_sets: int):
+        self._followers, self._most_sets = list(followers), most_sets
+        self._totals = np.zeros(len(self._followers))
+        self.sets = 0
+        for follower, state in zip(followers, starts, strict=True):
+            follower.reset()
+            follower.set_state(state)
+
+    def __len__(self) -> int:
+        return len(self._followers)
+
+    def step(self, image_set: ImageSet) -> tuple[Follower, TrackEstimate] | None:
+        """The winner, and what it says of this image set; None as long as there is none."""
+        estimates = [follower.step(image_set) for follower in self._followers]
+        self.sets += 1
+        self._totals += [follower.surety or 0.0 for follower in self._followers]
+        best = int(np.argmax(self._totals))
+        winner, estimate = self._followers[best], estimates[best]
+        stay = np.flatnonzero(self._totals >= _RIVAL * self._totals[best])
+        self._followers, self._totals = [self._followers[i] for i in stay], self._totals[stay]
+        sure = len(stay) == 1 and (estimate.status is Status.TRACKING or winner.surety is None)
+        return (winner, estimate) if sure or self.sets >= self._most_sets else None
+
+
+def rivals(model: ArticulatedModel, trials: Sequence[Trial], size_m: float, n: int) -> list[Trial]:
+    """At most ``n`` of ``trials``, the best first, that come near to it and are not the same as a better one."""
+    kept: list[Trial] = []
+    points: list[np.ndarray] = []
+    for trial in sorted(trials, key=lambda trial: -trial.surety):
+        own = Configuration(model, trial.state).landmarks_world
+        same = any(len(own) and np.linalg.norm(own - other, axis=1).mean() < _SAME * size_m for other in points)
+        if not same and (not kept or trial.surety > _RIVAL * kept[0].surety) and len(kept) < n:
+            kept.append(trial)
+            points.append(own)
+    return kept
