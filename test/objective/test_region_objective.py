@@ -12,7 +12,7 @@ from tracker_node.model.primitives import Ellipsoid
 from tracker_node.objective import line_table as table
 from tracker_node.objective.region_objective import RegionObjective, RegionOptions, View
 from tracker_node.observation.empty_room import EmptyRoom
-from tracker_node.observation.region_colors import RegionColors, color_classes, stated_densities
+from tracker_node.observation.region_colors import RegionColors, color_classes, stated_densities, trust_stated_colors
 from tracker_node.optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 from tracker_node.render.shape_arrays import ShapeArrays
 
@@ -193,18 +193,41 @@ def test_stated_colors_are_believed_where_the_images_bear_them_out():
         assert colors.body[0, bins] > 20.0 * colors.scene[bins]
 
 
-def test_a_stated_color_beside_a_body_that_is_elsewhere_is_believed_and_what_is_there_is_not_learnt():
-    image, radius_px = disk(0.25)
+def disks_of_three_colors(shift: int) -> tuple[np.ndarray, np.ndarray, ArticulatedModel]:
+    """Image of three disks, labels of which the third is ``shift`` pixels to the left of it, and their model."""
+    colors = [(200, 60, 60), (60, 180, 60), (60, 60, 200)]
+    shapes = tuple(Shape(f"ball{i}", "ball", Ellipsoid((0.1,) * 3), color_rgb=c) for i, c in enumerate(colors))
+    image = np.random.default_rng(6).integers(90, 230, (HEIGHT, WIDTH, 3)).astype(np.uint8)
+    labels = np.zeros((HEIGHT, WIDTH), dtype=np.uint8)
     v, u = np.mgrid[0:HEIGHT, 0:WIDTH]
-    off = (np.hypot(u - CENTER[0] + 2.2 * radius_px, v - CENTER[1]) < radius_px).astype(np.uint8)
-    model = ball(0.25)
-    classes = color_classes(model)
-    bins = (image[80, 100].astype(int) >> 4) @ [256, 16, 1]
+    for i, (x, y) in enumerate([(40, 40), (40, 110), (140, 80)]):
+        image[np.hypot(u - x, v - y) < 20] = colors[i][::-1]
+        labels[np.hypot(u - x + (shift if i == 2 else 0), v - y) < 20] = i + 1
+    return image, labels, ArticulatedModel("balls", KinematicChain(("ball",), ()), shapes)
+
+
+def test_where_a_body_has_its_stated_colors_a_part_that_is_elsewhere_is_expected_to_have_them():
+    image, labels, model = disks_of_three_colors(45)
+    third, classes = (12 << 8) + (3 << 4) + 3, color_classes(model)
     seen = []
     for sound in (False, True):
         colors = RegionColors(classes, stated_densities(model, classes), 0.3)
-        for known in (None, np.array([sound])):
-            colors.learn(image, (0, 0, WIDTH, HEIGHT), off, 0.5, 3, 80, known)
-            seen.append(colors.body[0, bins])
+        colors.learn(image, (0, 0, WIDTH, HEIGHT), labels, 1.0, 3, 80)
+        before = colors.body[2, third]
+        trust_stated_colors([colors])
+        seen.append(colors.body[2, third])
+        assert seen[-1] > 20.0 * before
+        colors.learn(image, (0, 0, WIDTH, HEIGHT), labels, 0.5, 3, 80, np.array([True, True, sound]))
+        seen.append(colors.body[2, third])
     at_first, unsound, _, sound = seen
     assert unsound > 1.2 * at_first > 1.2 * sound
+
+
+def test_colors_that_the_images_do_not_bear_out_are_not_expected():
+    image, labels, model = disks_of_three_colors(0)
+    classes = color_classes(model)
+    colors = RegionColors(classes, np.roll(stated_densities(model, classes), 1, axis=0), 0.3)  # each that of another part
+    colors.learn(image, (0, 0, WIDTH, HEIGHT), labels, 1.0, 3, 80)
+    before = colors.body.copy()
+    trust_stated_colors([colors])
+    np.testing.assert_array_equal(colors.body, before)

@@ -82,7 +82,7 @@ def wrist_error(state: State, truth: State) -> float:
 def test_a_limb_is_found_and_nothing_else_is_moved(truth):
     judge, search = prepared()
     lost, felt = bent("left", 110.0, -60.0), Felt(truth)
-    found = search.recover([index(judge, "left_forearm")], lost, lost, felt.lines())
+    found = search.recover(search.doubtful(felt.part_evidence(lost, 2.0)), lost, lost, felt.lines())
     assert found is not None and wrist_error(lost, truth) > 0.4 and wrist_error(found, truth) < 0.02
     own = judge.limbs[index(judge, "left_forearm")].dofs
     assert not np.any(found.difference(lost)[~own])
@@ -93,29 +93,31 @@ def test_a_limb_is_looked_for_where_it_was_last_sound():
     judge, search = prepared(StatusConfig(limb_tries=1))
     sound = bent("left", 70.0, 20.0)
     i = index(judge, "left_forearm")
-    assert search.recover([i], REST, REST, Felt(sound).lines()) is None
+    assert search.recover({i: 3.0}, REST, REST, Felt(sound).lines()) is None
     reports = [LimbReport(limb.name, LimbStatus.TRACKING, "", 0.0) for limb in judge.limbs]
     search.remember(sound, reports)
-    found = search.recover([i], REST, REST, Felt(sound).lines())
+    found = search.recover({i: 3.0}, REST, REST, Felt(sound).lines())
     assert found is not None and wrist_error(found, sound) < 0.01
 
 
 def test_where_nothing_is_found_nothing_is_changed():
     _, search = prepared()
     far = REST.retract(np.append([3.0, 0.0, 0.0], np.zeros(MODEL.n_dof - 3)))
-    assert search.recover([1, 2], REST, REST, Felt(far).lines()) is None
+    assert search.recover({1: 3.0, 2: 3.0}, REST, REST, Felt(far).lines()) is None
 
 
-def test_a_limb_that_is_where_it_belongs_is_left_there():
-    _, search = prepared()
-    felt = Felt(REST)
-    assert search.recover([1], REST, REST, felt.lines()) is None and felt.drawn == 0
+def test_limbs_that_are_where_they_belong_are_not_in_doubt():
+    judge, search = prepared()
+    felt, lost = Felt(REST), bent("left", 110.0, -60.0)
+    assert not search.doubtful(felt.part_evidence(REST, 2.0))
+    assert list(search.doubtful(felt.part_evidence(lost, 2.0))) == [index(judge, "left_forearm")]
 
 
 def test_a_limb_is_found_far_from_anything_likely():
-    judge, search = prepared()
+    _, search = prepared()
     truth, lost = bent("left", 120.0, 30.0), bent("left", -60.0, -15.0)
-    found = search.recover([index(judge, "left_forearm")], lost, lost, Felt(truth).lines())
+    felt = Felt(truth)
+    found = search.recover(search.doubtful(felt.part_evidence(lost, 2.0)), lost, lost, felt.lines())
     assert found is not None and wrist_error(found, truth) < 0.02
 
 
@@ -131,7 +133,7 @@ def test_lost_limbs_take_turns():
 
     far = REST.retract(np.append([3.0, 0.0, 0.0], np.zeros(MODEL.n_dof - 3)))
     for _ in range(4):
-        search.recover([1, 2, 3, 4], lost, lost, Watched(far).lines())
+        search.recover(dict.fromkeys([1, 2, 3, 4], 3.0), lost, lost, Watched(far).lines())
     assert set(looked_at) == {tuple(np.flatnonzero(limb.shapes)) for limb in judge.limbs[1:]}
 
 
@@ -145,7 +147,7 @@ def poses_tried() -> np.ndarray:
             tried.append(joints.copy())
             return super().area(state, shapes, joints)
 
-    search.recover([index(judge, "left_forearm")], start, REST, Watched(REST).lines())
+    search.recover({index(judge, "left_forearm"): 3.0}, start, REST, Watched(REST).lines())
     return np.concatenate(tried)
 
 

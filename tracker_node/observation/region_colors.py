@@ -23,7 +23,7 @@ _UNIFORM = 1.0 / N_COLORS
 _MIX = 0.02  # a little of every color: none is impossible
 _LEAST_COUNT = 20.0  # pixels; fewer are not believed
 _SUPPORT = 0.1  # share of a part's pixels that a stated color must explain better than chance, to be believed
-_NEAR = 0.25  # or, in shares of the part's pixels, how many on and beside the body must have that color, beyond chance
+_AS_STATED = 0.3  # such a share, of the parts' median, that makes all stated colors believed
 _SPARSE = 6  # every so many rows and columns of an image tell what is chance
 _PRIOR_SIGMA = 14.0  # grey levels across, of a stated color
 _PRIOR_GAINS = np.linspace(0.45, 1.15, 15)  # how bright surfaces of that color may be, in light and shade
@@ -67,10 +67,10 @@ class RegionColors:
         self._classes, self._stated, self._prior_share = classes, stated, prior_share
         self._parts = np.zeros_like(stated)
         self._around = np.zeros(N_COLORS, dtype=np.float32)
-        self._shades = stated.copy()  # those of the stated color that are seen on the body or near it
+        self._shades = np.zeros_like(stated)  # those of the stated colors that are seen on the body or near it
         self._was_sound, self._was_unsound = np.zeros((2, len(stated)), dtype=np.bool_)
-        self._told = np.zeros(len(stated), dtype=np.bool_)  # whether enough of the part is seen to believe its color, or not
-        self._believed = np.zeros(len(stated), dtype=np.bool_)
+        self._support = np.full(len(stated), np.nan)  # share of a part's pixels that have its stated color
+        self._as_stated: bool | None = None  # whether the body has the stated colors on the whole, where that is known
         self.body = np.full_like(stated, _UNIFORM)
         self.scene = np.full(N_COLORS, _UNIFORM, dtype=np.float32)
         self.knows = False
@@ -99,44 +99,40 @@ class RegionColors:
         counts, scene = np.zeros_like(self._parts), np.zeros(N_COLORS, dtype=np.float32)
         crop = np.ascontiguousarray(bgr[v0:v1, u0:u1])
         count_colors(crop, cv2.LUT(labels, kinds) * inner, around, counts, scene)
-        settled = self._was_sound.all() or not self._stated.any()
-        beyond_chance = np.zeros_like(scene) if settled else _above_chance(bgr, crop, near)
         for i, new in enumerate(counts):
             if new.sum() >= _LEAST_COUNT and self._stated[i].any():
-                self._believe(i, new, beyond_chance)
+                self._support[i] = new[self._stated[i] > _UNIFORM].sum() / new.sum()
             _mix(self._parts[i], new, np.float32(rate))
         _mix(self._around, scene, np.float32(rate))
+        if self._as_stated is not False and self._stated.any() and not self._was_sound.all():
+            self._shades = self._stated * np.maximum(_above_chance(bgr, crop, near), 0.0)
+            self._shades /= np.maximum(self._shades.sum(axis=1, keepdims=True), 1e-12)
         self._tabulate()
-
-    def _believe(self, i: int, new: np.ndarray, beyond_chance: np.ndarray) -> None:
-        """See whether the part, or what is on and beside the body beyond chance, has the color stated of class ``i``."""
-        kind = self._stated[i] > _UNIFORM
-        near = np.where(kind, self._stated[i] * np.maximum(beyond_chance, 0.0), 0.0)
-        enough = beyond_chance[kind].sum() > _NEAR * new.sum() and near.any()
-        self._told[i] = True
-        self._believed[i] = enough or new[kind].sum() > _SUPPORT * new.sum()
-        self._shades[i] = near / near.sum() if enough else self._stated[i]
 
     def _tabulate(self) -> None:
         for i, learnt in enumerate(self._parts):
-            of_shades, of_stated = 0.0, 0.0  # shares
-            if self._believed[i]:
-                known = learnt.any()
-                if self._prior_share > 0.0 and not self._was_sound[i]:
-                    of_shades = 0.5 if known and not self._was_unsound[i] else 1.0
+            known, of_shades, of_stated = learnt.any(), 0.0, 0.0  # shares
+            if self._as_stated and not self._was_sound[i] and self._shades[i].any():
+                of_shades = 0.5 if known and not self._was_unsound[i] else 1.0
+            if self._stated[i].any() and (self._as_stated or self._support[i] > _SUPPORT):
                 of_stated = self._prior_share if known or of_shades > 0.0 else 1.0
             _fill_density(learnt, self._shades[i], of_shades, self._stated[i], of_stated, self.body[i])
         _fill_density(self._around, self._around, 0.0, self._around, 0.0, self.scene)
         self.knows = True
 
 
-def agree(cameras: Sequence[RegionColors]) -> None:
-    """What half of the cameras believe of the stated colors, of those that can tell, all of them do."""
-    told = sum(colors._told.astype(int) for colors in cameras)
-    believed = sum((colors._told & colors._believed).astype(int) for colors in cameras)
+def trust_stated_colors(cameras: Sequence[RegionColors]) -> None:
+    """Say whether the body has the stated colors on the whole, by what all cameras have learnt of it.
+
+    Where it has, a part that is not where it should be is expected to have them, too, whatever is seen in its place.
+    """
+    support = np.array([colors._support for colors in cameras])
+    told = np.isfinite(support)
+    means = np.where(told, support, 0.0).sum(axis=0)[told.any(axis=0)] / told.sum(axis=0)[told.any(axis=0)]
+    as_stated = means.size > 0 and float(np.median(means)) > _AS_STATED
     for colors in cameras:
+        colors._as_stated = as_stated and colors._prior_share > 0.0
         if colors.knows:
-            colors._believed = (believed > 0) & (2 * believed >= told)
             colors._tabulate()
 
 

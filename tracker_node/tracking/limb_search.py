@@ -10,7 +10,7 @@ seeded.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,17 +100,19 @@ class LimbSearch:
         angles.append(2.0 * neutral - state.joint_positions[own])
         return np.array(angles)
 
-    def recover(self, wanted: Sequence[int], state: State, predicted: State, lines: Lines) -> State | None:
-        """``state`` with lost limbs (indices of the judge's) found elsewhere, the lines being drawn about it; None where nothing
-        speaks for other places."""
-        evidence = lines.part_evidence(state, self._close_px)
+    def doubtful(self, evidence: PartEvidence) -> dict[int, float]:
+        """Log odds of lost of limbs (indices of the judge's, not the trunk) that this image set alone speaks against."""
         if not self._config.limb_tries:
-            return None
-        doubtful = [(i, here) for i, here in ((i, self._odds(i, evidence)) for i in wanted) if here > 0.0]
+            return {}
+        odds = {i: self._odds(i, evidence) for i in range(1, len(self._judge.limbs))}
+        return {i: here for i, here in odds.items() if 0.0 < here < np.inf}
+
+    def recover(self, doubtful: Mapping[int, float], state: State, predicted: State, lines: Lines) -> State | None:
+        """``state`` with `doubtful` limbs found elsewhere; None where nothing speaks for other places."""
+        limbs, found = list(doubtful), None
         self._turn += 1
-        found = None
-        for i, here in [doubtful[(self._turn + j) % len(doubtful)] for j in range(min(len(doubtful), _LIMBS_A_SET))]:
-            better = self._find(i, found or state, predicted, lines, min(_FOUND_ODDS, here - _BETTER_ODDS))
+        for i in [limbs[(self._turn + j) % len(limbs)] for j in range(min(len(limbs), _LIMBS_A_SET))]:
+            better = self._find(i, found or state, predicted, lines, min(_FOUND_ODDS, doubtful[i] - _BETTER_ODDS))
             found = better or found
         return found
 

@@ -83,6 +83,11 @@ class LimbJudge:
         self.probabilities = np.full(len(self.limbs), _START)
 
     @property
+    def knows(self) -> bool:
+        """Whether anything has been seen that limbs can be compared with."""
+        return self._levels is not None
+
+    @property
     def lost(self) -> list[int]:
         """Indices of the limbs that were more likely lost than not, at the last `update`."""
         return np.flatnonzero(self.probabilities >= 0.5).tolist() if self._levels is not None else []

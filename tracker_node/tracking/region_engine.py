@@ -22,7 +22,7 @@ from ..objective.sum_objective import SumObjective
 from ..observation.empty_room import EmptyRoom
 from ..observation.image_set import ImageSet
 from ..observation.observer import checked_plates
-from ..observation.region_colors import RegionColors, agree, color_classes, stated_densities
+from ..observation.region_colors import RegionColors, color_classes, stated_densities, trust_stated_colors
 from ..optimize.levenberg_marquardt import clip_to_limits, stepped
 from ..optimize.result import OptimizerResult
 from ..render.occluders import Occluders
@@ -122,7 +122,7 @@ class RegionEngine:
         for guard_px in (4 * guard, 2 * guard, guard):
             self._colors = [RegionColors(self._classes, self._stated, self._config.region.color_prior) for _ in self._rig]
             self._learn(images, start, 1.0, guard_px)
-            agree(self._colors)
+            trust_stated_colors(self._colors)
             if guard_px != guard:
                 self.observe(images, start)
                 start = self.fit(start, first=True).state

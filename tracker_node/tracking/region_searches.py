@@ -126,11 +126,14 @@ class RegionSearches:
         """The fit of an image set, begun at ``start``, with what is lost found again; and whether anything was."""
         if self._model.n_dof == N_ROOT_DOF and self._misfit.is_sudden(self._fits.cost_per_line()):
             result = self._tilted_back(result, prior)
-        if not self._limbs.lost:
+        if not self._limbs.knows:
             return result, False
         if self._limbs.body_lost:
             return self._restarted(result)
-        found = self._search.recover(self._limbs.lost, result.state, start, self._fits.limb_lines(start))
+        doubtful = self._search.doubtful(self._fits.part_evidence(result.state, self._close_px))
+        if not doubtful:
+            return result, False
+        found = self._search.recover(doubtful, result.state, start, self._fits.limb_lines(start))
         return self._fits.settled(result if found is None else replace(result, state=found)), found is not None
 
     def _restarted(self, result: OptimizerResult) -> tuple[OptimizerResult, bool]:
