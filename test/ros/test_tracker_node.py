@@ -200,6 +200,24 @@ def test_unusable_images_are_named_and_do_no_harm(probe, recording, start):
     probe.spin_until(lambda: status["tracker: cam2"].level == DiagnosticStatus.OK, "recovery")
 
 
+def test_image_sets_are_accounted_for(probe, recording, start):
+    """An instant of one camera alone makes no set where two are asked for."""
+    options = options_of(recording)
+    config = replace(options.config, synchronizer=replace(options.config.synchronizer, min_cameras=2))
+    _, states, cameras = start(config=config)
+    cameras.send(0)
+    cameras.send(1, ("cam1",))
+    cameras.send(2)
+    probe.spin_until(lambda: len(states) == 2, "two states")
+
+    def accounts() -> dict[str, str]:
+        status = probe.diagnostics.get("tracker: image sets")
+        return {value.key: value.value for value in status.values} if status else {}
+
+    probe.spin_until(lambda: accounts().get("complete") == "2", "two sets")
+    assert accounts()["not formed, incomplete"] == "1" and accounts()["not formed, ahead"] == "0"
+
+
 def test_a_camera_that_stops_is_named_and_the_others_go_on(probe, recording, start):
     options = options_of(recording)
     config = replace(options.config, synchronizer=replace(options.config.synchronizer, min_cameras=2, queue_s=0.1))

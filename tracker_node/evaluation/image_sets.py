@@ -61,6 +61,11 @@ class ImageSetStream(ABC):
     def counters(self) -> dict[str, dict[str, int]]:
         """Camera -> what became of its images."""
 
+    @property
+    def sets_not_formed(self) -> dict[str, int]:
+        """Instants without a set, by the reasons of the synchronizer; none where sets are not matched anew."""
+        return {}
+
     def size_problem(self, image: CameraImage) -> str:
         model = self.rig[image.camera].model
         height, width = image.pixels.shape[:2]
@@ -78,6 +83,7 @@ class _Matcher:
         self._tolerance_ns = round(config.tolerance * config.image_period_s * 1e9)
         self._synchronizer = make_synchronizer(cameras, config)
         self._done: Counter[tuple[str, str]] = Counter()
+        self._not_formed: Counter[str] = Counter()
         self._leaving: dict[str, int] = {}
         self._last_ns: dict[str, int] = {}
 
@@ -108,6 +114,7 @@ class _Matcher:
     def _without(self, gone: list[str]) -> list[ImageSet]:
         sets = self._synchronizer.flush()
         self._done.update(self._flat(self._synchronizer))
+        self._not_formed.update(self._synchronizer.sets_not_formed)
         for camera in gone:
             del self._leaving[camera]
         remaining = tuple(camera for camera in self._synchronizer.cameras if camera not in gone)
@@ -117,6 +124,10 @@ class _Matcher:
     @staticmethod
     def _flat(synchronizer: ImageSynchronizer) -> dict[tuple[str, str], int]:
         return {(c, reason): n for c, counts in synchronizer.counters.items() for reason, n in counts.items()}
+
+    @property
+    def sets_not_formed(self) -> dict[str, int]:
+        return dict(self._not_formed + Counter(self._synchronizer.sets_not_formed))  # + leaves out what is 0
 
     @property
     def counters(self) -> dict[str, dict[str, int]]:
@@ -143,6 +154,10 @@ class SourceStream(ImageSetStream):
     @property
     def counters(self) -> dict[str, dict[str, int]]:
         return self._matcher.counters
+
+    @property
+    def sets_not_formed(self) -> dict[str, int]:
+        return self._matcher.sets_not_formed
 
     def __iter__(self) -> Iterator[ImageSet]:
         for item in merged_images(self._sources, self.errors):
@@ -176,6 +191,10 @@ class BagStream(ImageSetStream):
     @property
     def counters(self) -> dict[str, dict[str, int]]:
         return self._matcher.counters
+
+    @property
+    def sets_not_formed(self) -> dict[str, int]:
+        return self._matcher.sets_not_formed
 
     def __iter__(self) -> Iterator[ImageSet]:
         refused: set[str] = set()

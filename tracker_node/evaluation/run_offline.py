@@ -166,6 +166,7 @@ def _summary(run: OfflineRun, stream: ImageSetStream, record: _Record) -> dict[s
         "first_stamp_ns": record.stamps_ns[0] if record.stamps_ns else None,
         "last_stamp_ns": record.stamps_ns[-1] if record.stamps_ns else None,
         "images": stream.counters,
+        "image_sets_not_formed": stream.sets_not_formed,
         "contradicted_cameras": list(record.faults.values()),
         "errors": list(stream.errors),
         "options": dict(run.named_options),

@@ -13,14 +13,21 @@ from dataclasses import dataclass, field
 
 from ..errors import UnknownNameError
 from .image_set import CameraImage, ImageSet
+from .set_accounts import SetAccounts
 
-REASONS = ("late", "duplicate", "incomplete", "too_old", "clock_jump", "reset")
+REASONS = ("late", "duplicate", "incomplete", "too_old", "ahead", "clock_jump", "reset")
 """Why an image is not in any set.
 
 ``late``: a set of its instant or a later one is out already. ``duplicate``: its camera gave another image of that instant.
-``incomplete``: too few cameras gave one. ``too_old``: its partners did not come within the queue's time. ``clock_jump``:
-stamps went backward. ``reset``: by request.
+``incomplete``: too few cameras gave one. ``too_old``: its partners did not come within the queue's time. ``ahead``: more cameras
+than have an image of its instant went on to send images from far before it (a wrong clock). ``clock_jump``: stamps went
+backward. ``reset``: by request.
 """
+
+SET_REASONS = tuple(reason for reason in REASONS if reason != "duplicate")
+"""Why there is no set of an instant of which some camera has sent an image. ``late``: all its images came too late."""
+
+_FORGETS = 0.995  # of what is known of a camera's disorder, with each image in order
 
 
 @dataclass
@@ -42,11 +49,13 @@ class _Lane:
     progress_ns: int = 0
     active_ns: int = 0  # stream time when its stamps last advanced
     old_clock_ns: int = 0  # for how much longer images of before a clock jump are expected
+    disorder_ns: float = 0.0  # by how much its images have lately been overtaken by later ones
 
     def forget(self) -> None:
         self.waiting.clear()
         self.newest_ns, self.newest_number, self.last_used_ns = None, -1, None
         self.progress_ns = self.active_ns = self.old_clock_ns = 0
+        self.disorder_ns = 0.0
 
 
 class ImageSynchronizer:
@@ -54,8 +63,9 @@ class ImageSynchronizer:
 
     A set is the earliest waiting image and, of every other camera, the image within the tolerance after it. Sets are in
     strict order of time and never overlap. A complete set comes out at once. An incomplete one is decided as soon as no
-    missing camera is worth waiting for: because it has sent something later, has been silent for ``queue_s``, lags by more
-    than ``queue_s``, or the set itself is ``queue_s`` old. It then comes out if it has ``min_cameras`` images.
+    missing camera is worth waiting for: because it has sent something later (later by as much as its images have lately
+    overtaken each other), has been silent for ``queue_s``, lags by more than ``queue_s``, or the set itself is ``queue_s``
+    old. It then comes out if it has ``min_cameras`` images.
 
     Parameters
     ----------
@@ -96,11 +106,17 @@ class ImageSynchronizer:
         self._number = 0
         self._last_set_end_ns: int | None = None
         self.sets_complete = self.sets_incomplete = self.clock_jumps = 0
+        self._accounts = SetAccounts(self._tolerance_ns, SET_REASONS)
 
     @property
     def counters(self) -> dict[str, dict[str, int]]:
         """Per camera: ``received`` = ``used`` + the `REASONS` + ``waiting``."""
         return {camera: {**lane.counts, "waiting": len(lane.waiting)} for camera, lane in self._lanes.items()}
+
+    @property
+    def sets_not_formed(self) -> dict[str, int]:
+        """Instants without a set, of which some camera has sent an image, by the `SET_REASONS`; what waits is not in it."""
+        return self._accounts.counts
 
     def add(self, image: CameraImage) -> list[ImageSet]:
         """Put in one image; returns the sets that are thereby decided, in order of time.
@@ -121,6 +137,8 @@ class ImageSynchronizer:
             self._advance(lane, image.stamp_ns)  # also a late image says that its camera lags
         if refusal:
             lane.counts[refusal] += 1
+            if refusal == "late":
+                self._accounts.late(image.stamp_ns)
         else:
             stamps = [w.image.stamp_ns for w in lane.waiting]
             lane.waiting.insert(bisect_right(stamps, image.stamp_ns), _Waiting(image, self._number, self._stream_ns))
@@ -135,6 +153,9 @@ class ImageSynchronizer:
         self._drop_all("reset")
 
     def _drop_all(self, reason: str) -> None:
+        for stamp_ns in sorted(w.image.stamp_ns for lane in self._lanes.values() for w in lane.waiting):
+            self._accounts.failed(stamp_ns, reason)
+        self._accounts.forget()
         for lane in self._lanes.values():
             lane.counts[reason] += len(lane.waiting)
             lane.forget()
@@ -165,9 +186,11 @@ class ImageSynchronizer:
         if lane.newest_ns is None:
             lane.progress_ns = self._stream_ns
         elif stamp_ns <= lane.newest_ns:
+            lane.disorder_ns = min(max(lane.disorder_ns, lane.newest_ns - stamp_ns), self._queue_ns)
             return
         else:
             lane.progress_ns += min(stamp_ns - lane.newest_ns, self._period_ns)
+        lane.disorder_ns *= _FORGETS
         lane.newest_ns, lane.newest_number = stamp_ns, self._number
         self._stream_ns = max(self._stream_ns, lane.progress_ns)
         lane.active_ns = self._stream_ns
@@ -184,11 +207,18 @@ class ImageSynchronizer:
             needed = len(group) < self.min_cameras
             if missing and not final and any(self._worth_waiting(lane, anchor, needed) for lane in missing):
                 return sets
-            if len(group) >= self.min_cameras and (not missing or self._best_choice(group, missing)):
+            waited = self._stream_ns - anchor.since_ns > self._queue_ns
+            if needed or self._better_later(group):
+                reason = "too_old" if waited else "incomplete"
+            elif not self._ahead(group, missing, anchor):
                 sets.append(self._take(group))
+                continue
+            elif waited or final:
+                reason = "ahead"
             else:
-                waited = self._stream_ns - anchor.since_ns > self._queue_ns
-                self._drop_first(self._lanes[anchor.image.camera], "too_old" if waited else "incomplete")
+                return sets  # the others' images, which come before it, are decided as they come
+            self._accounts.failed(anchor.image.stamp_ns, reason)
+            self._drop_first(self._lanes[anchor.image.camera], reason)
 
     def _group(self, start_ns: int) -> dict[str, _Waiting]:
         """Of every camera the first waiting image in [start, start + tolerance]."""
@@ -208,25 +238,30 @@ class ImageSynchronizer:
         if lane.newest_ns is None:
             return True
         lags = lane.newest_number > anchor.number and lane.newest_ns < start_ns - self._queue_ns
-        return lane.newest_ns <= start_ns + self._tolerance_ns and not lags
+        return lane.newest_ns <= start_ns + self._tolerance_ns + lane.disorder_ns and not lags
 
-    def _best_choice(self, group: dict[str, _Waiting], missing: list[_Lane]) -> bool:
-        """Whether an incomplete group is better emitted than broken up.
+    def _better_later(self, group: dict[str, _Waiting]) -> bool:
+        """Whether a start a little later gives a set of more images."""
+        return any(len(self._group(w.image.stamp_ns)) > len(group) for w in group.values())
 
-        Not so when a start a little later gives more images; nor when it comes from far in the future of most cameras that
-        are alive (a camera with a wrong clock), for once it is out, their images would all be late.
+    def _ahead(self, group: dict[str, _Waiting], missing: list[_Lane], anchor: _Waiting) -> bool:
+        """Whether more cameras than are in the group have since sent images from far before it.
+
+        Once it were out, theirs would all be late; so it waits, until they have come as far or its time is up. Cameras that
+        have sent nothing since it came may have paused with the others.
         """
-        starts = {w.image.stamp_ns for w in group.values()}
-        if any(len(self._group(start)) > len(group) for start in starts):
-            return False
-        alive = [x for x in missing if x.newest_ns is not None and self._stream_ns - x.active_ns <= self._queue_ns]
-        far_ns = max(self._queue_ns, self._period_ns)
-        behind = [x for x in alive if x.newest_ns is not None and x.newest_ns < min(starts) - far_ns]
-        return len(behind) <= len(group)
+        before_ns = anchor.image.stamp_ns - max(self._queue_ns, self._period_ns)
+        behind = [
+            lane for lane in missing
+            if lane.newest_ns is not None and lane.newest_number > anchor.number and lane.newest_ns < before_ns
+            and self._stream_ns - lane.active_ns <= self._queue_ns
+        ]  # fmt: skip
+        return len(behind) > len(group)
 
     def _take(self, group: dict[str, _Waiting]) -> ImageSet:
         images = tuple(group[camera].image for camera in self.cameras if camera in group)
-        end_ns = max(image.stamp_ns for image in images)
+        start_ns, end_ns = min(image.stamp_ns for image in images), max(image.stamp_ns for image in images)
+        self._accounts.formed(start_ns)
         for image in images:
             lane = self._lanes[image.camera]
             lane.waiting = [w for w in lane.waiting if w.image is not image]
@@ -239,7 +274,7 @@ class ImageSynchronizer:
             self.sets_complete += 1
         else:
             self.sets_incomplete += 1
-        return ImageSet(min(image.stamp_ns for image in images), images)
+        return ImageSet(start_ns, images)
 
     @staticmethod
     def _drop_first(lane: _Lane, reason: str) -> None:

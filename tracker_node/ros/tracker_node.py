@@ -243,7 +243,8 @@ class TrackerNode(Node):
     def report(self) -> None:
         """Once a second: rates, and each camera."""
         now = time.monotonic()
-        counters = self._worker.synchronizer.counters
+        synchronizer = self._worker.synchronizer
+        counters = synchronizer.counters
         before_s, tracked_before, received_before = self._last_report
         elapsed_s = max(now - before_s, 1e-3)
         counts = self._worker.counts
@@ -253,6 +254,9 @@ class TrackerNode(Node):
         else:
             level, said = (OK, "tracking") if rate > 0 else (STALE, "no image sets")
             self._diagnostics.report("rate", level, said, {"image sets per second": rate})
+        formed = {"complete": synchronizer.sets_complete, "of fewer cameras": synchronizer.sets_incomplete}
+        not_formed = {f"not formed, {reason}": n for reason, n in synchronizer.sets_not_formed.items()}
+        self._diagnostics.report("image sets", OK, "formed from the images by their stamps", formed | not_formed)
         for name, counter in counters.items():
             received = counter["received"]
             values = {"images per second": (received - received_before.get(name, 0)) / elapsed_s, **counter}
