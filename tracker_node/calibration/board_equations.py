@@ -1,0 +1,139 @@
+"""Normal equations of cameras and the boards they see, board poses and stamps eliminated (Schur complement)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+CLOCK, N_PLACE = 6, 7  # of a camera's parameters: six for its place, then the clock, then the lens
+
+
+@dataclass(frozen=True, eq=False)
+class CameraRows:
+    """What one camera saw: m corners at the instants ``instant`` (m,), with their weights (m,), residuals (m, 2) and derivatives.
+
+    ``by_camera`` (m, 2, p), ``by_pose`` (m, 2, 6) of the board, ``by_stamp`` (m, 2) of the time of the image.
+    """
+
+    camera: int
+    instant: np.ndarray
+    weights: np.ndarray
+    residuals: np.ndarray
+    by_camera: np.ndarray
+    by_pose: np.ndarray
+    by_stamp: np.ndarray
+
+
+@dataclass(eq=False)
+class BoardEquations:
+    """All cameras (d, d), board poses (n, 6, 6), mixed (n, d, 6), gradients; ``free`` (d,) is what is sought of the cameras.
+
+    ``offsets`` (c + 1,) says where each camera's parameters begin.
+    """
+
+    offsets: np.ndarray
+    n_instants: int
+    stamps: list[_Stamps] = field(default_factory=list)
+
+    def __post_init__(self):
+        d, n = int(self.offsets[-1]), self.n_instants
+        self.cameras, self.poses, self.mixed = np.zeros((d, d)), np.zeros((n, 6, 6)), np.zeros((n, d, 6))
+        self.gradient_cameras, self.gradient_poses = np.zeros(d), np.zeros((n, 6))
+        self.free = np.ones(d, dtype=bool)
+
+    def part(self, camera: int) -> slice:
+        return slice(self.offsets[camera], self.offsets[camera + 1])
+
+    def add(self, rows: CameraRows) -> None:
+        part = self.part(rows.camera)
+        weighted_camera = rows.weights[:, None, None] * rows.by_camera
+        weighted_pose = rows.weights[:, None, None] * rows.by_pose
+        self.cameras[part, part] += np.einsum("mri,mrj->ij", weighted_camera, rows.by_camera)
+        self.gradient_cameras[part] += np.einsum("mri,mr->i", weighted_camera, rows.residuals)
+        self.poses += self._by_instant(rows, np.einsum("mri,mrj->mij", weighted_pose, rows.by_pose))
+        self.gradient_poses += self._by_instant(rows, np.einsum("mri,mr->mi", weighted_pose, rows.residuals))
+        self.mixed[:, part] += self._by_instant(rows, np.einsum("mri,mrj->mij", weighted_camera, rows.by_pose))
+
+    def eliminate_stamps(self, rows: CameraRows, late_s: np.ndarray, prior: float) -> None:
+        """Let the stamp of every view of a camera be off: ``late_s`` (n,) so far, ``prior`` its precision."""
+        weighted = rows.weights[:, None] * rows.by_stamp
+        stamps = _Stamps(
+            rows.camera,
+            self._by_instant(rows, (weighted * rows.by_stamp).sum(axis=1)) + prior,
+            self._by_instant(rows, (weighted * rows.residuals).sum(axis=1)) + prior * late_s,
+            self._by_instant(rows, np.einsum("mr,mri->mi", weighted, rows.by_camera)),
+            self._by_instant(rows, np.einsum("mr,mri->mi", weighted, rows.by_pose)),
+        )
+        part, share = self.part(rows.camera), stamps.gradient / stamps.precision
+        with_camera, with_pose = stamps.with_camera / stamps.precision[:, None], stamps.with_pose / stamps.precision[:, None]
+        self.cameras[part, part] -= stamps.with_camera.T @ with_camera
+        self.gradient_cameras[part] -= stamps.with_camera.T @ share
+        self.poses -= with_pose[:, :, None] * stamps.with_pose[:, None]
+        self.gradient_poses -= stamps.with_pose * share[:, None]
+        self.mixed[:, part] -= with_camera[:, :, None] * stamps.with_pose[:, None]
+        self.stamps.append(stamps)
+
+    def add_lens_prior(self, camera: int, gradient: np.ndarray, precision: np.ndarray) -> None:
+        lens = np.arange(self.offsets[camera] + N_PLACE, self.offsets[camera + 1])
+        self.cameras[lens, lens] += precision
+        self.gradient_cameras[lens] += gradient
+
+    def hold(self, free_cameras: bool, free_clocks: bool, free_lenses: bool) -> None:
+        """Say what is sought; place and clock of the first camera never are."""
+        for k, start in enumerate(self.offsets[:-1]):
+            self.free[start : start + CLOCK] = free_cameras and k > 0
+            self.free[start + CLOCK] = free_clocks and k > 0
+            self.free[start + N_PLACE : self.offsets[k + 1]] = free_lenses
+
+    def step(self, damping: float) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
+        """One damped Gauss-Newton step: moves of every camera's parameters, of the poses (n, 6), and of the stamps (n, c)."""
+        inverse = np.linalg.inv(_damped(self.poses, damping))
+        moves = np.zeros(len(self.free))
+        if self.free.any():
+            moves[self.free] = np.linalg.solve(*self._reduced(inverse, damping))
+        back = self.gradient_poses + np.einsum("ndk,d->nk", self.mixed, moves)
+        poses = -np.einsum("nij,nj->ni", inverse, back)
+        late_s = np.zeros((self.n_instants, len(self.offsets) - 1))
+        for stamps in self.stamps:
+            change = stamps.with_camera @ moves[self.part(stamps.camera)] + (stamps.with_pose * poses).sum(axis=1)
+            late_s[:, stamps.camera] = -(stamps.gradient + change) / stamps.precision
+        return np.split(moves, self.offsets[1:-1]), poses, late_s
+
+    def covariance(self) -> np.ndarray:
+        """(d, d) of all cameras' parameters for residuals with an error of one pixel; zeros for what is held."""
+        full = np.zeros_like(self.cameras)
+        if self.free.any():
+            reduced, _ = self._reduced(np.linalg.inv(_damped(self.poses, 0.0)), 0.0)
+            full[np.ix_(self.free, self.free)] = np.linalg.pinv(reduced, hermitian=True)
+        return full
+
+    def _reduced(self, inverse: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray]:
+        """Matrix and right side for the free parameters of the cameras alone."""
+        mixed = self.mixed[:, self.free]
+        gain = mixed @ inverse
+        matrix = _damped(self.cameras[np.ix_(self.free, self.free)], damping) - np.einsum("nik,njk->ij", gain, mixed)
+        return matrix, -self.gradient_cameras[self.free] + np.einsum("nik,nk->i", gain, self.gradient_poses)
+
+    def _by_instant(self, rows: CameraRows, values: np.ndarray) -> np.ndarray:
+        """(n, ...) sums of values (m, ...) of the same instant."""
+        result = np.zeros((self.n_instants, *values.shape[1:]))
+        np.add.at(result, rows.instant, values)
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class _Stamps:
+    """One camera's stamps before they were eliminated: precision and gradient (n,), mixed with camera (n, p) and poses (n, 6)."""
+
+    camera: int
+    precision: np.ndarray
+    gradient: np.ndarray
+    with_camera: np.ndarray
+    with_pose: np.ndarray
+
+
+def _damped(matrices: np.ndarray, damping: float) -> np.ndarray:
+    """Matrices (..., k, k) with their diagonals made larger by a share."""
+    diagonals = np.einsum("...ii->...i", matrices)
+    return matrices + (damping * diagonals + 1e-12)[..., None] * np.eye(matrices.shape[-1])
