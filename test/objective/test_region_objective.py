@@ -154,7 +154,7 @@ def test_the_spread_beyond_the_lines_own_is_that_of_a_wrong_model():
 def test_a_known_room_of_the_bodys_color_still_shows_the_body():
     """A body before a wall that resembles it: histograms cannot tell them apart, what the pixels showed before can."""
     image, radius_px = disk(0.25, noise=2.0)
-    wall = np.tile((BODY_BGR + np.array([14, -14, -16])).astype(np.float32), (HEIGHT, WIDTH, 1))
+    wall = np.tile((BODY_BGR + np.array([11, -11, -12])).astype(np.float32), (HEIGHT, WIDTH, 1))
     share = np.all(np.abs(image.astype(int) - BODY_BGR) < 40, axis=2)[..., None]
     noise = np.random.default_rng(1).normal(0.0, 2.0, wall.shape)
     image = np.clip(np.where(share, BODY_BGR + noise, wall + noise), 0, 255).astype(np.uint8)

@@ -65,6 +65,7 @@ class RegionColors:
 
     def __init__(self, classes: np.ndarray, stated: np.ndarray, prior_share: float):
         self._classes, self._stated, self._prior_share = classes, stated, prior_share
+        self._kinds = stated > _UNIFORM  # colors that bear the stated one out
         self._parts = np.zeros_like(stated)
         self._around = np.zeros(N_COLORS, dtype=np.float32)
         self._shades = np.zeros_like(stated)  # those of the stated colors that are seen on the body or near it
@@ -99,10 +100,11 @@ class RegionColors:
         counts, scene = np.zeros_like(self._parts), np.zeros(N_COLORS, dtype=np.float32)
         crop = np.ascontiguousarray(bgr[v0:v1, u0:u1])
         count_colors(crop, cv2.LUT(labels, kinds) * inner, around, counts, scene)
-        for i, new in enumerate(counts):
-            if new.sum() >= _LEAST_COUNT and self._stated[i].any():
-                self._support[i] = new[self._stated[i] > _UNIFORM].sum() / new.sum()
-            _mix(self._parts[i], new, np.float32(rate))
+        totals = counts.sum(axis=1)
+        told = (totals >= _LEAST_COUNT) & self._kinds.any(axis=1)
+        self._support[told] = (counts[told] * self._kinds[told]).sum(axis=1) / totals[told]
+        for shares, new in zip(self._parts, counts, strict=True):
+            _mix(shares, new, np.float32(rate))
         _mix(self._around, scene, np.float32(rate))
         if self._as_stated is not False and self._stated.any() and not self._was_sound.all():
             self._shades = self._stated * np.maximum(_above_chance(bgr, crop, near), 0.0)

@@ -159,13 +159,13 @@ class LimbJudge:
     def _tip_sigmas(self, state: State, covariance: np.ndarray) -> np.ndarray:
         """(n_limbs,) metres: standard deviation of each limb's end in its most uncertain direction."""
         body = Configuration(self._model, state)
-        result = np.empty(len(self.limbs))
+        ends = [limb.end for limb in self.limbs]
+        T, tips = body.Ts_world_link[ends], np.array([limb.tip for limb in self.limbs])
+        places = np.einsum("nij,nj->ni", T[:, :3, :3], tips) + T[:, :3, 3]
         v, w = body.twists[:, :3], body.twists[:, 3:]
-        for i, limb in enumerate(self.limbs):
-            tip = body.Ts_world_link[limb.end, :3, :3] @ limb.tip + body.Ts_world_link[limb.end, :3, 3]
-            J = (v + np.cross(w, tip)) * self._model.chain.link_moved_by[limb.end][:, None]
-            result[i] = math.sqrt(max(float(np.linalg.eigvalsh(J.T @ covariance @ J)[-1]), 0.0))
-        return result
+        J = (v[None] + np.cross(w[None], places[:, None])) * self._model.chain.link_moved_by[ends][:, :, None]
+        variances = np.linalg.eigvalsh(np.swapaxes(J, 1, 2) @ covariance @ J)[:, -1]
+        return np.sqrt(np.maximum(variances, 0.0))
 
     def sound_shapes(self, reports: Sequence[LimbReport]) -> np.ndarray:
         """(n_shapes,) mask of the parts of limbs that are seen where they should be."""

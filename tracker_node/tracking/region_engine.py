@@ -101,6 +101,7 @@ class RegionEngine:
         self._trusted: np.ndarray | None = None  # (n_shapes,) parts of limbs that are where they should be
         self._objective.model_sigma_px = self._config.region.model_sigma_px
         self._count = 0
+        self._judged: tuple[NormalEquations, np.ndarray] | None = None  # the last, and their covariance
         self._comparison: Comparison | None = None
         self.whole: LeastSquaresObjective = self._objective
         self._passage: Passage | None = None
@@ -230,15 +231,18 @@ class RegionEngine:
         reach = max(float(np.linalg.norm(places - middle, axis=1).max()), float(self._arrays.bounds[:, 3].max()))
         scales = []
         for i in self._objective.active:
-            camera = self._rig.cameras[i]
-            depth = float(camera.T_cam_world[2, :3] @ middle + camera.T_cam_world[2, 3])
+            params, R, t, _ = self._objective.slots[i].camera
+            depth = float(R[2] @ middle + t[2])
             if depth > reach:  # else the camera looks elsewhere, or stands in the body's midst
-                scales.append(camera.model.params[0] / depth)
+                scales.append(params[0] / depth)
         return 2.0 * reach, float(np.median(scales)) if scales else _BODY_PX / (2.0 * reach)
 
     def _covariance(self, result: OptimizerResult) -> np.ndarray:
-        status = self._config.status
-        return calibrated_covariance(result.equations.H, status.covariance_scale, status.covariance_curvature)
+        if self._judged is None or self._judged[0] is not result.equations:
+            status = self._config.status
+            covariance = calibrated_covariance(result.equations.H, status.covariance_scale, status.covariance_curvature)
+            self._judged = result.equations, covariance
+        return self._judged[1]
 
     def _correspond(self, state: State, scale: float) -> None:
         self._objective.correspond(state, scale, None if self._passage is None else self._passage.offsets(state))
