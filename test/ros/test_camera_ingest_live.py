@@ -12,6 +12,7 @@ from mjpeg_server import HEIGHT, WIDTH, MjpegServer, number_of, numbered_jpeg
 from ros_graph import stamps
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from sensor_msgs.srv import SetCameraInfo
+from v4l2_camera import V4l2Camera
 
 from tracker_node.loaders.bag_reader import BagReader
 from tracker_node.loaders.camera_info_yaml import load_camera_info
@@ -230,3 +231,23 @@ def test_a_calibration_is_taken_by_the_service_and_kept(probe, launch, rig_file,
     launch(*arguments)
     probe.spin_until(lambda: len(infos) > 0, "calibrations")
     assert infos[0].k[0] == new.k[0]  # the file goes before the rig
+
+
+def test_a_camera_that_is_unplugged_is_used_again_when_it_is_back(probe, launch, tmp_path):
+    camera = V4l2Camera(tmp_path)
+    images = probe.listen(Image, "left/image_raw")
+    process = launch(
+        "camera_ingest", "--source", f"left=v4l2:{camera.path}", "--capture", "pixel_format=MJPG", "exposure_us=4000",
+        "rate_hz=50", env=camera.env | {"ROS_HOME": "/nowhere"},
+    )  # fmt: skip
+    probe.spin_until(lambda: len(images) > 5, "images")
+    camera.unplug()
+    probe.spin_until(lambda: is_at(probe, "left", DiagnosticStatus.ERROR), "it is told")
+    probe.spin_until(lambda: "no such device" in probe.diagnostics["camera_ingest: left"].message, "why")
+    camera.plug()
+    n = len(images)
+    probe.spin_until(lambda: len(images) > n + 5, "images again")
+    assert np.abs(camera_image_of("left", images[-1]).pixels.astype(int) - 99).max() <= 1
+    process.interrupt()
+    assert process.wait() == 0, process.err
+    assert len(camera.controls_set()) == 4  # automatic exposure off and exposure, set with each connection
