@@ -23,6 +23,9 @@ from ..tracking.estimate import CameraReport, Status, Timings, TrackEstimate
 from .image_inbox import ImageInbox, Received
 
 
+_AT_ONCE = 2  # image sets that may wait in a graph that is watched live
+
+
 class Steppable(Protocol):
     """What the worker needs of a tracker."""
 
@@ -50,7 +53,8 @@ class TrackingWorker(threading.Thread):
     ----------
     make_tracker : builds the tracker for a rig, a configuration and a first state; called in this thread.
     on_estimate : called in this thread with each estimate and its image set.
-    lossless : every image set is tracked, in order; otherwise only the newest, and the others are counted.
+    lossless : every image set is tracked, in order; otherwise only the newest two of those that wait, and the others are
+        counted: one that came late is made up for, a tracker that is too slow does not fall behind.
     rig : its lenses are those of the images, or None where they are not known yet (`set_rig`): images wait.
     """
 
@@ -185,9 +189,9 @@ class TrackingWorker(threading.Thread):
         return image
 
     def _track(self, sets: list[ImageSet]) -> None:
-        if not self._lossless and len(sets) > 1:
-            self.counts.superseded += len(sets) - 1
-            sets = sets[-1:]
+        if not self._lossless and len(sets) > _AT_ONCE:
+            self.counts.superseded += len(sets) - _AT_ONCE
+            sets = sets[-_AT_ONCE:]
         for image_set in sets:
             self._step(image_set)
             self._obey()
