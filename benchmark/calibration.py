@@ -16,12 +16,14 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from _calibration_boards import board_section, synthetic_rig_section
+from _calibration_dlt import dlt_section
 
 from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
 
 SECTIONS: dict[str, Callable[[], dict[str, float | int]]] = {
     "board": board_section,
     "synthetic_rig": synthetic_rig_section,
+    "dlt": dlt_section,
 }
 
 

@@ -49,6 +49,27 @@ def test_the_worst_point_is_named(tmp_path, rows, capsys):
     assert line.split()[-1] == "p7" and float(line.split()[2]) > 1.0
 
 
+def test_all_stages_are_printed_and_the_last_is_written(tmp_path, rows, capsys):
+    points, output = write(tmp_path / "points.csv", rows), tmp_path / "rig.yaml"
+    arguments = ["--points", str(points), "--size", "768x576", "--stages", "-o", str(output)]
+    assert main(["calibrate", "dlt", *arguments]) == 0
+    table = [line.split() for line in capsys.readouterr().out.splitlines()[:6]]
+    assert [row[0] for row in table[1:]] == ["linear", "refined", "restricted", "annealed", "polished"]
+    assert table[0][2:5] == ["left", "right", "top"] and [row[1] for row in table[1:]] == ["11", "11", "7", "7", "7"]
+    assert float(table[1][5]) < 0.01 < float(table[5][5]) < float(table[3][5])
+    for camera in load_rig(output):
+        assert (camera.model.K[0, 2], camera.model.K[1, 2]) == (383.5, 287.5)
+
+
+def test_nothing_is_overwritten(tmp_path, rows, capsys):
+    points, output = write(tmp_path / "points.csv", rows), tmp_path / "rig.yaml"
+    output.write_text("precious")
+    arguments = ["calibrate", "dlt", "--points", str(points), "--size", "768x576", "-o", str(output)]
+    assert main(arguments) == 2 and "is there already" in capsys.readouterr().err
+    assert output.read_text() == "precious"
+    assert main([*arguments, "--force"]) == 0 and load_rig(output).names == RIG.names
+
+
 def refusal(tmp_path, rows, capsys, header=COLUMNS, size="768x576") -> str:
     points = write(tmp_path / "points.csv", rows, header)
     assert main(["calibrate", "dlt", "--points", str(points), "--size", size, "-o", str(tmp_path / "rig.yaml")]) == 2
@@ -59,6 +80,10 @@ def test_bad_input_is_named(tmp_path, rows, capsys):
     assert "camera 'left': expected at least 6 control points, got 5" in refusal(tmp_path, rows[:5], capsys)
     flat = [[*row[:4], "0.5", *row[5:]] for row in rows]
     assert "lie in one plane" in refusal(tmp_path, flat, capsys)
+    line = [[*row[:2], row[4], row[4], row[4], *row[5:]] for row in rows]
+    assert "lie on one line" in refusal(tmp_path, line, capsys)
+    millimetres = [[*row[:2], *(repr(1e3 * float(value)) for value in row[2:5]), *row[5:]] for row in rows]
+    assert "are they millimetres? give metres" in refusal(tmp_path, millimetres, capsys)
     assert "--size" in refusal(tmp_path, rows, capsys, size="768")
     assert "columns starting with camera,point" in refusal(tmp_path, rows, capsys, header=("cam", *COLUMNS[1:]))
 

@@ -100,11 +100,7 @@ def calibrate_rig(
     options, names = options or BoardRigOptions(), list(seen)
     if len(names) < 2:
         raise TrackerError(f"expected at least two cameras for a rig, got {len(names)}; `calibrate intrinsics` is for one")
-    if board.turns_unseen:
-        raise TrackerError(
-            f"a chessboard of {board.columns}x{board.rows} inner corners looks the same upside down, so cameras cannot agree on"
-            " its corners: use one with an even and an odd side, or a ChArUco board"
-        )
+    check_for_rig(board)
     instants = _instants(seen, options)
     tell = progress or (lambda what, done, total: None)
     known, singles = _lenses(board, seen, lenses or {}, options, tell)
@@ -116,6 +112,15 @@ def calibrate_rig(
     alone = [BoardInstant({name: view}) for name, views in singles.items() for view in views if (name, view.image) not in used]
     state = initial_state(board, names, known, common)
     return _Refinement(board, names, options, tell).run(state, common, alone)
+
+
+def check_for_rig(board: Board) -> None:
+    """Raise a `TrackerError` for a board on whose corners cameras cannot agree."""
+    if board.turns_unseen:
+        raise TrackerError(
+            f"a chessboard of {board.columns}x{board.rows} inner corners looks the same upside down, so cameras cannot agree on"
+            " its corners: use one with an even and an odd side, or a ChArUco board"
+        )
 
 
 def first_camera_world(rig: CameraRig) -> CameraRig:

@@ -157,10 +157,23 @@ def reconstruct(parameters: np.ndarray, pixels: np.ndarray, weights: np.ndarray)
     return points, valid
 
 
+def image_residuals(camera: Camera, points: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """(n, 2) pixels seen minus pixels of a camera without distortion.
+
+    Unlike `Camera.project` it goes on smoothly where a trial camera has a point behind it.
+    """
+    uvw = se3.apply(camera.T_cam_world, points) @ camera.model.K.T
+    return pixels - uvw[:, :2] / uvw[:, 2:]
+
+
 def _check_spread(name: str, points: np.ndarray) -> None:
     if len(points) < MIN_POINTS:
         raise CalibrationError(name, f"expected at least {MIN_POINTS} control points, got {len(points)}")
     singular = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if singular[1] <= _FLAT * singular[0]:
+        raise CalibrationError(
+            name, f"its {len(points)} control points lie on one line; a DLT needs points spread through a volume"
+        )
     if singular[2] <= _FLAT * singular[0]:
         raise CalibrationError(
             name, f"its {len(points)} control points lie in one plane; a DLT needs points spread through a volume"
@@ -196,10 +209,7 @@ def _refine(
         return Camera(name, CameraModel(width, height, K), T @ se3.exp(x[len(names) :]))
 
     def residuals(x: np.ndarray) -> np.ndarray:
-        # Not Camera.project: a trial that goes behind a point must stay smooth
-        camera = camera_of(x)
-        uvw = se3.apply(camera.T_cam_world, points) @ camera.model.K.T
-        return (pixels - uvw[:, :2] / uvw[:, 2:]).ravel()
+        return image_residuals(camera_of(x), points, pixels).ravel()
 
     solution = least_squares(residuals, start, method="lm", xtol=1e-14, ftol=1e-14)
     return DltCalibration(camera_of(solution.x), solution.fun.reshape(-1, 2))

@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from ..calibration.board_figures import rig_figures, worst_views
     from ..calibration.board_report import format_table, rig_pictures, rig_tables, write_pictures, write_rig_page
-    from ..calibration.board_rig import calibrate_rig
+    from ..calibration.board_rig import calibrate_rig, check_for_rig
     from ..evaluation.metrics_file import write_metrics
     from ..loaders.rig_yaml import rig_file_of, write_rig_file
 
@@ -43,6 +43,7 @@ def run(args: argparse.Namespace) -> int:
     figures = page.with_suffix(".json")
     refuse_to_overwrite(args, args.output, page, figures)
     board, sources = board_of(args), sources_of(args, args.stamps)
+    check_for_rig(board)
     options, lenses = _options(args), _lenses(args, sources)
     seen = detect(args, sources, board)
     found = calibrate_rig(board, seen, options, lenses, None if args.quiet else StageProgress("calibrate rig"))
