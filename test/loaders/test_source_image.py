@@ -118,7 +118,7 @@ def test_jpeg_images_are_passed_on_as_they_are(tmp_path: Path, kind: str):
 
 def test_what_is_no_jpeg_is_not_passed_on(tmp_path: Path):
     path = write(tmp_path / "a", [picture()])
-    with pytest.raises(SourceError, match="no frame header|does not give JPEG"):
+    with pytest.raises(SourceError, match=r"no frame header|does not give JPEG"):
         list(open_source(path, capture=CaptureSettings(publish="jpeg")).images())
     video = tmp_path / "a.mp4"
     writer = cv2.VideoWriter(str(video), cv2.VideoWriter_fourcc(*"mp4v"), 25.0, (WIDTH, HEIGHT))
@@ -152,5 +152,5 @@ def test_a_file_that_is_not_what_its_name_says(tmp_path: Path, name: str):
         target.write_bytes(b"<html>not found</html>" * 50)
     else:
         target.write_bytes(b"\0" * 5000)
-    with pytest.raises(SourceError, match="cannot be|can be read"):
+    with pytest.raises(SourceError, match=r"cannot be|can be read"):
         open_source(target, SourceOptions())

@@ -8,8 +8,8 @@ from pathlib import Path
 
 SUMMARY = "publish videos, image folders, bags, devices, network streams or topics as the ROS cameras of a rig"
 EXAMPLE = """tracker_node camera_ingest --rig rig.yaml --loop --shrink 2
-  tracker_node camera_ingest --rig rig.yaml --source left=rtsp://10.0.0.2/h264 right=v4l2:/dev/v4l/by-id/usb-A_B-video-index0 \\
-      --capture right.pixel_format=MJPG right.exposure_us=4000 --record out/take1"""
+  tracker_node camera_ingest --rig rig.yaml --source left=rtsp://10.0.0.2/h264 right=v4l2:/dev/video0 --capture right.exposure_us=4000
+  tracker_node camera_ingest --source left=http://10.0.0.3/video --record out/board"""
 
 
 def image_size(text: str) -> tuple[int, int]:
