@@ -133,7 +133,7 @@ def figures(n_expected: int, said: list[str], received: dict, usage: list[tuple[
         "ingest.lost": n_expected - len(latencies),
         "ingest.wrong": received["wrong"],
         "ingest.published": counted.get("published", 0),
-        "ingest.skipped_to_keep_the_rate": counted.get("dropped", 0),
+        "ingest.skipped_to_keep_the_rate": counted.get("dropped", 0) + counted.get("skipped", 0),
         "ingest.rate_hz": len(latencies) / N_CAMERAS / (received["span_s"] + 1.0 / RATE_HZ),
         "ingest.cpu_cores": sender_s / elapsed_s,
         "ingest.receiver_cpu_cores": receiver_s / elapsed_s,

@@ -187,3 +187,16 @@ def test_real_video(shared_data: Path):
     stamps = [stamp for stamp, _ in source]
     assert source.rate_hz == pytest.approx(60.0) and stamps == [0, 16666667]
     assert (source.width, source.height) == (1080, 1920)
+
+
+def test_images_whose_time_is_over_are_left_out_and_counted(path: Path):
+    """From the third image on those before the ninth are not wanted: at most four in a row are left out."""
+    source = open_source(path, rate_hz=25.0)
+    got = []
+    for stamp, image in source:
+        got.append(number_of(image))
+        if stamp == 80_000_000:
+            source.skip_before(8 * 40_000_000)
+    assert got == [0, 1, 2, 7, 8, 9, 10, 11]
+    assert (source.counts.read, source.counts.skipped) == (8, 4)
+    assert [number_of(image) for _, image in source] == list(range(N))  # the next pass has all of them

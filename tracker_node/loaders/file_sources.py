@@ -55,8 +55,8 @@ class VideoSource(ImageSource):
         capture = self._packets() if as_jpeg else self._capture()
         try:
             for i in range(end):
-                # Skipped images are decoded too: seeking is inexact with some codecs.
-                ok, image = (capture.grab(), None) if i < start else capture.read()
+                # Skipped images are decoded too: seeking is inexact with some codecs, and others are made from them.
+                ok, image = (capture.grab(), None) if i < start or self._skips(i) else capture.read()
                 if not ok:
                     first = max(i, start)
                     self._missing(end - first, f"ends after {i} images, {end} were expected")
@@ -80,6 +80,8 @@ class FolderSource(ImageSource):
 
     def _read(self, start: int, end: int) -> Iterator[tuple[int, np.ndarray | bytes]]:
         for i in range(start, end):
+            if self._skips(i):
+                continue
             content = self._content(self._files[i])
             if content is None:
                 self._missing(1, f"cannot read {self._files[i]}")

@@ -52,6 +52,7 @@ class SourceReport:
 
     read: int = 0
     missing: int = 0
+    skipped: int = 0
     ended: bool = False
     problem: str = ""
     problems: list[str] = field(default_factory=list)
@@ -94,6 +95,11 @@ class ImageFeed:
         for thread in self._threads:
             thread.join(timeout=10.0)
 
+    def skip_before(self, stamp_ns: int) -> None:
+        """Images before this stamp are late already: where that saves work, they are left out and counted."""
+        for source in self._sources.values():
+            source.skip_before(stamp_ns)
+
     @property
     def next_is_ready(self) -> bool:
         """Whether the instant after the current one is decoded already."""
@@ -120,13 +126,18 @@ class ImageFeed:
                 continue
             if isinstance(item, FeedImage):
                 report.read += 1
-                report.missing, report.problems = source.counts.missing, source.counts.problems
+                self._copy_counts(report, source)
                 return item
             report.ended = True
-            report.missing, report.problems = source.counts.missing, source.counts.problems
+            self._copy_counts(report, source)
             report.problem = item or (report.problems[-1] if report.problems else "")
             return None
         return None
+
+    @staticmethod
+    def _copy_counts(report: SourceReport, source: ImageSource) -> None:
+        counts = source.counts
+        report.missing, report.skipped, report.problems = counts.missing, counts.skipped, counts.problems
 
     def _decode(self, camera: str) -> None:
         try:

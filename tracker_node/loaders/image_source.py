@@ -70,8 +70,8 @@ class InterlacedSource(ImageSource):
 
     Raises
     ------
-    SourceError : an odd number of lines, the other field order, a mosaic or JPEG images that are to be passed on, which cannot be taken apart, or what
-        moves in the first images shows that they are progressive.
+    SourceError : an odd number of lines; a mosaic, or JPEG images that are to be passed on, which cannot be taken apart; what moves
+        in the first images shows that they are progressive, or have the other field order.
     """
 
     def __init__(self, path: str | Path, options: SourceOptions, order: str):

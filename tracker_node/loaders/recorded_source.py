@@ -18,6 +18,8 @@ from ..errors import SourceError
 from .source_image import Preparation, SourceImage, content_size
 from .stamps import common_ns, period_ns
 
+_MOST_SKIPPED = 4  # in a row: where decoding alone takes too long, a fifth of the images still comes
+
 
 @dataclass(frozen=True)
 class SourceOptions:
@@ -72,6 +74,7 @@ class ReadCounts:
 
     read: int = 0
     missing: int = 0  # announced by the file, but not there or not readable
+    skipped: int = 0  # left out, because their time was over
     problems: list[str] = field(default_factory=list)
 
 
@@ -85,6 +88,8 @@ class ImageSource(ABC):
     def __init__(self, path: str, options: SourceOptions):
         self.path, self.options = path, options
         self.counts = ReadCounts()
+        self._skip_before_ns: int | None = None
+        self._n_before_pass = self._skipped_in_a_row = 0
         self.native_width, self.native_height, rate_hz, self._n_in_file = self._open()
         if options.start >= self._n_in_file:
             raise SourceError(path, f"start is image {options.start}, but there are only {self._n_in_file} images")
@@ -123,14 +128,14 @@ class ImageSource(ABC):
     def images(self) -> Iterator[SourceImage]:
         """Images as they are to be published."""
         self.counts = ReadCounts()
-        passes = 0
+        self._skip_before_ns, self._n_before_pass = None, 0
         while True:
-            before = self.counts.read
+            before = self.counts.read + self.counts.skipped
             for i, content in self._read(self.options.start, self.options.start + self.n_images):
                 self.counts.read += 1
-                yield self._prepared(self.stamp_ns(i + passes * self.n_images), content)
-            passes += 1
-            if not self.options.loop or self.counts.read == before:
+                yield self._prepared(self.stamp_ns(i + self._n_before_pass), content)
+            self._n_before_pass += self.n_images
+            if not self.options.loop or self.counts.read + self.counts.skipped == before:
                 return
 
     def _prepared(self, stamp_ns: int, content: np.ndarray | bytes) -> SourceImage:
@@ -139,6 +144,18 @@ class ImageSource(ABC):
             change = f"from {self.native_width}x{self.native_height} to {width}x{height}"
             raise SourceError(self.path, f"image size changes {change}")
         return self._preparation.image(stamp_ns, content)
+
+    def skip_before(self, stamp_ns: int) -> None:
+        """From any thread: images before this stamp are not wanted any more, and as little as possible is done for them."""
+        self._skip_before_ns = stamp_ns
+
+    def _skips(self, i: int) -> bool:
+        """Whether image ``i`` of the current pass is to be left out; then it is counted. Some are read in any case."""
+        late = self._skip_before_ns is not None and self.stamp_ns(i + self._n_before_pass) < self._skip_before_ns
+        skips = late and self._skipped_in_a_row < _MOST_SKIPPED
+        self._skipped_in_a_row = self._skipped_in_a_row + 1 if skips else 0
+        self.counts.skipped += skips
+        return skips
 
     def _missing(self, n: int, problem: str) -> None:
         self.counts.missing += n

@@ -11,6 +11,7 @@ class CameraCounts:
 
     published: int = 0
     dropped: int = 0  # left out to keep the rate: published later, they would have delayed newer ones
+    skipped: int = 0  # not even decoded as a whole: their time was over
     late: int = 0  # published more than half a period after their time
     duplicated: int = 0  # same pixels as the image before (published all the same)
     missing: int = 0  # announced by the file, but not there

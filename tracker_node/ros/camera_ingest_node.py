@@ -176,6 +176,8 @@ class CameraIngestNode(Node):
                 continue
             lateness_s = clock.wait(instant.stamp_ns, self._stop)
             shift_ns = clock.epoch_ns if self._options.live_stamps else 0
+            if self._options.frame_skip and lateness_s > feed.period_s:
+                feed.skip_before(instant.stamp_ns + round(1e9 * lateness_s))
             if self._options.frame_skip and lateness_s > feed.period_s and feed.next_is_ready:
                 for image in instant.images:
                     self._recorded[image.camera].dropped += 1
@@ -207,7 +209,7 @@ class CameraIngestNode(Node):
     def _report_recorded(self, name: str) -> None:
         counts, report = self._recorded[name], self._feed.reports[name] if self._feed is not None else None
         if report is not None:
-            counts.missing = report.missing
+            counts.missing, counts.skipped = report.missing, report.skipped
             if report.problem:
                 self.problems[name] = report.problem
         self._diagnostics.report(name, *self._verdict(name, counts, report), counts.values())
@@ -219,7 +221,7 @@ class CameraIngestNode(Node):
             return OK, "ended"
         if counts.missing:
             return WARN, "some images cannot be read"
-        if counts.dropped:
+        if counts.dropped or counts.skipped:
             return WARN, "images are skipped to keep the rate"
         return OK, "publishing" if counts.published else "waiting"
 
