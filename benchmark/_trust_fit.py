@@ -38,17 +38,6 @@ def coefficients(runs: Sequence[Run]) -> np.ndarray:
     return minimize(cost, np.zeros(X.shape[1]), bounds=bounds).x
 
 
-def covariance_scale(runs: Sequence[Run], curvature: float) -> float:
-    """``status.covariance_scale`` of greatest likelihood, from sound runs that were made with a scale of 1 and no curvature."""
-
-    def cost(log_scale: np.ndarray) -> float:
-        total = 0.0
-        for run in runs:
-            P = np.exp(log_scale[0]) * run.covariances
-            joints = np.arange(6, P.shape[-1])
-            variance = P[:, joints, joints]
-            P[:, joints, joints] += variance * (curvature * variance) / (1.0 + curvature * variance)
-            total += float((nees(run.errors, P) + np.linalg.slogdet(P)[1]).mean()) / P.shape[-1]
-        return total
-
-    return float(np.exp(minimize(cost, np.zeros(1), method="Nelder-Mead").x[0]))
+def covariance_factor(runs: Sequence[Run]) -> float:
+    """By what the covariances of sound runs would have to be multiplied to be as large as the errors: 1 where they are."""
+    return float(np.mean([nees(run.errors, run.covariances).mean() / run.errors.shape[-1] for run in runs]))

@@ -12,10 +12,14 @@ from _trust_clips import Recorded, truth_of
 
 from tracker_node.camera.camera_rig import CameraRig
 from tracker_node.model.configuration import Configuration, State
+from tracker_node.model.kinematic_chain import N_ROOT_DOF
 from tracker_node.tracking.config import TrackerConfig
+from tracker_node.tracking.constraints import neutral_information
 from tracker_node.tracking.estimate import LimbStatus, TrackEstimate
 from tracker_node.tracking.limb_status import MEASURES
 from tracker_node.tracking.limbs import Limb, limbs_of
+from tracker_node.tracking.motion_dynamics import Belief, Dynamics
+from tracker_node.tracking.smoother import Sighting, smooth
 from tracker_node.tracking.tracker import Tracker
 
 
@@ -30,6 +34,7 @@ class Run:
     errors, covariances : (T, n_dof), (T, n_dof, n_dof), tangent from truth to estimate.
     shares : (T, n_limbs, n_measures) of `limb_status.MEASURES`, as the judge of the limbs saw them; nan where it saw none.
     landmark_errors, landmark_covariances : (T, n_landmarks, 3), (T, n_landmarks, 3, 3).
+    smoothed_errors, smoothed_covariances : as ``errors`` and ``covariances``, in the light of all sets.
     """
 
     body: str
@@ -49,6 +54,8 @@ class Run:
     landmark_covariances: np.ndarray
     shares: np.ndarray
     total_ms: np.ndarray
+    smoothed_errors: np.ndarray
+    smoothed_covariances: np.ndarray
 
     @property
     def on(self) -> np.ndarray:
@@ -75,6 +82,9 @@ def track(recorded: Recorded, rig: CameraRig, config: TrackerConfig) -> Run:
             tracker.set_state(clip.handed)
         estimates.append(tracker.step(image_set))
         shares.append(_shares(tracker, len(limbs)))
+    motion = config.motion
+    sightings = [Sighting.of(e, neutral_information(model.chain, motion)) for e in estimates]
+    beliefs = list(smooth(sightings, Dynamics.of(motion, model.chain, motion.smoother_noise)))
     truth = truth_of(recorded)
     found = np.array([Configuration(model, e.state).landmarks_world for e in estimates])
     names = [limb.name for limb in limbs]
@@ -92,6 +102,8 @@ def track(recorded: Recorded, rig: CameraRig, config: TrackerConfig) -> Run:
         landmark_covariances=np.array([e.landmark_covariances(model) for e in estimates]),
         shares=np.array(shares),
         total_ms=np.array([e.timings.total_ms for e in estimates]),
+        smoothed_errors=np.array([_smoothed_error(b, s) for b, s in zip(beliefs, clip.states, strict=True)]),
+        smoothed_covariances=np.array([_smoothed_covariance(b, model.n_dof) for b in beliefs]),
     )  # fmt: skip
 
 
@@ -99,6 +111,15 @@ def track_all(clips: Sequence[Recorded], rig: CameraRig, config: TrackerConfig, 
     """Every clip, in their order, side by side."""
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
         return list(pool.map(track, clips, [rig] * len(clips), [config] * len(clips), chunksize=4))
+
+
+def _smoothed_error(belief: Belief | None, truth: State) -> np.ndarray:
+    n = N_ROOT_DOF + len(truth.joint_positions)
+    return np.full(n, np.nan) if belief is None else belief.state.difference(truth)
+
+
+def _smoothed_covariance(belief: Belief | None, n: int) -> np.ndarray:
+    return np.full((n, n), np.nan) if belief is None else belief.state_covariance
 
 
 def _tip_errors(recorded: Recorded, limbs: Sequence[Limb], state: State, truth: State) -> list[float]:

@@ -20,16 +20,15 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from _trust_clips import record
-from _trust_fit import coefficients, covariance_scale
+from _trust_fit import coefficients, covariance_factor
 from _trust_runs import Run, config_of, track_all
 
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.consistency import Consistency, consistency, effective_sets, nees, whitened
+from tracker_node.evaluation.consistency import Consistency, consistency, effective_sets, mean_bounds, nees, whitened
 from tracker_node.evaluation.metrics import LOST_JOINT_M, LOST_LIMB_M
 from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
 from tracker_node.evaluation.roc import Roc, roc, roc_picture
@@ -81,31 +80,41 @@ def _arguments() -> argparse.Namespace:
 def fit(config: TrackerConfig, size: str, args: argparse.Namespace) -> int:
     """Print coefficients and scales."""
     rig, clips = record("fit", size, args.cache)
-    plain = replace(config, status=replace(config.status, covariance_scale=1.0, covariance_curvature=0.0))
-    runs = track_all(clips, rig, plain, args.processes)
+    runs = track_all(clips, rig, config, args.processes)
     print("COEFFICIENTS", np.round(coefficients(runs), 1).tolist())
-    sound = [run for run in runs if run.kind == "sound" and run.joint_errors.max() < LOST_LIMB_M]
-    print("status.covariance_scale", round(covariance_scale(sound, config.status.covariance_curvature), 2))
+    for body in dict.fromkeys(run.body for run in runs):
+        sound = [run for run in _sound(runs, body) if run.joint_errors.max() < LOST_LIMB_M]
+        print(f"covariances of the {body} are too small by a factor of", round(covariance_factor(sound), 2))
     return 0
 
 
 def nees_figures(runs: Sequence[Run], fitted: Sequence[Run]) -> dict[str, float | int]:
     """Of sound clips: the whole state, and every landmark."""
     figures: dict[str, float | int] = {}
-    states, points = [], []
+    states, points, later, after = [], [], [], []
     for body in dict.fromkeys(run.body for run in runs):
         own, other = _sound(runs, body), _sound(fitted, body)
-        effective = effective_sets(whitened(_stack(other, "errors"), _stack(other, "covariances")))
-        state = consistency(_stack(own, "errors"), _stack(own, "covariances"), effective)
+        state = _consistency(own, other)
+        effective = state.effective_sets
+        power = _stack(own, "errors") ** 2 / np.diagonal(_stack(own, "covariances"), axis1=-2, axis2=-1)
+        alone = power.mean(axis=(0, 1))
         point = _landmarks(own, other)
+        smoothed = _consistency(own, other, "smoothed_")
         states.append(state)
         points.append(point)
+        later.append(smoothed)
+        after += [value for run in runs if run.body == body for value in _after_loss(run, effective)]
         figures |= {
             f"trust.{body}.nees_in_bounds": state.runs_in_bounds,
             f"trust.{body}.nees_mean": state.mean,
             f"trust.{body}.nees_independent_sets": effective,
             f"trust.{body}.landmark_nees_in_bounds": point.runs_in_bounds,
             f"trust.{body}.landmark_nees_mean": point.mean,
+            f"trust.{body}.smoothed_nees_in_bounds": smoothed.runs_in_bounds,
+            f"trust.{body}.smoothed_nees_mean": smoothed.mean,
+            f"trust.{body}.dof_nees_p10": float(np.percentile(alone, 10)),
+            f"trust.{body}.dof_nees_median": float(np.median(alone)),
+            f"trust.{body}.dof_nees_p90": float(np.percentile(alone, 90)),
             f"trust.{body}.joint_error_mm": 1e3 * float(np.mean([run.joint_errors.mean() for run in own])),
         }
     return {
@@ -113,6 +122,9 @@ def nees_figures(runs: Sequence[Run], fitted: Sequence[Run]) -> dict[str, float 
         "trust.nees_in_independent_bounds": _pooled(states, "runs_in_independent_bounds"),
         "trust.nees_sets_in_bounds": _pooled(states, "sets_in_bounds"),
         "trust.landmark_nees_in_bounds": _pooled(points, "runs_in_bounds"),
+        "trust.smoothed_nees_in_bounds": _pooled(later, "runs_in_bounds"),
+        "trust.nees_after_loss_in_bounds": float(np.mean(after)) if after else float("nan"),
+        "trust.nees_after_loss_runs": len(after),
         "trust.nees_runs": sum(len(state.nees) for state in states),
         **figures,
     }
@@ -120,6 +132,26 @@ def nees_figures(runs: Sequence[Run], fitted: Sequence[Run]) -> dict[str, float 
 
 def _sound(runs: Sequence[Run], body: str) -> list[Run]:
     return [run for run in runs if run.kind == "sound" and run.body == body]
+
+
+def _consistency(own: Sequence[Run], other: Sequence[Run], prefix: str = "") -> Consistency:
+    """Of the states of runs, with the independent sets of others."""
+    errors, covariances = f"{prefix}errors", f"{prefix}covariances"
+    effective = effective_sets(whitened(_stack(other, errors), _stack(other, covariances)))
+    return consistency(_stack(own, errors), _stack(own, covariances), effective)
+
+
+_SETTLED, _FEWEST_AFTER = 3, 5  # image sets after an event until covariances are judged again, and how many that must be
+
+
+def _after_loss(run: Run, effective: float) -> list[bool]:
+    """Whether the NEES of a run in which a limb was hidden lies within its bounds once it is seen and found again; or nothing."""
+    sets = np.arange(len(run.status)) >= run.ends + _SETTLED
+    if run.kind != "hidden" or sets.sum() < _FEWEST_AFTER or (run.joint_errors[sets] > LOST_LIMB_M).any():
+        return []
+    n = run.errors.shape[-1]
+    low, high = mean_bounds(n, max(effective * sets.mean(), 1.0))
+    return [bool(low <= nees(run.errors[sets], run.covariances[sets]).mean() <= high)]
 
 
 def _stack(runs: Sequence[Run], name: str) -> np.ndarray:

@@ -9,7 +9,6 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.objective.region_objective import PartEvidence
 from tracker_node.synthesis.figure import figure_model
 from tracker_node.tracking.config import StatusConfig
-from tracker_node.tracking.covariance import calibrated_covariance
 from tracker_node.tracking.estimate import LimbReport, LimbStatus, Status
 from tracker_node.tracking.limb_status import LOST_TIP_M, LimbJudge, body_status, is_noise, limb_measures
 
@@ -152,16 +151,3 @@ def test_a_set_cannot_change_the_odds_by_more_than_the_limit():
     judge.probabilities[:] = [1e-4, 0.2, 1e-4, 1e-4, 1e-4]
     p = told(judge, evidence(left_forearm=0.0))["left_forearm"].probability
     assert p / (1.0 - p) == pytest.approx(0.25 * np.e, rel=0.01)
-
-
-def test_covariance_is_scaled_and_rounder_where_little_is_known():
-    rng = np.random.default_rng(2)
-    root = rng.normal(size=(9, 9))
-    H = root @ root.T + np.diag([1e4] * 8 + [1e-2])
-    np.testing.assert_allclose(calibrated_covariance(H, 0.5, 0.0), 0.5 * np.linalg.inv(H), rtol=1e-4)
-    added = calibrated_covariance(H, 0.5, 6.0) - calibrated_covariance(H, 0.5, 0.0)
-    variance = np.diag(0.5 * np.linalg.inv(H))
-    expected = np.where(np.arange(9) < 6, 0.0, 1.0 / (1.0 / variance + 1.0 / (6.0 * variance**2)))
-    np.testing.assert_allclose(np.diag(added), expected, rtol=1e-4)
-    unknown = calibrated_covariance(np.diag([1e4] * 8 + [0.0]), 1.0, 0.0)
-    assert np.isfinite(unknown).all() and unknown[8, 8] > 1e4  # rad^2: nothing is known of it

@@ -13,6 +13,7 @@ from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration
 from ..optimize.levenberg_marquardt import clip_to_limits
 from ..tracking.config import MotionConfig
+from ..tracking.constraints import neutral_information
 from ..tracking.estimate import TrackEstimate
 from ..tracking.motion_dynamics import Belief, Dynamics
 from ..tracking.smoother import Sighting, Smoother
@@ -37,6 +38,7 @@ class SmoothedWriter:
     def __init__(self, output: str | Path, model: ArticulatedModel, motion: MotionConfig, lag_s: float):
         self._model, self._lag_s = model, lag_s
         self._dynamics = Dynamics.of(motion, model.chain, motion.smoother_noise)
+        self._neutral = neutral_information(model.chain, motion)
         self._smoother = Smoother(self._dynamics, lag_s)
         self._waiting: deque[TrackEstimate] = deque()
         folder, names, units = Path(output) / FOLDER, model.chain.dof_names, model.chain.dof_units
@@ -54,7 +56,7 @@ class SmoothedWriter:
         if self._waiting and estimate.stamp_ns < self._waiting[-1].stamp_ns:
             self._finish()
         self._waiting.append(estimate)
-        self._write(self._smoother.add(Sighting(estimate.stamp_ns, estimate.state, estimate.information)))
+        self._write(self._smoother.add(Sighting.of(estimate, self._neutral)))
 
     def close(self) -> None:
         """Write what is left, and finish every file."""

@@ -136,6 +136,11 @@ class RegionObjective:
         self._drawn_at: State | None = None  # what the slots' sums are of, as long as lines are as they were drawn
 
     @property
+    def line_variance(self) -> float:
+        """px^2: what the lines last drawn are taken to be off beyond what they say themselves."""
+        return float(self._packed[kernel.MODEL_VARIANCE])
+
+    @property
     def active(self) -> list[int]:
         """Cameras that show something."""
         return [i for i, view in enumerate(self.views) if view is not None]

@@ -182,10 +182,19 @@ class StatusConfig:
     )
     correlation: float = parameter(8.0, "how many neighbouring samples share one error, for the covariance", "", 1, 1000)
     covariance_scale: float = parameter(
-        0.3, "multiplies the inverse of the information, in engines whose normal equations are in such units", "1", 1e-3, 1e3
+        0.112, "variance of correspondence lines that are far from each other, in what region.correlation takes it for",
+        "1", 1e-3, 1e3,
+    )  # fmt: skip
+    line_correlation_px: float = parameter(4.0, "how far along a contour the errors of lines are alike", "px", 0.01, 1000)
+    link_shift_px: float = parameter(
+        0.1, "by how much all contours of a link are off alike, in all images (light falls on one side)", "px", 0, 100
     )
+    body_shift_px: float = parameter(0.06, "and those of the whole body", "px", 0, 100)
     covariance_curvature: float = parameter(
-        200.0, "times the squared variance of an angle is added to its variance, for what is hardly known", "1/rad^2", 0, 1e6
+        500.0, "inverse of the variance from which on a direction is hardly known to the images", "1/rad^2", 0, 1e6
+    )
+    covariance_excess: float = parameter(
+        4.0, "then its variance is larger by up to this many times than its linearization says", "1", 0, 1000
     )
     limb_lost: float = parameter(0.5, "a limb that is elsewhere with this probability is LOST", "1", 0, 1)
     limb_degraded: float = parameter(0.2, "and DEGRADED with this one", "1", 0, 1)
@@ -231,7 +240,7 @@ class TogetherConfig:
     passes: int = parameter(2, "times that the points are chosen anew whose colors are compared", "", 1, 100)
     iterations: int = parameter(3, "iterations in each pass", "", 1, 1000)
     color_scale: float = parameter(
-        1.4, "multiplies the inverse of the colors' information, as status.covariance_scale does the contours'", "1", 1e-3, 1e3
+        4.7, "how much less the colors' information is believed than that of the contours", "1", 1e-3, 1e3
     )
 
 

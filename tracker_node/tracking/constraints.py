@@ -1,12 +1,24 @@
-"""What a body may not do, as objectives beside those of the images."""
+"""What a body may not do, as objectives beside those of the images, and the pose it is taken for where they are silent."""
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..model.articulated_model import ArticulatedModel
+from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
 from ..objective.collision import CollisionObjective
 from ..objective.coupling import CouplingObjective
 from ..objective.normal_equations import LeastSquaresObjective
-from .config import TrackerConfig
+from .config import MotionConfig, TrackerConfig
+
+PX2_PER_INFORMATION = 18.0  # of the pulls of `MotionConfig`, which are stated in squared pixels
+
+
+def neutral_information(chain: KinematicChain, motion: MotionConfig) -> np.ndarray:
+    """(n_dof,) of the pull to the neutral pose, in units of information."""
+    pulls = np.zeros(chain.n_dof)
+    pulls[N_ROOT_DOF:] = [motion.neutral_angle * axis.stiffness for axis in chain.axes]
+    return pulls / PX2_PER_INFORMATION
 
 
 def constraints_of(model: ArticulatedModel, config: TrackerConfig) -> list[LeastSquaresObjective]:

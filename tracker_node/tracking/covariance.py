@@ -1,26 +1,114 @@
-"""From information to a covariance that errors bear out."""
+"""From the normal equations of a fit to a covariance that errors bear out.
+
+The fit weighs every image by what it takes its errors for. What they really are is the covariance S of the gradient that they
+cause, and H^-1 S H^-1 that of the state (the sandwich of Huber, 1967); priors and constraints are taken at their word.
+
+To first order, that is. A direction that is hardly known, such as the turn of a collar bone that the arm makes up for, leads
+along an arc: whoever goes along its tangent for e leaves the arc by e^2/2 times its curvature, where other directions seem to be
+known exactly. So much is added, with what the tangent itself is less known than its linearization says.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from ..model.configuration import Configuration
 from ..model.kinematic_chain import N_ROOT_DOF
+from .config import StatusConfig
 
 _LEAST = 1e-9  # of the largest entry of the information's diagonal: what nothing is known of keeps a variance that can be written
+_WELL_KNOWN = np.radians(1.0) ** 2  # variance of a direction that is straight for as far as it goes
+_FARTHEST = np.radians(30.0) ** 2  # variance beyond which an arc is not followed
 
 
-def calibrated_covariance(information: np.ndarray, scale: float, curvature: float) -> np.ndarray:
-    """Covariance (n_dof, n_dof) of a state in its tangent, from the information (n_dof, n_dof) of images and priors.
+@dataclass(frozen=True, eq=False)
+class ImageEvidence:
+    """What the images of one set have added to a fit, at its end.
 
-    ``scale`` multiplies the inverse: how many lines share an error is not known from them. ``curvature`` times the squared
-    variance of a joint, but no more than that variance, is added to it: an angle d that is hardly known leads along an arc, and
-    off its tangent by the order of d^2, where other angles seem to be known exactly. Both were fitted to synthetic errors.
+    Attributes
+    ----------
+    information : (n_dof, n_dof) their share of H, in the tangent of the state.
+    scatter : (n_dof, n_dof) covariance of their gradient.
+    normal : (n_links, 6, 6) their information on the spatial twist of each link.
     """
-    H = information.copy()
-    H[np.diag_indices_from(H)] += _LEAST * max(float(np.diag(H).max()), 1.0)
-    covariance = scale * np.linalg.inv(H)
+
+    information: np.ndarray
+    scatter: np.ndarray
+    normal: np.ndarray
+
+    def inverse_covariance(self) -> np.ndarray:
+        """(n_dof, n_dof): H S^-1 H, of the state that these images alone would give."""
+        scale = np.sqrt(np.diag(self.information))
+        scale = 1.0 / np.maximum(scale, 1e-3 * max(float(scale.max()), 1.0))
+        scatter = self.scatter * np.outer(scale, scale)
+        scatter[np.diag_indices_from(scatter)] += _LEAST
+        half = np.linalg.solve(np.linalg.cholesky(scatter), scale[:, None] * self.information)
+        return half.T @ half
+
+    def trusted(self, trust: np.ndarray, moved_by: np.ndarray) -> ImageEvidence:
+        """The same where degrees of freedom are believed no farther than ``trust`` (n_dof,), a share of the information's root;
+        ``moved_by`` (n_links, n_dof)."""
+        both = np.outer(trust, trust)
+        links = np.where(moved_by, trust, 1.0).min(axis=1) ** 2
+        return ImageEvidence(both * self.information, both * self.scatter, links[:, None, None] * self.normal)
+
+
+def fit_covariance(H: np.ndarray, images: ImageEvidence | None, body: Configuration, status: StatusConfig) -> np.ndarray:
+    """Covariance (n_dof, n_dof) of a state in its tangent.
+
+    ``H`` (n_dof, n_dof) is the information of all that was fitted to, ``images`` what of it came from them (None: nothing, and H
+    is taken at its word), ``body`` the model in that state.
+    """
+    total = H.copy()
+    total[np.diag_indices_from(total)] += _LEAST * max(float(np.diag(H).max()), 1.0)
+    inverse = np.linalg.inv(total)
+    if images is None:
+        return 0.5 * (inverse + inverse.T)
+    covariance = inverse @ (total - images.information + images.scatter) @ inverse
     covariance = 0.5 * (covariance + covariance.T)
-    joints = np.arange(N_ROOT_DOF, len(H))
-    variance = covariance[joints, joints]
-    covariance[joints, joints] += variance * (curvature * variance) / (1.0 + curvature * variance)
-    return covariance
+    return covariance + _hardly_known(covariance, total, inverse, images, body, status)
+
+
+def _hardly_known(
+    covariance: np.ndarray,
+    total: np.ndarray,
+    inverse: np.ndarray,
+    images: ImageEvidence,
+    body: Configuration,
+    status: StatusConfig,
+) -> np.ndarray:
+    """What is added for directions of which the images say little: along them, and where their arcs lead."""
+    variance, directions = np.linalg.eigh(covariance)
+    weak = variance > _WELL_KNOWN
+    variance, directions = variance[weak], directions[:, weak]
+    told = _along(images.information, directions) / _along(total, directions)  # by the images; a prediction is as wide as it says
+    relative = status.covariance_curvature * variance
+    more = np.clip(told, 0.0, 1.0) * status.covariance_excess * variance * relative / (1.0 + relative)
+    moved, twists = body.model.chain.link_moved_by, body.twists
+    pulls = np.einsum("lab,klb->kla", images.normal, link_bends(body, directions))
+    bends = inverse @ np.einsum("kla,na,ln->nk", pulls, twists, moved, optimize=True)
+    arcs = 0.75 * np.minimum(variance + more, _FARTHEST) ** 2  # variance of e^2/2
+    return (directions * more) @ directions.T + (bends * arcs) @ bends.T
+
+
+def _along(information: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    return np.einsum("ik,ij,jk->k", directions, information, directions, optimize=True)
+
+
+def link_bends(body: Configuration, directions: np.ndarray) -> np.ndarray:
+    """(k, n_links, 6) second derivative of every link's place along ``directions`` (n_dof, k) of the joints, as a spatial twist.
+
+    The twist of an axis moves with all that carries it: its derivative is the Lie bracket with the twist of those.
+    """
+    twists, chain = body.twists, body.model.chain
+    carried_by = np.zeros((len(twists), len(twists)), dtype=np.bool_)  # axis, by what comes before it on its way to the root
+    for link in range(len(chain.links)):
+        own = N_ROOT_DOF + int(chain.axis_start[link])
+        for axis in range(own, own + int(chain.axis_count[link])):
+            carried_by[axis] = chain.link_moved_by[link] & (np.arange(len(twists)) < axis)
+    speeds = np.einsum("ji,ik,ia->kja", carried_by, directions, twists, optimize=True)
+    v, w = speeds[..., :3], speeds[..., 3:]
+    turned = np.concatenate([np.cross(w, twists[:, :3]) + np.cross(v, twists[:, 3:]), np.cross(w, twists[:, 3:])], axis=-1)
+    return np.einsum("lj,jk,kja->kla", chain.link_moved_by, directions, turned, optimize=True)

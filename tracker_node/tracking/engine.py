@@ -17,6 +17,7 @@ from ..objective.normal_equations import Comparison, NormalEquations
 from ..objective.prior import Prior
 from ..observation.image_set import ImageSet
 from ..optimize.result import OptimizerResult
+from .covariance import ImageEvidence
 from .estimate import CameraReport, LimbReport, Status
 from .motion_model import Passage
 
@@ -46,11 +47,15 @@ class Verdict:
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """What the last fit says of itself: each camera's part, rms residual over all, covariance (n_dof, n_dof) in the tangent."""
+    """What the last fit says of itself: each camera's part, rms residual over all, covariance (n_dof, n_dof) in the tangent.
+
+    ``images`` is what of it the images have told, where the engine knows.
+    """
 
     cameras: tuple[CameraReport, ...]
     residual_px: float
     covariance: np.ndarray
+    images: ImageEvidence | None = None
 
 
 class Engine(Protocol):

@@ -11,7 +11,6 @@ import numpy as np
 from ..camera.camera_rig import Camera, CameraRig
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective import region_lines as kernel
 from ..objective.limb_score import LimbScore
 from ..objective.moved_configuration import bodies_seen
@@ -28,13 +27,14 @@ from ..optimize.result import OptimizerResult
 from ..render.occluders import Occluders
 from ..render.shape_arrays import ShapeArrays
 from .config import TrackerConfig, numbers
-from .constraints import constraints_of
+from .constraints import PX2_PER_INFORMATION, constraints_of, neutral_information
 from .contour_engine import ContourEngine
-from .covariance import calibrated_covariance
+from .covariance import ImageEvidence, fit_covariance
 from .engine import Images, Report, Verdict
 from .estimate import CameraReport, Status
 from .limb_search import Lines
 from .limb_status import LimbJudge, body_status, is_noise
+from .line_errors import LineErrors
 from .motion_model import Passage
 from .region_searches import Fits, Kept, RegionSearches
 
@@ -85,6 +85,7 @@ class RegionEngine:
         self._objective = RegionObjective(rig, model, self._arrays, self._classes, options, parallel, self._occluders.depths)
         self._areas = LimbScore(rig, model, self._classes, config.evidence.shadow, region.clamp, parallel)
         self._limbs = LimbJudge(model, config.status)
+        self._errors = LineErrors(rig, model, config)
         self._searches = RegionSearches(rig, model, config, self._limbs, self._fits())
         self.reset()
 
@@ -101,7 +102,7 @@ class RegionEngine:
         self._trusted: np.ndarray | None = None  # (n_shapes,) parts of limbs that are where they should be
         self._objective.model_sigma_px = self._config.region.model_sigma_px
         self._count = 0
-        self._judged: tuple[NormalEquations, np.ndarray] | None = None  # the last, and their covariance
+        self._last_known: tuple[OptimizerResult, ImageEvidence, np.ndarray] | None = None
         self._comparison: Comparison | None = None
         self.whole: LeastSquaresObjective = self._objective
         self._passage: Passage | None = None
@@ -237,12 +238,13 @@ class RegionEngine:
                 scales.append(params[0] / depth)
         return 2.0 * reach, float(np.median(scales)) if scales else _BODY_PX / (2.0 * reach)
 
-    def _covariance(self, result: OptimizerResult) -> np.ndarray:
-        if self._judged is None or self._judged[0] is not result.equations:
-            status = self._config.status
-            covariance = calibrated_covariance(result.equations.H, status.covariance_scale, status.covariance_curvature)
-            self._judged = result.equations, covariance
-        return self._judged[1]
+    def _known(self, result: OptimizerResult) -> tuple[ImageEvidence, np.ndarray]:
+        """What the lines last drawn say of ``result``, and the covariance of its state."""
+        if self._last_known is None or self._last_known[0] is not result:
+            images = self._errors.evidence(self._objective, result.state, 1.0 if self._distances is None else 0.5)
+            body = Configuration(self._model, result.state)
+            self._last_known = result, images, fit_covariance(result.equations.H, images, body, self._config.status)
+        return self._last_known[1:]
 
     def _correspond(self, state: State, scale: float) -> None:
         self._objective.correspond(state, scale, None if self._passage is None else self._passage.offsets(state))
@@ -261,7 +263,7 @@ class RegionEngine:
             self._steady = False
             reason = "no camera sees the body where it is expected"
             return Verdict(Status.LOST, reason, noise=True, limbs=self._limbs.nothing_seen())
-        limbs = self._limbs.update(evidence, result.state, self._covariance(result))
+        limbs = self._limbs.update(evidence, result.state, self._known(result)[1])
         trust = self._limbs.trust(limbs)
         self._trusted = self._limbs.sound_shapes(limbs)
         status, reason = body_status(limbs)
@@ -307,7 +309,8 @@ class RegionEngine:
             squares, weight = squares + stats[kernel.SQUARES], weight + stats[kernel.WEIGHT]
             rms = float(np.sqrt(stats[kernel.SQUARES] / max(stats[kernel.WEIGHT], 1e-12)))
             reports.append(CameraReport(camera.name, 0 if image is None else image.stamp_ns, rms, int(stats[kernel.COUNT])))
-        return Report(tuple(reports), float(np.sqrt(squares / max(weight, 1e-12))), self._covariance(result))
+        images, covariance = self._known(result)
+        return Report(tuple(reports), float(np.sqrt(squares / max(weight, 1e-12))), covariance, images)
 
     def learn(self, images: Images, state: State) -> None:
         """Colors change slowly: in each image set some of the cameras learn."""
@@ -336,15 +339,14 @@ class RegionEngine:
     def _priors(self, expected: State, prior: Prior | None) -> list[Prior]:
         """The prediction, and the neutral pose where contours are silent."""
         motion = self._config.motion
-        neutral = np.zeros(self._model.n_dof)
-        neutral[N_ROOT_DOF:] = [motion.neutral_angle * axis.stiffness for axis in self._model.chain.axes]
+        neutral = neutral_information(self._model.chain, motion)
         if prior is None:
             stay = np.full(self._model.n_dof, motion.stay_angle)
             stay[:3] = motion.stay_position
             prior = Prior(expected, stay / PX2_PER_INFORMATION)
         if not neutral.any():
             return [prior]
-        return [prior, Prior(State.neutral(self._model, expected.T_world_root), neutral / PX2_PER_INFORMATION)]
+        return [prior, Prior(State.neutral(self._model, expected.T_world_root), neutral)]
 
 
 _BODY_CELLS = 90.0  # across the body, in the small images in which limbs are looked for
@@ -353,7 +355,6 @@ _DAMPING = 1e-3  # of a step, relative to the diagonal
 _BODY_PX = 300.0  # lines are shorter on bodies that are smaller than this
 _LEAST_OUTLINE = 10  # samples of the outline that a camera should see, to be asked
 _CHANCE = 3.0  # log-likelihood ratio of a contour against none, a sample, that a body has wherever it is put
-PX2_PER_INFORMATION = 18.0  # of the pulls of `MotionConfig`, which are stated in squared pixels
 
 
 def _surety(evidence: PartEvidence) -> float:

@@ -17,6 +17,7 @@ import numpy as np
 
 from ..geometry import so3
 from ..model.configuration import State
+from .estimate import TrackEstimate
 from .motion_dynamics import Belief, Dynamics, correct
 
 _ROTATION = slice(3, 6)
@@ -33,6 +34,13 @@ class Sighting:
     stamp_ns: int
     state: State
     information: np.ndarray | None
+
+    @classmethod
+    def of(cls, estimate: TrackEstimate, neutral: np.ndarray) -> Sighting:
+        """What ``estimate`` rests on but its prediction: images, and the pull to the neutral pose, (n_dof,) of
+        `constraints.neutral_information`."""
+        told = None if estimate.information is None else estimate.information + np.diag(neutral)
+        return cls(estimate.stamp_ns, estimate.state, told)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ import numpy as np
 from ..camera.camera_rig import CameraRig
 from ..errors import CalibrationError, FileFormatError
 from ..model.articulated_model import ArticulatedModel
-from ..model.configuration import State
+from ..model.configuration import Configuration, State
 from ..objective.prior import Prior
 from ..observation.image_set import ImageSet
 from ..optimize.levenberg_marquardt import clip_to_limits
@@ -20,7 +20,7 @@ from ..render.occluders import Occluders
 from .camera_fault import CameraFault
 from .config import TrackerConfig
 from .contour_engine import ContourEngine
-from .covariance import calibrated_covariance
+from .covariance import ImageEvidence, fit_covariance
 from .engine import Engine, Images, Report, Verdict
 from .estimate import LimbStatus, Status, Timings, TrackEstimate
 from .motion_model import MotionModel, Passage, Prediction
@@ -159,13 +159,14 @@ class Tracker:
         faults = self._compare_cameras(image_set.stamp_ns, verdict)
         finished = time.perf_counter()
         report = engine.report(result, image_set)
+        told = self._told(report, verdict) if information is not None else None
         return TrackEstimate(
             stamp_ns=image_set.stamp_ns,
             status=verdict.status,
             status_reason=verdict.reason,
             state=result.state,
             velocity=self._motion.velocity.copy(),
-            covariance=self._covariance(report, result.state, prior, information, verdict),
+            covariance=self._covariance(report, result.state, prior, information, told, verdict),
             score=result.equations.cost,
             residual_px=report.residual_px,
             cameras=report.cameras,
@@ -173,7 +174,7 @@ class Tracker:
             evaluations=result.evaluations,
             timings=Timings(1e3 * (observed - began), 1e3 * (done - observed), 1e3 * (finished - began)),
             velocity_covariance=self._motion.velocity_covariance,
-            information=information,
+            information=information if told is None else told.inverse_covariance(),
             faults=faults,
             limbs=verdict.limbs,
         )
@@ -214,7 +215,8 @@ class Tracker:
         return None if prediction is None or not any(late_s) else Passage(late_s, prediction)
 
     def _information(self, result: OptimizerResult, prior: Prior | None, verdict: Verdict) -> np.ndarray | None:
-        """(n_dof, n_dof) of the images alone; None where they are not believed, or their engine has other units."""
+        """(n_dof, n_dof) of all that was fitted to but the prediction; None where the images are not believed, or their engine
+        has other units."""
         doubtful = verdict.status is Status.LOST or verdict.noise or verdict.jumped
         if doubtful or not self._engine.in_information_units:
             return None
@@ -224,18 +226,30 @@ class Tracker:
         information = result.equations.H - H
         return information if verdict.trust is None else verdict.trust[:, None] * information * verdict.trust
 
+    def _told(self, report: Report, verdict: Verdict) -> ImageEvidence | None:
+        """What is believed of what the images have told; None where the engine cannot say."""
+        if report.images is None or verdict.trust is None:
+            return report.images
+        return report.images.trusted(verdict.trust, self.model.chain.link_moved_by)
+
     def _covariance(
-        self, report: Report, state: State, prior: Prior | None, information: np.ndarray | None, verdict: Verdict
+        self,
+        report: Report,
+        state: State,
+        prior: Prior | None,
+        information: np.ndarray | None,
+        told: ImageEvidence | None,
+        verdict: Verdict,
     ) -> np.ndarray:
         """(n_dof, n_dof) of ``state``: by what is believed of the images, and by the prediction, all there is of what is lost."""
-        if not verdict.limbs or (prior is None and information is None):
+        sound = information is not None and (verdict.trust is None or bool((verdict.trust == 1.0).all()))
+        if not verdict.limbs or sound or (prior is None and information is None):
             return report.covariance
         n = self.model.n_dof
         H = np.zeros((n, n)) if information is None else information.copy()
         if prior is not None:
             prior.add_to(H, np.zeros(n), state)
-        status = self.config.status
-        return calibrated_covariance(H, status.covariance_scale, status.covariance_curvature)
+        return fit_covariance(H, told, Configuration(self.model, state), self.config.status)
 
     def _accept(self, stamp_ns: int, state: State, information: np.ndarray | None, images, verdict: Verdict) -> None:
         self._start = state

@@ -1,0 +1,117 @@
+"""Covariances of fits: against sampled errors, second derivatives by differences, and where nothing is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tracker_node.geometry import se3
+from tracker_node.model.configuration import Configuration, State
+from tracker_node.model.human import human_model
+from tracker_node.synthesis.figure import figure_model, figure_motion
+from tracker_node.tracking.config import StatusConfig
+from tracker_node.tracking.covariance import ImageEvidence, fit_covariance, link_bends
+
+MODEL = figure_model()
+BODY = Configuration(MODEL, figure_motion(n_images=1)[0])
+N, N_LINKS = MODEL.n_dof, len(MODEL.chain.links)
+STATUS = StatusConfig()
+
+
+def evidence(H: np.ndarray, scatter: np.ndarray) -> ImageEvidence:
+    return ImageEvidence(H, scatter, np.zeros((N_LINKS, 6, 6)))
+
+
+def test_it_is_the_scatter_of_estimates():
+    """A fit of correlated measurements that takes them for independent, with a prior that is right."""
+    rng = np.random.default_rng(1)
+    J = 200.0 * rng.normal(size=(60, N))
+    errors = np.linalg.cholesky(0.7 * np.eye(60) + 0.3 * np.kron(np.eye(6), np.ones((10, 10))))
+    prior = np.diag(rng.uniform(1e4, 1e6, N))
+    H, scatter = J.T @ J, J.T @ errors @ errors.T @ J
+    n = 4000
+    truth = rng.normal(size=(n, N)) / np.sqrt(np.diag(prior))
+    measured = truth @ J.T + rng.normal(size=(n, 60)) @ errors.T
+    estimates = np.linalg.solve(H + prior, J.T @ measured.T).T
+    expected = np.cov((estimates - truth).T)
+    found = fit_covariance(H + prior, evidence(H, scatter), BODY, STATUS)
+    np.testing.assert_allclose(np.diag(found), np.diag(expected), rtol=0.12)
+    np.testing.assert_allclose(found, expected, atol=0.1 * np.diag(expected).max())
+
+
+def test_without_images_what_is_believed_is_taken_at_its_word():
+    H = np.diag(np.linspace(1.0, 1e4, N))
+    np.testing.assert_allclose(fit_covariance(H, None, BODY, STATUS), np.linalg.inv(H), rtol=1e-4)
+    H[7] = H[:, 7] = 0.0
+    unknown = fit_covariance(H, None, BODY, STATUS)
+    assert np.isfinite(unknown).all() and unknown[7, 7] > 1e4  # rad^2: nothing is known of it
+
+
+def test_links_bend_as_they_do_by_differences():
+    model = human_model()
+    rng = np.random.default_rng(2)
+    state = State.neutral(model).retract(0.3 * rng.normal(size=model.n_dof))
+    directions = np.zeros((model.n_dof, 3))
+    directions[6:] = rng.normal(size=(model.n_dof - 6, 3))
+    directions /= np.linalg.norm(directions, axis=0)
+    body, h = Configuration(model, state), 1e-3
+    found = link_bends(body, directions)
+    for k, direction in enumerate(directions.T):
+        ahead, behind = (Configuration(model, state.retract(s * h * direction)).Ts_world_link for s in (1.0, -1.0))
+        for link, place in enumerate(body.Ts_world_link):
+            back = se3.inverse(place)
+            bend = (se3.log(ahead[link] @ back) + se3.log(behind[link] @ back)) / h**2
+            np.testing.assert_allclose(found[k, link], bend, atol=1e-5)
+
+
+def test_what_images_hardly_know_is_known_less_and_leads_along_an_arc():
+    weak = N - 1
+    H = np.diag(np.full(N, 1e6))
+    H[weak, weak] = 1.0 / np.radians(8.0) ** 2
+    plain = replace(STATUS, covariance_excess=0.0)
+    straight = fit_covariance(H, evidence(H, H), BODY, plain)
+    assert straight[weak, weak] == pytest.approx(1.0 / H[weak, weak], rel=1e-3)
+    wide = fit_covariance(H, evidence(H, H), BODY, STATUS)
+    assert 2.0 < wide[weak, weak] / straight[weak, weak] < 1.0 + STATUS.covariance_excess
+    np.testing.assert_allclose(np.delete(np.diag(wide), weak), 1e-6, rtol=1e-2)
+    predicted = fit_covariance(H, evidence(0.0 * H, 0.0 * H), BODY, STATUS)  # not by the images
+    assert predicted[weak, weak] == pytest.approx(1.0 / H[weak, weak], rel=1e-2)
+
+
+def test_what_is_hardly_known_leads_along_an_arc():
+    direction = np.zeros(N)
+    for name in ("left_shoulder_abduction", "left_shoulder_internal_rotation"):
+        direction[MODEL.chain.dof_names.index(name)] = 1.0
+    direction /= np.sqrt(2.0)
+    H = 1e6 * np.eye(N) + (1.0 / np.radians(8.0) ** 2 - 1e6) * np.outer(direction, direction)
+    plain, links = replace(STATUS, covariance_excess=0.0), np.tile(1e5 * np.eye(6), (N_LINKS, 1, 1))
+    added = fit_covariance(H, ImageEvidence(H, H, links), BODY, plain) - fit_covariance(H, evidence(H, H), BODY, plain)
+    values, vectors = np.linalg.eigh(added)
+    assert values[-1] > 1e-6 and np.abs(values[:-1]).max() < 1e-3 * values[-1]  # one direction alone
+    pull = 1e5 * link_bends(BODY, direction[:, None])[0]
+    expected = np.linalg.solve(H, np.einsum("la,na,ln->n", pull, BODY.twists, MODEL.chain.link_moved_by))
+    assert abs(vectors[:, -1] @ expected) > 0.999 * np.linalg.norm(expected)
+
+
+def test_what_is_not_trusted_says_nothing():
+    rng = np.random.default_rng(3)
+    J = rng.normal(size=(2 * N, N))
+    told = ImageEvidence(J.T @ J, 0.5 * J.T @ J, np.tile(np.eye(6), (N_LINKS, 1, 1)))
+    moved_by = MODEL.chain.link_moved_by
+    np.testing.assert_allclose(told.trusted(np.ones(N), moved_by).information, told.information)
+    trust = np.ones(N)
+    arm = MODEL.chain.link_index("left_forearm")
+    trust[np.flatnonzero(moved_by[arm] & ~moved_by[MODEL.chain.link_index("left_upper_arm")])] = 0.0
+    doubted = told.trusted(trust, moved_by)
+    assert not doubted.information[trust == 0.0].any() and not doubted.scatter[:, trust == 0.0].any()
+    assert not doubted.normal[arm].any() and doubted.normal[0].any()
+
+
+def test_inverse_covariance_of_images_alone():
+    rng = np.random.default_rng(4)
+    J = rng.normal(size=(N - 2, N))  # two directions that no image tells
+    H = J.T @ J
+    told = evidence(H, 0.25 * H)
+    found = told.inverse_covariance()
+    np.testing.assert_allclose(found, 4.0 * H, atol=1e-4 * np.abs(H).max())
+    assert (np.linalg.eigvalsh(found)[:2] < 1e-4).all()

@@ -1,0 +1,72 @@
+"""What errors correspondence lines have: neighbors share theirs, and some are the same in all cameras.
+
+Three kinds add up, each in the gradient of the fit: those of every line by itself, of which neighbors have part in common; a
+shift of all contours of a link, in all images alike (light falls on it from one side, it wears something); and such a shift of
+the whole body. How large they are was learnt from synthetic clips that no figure is taken from, see `benchmark/contour_trust.py`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..camera.camera_rig import CameraRig
+from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import Configuration, State
+from ..objective.contour_residual import assemble
+from ..objective.line_spacing import add_crowding
+from ..objective.region_objective import RegionObjective
+from .config import TrackerConfig
+from .covariance import ImageEvidence
+
+
+class LineErrors:
+    """Of one body in the cameras of a rig."""
+
+    def __init__(self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig):
+        self._model, self._config, self._least_px = model, config.status, config.region.least_sigma_px
+        self._axes = np.array([camera.T_cam_world[:3, :3] for camera in rig])
+        self._offsets = np.array([camera.T_cam_world[:3, 3] for camera in rig])
+        self._focals = np.array([camera.model.params[:2] for camera in rig])
+        self._middles = np.zeros((len(model.chain.links), 3))  # of each link, in its own frame
+        for link in range(len(self._middles)):
+            own = model.Ts_link_shape[model.shape_links == link]
+            if len(own):
+                self._middles[link] = own[:, :3, 3].mean(axis=0)
+
+    def evidence(self, objective: RegionObjective, state: State, share: float = 1.0) -> ImageEvidence:
+        """Of the lines last drawn, held against ``state``; ``share``: what they count for in the fit."""
+        chain, config, body = self._model.chain, self._config, Configuration(self._model, state)
+        information = objective.linearize(state).H
+        cameras, spread_px = objective.camera_equations(), objective.spread_px(state)
+        found = objective.line_variance if spread_px is None else max(spread_px, self._least_px) ** 2
+        n_links = len(chain.links)
+        normal, white, shifts = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6, 6)), np.zeros((n_links, 6, 2))
+        for i, camera in enumerate(cameras):
+            if camera is None:
+                continue
+            normal += camera.normal
+            white += self._crowding(objective, i, found)[:, None, None] * camera.normal
+            shifts += camera.normal @ self._shift(i, body)
+        scatter, unused = np.empty_like(information), np.empty(chain.n_dof)
+        assemble(config.covariance_scale * white, np.zeros((n_links, 6)), chain.link_moved_by, body.twists, scatter, unused)
+        by_link = np.einsum("ln,na,laq->lnq", chain.link_moved_by, body.twists, shifts, optimize=True)
+        scatter += config.link_shift_px**2 * np.einsum("lnq,lmq->nm", by_link, by_link, optimize=True)
+        whole = by_link.sum(axis=0)
+        scatter += config.body_shift_px**2 * whole @ whole.T
+        return ImageEvidence(share * information, share**2 * scatter, share * normal)
+
+    def _crowding(self, objective: RegionObjective, i: int, found: float) -> np.ndarray:
+        """(n_links,): how many lines of camera ``i`` share one error, of the variance ``found`` in place of that of the fit."""
+        slot, sums = objective.slots[i], np.zeros((len(self._middles), 2))
+        taken = objective.line_variance
+        add_crowding(slot.lines, slot.info, slot.n, taken, found, self._config.line_correlation_px, sums)
+        return sums[:, 0] / np.maximum(sums[:, 1], 1e-12)
+
+    def _shift(self, i: int, body: Configuration) -> np.ndarray:
+        """(n_links, 6, 2) spatial twists that shift a link by a pixel along the axes of image ``i``."""
+        T = body.Ts_world_link
+        middles = np.einsum("lij,lj->li", T[:, :3, :3], self._middles) + T[:, :3, 3]
+        depths = middles @ self._axes[i, 2] + self._offsets[i, 2]
+        twists = np.zeros((len(middles), 6, 2))
+        twists[:, :3] = (depths[:, None] / self._focals[i])[:, None, :] * self._axes[i, :2].T
+        return twists
