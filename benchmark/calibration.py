@@ -3,7 +3,8 @@
 
 Sections, each a function without arguments that gives figures: ``board`` (a recorded ChArUco board, four webcams, against the
 calibration that came with it), ``synthetic_rig`` (six simulated cameras, corners with 0.3 px of noise, worst camera), ``dlt`` (20
-control points, 1 px of noise, all stages).
+control points, 1 px of noise, all stages), ``balancing`` (a real rig refined by 2D joints, judged by them and by a swim
+cap), ``offset`` (the clock of a free-running camera; draws a clip first, some minutes).
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from _calibration_boards import board_section, synthetic_rig_section
 from _calibration_dlt import dlt_section
+from _calibration_time import balancing_section, offset_section
 
 from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
 
@@ -24,6 +26,8 @@ SECTIONS: dict[str, Callable[[], dict[str, float | int]]] = {
     "board": board_section,
     "synthetic_rig": synthetic_rig_section,
     "dlt": dlt_section,
+    "balancing": balancing_section,
+    "offset": offset_section,
 }
 
 

@@ -1,13 +1,18 @@
 """The Balancing sample: its rigs from the real files, and what the refinement does for a blob that it does not see."""
 
 import shutil
+import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmark"))
+
+from _calibration_time import cap_centers, cap_rms_px
+
 from tracker_node.calibration import balancing
-from tracker_node.calibration.bundle_adjustment import AdjustmentOptions, PointObservations, adjust
 from tracker_node.loaders.rig_yaml import load_rig
 from tracker_node.loaders.sample_data import SAMPLES
 
@@ -45,31 +50,10 @@ def test_the_refinement_makes_the_joints_agree(refinement):
 
 def test_a_blob_that_was_not_in_the_fit_agrees_too(sample, refinement):
     """The swim cap, found by its color in the videos: 12.2 px before, 6 to 9 after."""
-    before, after = (cap_rms(load_rig(sample / name)) for name in ("rig.yaml", "rig_refined.yaml"))
+    centers = np.array([cap_centers(camera.source) for camera in load_rig(sample / "rig.yaml")]).transpose(1, 0, 2)
+    before, after = (cap_rms_px(load_rig(sample / name), centers) for name in ("rig.yaml", "rig_refined.yaml"))
     assert before > 10.0
-    assert after < 8.0
-
-
-def cap_rms(rig) -> float:
-    seen = np.array([cap_centers(camera.source) for camera in rig]).transpose(1, 0, 2)
-    options = AdjustmentOptions(free_cameras=False, robust_scale_px=100.0)
-    found = adjust(rig, PointObservations(seen, np.ones(seen.shape[:2])), options)
-    return float(np.sqrt(np.mean(np.sum(found.residuals_px**2, axis=-1))))
-
-
-def cap_centers(video: str, step: int = 10) -> list[np.ndarray]:
-    """Centers of the largest teal blob, in the video's pixels, of every ``step``-th image."""
-    capture, centers = cv2.VideoCapture(video), []
-    for i in range(100):
-        if not capture.grab():
-            break
-        if i % step == 0:
-            image = capture.retrieve()[1][:900]
-            mask = cv2.inRange(cv2.cvtColor(image, cv2.COLOR_BGR2HSV), (80, 90, 40), (105, 255, 220))
-            mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((5, 5)))
-            _, _, stats, centroids = cv2.connectedComponentsWithStats(mask)
-            centers.append(centroids[1 + stats[1:, cv2.CC_STAT_AREA].argmax()])
-    return centers
+    assert after < 7.0
 
 
 def test_the_rigs_fit_the_videos(sample, refinement):

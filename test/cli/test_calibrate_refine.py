@@ -61,6 +61,14 @@ def test_joints_in_calibration_pixels_of_a_mapped_video(files, capsys):
     assert load_rig(files / "refined.yaml")["cam02"].model.width == 320
 
 
+def test_nothing_is_overwritten_unless_asked_for(files, capsys):
+    (files / "refined.json").write_text("mine")
+    assert refine(files) == 2
+    assert "refined.json is there already" in capsys.readouterr().err
+    assert (files / "refined.json").read_text() == "mine" and not (files / "refined.yaml").exists()
+    assert refine(files, "--force") == 0
+
+
 def test_a_robust_scale_of_nothing_is_refused(files, capsys):
     assert refine(files, "--robust-px", "0") == 2
     assert "--robust-px" in capsys.readouterr().err

@@ -155,7 +155,7 @@ def fit_rig(
     after = before
     for robust_px in body.robust_px:
         after = loop.run("cameras", problem, after, robust_px, body.rounds).estimate
-    problem, after = _without_doubtful_times(problem, after, loop, body)
+    problem, after, time_sigmas_s = _without_doubtful_times(problem, after, loop, body)
     lines = loop.draw(held, before), loop.draw(problem, after)
     figures = residuals_of(held, before, lines[0]), residuals_of(problem, after, lines[1])
     for i, camera in enumerate(rig):
@@ -163,6 +163,7 @@ def fit_rig(
         if count < LEAST_LINES:
             raise CalibrationError(camera.name, f"hardly sees the body: {count} contour lines in {len(states)} image sets")
     sigmas = _sigmas(problem, after, lines[1], body.robust_px[-1])
+    sigmas[:, TIME] = time_sigmas_s
     fitted, moved = settled(rig, problem, after)
     cameras = {c.name: _camera_fit(i, c, fitted.cameras[i], after.cameras[i], sigmas[i], figures) for i, c in enumerate(rig)}
     overall = line_figures(figures[0][:, 2]), line_figures(figures[1][:, 2])
@@ -178,10 +179,11 @@ def _sigmas(problem: Problem, estimate: Estimate, lines: Sequence[ContourLines],
 def _without_doubtful_times(problem: Problem, estimate: Estimate, loop: JointFit, body: BodyFitOptions):
     """The problem and the estimate with those cameras held in common time whose delay is not surely one.
 
-    A slow body tells little about time, and a rig with wrong time offsets makes no image sets.
+    A slow body tells little about time, and a rig with wrong time offsets makes no image sets. With them the standard deviations
+    of all delays, seconds, those that are held included.
     """
     if not np.any(problem.shared.cameras[:, TIME]):
-        return problem, estimate
+        return problem, estimate, np.zeros(len(problem.rig))
     sigmas = _sigmas(problem, estimate, loop.draw(problem, estimate), body.robust_px[-1])[:, TIME]
     cameras = estimate.cameras.copy()
     common_s = float(np.median(cameras[:, TIME]))
@@ -193,7 +195,7 @@ def _without_doubtful_times(problem: Problem, estimate: Estimate, loop: JointFit
     shared[doubtful, TIME] = 0.0
     problem = replace(problem, shared=SharedPrior(problem.shared.shape, shared))
     start = Estimate(states, estimate.s, cameras)
-    return problem, loop.run("cameras", problem, start, body.robust_px[-1], body.rounds).estimate
+    return problem, loop.run("cameras", problem, start, body.robust_px[-1], body.rounds).estimate, sigmas
 
 
 def settled(rig: CameraRig, problem: Problem, estimate: Estimate) -> tuple[CameraRig, tuple[State, ...]]:

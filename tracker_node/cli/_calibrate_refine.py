@@ -127,6 +127,8 @@ def _from_points(args: argparse.Namespace) -> int:
 
     if not 0.0 < args.robust_px < 1e6:
         raise FileFormatError("command line", "--robust-px", "a positive number of pixels", args.robust_px)
+    report = Path(args.report or Path(args.output).with_suffix(".json"))
+    refuse_to_overwrite(args, args.output, report)
     rig_file = read_rig_file(args.rig)
     mapped = [name for name, entry in rig_file.cameras.items() if entry.pixel_map is not None]
     if mapped and args.pixels is None:
@@ -140,7 +142,6 @@ def _from_points(args: argparse.Namespace) -> int:
     refinement = refine_rig(rig, joints, options, args.min_confidence)
     refined = rig_file.with_extrinsics({camera.name: camera.T_world_cam for camera in refinement.rig})
     write_rig_file(refined, args.output, base_dir=Path(args.rig).parent)
-    report = args.report or str(Path(args.output).with_suffix(".json"))
     write_metrics(report, figures(refinement))
     print_table(refinement)
     print(f"wrote {args.output} and {report}")
