@@ -89,10 +89,11 @@ class FolderSource(ImageSource):
             yield i, content
 
     def _content(self, file: str) -> np.ndarray | bytes | None:
-        publish, grey = self.options.capture.publish, self.options.capture.bayer or self.options.capture.publish == "mono"
+        publish, keep = self.options.capture.publish, self.options.keep
+        grey = self.options.capture.bayer or (publish == "mono" and not keep)
         is_jpeg = Path(file).suffix.lower() in (".jpg", ".jpeg")
         shrinks = (self.width, self.height) != (self.native_width, self.native_height)
-        if publish == JPEG or (is_jpeg and (shrinks or self.options.keep) and publish == "color" and not grey):
+        if publish == JPEG or (is_jpeg and (shrinks or keep) and publish == "color" and not grey):
             data = _bytes(file)
             if publish == JPEG or _plain_size(data) == (self.native_width, self.native_height):
                 return data

@@ -70,8 +70,8 @@ class InterlacedSource(ImageSource):
 
     Raises
     ------
-    SourceError : an odd number of lines; a mosaic, or JPEG images that are to be passed on, which cannot be taken apart; what moves
-        in the first images shows that they are progressive, or have the other field order.
+    SourceError : an odd number of lines; a mosaic, or JPEG images to be passed on, which cannot be taken apart; what moves in the
+        first images shows that they are progressive, or have the other field order.
     """
 
     def __init__(self, path: str | Path, options: SourceOptions, order: str):
