@@ -40,12 +40,12 @@ class Felt:
         expected = np.full((3, len(MODEL.shapes)), 30.0)
         return PartEvidence(expected, expected, expected * shares, expected, 12.0 * expected * shares)
 
-    def area(self, state: State, shapes: np.ndarray, joints: np.ndarray) -> np.ndarray:
+    def area(self, shapes: np.ndarray, roots: np.ndarray, joints: np.ndarray) -> np.ndarray:
         """Hundred cells, in which colors agree the better the nearer the limb's landmarks are to where they belong."""
         own = np.isin(MODEL.landmark_links, MODEL.shape_links[shapes])
         gains = []
-        for q in joints:
-            found = Configuration(MODEL, State(state.T_world_root, q)).landmarks_world
+        for T, q in zip(roots, joints, strict=True):
+            found = Configuration(MODEL, State(T, q)).landmarks_world
             gains.append(100.0 * np.exp(-np.linalg.norm(found - self._truth, axis=1)[own] / 0.3).mean())
         self.tried += len(joints)
         return np.stack([np.array(gains), np.full(len(joints), 100.0)], axis=1)
@@ -127,7 +127,7 @@ def test_lost_limbs_take_turns():
     looked_at: list[tuple] = []
 
     class Watched(Felt):
-        def area(self, state, shapes, joints):
+        def area(self, shapes, roots, joints):
             looked_at.append(tuple(np.flatnonzero(shapes)))
             return np.stack([np.zeros(len(joints)), np.full(len(joints), 100.0)], axis=1)
 
@@ -143,9 +143,9 @@ def poses_tried() -> np.ndarray:
     start, tried = bent("left", 150.0, 30.0), []
 
     class Watched(Felt):
-        def area(self, state, shapes, joints):
+        def area(self, shapes, roots, joints):
             tried.append(joints.copy())
-            return super().area(state, shapes, joints)
+            return super().area(shapes, roots, joints)
 
     search.recover({index(judge, "left_forearm"): 3.0}, start, REST, Watched(REST).lines())
     return np.concatenate(tried)
@@ -155,3 +155,16 @@ def test_poses_that_are_tried_are_within_the_limits_and_the_same_again():
     first, again = poses_tried(), poses_tried()
     np.testing.assert_array_equal(first, again)
     assert (first >= MODEL.chain.lower - 1e-12).all() and (first <= MODEL.chain.upper + 1e-12).all()
+
+
+def test_a_trunk_that_is_elsewhere_is_found_with_all_that_hangs_on_it():
+    _, search = prepared()
+    shift = np.zeros(MODEL.n_dof)
+    shift[:6] = 0.08, -0.06, 0.03, 0.0, 0.15, 0.25
+    truth = REST.retract(shift)
+    found = search.find_trunk(REST, REST, Felt(truth).lines())
+    assert found is not None
+    before, after = (np.linalg.norm(state.difference(truth)[:6]) for state in (REST, found))
+    assert after < 0.6 * before
+    np.testing.assert_array_equal(found.joint_positions, REST.joint_positions)
+    assert search.find_trunk(truth, REST, Felt(truth).lines()) is None

@@ -105,7 +105,7 @@ def test_the_end_of_a_limb_is_as_uncertain_as_states_drawn_from_the_covariance()
         Configuration(MODEL, STATE.retract(root @ rng.normal(size=MODEL.n_dof))).landmarks_world[wrist] for _ in range(4000)
     ]
     drawn = np.sqrt(np.linalg.eigvalsh(np.cov(np.array(places).T))[-1])
-    assert judge._tip_sigmas(STATE, covariance)[1] == pytest.approx(drawn, rel=0.05)
+    assert judge.tip_sigmas(STATE, covariance)[1] == pytest.approx(drawn, rel=0.05)
     wide = covariance * (LOST_TIP_M / drawn) ** 2  # one standard deviation is the limit: 32 % beyond it
     told(judge, evidence(), 20)
     assert told(judge, evidence(), 1, wide)["left_forearm"].probability == pytest.approx(0.317, abs=0.02)

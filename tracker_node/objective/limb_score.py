@@ -72,16 +72,15 @@ class LimbScore:
 
         self._parallel(run, [i for i, view in enumerate(views) if view is not None])
 
-    def totals(self, state: State, shapes: np.ndarray, joints: np.ndarray) -> np.ndarray:
+    def totals(self, shapes: np.ndarray, roots: np.ndarray, joints: np.ndarray) -> np.ndarray:
         """(n, n_cameras, 2): what a limb gains against not being there, and the cells in which it shows.
 
-        ``shapes`` (n_shapes,): mask of the limb's; ``joints`` (n, n_axes), n > 0: joint angles, the same for all that is not the
-        limb.
+        ``shapes`` (n_shapes,): mask of the limb's, or of all; ``roots`` (n, 4, 4) and ``joints`` (n, n_axes), n > 0, of the
+        states. What is not the limb is taken to be where the first of them has it.
         """
         kinds, dims, links, places = self._shapes
         placed = np.empty((len(joints), len(kinds), 4, 4))
-        roots = np.broadcast_to(state.T_world_root, (len(joints), 4, 4))
-        place_shapes(self._chain, links, places, roots, np.ascontiguousarray(joints), placed)
+        place_shapes(self._chain, links, places, np.ascontiguousarray(roots), np.ascontiguousarray(joints), placed)
         rest, own = ~shapes, np.ascontiguousarray(placed[:, shapes])
         still = np.ascontiguousarray(placed[0, rest])
         totals = np.zeros((len(self._rig), len(joints), 2))

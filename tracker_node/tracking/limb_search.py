@@ -10,7 +10,7 @@ seeded.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,7 @@ from .config import StatusConfig
 from .estimate import LimbReport, LimbStatus
 from .limb_status import LimbJudge, limb_measures
 from .limbs import Limb
+from .trunk_search import best_trunk
 
 _SPREADS_RAD = (0.2, 0.6)  # of random poses about likely ones
 _WANDERERS = 0.25  # share of the random poses that may be anywhere within the limits
@@ -33,6 +34,7 @@ _ROUNDS_RAD = (0.25, 0.15, 0.08, 0.04)  # how far around, round by round
 _BEST = 6  # of them that are looked around...
 _APART_RAD = 0.2  # ...and differ in some joint by this at least
 _FIT_SCALES = (4.0, 2.0, 1.0)  # pixels from place to place on the lines by which poses are fitted
+_TRUNK_COSTS = 3  # times as much to try the whole body as a limb
 _LIMBS_A_SET = 2  # that are looked for
 _FOUND_ODDS = 0.5  # log odds of lost that a limb must have to be taken for found...
 _BETTER_ODDS = 1.5  # ...and how much less they must be than where it is now
@@ -45,14 +47,14 @@ class Lines:
     """The correspondence lines of an image set: how they are drawn about a state, their normal equations with priors and
     constraints, and what they bear out within so many pixels.
 
-    ``area``: (state, shapes (n_shapes,), joints (n, n_axes)) -> (n, 2), what the colors of all cameras gain by these shapes, and
-    the cells in which these show, as in `LimbScore.totals`.
+    ``area``: (shapes (n_shapes,), roots (n, 4, 4), joints (n, n_axes)) -> (n, 2), what the colors of all cameras gain by these
+    shapes, and the cells in which these show, as in `LimbScore.totals`.
     """
 
     correspond: Callable[[State, float], None]
     whole: LeastSquaresObjective
     part_evidence: Callable[[State, float], PartEvidence]
-    area: Callable[[State, np.ndarray, np.ndarray], np.ndarray]
+    area: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 class OneLimb:
@@ -78,6 +80,11 @@ class LimbSearch:
         self._partners = _partners(judge.limbs)
         self.reset()
 
+    @property
+    def tries(self) -> int:
+        """Poses in which a limb is looked for in one image set; 0: it is not."""
+        return self._config.limb_tries
+
     def reset(self) -> None:
         """Nothing is remembered."""
         self._rng = np.random.default_rng(self._config.limb_seed)
@@ -100,34 +107,46 @@ class LimbSearch:
         angles.append(2.0 * neutral - state.joint_positions[own])
         return np.array(angles)
 
+    def find_trunk(self, state: State, predicted: State, lines: Lines) -> State | None:
+        """``state`` with the trunk, and all that hangs on it, where the colors would rather have it, or None."""
+        trunk, everything = self._judge.limbs[0], np.ones(len(self._model.shapes), dtype=np.bool_)
+        here, cells = gains([state], everything, lines)[0]
+
+        def gain(states: list[State]) -> np.ndarray:
+            return gains(states, everything, lines)[:, 0]
+
+        tries = self._config.limb_tries // _TRUNK_COSTS
+        found = best_trunk(trunk, [state, predicted], self._model.chain, gain, tries, self._rng)
+        return found if gain([found])[0] > here + _GAIN * cells else None
+
     def doubtful(self, evidence: PartEvidence) -> dict[int, float]:
-        """Log odds of lost of limbs (indices of the judge's, not the trunk) that this image set alone speaks against."""
+        """Log odds of lost of limbs (indices of the judge's, the trunk's 0) that this image set alone speaks against."""
         if not self._config.limb_tries:
             return {}
-        odds = {i: self._odds(i, evidence) for i in range(1, len(self._judge.limbs))}
+        odds = {i: self._odds(i, evidence) for i in range(len(self._judge.limbs))}
         return {i: here for i, here in odds.items() if 0.0 < here < np.inf}
 
     def recover(self, doubtful: Mapping[int, float], state: State, predicted: State, lines: Lines) -> State | None:
         """``state`` with `doubtful` limbs found elsewhere; None where nothing speaks for other places."""
-        limbs, found = list(doubtful), None
+        limbs, found = [i for i in doubtful if i], None
         self._turn += 1
         for i in [limbs[(self._turn + j) % len(limbs)] for j in range(min(len(limbs), _LIMBS_A_SET))]:
             better = self._find(i, found or state, predicted, lines, min(_FOUND_ODDS, doubtful[i] - _BETTER_ODDS))
             found = better or found
         return found
 
-    def look_over(self, state: State, lines: Lines) -> State | None:
-        """``state`` with whatever limbs the colors would rather have elsewhere; None where they speak for it."""
+    def look_over(self, limbs: Iterable[int], state: State, predicted: State, lines: Lines) -> State | None:
+        """``state`` with those ``limbs`` (indices of the judge's) elsewhere that the colors would rather have there, or None."""
         found = None
-        for i in range(1, len(self._judge.limbs)):
-            better = self._find(i, found or state, state, lines, None) if self._config.limb_tries else None
+        for i in limbs:
+            better = self._find(i, found or state, predicted, lines, None) if self._config.limb_tries else None
             found = better or found
         return found
 
     def _find(self, i: int, state: State, predicted: State, lines: Lines, least: float | None) -> State | None:
         """The state with limb ``i`` where the colors would rather have it, if its log odds of lost are below ``least`` there."""
         limb, own = self._judge.limbs[i], self._judge.limbs[i].dofs[N_ROOT_DOF:]
-        here, cells = lines.area(state, limb.shapes, state.joint_positions[None])[0]
+        here, cells = gains([state], limb.shapes, lines)[0]
         best, highest = None, here + _GAIN * cells
         for q in self._tried(limb, state, predicted, lines, highest):
             joints = state.joint_positions.copy()
@@ -136,7 +155,7 @@ class LimbSearch:
             for scale in _FIT_SCALES:
                 lines.correspond(pose, scale)
                 pose = minimize(OneLimb(lines.whole, limb.dofs), pose, self._model.chain, _FIT).state
-            gain = float(lines.area(pose, limb.shapes, pose.joint_positions[None])[0, 0])
+            gain = float(gains([pose], limb.shapes, lines)[0, 0])
             if gain > highest and (least is None or self._odds(i, lines.part_evidence(pose, self._close_px)) < least):
                 best, highest = pose, gain
         return best
@@ -150,16 +169,17 @@ class LimbSearch:
             angles = np.clip(angles, low, high)
             joints = np.repeat(state.joint_positions[None], len(angles), axis=0)
             joints[:, own] = angles
-            return angles, lines.area(state, limb.shapes, joints)[:, 0]
+            roots = np.broadcast_to(state.T_world_root, (len(angles), 4, 4))
+            return angles, lines.area(limb.shapes, roots, joints)[:, 0]
 
-        angles, gains = scored(self._drawn(limb, self.likely(limb, state, predicted), round(_FIRST * tries)))
+        angles, gained = scored(self._drawn(limb, self.likely(limb, state, predicted), round(_FIRST * tries)))
         around = round((1.0 - _FIRST) * tries / (len(_ROUNDS_RAD) * _BEST))
         for spread in _ROUNDS_RAD if around else ():
-            best = angles[_apart(angles, gains, _BEST)]
+            best = angles[_apart(angles, gained, _BEST)]
             more = np.repeat(best, around, axis=0) + self._rng.normal(0.0, spread, (len(best) * around, len(low)))
-            more, more_gains = scored(more)
-            angles, gains = np.concatenate([angles, more]), np.concatenate([gains, more_gains])
-        return [angles[j] for j in _apart(angles, gains, self._config.limb_fits) if gains[j] > least]
+            more, more_gained = scored(more)
+            angles, gained = np.concatenate([angles, more]), np.concatenate([gained, more_gained])
+        return [angles[j] for j in _apart(angles, gained, self._config.limb_fits) if gained[j] > least]
 
     def _drawn(self, limb: Limb, likely: np.ndarray, n: int) -> np.ndarray:
         """(>= n, n_own): likely angles, others about them, and some anywhere within the limits, where there are limits."""
@@ -175,6 +195,11 @@ class LimbSearch:
         """Log odds of lost; those of a limb that cannot be seen speak for nothing."""
         measures = limb_measures(evidence, self._judge.limbs[i].shapes)
         return np.inf if measures is None else self._judge.odds(i, measures)
+
+
+def gains(states: Sequence[State], shapes: np.ndarray, lines: Lines) -> np.ndarray:
+    """(n, 2) what the colors gain by some shapes (mask (n_shapes,)) in each of the states, and the cells in which these show."""
+    return lines.area(shapes, np.array([s.T_world_root for s in states]), np.array([s.joint_positions for s in states]))
 
 
 def _apart(angles: np.ndarray, gains: np.ndarray, n: int) -> list[int]:

@@ -103,7 +103,7 @@ class LimbJudge:
         measures = [limb_measures(evidence, limb.shapes) for limb in self.limbs]
         if self._levels is None:
             self._levels = self._first_levels(measures)
-        sigmas = np.zeros(len(self.limbs)) if covariance is None else self._tip_sigmas(state, covariance)
+        sigmas = np.zeros(len(self.limbs)) if covariance is None else self.tip_sigmas(state, covariance)
         return tuple(self._limb(i, measures[i], float(sigmas[i])) for i in range(len(self.limbs)))
 
     def odds(self, i: int, measures: np.ndarray) -> float:
@@ -156,7 +156,7 @@ class LimbJudge:
             return LimbStatus.LOST
         return LimbStatus.DEGRADED if probability >= self._config.limb_degraded else LimbStatus.TRACKING
 
-    def _tip_sigmas(self, state: State, covariance: np.ndarray) -> np.ndarray:
+    def tip_sigmas(self, state: State, covariance: np.ndarray) -> np.ndarray:
         """(n_limbs,) metres: standard deviation of each limb's end in its most uncertain direction."""
         body = Configuration(self._model, state)
         ends = [limb.end for limb in self.limbs]

@@ -181,11 +181,12 @@ class RegionEngine:
         whole = SumObjective([self._objective, *self._constraints], priors=self._priors(predicted, None)[1:])
         return Lines(self._correspond, whole, self._objective.part_evidence, self._area)
 
-    def _area(self, state: State, shapes: np.ndarray, joints: np.ndarray) -> np.ndarray:
+    def _area(self, shapes: np.ndarray, roots: np.ndarray, joints: np.ndarray) -> np.ndarray:
         if not self._looked:
+            state = State(roots[0], joints[0])
             self._areas.look(self._objective.views, state, max(1, round(math.prod(self._size(state)) / _BODY_CELLS)))
             self._looked = True
-        return self._areas.totals(state, shapes, joints).sum(axis=1)
+        return self._areas.totals(shapes, roots, joints).sum(axis=1)
 
     def _descend(self, start: State, scales: tuple[float, ...], prior: Prior | None) -> OptimizerResult:
         state = clip_to_limits(start, self._model.chain)

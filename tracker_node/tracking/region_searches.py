@@ -17,11 +17,12 @@ from ..objective.region_objective import PartEvidence
 from ..optimize.result import OptimizerResult
 from .config import TrackerConfig, numbers
 from .estimate import LimbReport, Status
-from .limb_search import LimbSearch, Lines
+from .limb_search import LimbSearch, Lines, gains
 from .limb_status import LimbJudge
 from .tilts import Misfit, tilted
 
 _CLEARLY = 0.05  # share of the outline by which long lines must do better than short ones
+_LOOSE_M = 0.15  # standard deviation of where a limb's end is expected, beyond which it is looked for in any case
 _LOOKS = 3  # at all limbs, at most, on the first image set
 _LEAST_LINES = 0.8  # of those of another fit, that a tilted body must have to be held against it
 
@@ -106,21 +107,22 @@ class RegionSearches:
         """The same with limbs where the colors would rather have them, as long as the whole body gains by it."""
         fits, lines = self._fits, self._fits.limb_lines(result.state)
         for _ in range(_LOOKS):
-            kept, gain = fits.kept(), self._gain(result.state, lines)
-            found = self._search.look_over(result.state, lines)
-            if found is None:
-                break
-            again = fits.descend(found, self._scales, prior)
-            if self._gain(again.state, lines) <= gain:
-                fits.keep(kept)
+            found = self._search.look_over(range(1, len(self._limbs.limbs)), result.state, result.state, lines)
+            again = None if found is None else self._if_better(found, result, prior, lines)
+            if again is None:
                 break
             result = again
         return fits.settled(result)
 
-    def _gain(self, state: State, lines: Lines) -> float:
-        """What the colors gain by the whole body."""
-        everything = np.ones(len(self._model.shapes), dtype=np.bool_)
-        return float(lines.area(state, everything, state.joint_positions[None])[0, 0])
+    def _if_better(self, state: State, result: OptimizerResult, prior: Prior | None, lines: Lines) -> OptimizerResult | None:
+        """The fit that begins at ``state``, where the colors gain more by it than by ``result``."""
+        everything, kept = np.ones(len(self._model.shapes), dtype=np.bool_), self._fits.kept()
+        again = self._fits.descend(state, self._scales, prior)
+        old, new = gains([result.state, again.state], everything, lines)[:, 0]
+        if new > old:
+            return again
+        self._fits.keep(kept)
+        return None
 
     def mended(self, result: OptimizerResult, start: State, prior: Prior | None) -> tuple[OptimizerResult, bool]:
         """The fit of an image set, begun at ``start``, with what is lost found again; and whether anything was."""
@@ -128,20 +130,44 @@ class RegionSearches:
             result = self._tilted_back(result, prior)
         if not self._limbs.knows:
             return result, False
-        if self._limbs.body_lost:
-            return self._restarted(result)
-        doubtful = self._search.doubtful(self._fits.part_evidence(result.state, self._close_px))
-        if not doubtful:
+        if self._limbs.body_lost and self.sound is not None:
+            return self._restarted(result, self.sound)
+        doubtful, loose = self._doubtful(result), self._loose(start, prior)
+        if not doubtful and not loose:
             return result, False
-        found = self._search.recover(doubtful, result.state, start, self._fits.limb_lines(start))
-        return self._fits.settled(result if found is None else replace(result, state=found)), found is not None
+        lines, before = self._fits.limb_lines(start), result
+        if loose or 0 in doubtful or len(doubtful) > 1:
+            result = self._with_trunk(result, start, prior, lines)
+            doubtful = self._doubtful(result)
+        if loose:
+            found = self._search.look_over(loose, result.state, start, lines)
+        else:
+            found = self._search.recover(doubtful, result.state, start, lines)
+        again = None if found is None else self._if_better(found, result, prior, lines)
+        result = result if again is None else again
+        jumped = result is not before and (not loose or bool(self._limbs.lost))  # what is loose may be anywhere
+        return self._fits.settled(result), jumped
 
-    def _restarted(self, result: OptimizerResult) -> tuple[OptimizerResult, bool]:
+    def _with_trunk(self, result: OptimizerResult, start: State, prior: Prior | None, lines: Lines) -> OptimizerResult:
+        """The same with the trunk, and all that hangs on it, where the colors would rather have it."""
+        found = self._search.find_trunk(result.state, start, lines)
+        again = None if found is None else self._if_better(found, result, prior, lines)
+        return result if again is None else again
+
+    def _loose(self, start: State, prior: Prior | None) -> list[int]:
+        """Limbs that are expected at ``start``, but may be anywhere else."""
+        if prior is None or len(self._limbs.limbs) == 1 or not self._search.tries:
+            return []
+        sigmas = self._limbs.tip_sigmas(start, np.linalg.inv(prior.information))
+        return [i for i, sigma in enumerate(sigmas) if i and sigma > _LOOSE_M]
+
+    def _doubtful(self, result: OptimizerResult) -> dict[int, float]:
+        return self._search.doubtful(self._fits.part_evidence(result.state, self._close_px))
+
+    def _restarted(self, result: OptimizerResult, sound: State) -> tuple[OptimizerResult, bool]:
         """A lost body is looked for where it was last sound, with longer lines; the better of that and ``result``."""
-        if self.sound is None:
-            return result, False
         kept, share = self._fits.kept(), self._close_share(result.state)
-        again = self.first(self.sound, None)
+        again = self.first(sound, None)
         if self._close_share(again.state) > share:
             return again, True
         self._fits.keep(kept)
