@@ -1,0 +1,227 @@
+"""Lights, and how cameras answer to them, from images of a body in known poses.
+
+A pixel of a surface of color c under the light f shows c (gain f)^(1/gamma) (`camera.light`). Pose, shape and colors of the body
+are known, so every pixel of it says something about the lights: where they are, how strong they are in each channel, and how the
+camera turns light into grey levels. All are sought at once, by least squares with a robust loss, around what the rig says; the
+first camera keeps its gain, since lights twice as strong look like gains twice as high.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ..camera.camera_rig import CameraRig
+from ..camera.light import SPOT_EDGE, Light
+from ..errors import CalibrationError, TrackerError
+from ..model.configuration import Configuration
+from ..render.surface_samples import SurfaceSamples, surface_samples
+
+_RIM = 2  # pixels at the border of a shape are mixtures
+_WHITE, _DARK = 250.0, 4.0  # grey levels beyond which a sensor says no more
+_LEAST = 50  # pixels of a camera
+_FAINT = 1e-3  # of intensities
+
+
+@dataclass(frozen=True)
+class LightFitOptions:
+    """How lights are sought.
+
+    Parameters
+    ----------
+    position_sigma_m, direction_sigma_rad : how well places and directions are known beforehand.
+    intensity_sigma, gain_sigma, gamma_sigma : the same of the logarithms of intensities, gains and gammas.
+    robust_levels : grey levels at which a pixel's pull stops growing: shine, shadows, folds.
+    most_pixels : of each camera in each image.
+    free_cameras : gains and gammas, too.
+    """
+
+    position_sigma_m: float = 1.0
+    direction_sigma_rad: float = 0.5
+    intensity_sigma: float = 0.7
+    gain_sigma: float = 0.5
+    gamma_sigma: float = 0.5
+    robust_levels: float = 6.0
+    most_pixels: int = 1500
+    free_cameras: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class LightFit:
+    """Result of `fit_lights`.
+
+    Attributes
+    ----------
+    rig : with the lights, gains and gammas that have been found.
+    rms_before, rms_after : per camera, grey levels between image and body.
+    n_pixels : per camera.
+    position_sigma_m : per light, the largest standard deviation of its place; nan without one.
+    """
+
+    rig: CameraRig
+    rms_before: dict[str, float]
+    rms_after: dict[str, float]
+    n_pixels: dict[str, int]
+    position_sigma_m: tuple[float, ...]
+    converged: bool
+
+
+def fit_lights(
+    rig: CameraRig,
+    configurations: Sequence[Configuration],
+    images: Sequence[Sequence[np.ndarray | None]],
+    options: LightFitOptions | None = None,
+) -> LightFit:
+    """The lights, gains and gammas that explain the images best.
+
+    Parameters
+    ----------
+    rig : with the lights roughly as they are; their kinds and cones stay.
+    configurations : the body in each pose.
+    images : for each pose the BGR images (h, w, 3) uint8 in the order of the rig; None for a camera that gave none.
+
+    Raises
+    ------
+    TrackerError : a rig without lights.
+    CalibrationError : a camera that sees too little of the body between black and white.
+    """
+    options = options or LightFitOptions()
+    if not rig.lights:
+        raise TrackerError("the rig has no lights to start with: put them into its file, their kinds and about where they are")
+    views = [_CameraPixels.of(rig, i, configurations, [each[i] for each in images], options) for i in range(len(rig))]
+    problem = _Problem(rig, views, options)
+    start = np.zeros(problem.size)
+    solution = least_squares(
+        problem.residuals, start, loss="soft_l1", f_scale=options.robust_levels, x_scale="jac", max_nfev=100
+    )
+    found = problem.rig_of(solution.x)
+    rms = [{v.name: _rms(r) for v, r in zip(views, problem.differences(x), strict=True)} for x in (start, solution.x)]
+    return LightFit(
+        found, rms[0], rms[1], {view.name: len(view.seen) for view in views}, problem.position_sigmas(solution),
+        bool(solution.success),
+    )  # fmt: skip
+
+
+def irradiance(lights: Sequence[Light], points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """(n, 3) light on surfaces at ``points`` (n, 3) with unit ``normals`` (n, 3), in the world; the law of `camera.light`."""
+    total = np.zeros((len(points), 3))
+    for light in lights:
+        if light.kind == "ambient":
+            total += np.asarray(light.intensity)
+            continue
+        axis = None if light.direction is None else np.asarray(light.direction) / np.linalg.norm(light.direction)
+        if light.position is None:
+            towards = np.broadcast_to(-np.asarray(axis), points.shape)
+        else:
+            towards = np.asarray(light.position) - points
+            towards = towards / np.linalg.norm(towards, axis=1, keepdims=True)
+        share = np.maximum((normals * towards).sum(axis=1), 0.0)
+        if light.kind == "spot":
+            outer, inner = np.cos(float(light.half_angle or 0.0)), np.cos(SPOT_EDGE * float(light.half_angle or 0.0))
+            share = share * np.clip((-towards @ axis - outer) / (inner - outer), 0.0, 1.0)
+        total += share[:, None] * np.asarray(light.intensity)
+    return total
+
+
+@dataclass(frozen=True, eq=False)
+class _CameraPixels:
+    """All pixels of one camera: points, normals, colors of the body there, and what was ``seen`` (n, 3) RGB."""
+
+    name: str
+    points: np.ndarray
+    normals: np.ndarray
+    colors: np.ndarray
+    seen: np.ndarray
+
+    @classmethod
+    def of(cls, rig: CameraRig, i: int, configurations, images, options: LightFitOptions) -> _CameraPixels:
+        camera, parts = rig.cameras[i], []
+        for configuration, image in zip(configurations, images, strict=True):
+            if image is None:
+                continue
+            if image.shape[:2] != (camera.model.height, camera.model.width):
+                expected, got = f"{camera.model.width}x{camera.model.height}", f"{image.shape[1]}x{image.shape[0]}"
+                raise CalibrationError(camera.name, f"image size contradicts the calibration: expected {expected}, got {got}")
+            parts.append(_thinned(surface_samples(configuration, camera, rim=_RIM), image, options.most_pixels))
+        columns = [np.concatenate(column) for column in zip(*parts, strict=True)] if parts else [np.zeros((0, 3))] * 4
+        if len(columns[0]) < _LEAST:
+            raise CalibrationError(
+                camera.name, f"only {len(columns[0])} pixels of the body are neither black nor white; expected {_LEAST} at least"
+            )
+        return cls(camera.name, *columns)
+
+
+def _thinned(samples: SurfaceSamples, image: np.ndarray, most: int) -> tuple[np.ndarray, ...]:
+    """Points, normals, colors and what was seen, at no more than ``most`` pixels that are neither black nor white."""
+    seen = image[samples.pixels[:, 1], samples.pixels[:, 0], ::-1].astype(np.float64)
+    good = np.flatnonzero((seen.max(axis=1) < _WHITE) & (seen.max(axis=1) > _DARK))
+    good = good[np.unique(np.linspace(0, max(len(good) - 1, 0), most).astype(int))] if len(good) else good
+    return samples.points[good], samples.normals[good], samples.colors_rgb[good], seen[good]
+
+
+class _Problem:
+    """Parameters: per light logarithms of intensities (3), then place (3) and direction (3) as it has them, all as departures in
+    units of their sigmas; then per camera logarithms of gain (3; not the first's) and gamma."""
+
+    def __init__(self, rig: CameraRig, views: Sequence[_CameraPixels], options: LightFitOptions):
+        self.rig, self.views, self.options = rig, views, options
+        self.parts = [3 + 3 * (light.position is not None) + 3 * (light.direction is not None) for light in rig.lights]
+        self.size = sum(self.parts) + ((4 * len(rig) - 3) if options.free_cameras else 0)
+
+    def lights_of(self, x: np.ndarray) -> tuple[Light, ...]:
+        lights, at, options = [], 0, self.options
+        for light, size in zip(self.rig.lights, self.parts, strict=True):
+            values, k = x[at : at + size], 3
+            intensity = np.maximum(light.intensity, _FAINT) * np.exp(options.intensity_sigma * values[:3])
+            changes: dict = {"intensity": tuple(map(float, intensity))}
+            if light.position is not None:
+                changes["position"] = tuple(map(float, light.position + options.position_sigma_m * values[k : k + 3]))
+                k += 3
+            if light.direction is not None:
+                axis = np.asarray(light.direction) / np.linalg.norm(light.direction)
+                changes["direction"] = tuple(map(float, axis + options.direction_sigma_rad * values[k : k + 3]))
+            lights.append(replace(light, **changes))
+            at += size
+        return tuple(lights)
+
+    def rig_of(self, x: np.ndarray) -> CameraRig:
+        cameras, at, options = [], sum(self.parts), self.options
+        for i, camera in enumerate(self.rig):
+            if options.free_cameras:
+                n = 3 if i else 0
+                gain = np.array(camera.gain) * (np.exp(options.gain_sigma * x[at : at + n]) if n else 1.0)
+                gamma = camera.gamma * float(np.exp(options.gamma_sigma * x[at + n]))
+                camera = replace(camera, gain=(float(gain[0]), float(gain[1]), float(gain[2])), gamma=gamma)
+                at += n + 1
+            cameras.append(camera)
+        return replace(self.rig, cameras=tuple(cameras), lights=self.lights_of(x))
+
+    def differences(self, x: np.ndarray) -> list[np.ndarray]:
+        """Per camera (n, 3) grey levels, shown minus seen."""
+        rig = self.rig_of(x)
+        result = []
+        for camera, view in zip(rig, self.views, strict=True):
+            light = np.maximum(np.array(camera.gain) * irradiance(rig.lights, view.points, view.normals), 1e-6)
+            result.append(np.minimum(view.colors * light ** (1.0 / camera.gamma), 255.0) - view.seen)
+        return result
+
+    def residuals(self, x: np.ndarray) -> np.ndarray:
+        """Differences, and the departures that the prior holds small (in grey levels: a sigma as much as one pixel's level)."""
+        return np.concatenate([*(d.ravel() for d in self.differences(x)), x])
+
+    def position_sigmas(self, solution) -> tuple[float, ...]:
+        noise = max(float(np.median(np.abs(solution.fun))) * 1.4826, 0.3)
+        covariance = noise**2 * np.linalg.pinv(solution.jac.T @ solution.jac)
+        sigmas, at = [], 0
+        for light, size in zip(self.rig.lights, self.parts, strict=True):
+            place = np.sqrt(np.diag(covariance)[at + 3 : at + 6]).max() * self.options.position_sigma_m
+            sigmas.append(float(place) if light.position is not None else float("nan"))
+            at += size
+        return tuple(sigmas)
+
+
+def _rms(differences: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(differences**2)))
