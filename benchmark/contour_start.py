@@ -2,9 +2,9 @@
 """A start that nobody has helped with: the tracker is shown a clip from some image on, and finds the body by itself.
 
 Each trial begins at another random image set, without an initial state. It succeeds if five image sets after the first one that
-has a state every joint is within 200 mm of the truth, and all of them within 80 mm on average; joints without a truth then are left
-out. ``seconds`` is the longest
-image set of a trial, the one with the search, on average; ``sets`` is how many pass until there is a state.
+has a state every joint is within 200 mm of the truth, and all of them within 80 mm on average; joints without a truth then are
+left out. ``seconds`` is the longest image set of a trial, the one with the search, on average; ``sets`` is how many pass until
+there is a state.
 
 Clips: ``balancing``, a real person, 4 cameras of 544x960; ``figure``, ten cones in fast motion before strong colors, 4 cameras;
 ``mannequin_walk``, a dressed person in a furnished room, 6 cameras. ``..._plates`` has pictures of the empty scene; the figure's

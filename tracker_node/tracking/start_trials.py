@@ -12,7 +12,7 @@ from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..observation.image_set import ImageSet
 from .engine import Engine, Images, Verdict
-from .estimate import Status, TrackEstimate
+from .estimate import LimbReport, Status, TrackEstimate
 from .limbs import limbs_of
 from .start_parts import LimbAlternatives
 
@@ -20,22 +20,30 @@ _DOUBTFUL = 0.05  # probability of being lost, of a limb that is looked for else
 _LOST = 0.5  # ...and that teaches nothing about the rest of the body
 _ELSEWHERE = 4  # places that are tried for it
 _ROUNDS = 3
-_BETTER = 0.01  # share of the surety that another place of a limb must add
-_RIVAL = 0.85  # of the best one's surety: with less, a start is out
+_BETTER = 0.01  # share of the standing that another place of a limb must add
+_RIVAL = 0.85  # of the best one's standing: with less, a start is out
 _SAME = 0.05  # of the body's size: states whose landmarks differ less, on average, are the same
+
+
+def standing(surety: float, limbs: Sequence[LimbReport]) -> float:
+    """What the images say for a state, less for every limb that is likely lost: a contour may be sure, and another thing's."""
+    if surety <= 0.0 or not limbs:
+        return surety
+    return surety * float(np.mean([1.0 - limb.probability for limb in limbs]))
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """What the engine has made of a start in one image set; ``surety`` as of `Verdict`, which has to have it."""
+    """What the engine has made of a start in one image set."""
 
     state: State
     verdict: Verdict
 
     @property
-    def surety(self) -> float:
+    def standing(self) -> float:
+        """See `standing`; the engine has to have a surety."""
         assert self.verdict.surety is not None
-        return self.verdict.surety
+        return standing(self.verdict.surety, self.verdict.limbs)
 
 
 def tried(engine: Engine, images: Images, image_set: ImageSet, start: State) -> Trial:
@@ -70,8 +78,8 @@ class LimbRepair:
         for limb, said in zip(self._limbs[1:], trial.verdict.limbs[1:], strict=True):
             doubtful |= limb.shapes & (said.probability > _LOST)
         others = [attempt(state) for state in self._alternatives.find(trial.state, self._limbs[i], doubtful, _ELSEWHERE)]
-        best = max(others, key=lambda other: other.surety, default=trial)
-        return best if best.surety > trial.surety + _BETTER * abs(trial.surety) else trial
+        best = max(others, key=lambda other: other.standing, default=trial)
+        return best if best.standing > trial.standing + _BETTER * abs(trial.standing) else trial
 
 
 class Follower(Protocol):
@@ -110,7 +118,8 @@ class Contest:
         """The winner, and what it says of this image set; None as long as there is none."""
         estimates = [follower.step(image_set) for follower in self._followers]
         self.sets += 1
-        self._totals += [follower.surety or 0.0 for follower in self._followers]
+        pairs = zip(self._followers, estimates, strict=True)
+        self._totals += [standing(follower.surety or 0.0, estimate.limbs) for follower, estimate in pairs]
         best = int(np.argmax(self._totals))
         winner, estimate = self._followers[best], estimates[best]
         stay = np.flatnonzero(self._totals >= _RIVAL * self._totals[best])
@@ -123,10 +132,10 @@ def rivals(model: ArticulatedModel, trials: Sequence[Trial], size_m: float, n: i
     """At most ``n`` of ``trials``, the best first, that come near to it and are not the same as a better one."""
     kept: list[Trial] = []
     points: list[np.ndarray] = []
-    for trial in sorted(trials, key=lambda trial: -trial.surety):
+    for trial in sorted(trials, key=lambda trial: -trial.standing):
         own = Configuration(model, trial.state).landmarks_world
         same = any(len(own) and np.linalg.norm(own - other, axis=1).mean() < _SAME * size_m for other in points)
-        if not same and (not kept or trial.surety > _RIVAL * kept[0].surety) and len(kept) < n:
+        if not same and (not kept or trial.standing > _RIVAL * kept[0].standing) and len(kept) < n:
             kept.append(trial)
             points.append(own)
     return kept

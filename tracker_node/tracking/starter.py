@@ -118,13 +118,13 @@ class Starter:
         trials = [tried(engine, images, image_set, start.state) for start in starts]
         if any(trial.verdict.surety is None for trial in trials):
             return self._by_share(starts, trials)
-        trials.sort(key=lambda trial: -trial.surety)
+        trials.sort(key=lambda trial: -trial.standing)
         for i, trial in enumerate(trials[: self._config.repair]):
             if i and not rivals(self._model, trials[: i + 1], self._finder.size_m, i + 1)[i:]:
                 break  # too far behind, or the same as a better one
             trials[i] = self._mended(trial, lambda state: tried(engine, images, image_set, state))
         best = rivals(self._model, trials, self._finder.size_m, self._config.hold)
-        return [trial.state for trial in best if trial.surety > 0.0]
+        return [trial.state for trial in best if trial.standing > 0.0]
 
     def _by_share(self, starts: Sequence[Start], trials: Sequence[Trial]) -> list[State]:
         """The state that covers most of the evidence, of an engine that does not compare states; none if it does not hold."""
