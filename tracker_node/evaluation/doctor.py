@@ -1,0 +1,181 @@
+"""What is wrong with a rig, told from a few seconds of its images.
+
+Each check looks at one thing; later ones know what earlier ones have found, so that one fault is not told twice: images after a
+camera was moved, repeated ones and cameras of the wrong size have no part in the comparison of cameras.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..camera.camera_rig import Camera, CameraRig
+from .doctor_geometry import Diagnosis, Repair, diagnose
+from .doctor_motion import common_grid, motion_on_grid
+from .doctor_recording import CameraRecording
+from .doctor_setup import Setup
+from .doctor_video import rate_problems, size_problems, source_problems, video_problems
+from .finding import FAULTS, Finding
+
+_LARGEST_ROOM_M = 100.0  # a camera farther than this from what it films is not meant in metres
+_LEAST_AGREEMENT = 0.35
+
+
+@dataclass(frozen=True, eq=False)
+class Examination:
+    """All that was found, what was seen besides (``notes``), and, where cameras could be compared, what was compared: stamps
+    (T,) of the instants, the motion that every camera saw, and what became of it."""
+
+    findings: tuple[Finding, ...]
+    notes: tuple[str, ...]
+    grid_ns: np.ndarray
+    setup: Setup | None
+    diagnosis: Diagnosis | None
+
+
+def examine(rig: CameraRig, recordings: Mapping[str, CameraRecording]) -> Examination:
+    """Look for all faults of `FAULTS`.
+
+    Parameters
+    ----------
+    recordings : camera name -> its images; one without images is told as a fault.
+    """
+    findings: list[Finding] = []
+    notes: list[str] = []
+    usable: dict[str, np.ndarray] = {}
+    cameras: list[Camera] = []
+    for camera in rig:
+        recording = recordings[camera.name]
+        findings += source_problems(recording)
+        if not len(recording):
+            continue
+        size_findings, sized = size_problems(camera, recording)
+        own, good = video_problems(recording, list(recordings.values()))
+        findings += size_findings + own
+        usable[camera.name] = good
+        if sized is not None:
+            cameras.append(sized)
+    findings += rate_problems([recordings[name] for name in usable], usable)
+    unit_findings, cameras = _units(cameras)
+    findings += unit_findings
+    setup = diagnosis = None
+    grid = np.zeros(0, dtype=np.int64)
+    moving = [camera for camera in cameras if usable[camera.name].sum() > 1]
+    if len(moving) > 1:
+        grid = common_grid({camera.name: recordings[camera.name] for camera in moving})
+        if len(grid) > 1:
+            motions = {c.name: motion_on_grid(recordings[c.name], grid, usable[c.name]) for c in moving}
+            setup = Setup.of(moving, motions)
+            diagnosis = diagnose(setup, 1e-9 * float(grid[1] - grid[0]))
+            findings += [_told(repair, rig) for repair in diagnosis.repairs]
+            notes += _agreement_notes(diagnosis)
+    if diagnosis is None:
+        notes.append("The cameras could not be compared: fewer than two of them have images at the same time.")
+    order = list(FAULTS)
+    return Examination(tuple(sorted(findings, key=lambda f: order.index(f.fault))), tuple(notes), grid, setup, diagnosis)
+
+
+def _units(cameras: list[Camera]) -> tuple[list[Finding], list[Camera]]:
+    """Findings, and the cameras in metres."""
+    if len(cameras) < 2:
+        return [], cameras
+    centers = np.array([camera.center for camera in cameras])
+    distances = np.linalg.norm(centers[:, None] - centers[None], axis=2)
+    apart = np.array([np.median(np.delete(row, i)) for i, row in enumerate(distances)])
+    far = apart > _LARGEST_ROOM_M
+    if not far.any():
+        return [], cameras
+    typical = float(np.median(apart[far]))
+    unit, factor = ("millimetres", 1e-3) if typical > 1000.0 else ("centimetres", 1e-2)
+    names = () if far.all() else tuple(camera.name for camera, is_far in zip(cameras, far, strict=True) if is_far)
+    who = f"{', '.join(names)}: stands {typical:.0f} m from the others" if names else f"The cameras are {typical:.0f} m apart"
+    sentence = (
+        f"{who}: the translation of T_world_cam seems to be in {unit}, a rig is in metres ({typical * factor:.2f} m then)."
+        f" Divide it by {1 / factor:.0f}."
+    )
+    in_metres = [
+        replace(camera, T_world_cam=_scaled(camera.T_world_cam, factor)) if is_far else camera
+        for camera, is_far in zip(cameras, far, strict=True)
+    ]
+    return [Finding("unit", names, sentence, {"apart_m": typical, "factor": factor})], in_metres
+
+
+def _scaled(transform: np.ndarray, factor: float) -> np.ndarray:
+    """A transform with its translation multiplied."""
+    result = transform.copy()
+    result[:3, 3] *= factor
+    return result
+
+
+def _told(repair: Repair, rig: CameraRig) -> Finding:
+    names = " and ".join(repair.cameras)
+    values = {"gain": repair.gain, **repair.values}
+    every = f"(agreement of the images grows by {repair.gain:.2f})"
+    fault, sentence = {
+        "swapped": ("swapped", f"{names} are exchanged: each has the other's images {every}. Exchange their sources."),
+        "mirrored": (
+            "mirrored",
+            (f"{names}: its images are" if names else "An axis of the world is mirrored: all images are")
+            + f" left-right mirrored against the calibration {every}. Correct the sign of that axis, or flip the images.",
+        ),
+        "upside_down": (
+            "place",
+            f"{names}: its images stand on their head {every}. Turn them, or the camera's place, by 180 degrees.",
+        ),
+        "axes": (
+            "mirrored",
+            f"The cameras' axes are mirrored {every}: y seems to point up and z backward, as in OpenGL. Here x points right, y"
+            " down and z forward: change the signs of the second and third column of every T_world_cam.",
+        ),
+        "inverted": (
+            "place",
+            f"The places are inverted {every}: T_world_cam seems to hold the transforms from the world to the camera.",
+        ),
+        "clock": ("clock", _clock_sentence(repair, rig, every)),
+        "focal": ("focal", _focal_sentence(repair, rig, every)),
+        "place": ("place", _place_sentence(repair, every)),
+    }[repair.kind]
+    return Finding(fault, repair.cameras, sentence, values)
+
+
+def _clock_sentence(repair: Repair, rig: CameraRig, every: str) -> str:
+    if repair.kind != "clock":
+        return ""
+    late_ms = 1e3 * repair.values["late_s"]
+    offset_s = 1e-9 * rig[repair.cameras[0]].time_offset_ns - repair.values["late_s"]
+    which = "late" if late_ms > 0 else "early"
+    return f"{repair.cameras[0]}: its clock is {abs(late_ms):.0f} ms {which} {every}. Set time_offset_s: {offset_s:.3f}."
+
+
+def _focal_sentence(repair: Repair, rig: CameraRig, every: str) -> str:
+    if repair.kind != "focal":
+        return ""
+    name, factor = repair.cameras[0], repair.values["factor"]
+    focal = rig[name].model.K[0, 0]
+    return (
+        f"{name}: its focal length is wrong: {focal:.0f} px are given, {focal * factor:.0f} fit the other cameras {every}."
+        " Was the zoom touched, or another lens put on? Calibrate it again."
+    )
+
+
+def _place_sentence(repair: Repair, every: str) -> str:
+    if repair.kind != "place":
+        return ""
+    turned, moved = repair.values["turned_deg"], repair.values["moved_m"]
+    return (
+        f"{repair.cameras[0]}: does not stand where the rig has it: turned by about {turned:.1f} degrees"
+        + (f" and moved by {100 * moved:.0f} cm" if moved > 0.005 else "")
+        + f", it agrees with the others {every}. Calibrate the cameras' places again, or refine them."
+    )
+
+
+def _agreement_notes(diagnosis: Diagnosis) -> list[str]:
+    known = diagnosis.after[np.isfinite(diagnosis.after)]
+    if not len(known):
+        return ["The cameras could not be compared: too little moves in the images."]
+    notes = [f"Agreement of the cameras on where something moves: {np.mean(known):.2f} on average (1 is best)."]
+    if np.mean(known) < _LEAST_AGREEMENT:
+        notes.append("That is little: the recording shows too little common motion to judge places, lenses and clocks.")
+    return notes

@@ -1,0 +1,172 @@
+"""What the doctor keeps of a camera's images: small gray copies, and what only the full images tell.
+
+Images are looked at one after the other, as they are decoded; none is kept at full size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+from ..observation.deinterlace import comb_ratio
+
+SMALL_PX = 320  # longer side of the small copies
+_VIEW_PX = 960  # longer side of the images in which the background is looked for
+_VIEW_EVERY_S = 0.25
+_COMB_PAIRS = 24  # successive images in which a comb is looked for
+_LEAST_MATCHES = 25
+_INLIER_PX = 3.0  # of the images in which the background is looked for
+_LEAST_SHARE = 0.35  # of the matches that must agree on how the view has moved
+
+
+@dataclass(frozen=True)
+class ViewShift:
+    """How far the background lies from where it was in the first image: ``px`` of the camera's own pixels."""
+
+    index: int
+    px: float
+
+
+@dataclass(eq=False)
+class CameraRecording:
+    """The images of one camera, in order of time; `add` takes them in.
+
+    Attributes
+    ----------
+    size : (width, height) of the images, (0, 0) before the first.
+    stamps_ns, small : stamp and small gray copy, (h, w) uint8, of each image.
+    changes : mean absolute difference of each image to the one before, grey levels; not-a-number for the first.
+    combs : `comb_ratio` of some pairs of successive images in which enough moves.
+    view_shifts : how the background has moved, now and then.
+    picture : the image in the middle of those seen so far, BGR, for the report (its index is ``picture_index``).
+    problems : what went wrong while reading, one sentence each.
+    """
+
+    name: str
+    n_expected: int
+    rate_hz: float
+    size: tuple[int, int] = (0, 0)
+    stamps_ns: list[int] = field(default_factory=list)
+    small: list[np.ndarray] = field(default_factory=list)
+    changes: list[float] = field(default_factory=list)
+    combs: list[float] = field(default_factory=list)
+    view_shifts: list[ViewShift] = field(default_factory=list)
+    picture: np.ndarray | None = None
+    picture_index: int = 0
+    problems: list[str] = field(default_factory=list)
+
+    def __post_init__(self):
+        self._before: np.ndarray | None = None
+        self._view: _View | None = None
+
+    def __len__(self) -> int:
+        return len(self.stamps_ns)
+
+    def add(self, stamp_ns: int, bgr: np.ndarray) -> None:
+        """Take in the next image, (h, w, 3) uint8."""
+        index = len(self)
+        height, width = bgr.shape[:2]
+        self.size = (width, height)
+        self.stamps_ns.append(stamp_ns)
+        gray = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
+        self.small.append(_shrunk(gray, SMALL_PX))
+        self.changes.append(float("nan") if self._before is None else float(cv2.absdiff(bgr, self._before).mean()))
+        if self._before is not None and index % max(1, self.n_expected // _COMB_PAIRS) == 0:
+            ratio = comb_ratio([self._before, bgr])
+            if ratio is not None:
+                self.combs.append(ratio)
+        self._look_at_background(index, gray)
+        if self.picture is None or index == self.n_expected // 2:
+            self.picture, self.picture_index = bgr, index
+        self._before = bgr
+
+    def _look_at_background(self, index: int, gray: np.ndarray) -> None:
+        if index % max(1, round(_VIEW_EVERY_S * self.rate_hz)) and index != self.n_expected - 1:
+            return
+        if self._view is None:
+            self._view = _View(gray)
+            return
+        shift = self._view.shift_px(gray)
+        if shift is not None:
+            self.view_shifts.append(ViewShift(index, shift))
+
+    def brightness(self) -> np.ndarray:
+        """(T,) of each image against the first one: median ratio of places that are neither dark nor burnt out."""
+        first = self.small[0].astype(np.float32)
+        usable = (first > 20) & (first < 220)
+        if not usable.any():
+            return np.ones(len(self))
+        return np.array([float(np.median((image[usable] + 1.0) / (first[usable] + 1.0))) for image in self.small])
+
+    def moved_from(self, least_px: float) -> list[ViewShift]:
+        """Shifts from the first one on after which the background never comes back; a single one at the end does not count."""
+        moved: list[ViewShift] = []
+        for shift in reversed(self.view_shifts):
+            if shift.px < least_px:
+                break
+            moved.insert(0, shift)
+        return moved if len(moved) > 1 else []
+
+    def repeated(self, others: Sequence[CameraRecording]) -> np.ndarray:
+        """(T,) bool: images that are the one before once more, though something moves.
+
+        Identical images always count; nearly identical ones (a codec's copies) where they change much less than this
+        camera's images do otherwise, and where another camera sees motion at that time.
+        """
+        changes = np.array(self.changes)
+        known = changes[np.isfinite(changes)]
+        if not len(known) or not np.any(known > 0.0):
+            return np.zeros(len(changes), dtype=bool)
+        usual = float(np.median(known[known > 0.0]))
+        same = changes == 0.0
+        nearly = changes < 0.15 * usual
+        for i in np.flatnonzero(nearly & ~same):
+            nearly[i] = any(other.moves_at(self.stamps_ns[i]) for other in others if other is not self)
+        return same | nearly
+
+    def moves_at(self, stamp_ns: int) -> bool:
+        """Whether the image nearest to a stamp changes at least half as much as this camera's images usually do."""
+        changes = np.array(self.changes)
+        i = int(np.argmin(np.abs(np.array(self.stamps_ns) - stamp_ns)))
+        return bool(changes[i] > 0.5 * np.nanmedian(changes))
+
+
+class _View:
+    """Features of the first image, found again in later ones."""
+
+    def __init__(self, gray: np.ndarray):
+        self._scale = max(gray.shape) / _VIEW_PX if max(gray.shape) > _VIEW_PX else 1.0
+        self._orb = cv2.ORB.create(1200, fastThreshold=8)
+        self._matcher = cv2.BFMatcher(cv2.NORM_HAMMING, crossCheck=True)
+        self._shape = gray.shape
+        self._points, self._descriptors = self._features(gray)
+
+    def shift_px(self, gray: np.ndarray) -> float | None:
+        """By how much most of the features have moved, the corner of the image that has moved most; None if unknown."""
+        points, descriptors = self._features(gray)
+        if self._descriptors is None or descriptors is None:
+            return None
+        matches = [m for m in self._matcher.match(self._descriptors, descriptors) if m.distance < 48]
+        if len(matches) < _LEAST_MATCHES:
+            return None
+        before = np.array([self._points[m.queryIdx] for m in matches])
+        now = np.array([points[m.trainIdx] for m in matches])
+        moved, inliers = cv2.estimateAffinePartial2D(before, now, ransacReprojThreshold=_INLIER_PX)
+        if moved is None or inliers.mean() < _LEAST_SHARE:
+            return None
+        return float(np.median(np.linalg.norm((now - before)[inliers.ravel() > 0], axis=1)) * self._scale)
+
+    def _features(self, gray: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+        keypoints, descriptors = self._orb.detectAndCompute(_shrunk(gray, _VIEW_PX), None)
+        return np.array([k.pt for k in keypoints], dtype=np.float32), descriptors
+
+
+def _shrunk(gray: np.ndarray, longer_side: int) -> np.ndarray:
+    factor = longer_side / max(gray.shape)
+    if factor >= 1.0:
+        return gray
+    size = (max(1, round(gray.shape[1] * factor)), max(1, round(gray.shape[0] * factor)))
+    return cv2.resize(gray, size, interpolation=cv2.INTER_AREA)
