@@ -133,7 +133,8 @@ class RegionObjective:
         self.offsets: list[np.ndarray | None] = [None] * len(rig)
         self.model_sigma_px = options.model_sigma_px
         self._packed = options.packed(1.0, self.model_sigma_px)
-        self._drawn_at: State | None = None  # what the slots' sums are of, as long as lines are as they were drawn
+        self._sums_of: State | None = None  # whom the slots' sums are of, while lines are as they were drawn
+        self._spread: tuple[State, float | None] | None = None  # the same of their spread
 
     @property
     def line_variance(self) -> float:
@@ -152,7 +153,7 @@ class RegionObjective:
         """
         self.views = list(views)
         self.offsets = [None] * len(self.views) if offsets is None else list(offsets)
-        self._drawn_at = None
+        self._sums_of, self._spread = None, None
         for slot in self.slots:
             slot.n = 0
 
@@ -190,15 +191,15 @@ class RegionObjective:
             self._linearize(i, Ts_link)
 
         self._map(run, self.active)
-        self._drawn_at = state
+        self._sums_of, self._spread = state, None
 
     def linearize(self, state: State) -> NormalEquations:
         """Normal equations of the lines at ``state``."""
         poses, active = bodies_seen(self.model, state, self.offsets), self.active
-        if state is not self._drawn_at:
-            self._drawn_at = None
+        if state is not self._sums_of:
             for i in active:
                 self._linearize(i, poses[i].Ts_world_link)
+            self._sums_of = state
         H, g = np.zeros((self.model.n_dof, self.model.n_dof)), np.zeros(self.model.n_dof)
         cost, count = 0.0, 0
         for together in cameras_by_body(active, poses):
@@ -252,6 +253,11 @@ class RegionObjective:
 
         What is left of the median absolute residual once the lines' variance is taken off: the error of the model and the rig.
         """
+        if self._spread is None or self._spread[0] is not state:
+            self._spread = state, self._find_spread(state)
+        return self._spread[1]
+
+    def _find_spread(self, state: State) -> float | None:
         residuals, variances = [], []
         for i, pose in enumerate(bodies_seen(self.model, state, self.offsets)):
             slot = self.slots[i]
