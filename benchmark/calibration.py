@@ -34,7 +34,7 @@ SECTIONS: dict[str, Callable[[], dict[str, float | int]]] = {
 def main() -> int:
     args = _arguments()
     figures: dict[str, float | int] = {}
-    for name in args.only:
+    for name in args.only or (list(SECTIONS) if not args.quick else [name for name in SECTIONS if name != "offset"]):
         figures |= SECTIONS[name]()
     print_metrics(figures)
     if args.json:
@@ -44,7 +44,8 @@ def main() -> int:
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", nargs="+", choices=list(SECTIONS), default=list(SECTIONS), help="these sections (default: all)")
+    parser.add_argument("--only", nargs="+", choices=list(SECTIONS), help="these sections (default: all)")
+    parser.add_argument("--quick", action="store_true", help="without the section offset, unless it is asked for")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here too")
     return parser.parse_args()
 

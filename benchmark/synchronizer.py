@@ -183,6 +183,7 @@ def _reasons(row: dict[str, float | int], prefix: str) -> str:
 
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="as every benchmark has it; this one is quick")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here too")
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the table here too")
     args = parser.parse_args(arguments)

@@ -24,7 +24,7 @@ SURE_SIGMAS = 3.0  # an offset or drift of fewer is taken for none
 LEAST_DRIFT_S = 20.0  # a shorter recording does not tell drift
 _LEAST_OVERLAP = 0.4  # of the shorter recording
 _LEAST_OVERLAP_S = 0.5
-_NEAR_S = 0.2  # a second offset that fits as well is farther from the first
+_NEAR_S, _NEAR_PERIODS = 0.2, 4.0  # a second offset that fits as well is farther from the first
 _BLOCK_S = 0.4  # motion is taken to be independent from one block to the next
 _LEAST_CORRELATION = 0.15  # of a pair that is used
 _BEST_CORRELATION = 0.5  # of some pair of each camera; unrelated motion of a few seconds comes to 0.2 to 0.47 at its best lag
@@ -118,22 +118,20 @@ def estimate_clocks(motions: Sequence[MotionProfiles], options: ClockOptions | N
     if len(motions) < 2:
         raise ValueError(f"expected the motion of two cameras at least, got {len(motions)}")
     period_s = min(float(np.median(np.diff(m.times_s))) for m in motions)
-    signals = [_Signals(m, period_s, _longest_period(motions)) for m in motions]
+    longest_s = max(float(np.median(np.diff(m.times_s))) for m in motions)
+    signals = [_Signals(m, period_s, longest_s) for m in motions]
     middle_s = float(np.median([0.5 * (m.first_s + m.last_s) for m in motions]))
     shared_s = min(m.last_s for m in motions) - max(m.first_s for m in motions)
     width = 2 if options.drift and shared_s >= LEAST_DRIFT_S else 1
     tables = _correlations(signals, options.max_offset_s)
-    start, runners_up = _consistent_lags(tables, motions, signals[0].step_s)
+    near = max(_NEAR_S, _NEAR_PERIODS * longest_s) / signals[0].step_s
+    start, runners_up = _consistent_lags(tables, motions, near)
     pairs = []
     for (i, j), table in tables.items():
         lag_s = signals[i].step_s * (start[j] - start[i])
         if table is not None and (pair := _refined(i, j, signals, lag_s, middle_s, width)) is not None:
             pairs.append(pair)
     return _solved(pairs, motions, runners_up, middle_s, width)
-
-
-def _longest_period(motions: Sequence[MotionProfiles]) -> float:
-    return max(float(np.median(np.diff(m.times_s))) for m in motions)
 
 
 class _Signals:
@@ -182,10 +180,11 @@ def _lagged(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return fftconvolve(x[::-1], y, axes=0)
 
 
-def _consistent_lags(tables: _Tables, motions: Sequence[MotionProfiles], step_s: float) -> tuple[list[int], list[float]]:
+def _consistent_lags(tables: _Tables, motions: Sequence[MotionProfiles], near: float) -> tuple[list[int], list[float]]:
     """Lag of each camera in steps, the first 0, with the greatest sum of correlations, and how near the next best comes.
 
-    The strongest pairs come first, then the lag of each camera is looked for anew among all others.
+    The strongest pairs come first, then the lag of each camera is looked for anew among all others. ``near``: lags of so many
+    steps are the same one.
     """
     n = len(motions)
     lags = {0: 0}
@@ -208,7 +207,7 @@ def _consistent_lags(tables: _Tables, motions: Sequence[MotionProfiles], step_s:
     runners_up = []
     for k in range(n):
         sums = _sums(k, lags, tables)
-        others = (value for lag, value in sums.items() if abs(lag - lags[k]) * step_s > _NEAR_S)
+        others = (value for lag, value in sums.items() if abs(lag - lags[k]) > near)
         runners_up.append(max(0.0, max(others, default=0.0)) / max(sums.get(lags[k], 0.0), 1e-9))
     return [lags[k] for k in range(n)], runners_up
 
