@@ -39,11 +39,11 @@ LENSES = {
 Figures = dict[str, float | int]
 
 
-def board_section() -> Figures:
+def board_section(quick: bool = False) -> Figures:
     """The recorded board, by its videos alone, against the calibration that comes with it; empty without the recording.
 
-    Beside it: the same with the lenses of that calibration, with and without faith in the stamps, and what both calibrations make
-    of images that had no part in ours.
+    Beside it, unless in haste: the same with the lenses of that calibration, with and without faith in the stamps, and what both
+    calibrations make of images that had no part in ours.
     """
     folder = Path(os.environ.get("TRACKER_SHARED_DATA", "")) / RECORDING
     if not os.environ.get("TRACKER_SHARED_DATA") or not folder.is_dir():
@@ -57,6 +57,8 @@ def board_section() -> Figures:
     figures = _against("board", found, shipped)
     for name, camera in camera_figures(found).items():
         figures |= {f"board.{name}.later_ms": 1e3 * camera.clock_s, f"board.{name}.jitter_ms": 1e3 * camera.jitter_s}
+    if quick:
+        return figures
     lenses = {camera.name: camera.model for camera in shipped}
     for key, clocks in (("board.shipped_lenses", "free"), ("board.shipped_lenses.exact_stamps", "exact")):
         other = calibrate_rig(RECORDED_BOARD, seen, BoardRigOptions(free_lenses=False, clocks=clocks), lenses)
@@ -120,9 +122,10 @@ def differences(found: CameraRig, true: CameraRig) -> tuple[list[float], list[fl
     return places, turns, focal
 
 
-def synthetic_rig_section(trials: int = 5) -> Figures:
+def synthetic_rig_section(quick: bool = False) -> Figures:
     """Six cameras of three lens models around a room, corners with 0.3 px of noise; the worst camera, of the median trial."""
-    worst = []
+    worst: list[tuple[float, ...]] = []
+    trials = 1 if quick else 5
     for seed in range(trials):
         rng = np.random.default_rng(seed)
         rig = room()
