@@ -19,7 +19,7 @@ from .start_parts import LimbAlternatives
 _DOUBTFUL = 0.05  # probability of being lost, of a limb that is looked for elsewhere...
 _LOST = 0.5  # ...and that teaches nothing about the rest of the body
 _ELSEWHERE = 4  # places that are tried for it
-_ROUNDS = 3
+_ROUNDS = 2
 _BETTER = 0.01  # share of the standing that another place of a limb must add
 _RIVAL = 0.85  # of the best one's standing: with less, a start is out
 _SAME = 0.05  # of the body's size: states whose landmarks differ less, on average, are the same
