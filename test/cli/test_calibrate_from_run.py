@@ -68,6 +68,8 @@ def test_a_rig_that_is_right_stays(run, tmp_path, capsys):
         ("refine", ["--points2d", "pose"], "no --points2d"),
         ("refine", ["--keep-places", "--keep-times"], "something that may change"),
         ("refine", ["--center-sigma-mm", "-1"], "positive number"),
+        ("refine", ["--drift", "--keep-times"], "no --keep-times"),
+        ("refine", ["--drift"], "drift needs a run of 15 s"),
     ],
 )
 def test_options_that_contradict_each_other(run, tmp_path, capsys, what, arguments, message):

@@ -48,6 +48,7 @@ class RigFitOptions:
     ----------
     places, times, focal : what of the cameras is sought.
     center_sigma_m, rotation_sigma_rad, time_sigma_s, focal_sigma : how far it may be from what the rig says.
+    sure_sigmas : a delay of fewer standard deviations is taken for none; 0 leaves them all.
     body : how poses are fitted; its ``groups`` say what of the body may change as well (by default nothing).
     """
 
@@ -58,6 +59,7 @@ class RigFitOptions:
     rotation_sigma_rad: float = 0.03
     time_sigma_s: float = 0.05
     focal_sigma: float = 0.03
+    sure_sigmas: float = SURE_SIGMAS
     body: BodyFitOptions = field(default_factory=lambda: BodyFitOptions(groups=()))
 
     def sigmas(self) -> np.ndarray:
@@ -155,7 +157,7 @@ def fit_rig(
     after = before
     for robust_px in body.robust_px:
         after = loop.run("cameras", problem, after, robust_px, body.rounds).estimate
-    problem, after, time_sigmas_s = _without_doubtful_times(problem, after, loop, body)
+    problem, after, time_sigmas_s = _without_doubtful_times(problem, after, loop, options)
     lines = loop.draw(held, before), loop.draw(problem, after)
     figures = residuals_of(held, before, lines[0]), residuals_of(problem, after, lines[1])
     for i, camera in enumerate(rig):
@@ -176,7 +178,7 @@ def _sigmas(problem: Problem, estimate: Estimate, lines: Sequence[ContourLines],
     return np.sqrt(max(1.0, misfit_of(problem, estimate, lines))) * settled_sigmas(problem.rig, covariance)
 
 
-def _without_doubtful_times(problem: Problem, estimate: Estimate, loop: JointFit, body: BodyFitOptions):
+def _without_doubtful_times(problem: Problem, estimate: Estimate, loop: JointFit, options: RigFitOptions):
     """The problem and the estimate with those cameras held in common time whose delay is not surely one.
 
     A slow body tells little about time, and a rig with wrong time offsets makes no image sets. With them the standard deviations
@@ -184,11 +186,12 @@ def _without_doubtful_times(problem: Problem, estimate: Estimate, loop: JointFit
     """
     if not np.any(problem.shared.cameras[:, TIME]):
         return problem, estimate, np.zeros(len(problem.rig))
+    body = options.body
     sigmas = _sigmas(problem, estimate, loop.draw(problem, estimate), body.robust_px[-1])[:, TIME]
     cameras = estimate.cameras.copy()
     common_s = float(np.median(cameras[:, TIME]))
     cameras[:, TIME] -= common_s
-    doubtful = np.abs(cameras[:, TIME]) < SURE_SIGMAS * sigmas
+    doubtful = np.abs(cameras[:, TIME]) < options.sure_sigmas * sigmas
     cameras[doubtful, TIME] = 0.0
     states = tuple(s.retract(common_s * m.velocity) for s, m in zip(estimate.states, problem.motions, strict=True))
     shared = problem.shared.cameras.copy()

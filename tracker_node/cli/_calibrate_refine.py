@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from dataclasses import replace
 from pathlib import Path
 
 from ._calibrate_body import check
@@ -40,6 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", metavar="FILE", help="with --from-run: body of the run (default: what the run names)")
     parser.add_argument("--keep-places", action="store_true", help="with --from-run: only time offsets (and focal lengths)")
     parser.add_argument("--keep-times", action="store_true", help="with --from-run: only places (and focal lengths)")
+    parser.add_argument(
+        "--drift", action="store_true", help="with --from-run: clocks may run at different rates, too (long runs)"
+    )
     parser.add_argument("--focal", action="store_true", help="with --from-run: focal lengths as well")
     parser.add_argument(
         "--center-sigma-mm", type=float, default=30.0, metavar="MM",
@@ -59,6 +63,7 @@ def _from_run(args: argparse.Namespace) -> int:
     """Places and clocks from the images in which a run has tracked a body."""
     from ..calibration.body_fit import BodyFitOptions
     from ..calibration.body_fit_report import rig_figures, write_rig_report
+    from ..calibration.rig_drift import stretches
     from ..calibration.rig_fit import RigFitOptions, fit_rig
     from ..evaluation.metrics_file import write_metrics
     from ..loaders.rig_yaml import read_rig_file, write_rig_file
@@ -70,23 +75,63 @@ def _from_run(args: argparse.Namespace) -> int:
     page = report.with_suffix(".html")
     refuse_to_overwrite(args, args.output, report, page)
     images = load_run_images(args)
+    if args.drift:
+        check(not args.keep_times, "--drift", "no --keep-times beside it")
+        check(images.first_image == 0, "--drift", "a run from the first images on", f"one from image {images.first_image}")
+        stretches([1e-9 * image_set.stamp_ns for image_set in images.sets])  # refuses what is too short before the work begins
     options = RigFitOptions(
         places=not args.keep_places, times=not args.keep_times, focal=args.focal, center_sigma_m=1e-3 * args.center_sigma_mm,
         body=BodyFitOptions(groups=(), config=images.config),
     )  # fmt: skip
     progress = None if args.quiet else FitProgress("calibrate refine")
     evidence = images.evidence(args.evidence)
-    fit = fit_rig(
-        images.model, images.rig, images.sets, images.states, images.velocities, options, progress, evidence=evidence
-    )
-    write_rig_file(
-        changed(read_rig_file(images.rig_path), images.rig, fit), args.output, base_dir=Path(images.rig_path).parent
-    )
+    fit = fit_rig(images.model, images.rig, images.sets, images.states, images.velocities, options, progress, evidence=evidence)
+    clocks = _drift(args, images, fit, options, progress) if args.drift else {}
+    rig_file = with_drift(changed(read_rig_file(images.rig_path), images.rig, fit), fit, clocks, images.begins_s)
+    write_rig_file(rig_file, args.output, base_dir=Path(images.rig_path).parent)
     write_rig_report(page, images.model, images.rig, images.sets, fit)
-    write_metrics(report, rig_figures(fit))
+    write_metrics(report, rig_figures(fit) | drift_figures(clocks))
     print_cameras(fit)
+    for name, clock in clocks.items():
+        print(f"{name:12} drift {1e6 * clock.drift:8.1f} +- {1e6 * clock.drift_sigma:6.1f} ppm")
     print(f"wrote {args.output}, {page} and {report}")
     return 0
+
+
+def _drift(args: argparse.Namespace, images, fit, options, progress):
+    """Clocks by stretches of the run, the cameras where ``fit`` has them."""
+    from ..calibration.rig_drift import fit_drift, stretches
+    from ..calibration.rig_fit import fit_rig
+
+    stamps_s = [1e-9 * image_set.stamp_ns for image_set in images.sets]
+    options = replace(options, places=False, focal=False, sure_sigmas=0.0)
+    images = replace(images, states=fit.states)
+
+    def fit_stretch(rows):
+        part = images.subset(rows)
+        evidence = part.evidence(args.evidence)
+        return fit_rig(part.model, fit.rig, part.sets, part.states, part.velocities, options, progress, evidence=evidence)
+
+    return fit_drift(stamps_s, stretches(stamps_s), fit_stretch)
+
+
+def with_drift(rig_file, fit, clocks, begins_s: float):
+    """The rig file with the offsets of ``clocks`` instead of those of ``fit``, and their drift from the run's beginning on."""
+    cameras = dict(rig_file.cameras)
+    for name, clock in clocks.items():
+        entry = cameras[name]
+        offset_s = entry.time_offset_s - fit.cameras[name].later_s + clock.later_s + clock.drift * (begins_s - clock.middle_s)
+        ppm = entry.time_drift_ppm + 1e6 * clock.drift * (1.0 + 1e-6 * entry.time_drift_ppm)
+        cameras[name] = entry.model_copy(update={"time_offset_s": offset_s, "time_drift_ppm": ppm})
+    return rig_file.model_copy(update={"cameras": cameras})
+
+
+def drift_figures(clocks) -> dict[str, float | int]:
+    """Figures of clocks as flat metrics, ``refine.<camera>.drift_ppm`` and its sigma."""
+    figures: dict[str, float | int] = {}
+    for name, clock in clocks.items():
+        figures |= {f"refine.{name}.drift_ppm": 1e6 * clock.drift, f"refine.{name}.drift_sigma_ppm": 1e6 * clock.drift_sigma}
+    return figures
 
 
 def changed(rig_file, given, fit):

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
+
 from ._calibrate_body import check
 from ._run_images import refuse_to_overwrite
 
@@ -80,7 +82,8 @@ def _motions(args: argparse.Namespace, rig) -> list:
         return list(pool.map(measured, range(len(sources))))
 
 
-def _beginning(source, seconds: float) -> Iterator[tuple[int, object]]:
+def _beginning(source, seconds: float) -> Iterator[tuple[int, np.ndarray]]:
+    """Images of the first seconds."""
     first_ns = None
     for stamp_ns, image in source:
         first_ns = stamp_ns if first_ns is None else first_ns

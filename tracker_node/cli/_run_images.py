@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +26,10 @@ EVIDENCE = ("region", "silhouette")
 
 @dataclass(frozen=True, eq=False)
 class RunImages:
-    """Chosen image sets of a run, with states and velocities (tangent a second), in the order of time."""
+    """Chosen image sets of a run, with states and velocities (tangent a second), in the order of time.
+
+    ``begins_s`` is the stamp of the run's first set, ``first_image`` the number of its images in their sources.
+    """
 
     rig: CameraRig
     model: ArticulatedModel
@@ -37,6 +40,13 @@ class RunImages:
     sets: tuple[ImageSet, ...]
     states: tuple[State, ...]
     velocities: tuple[np.ndarray, ...]
+    begins_s: float
+    first_image: int
+
+    def subset(self, rows: np.ndarray) -> RunImages:
+        """Only some of the image sets."""
+        sets, states, velocities = (tuple(x[i] for i in rows) for x in (self.sets, self.states, self.velocities))
+        return replace(self, sets=sets, states=states, velocities=velocities)
 
     def evidence(self, kind: str) -> LineEvidence:
         """Of a kind of `EVIDENCE`."""
@@ -99,6 +109,7 @@ def load_run_images(args: argparse.Namespace) -> RunImages:
         tuple(images[int(run.stamps_ns[i])] for i in found),
         tuple(_state(run, i) for i in found),
         tuple(velocity_at(run, i) for i in found),
+        1e-9 * float(run.stamps_ns[0]), int((run.info.get("options") or {}).get("start") or 0),
     )  # fmt: skip
 
 
