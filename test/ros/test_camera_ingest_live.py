@@ -80,19 +80,22 @@ def test_a_stream_that_breaks_is_picked_up_again(probe, launch, rig_file, tmp_pa
     with BagReader(bag) as reader:
         recorded = [message for _, message in reader.decoded("/cam1/image_raw/compressed")]
         lens_size = {(m.width, m.height) for _, m in reader.decoded("/cam1/camera_info")}
-    assert bytes(recorded[0].data) == numbered_jpeg(0)  # as the camera sent it, at its own size
+    assert {bytes(m.data) for m in recorded} <= {numbered_jpeg(i) for i in range(20)}  # as the camera sent them, at their size
     assert lens_size == {(WIDTH, HEIGHT)} and len(recorded) >= len(small)
 
 
 def test_a_stream_that_is_silent_but_open_is_connected_to_again(probe, launch, rig_file, stream):
     images = probe.listen(Image, "cam1/image_raw")
-    launch("camera_ingest", "--rig", rig_file, "--cameras", "cam1", "--source", f"cam1={stream.url}")
+    process = launch("camera_ingest", "--rig", rig_file, "--cameras", "cam1", "--source", f"cam1={stream.url}")
     probe.spin_until(lambda: len(images) > 5, "images")
     stream.pause.set()
     probe.spin_until(lambda: is_at(probe, "cam1", DiagnosticStatus.ERROR), "silence is told")
     stream.pause.clear()
     n = len(images)
     probe.spin_until(lambda: len(images) > n + 5, "images again")
+    stream.pause.set()
+    process.interrupt()
+    process.wait()  # though it waits for an image
 
 
 def test_jpeg_images_of_a_stream_pass_through_and_a_camera_may_be_uncalibrated(probe, launch, stream):
@@ -237,6 +240,8 @@ def test_mistakes_about_sources_are_one_line(launch, rig_file, tmp_path):
     }
     started = {text: launch("camera_ingest", "--rig", rig_file, *options) for text, options in said.items()}
     started["nothing to publish"] = launch("camera_ingest")
+    live = ("--rig", rig_file, "--model", rig_file.parent / "model.yaml", "--source", "cam1=http://127.0.0.1:9/")
+    started["cam1: live cameras do not wait for the tracker: give --real-time"] = launch("pipeline", *live)
     for text, process in started.items():
         assert process.wait() == 2, process.err
         assert text in process.err and len(process.err.splitlines()) == 1, process.err

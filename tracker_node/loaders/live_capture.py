@@ -16,6 +16,7 @@ from .v4l2_device import VideoDevice
 
 OPEN_TIMEOUT_MS = READ_TIMEOUT_MS = 4000  # a stream that says nothing for so long is gone
 _CLOCK_SLACK_NS = 10**10  # a device's stamp farther than this from now is of another clock
+_WAITS_S, _MOST_STORED = 0.02, 300  # how long a stream without a rate lets wait; images that can have been stored
 _MJPG = cv2.VideoWriter.fourcc(*"MJPG")
 _UNCONVERTED = ("GREY", "BA81", "GBRG", "GRBG", "RGGB", "Y8  ")  # one byte a pixel
 
@@ -37,13 +38,16 @@ class _OpenCvCapture(LiveCapture):
         self._jpeg = False
 
     def read(self) -> tuple[int, np.ndarray | bytes] | None:
-        if not self._capture.grab():
+        if not self._grab():
             return None
         stamp_ns = self._stamp_ns()
         ok, image = self._capture.retrieve()
         if not ok or image is None:
             return None
         return stamp_ns, image.tobytes() if self._jpeg else image
+
+    def _grab(self) -> bool:
+        return self._capture.grab()
 
     def _stamp_ns(self) -> int:
         return time.time_ns()
@@ -54,6 +58,9 @@ class _OpenCvCapture(LiveCapture):
 
 class StreamCapture(_OpenCvCapture):
     """A stream of the network; one of JPEG images gives these as they come.
+
+    To learn what a stream is, FFmpeg reads up to a second of it. These images would all come at once, with stamps of the same
+    moment: they are left out.
 
     Raises
     ------
@@ -67,6 +74,25 @@ class StreamCapture(_OpenCvCapture):
             raise SourceError(url, "no answer, or no video that OpenCV can decode")
         if int(self._capture.get(cv2.CAP_PROP_FOURCC)) == _MJPG:
             self._jpeg = self._capture.set(cv2.CAP_PROP_FORMAT, -1)  # packets as they are
+        self._has_image = self._skip_stored()
+
+    def _skip_stored(self) -> bool:
+        """Until an image has to be waited for, which is the current one then; False if there is none."""
+        rate_hz = self._capture.get(cv2.CAP_PROP_FPS)
+        waits_s = 0.5 / rate_hz if 1.0 < rate_hz < 200.0 else _WAITS_S
+        for _ in range(_MOST_STORED):
+            began_s = time.monotonic()
+            if not self._capture.grab():
+                return False
+            if time.monotonic() - began_s > waits_s:
+                break
+        return True
+
+    def _grab(self) -> bool:
+        if self._has_image:
+            self._has_image = False
+            return True
+        return super()._grab()
 
 
 class DeviceCapture(_OpenCvCapture):
