@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from small_studio import RATE_HZ, Recording, recording
 
+from tracker_node.cli.evaluate import _untold
 from tracker_node.errors import FileFormatError
+from tracker_node.evaluation.run_offline import _Record
 from tracker_node.geometry import se3, so3
 from tracker_node.loaders.state_yaml import dump_state, load_state
 from tracker_node.model.articulated_model import ArticulatedModel, Landmark, Shape
@@ -70,6 +72,17 @@ def test_what_one_camera_cannot_see_shows_in_the_covariance():
     axis, truth = T[:3, 2], clip.states[-1].T_world_root[:3, 2]
     assert np.rad2deg(np.arccos(min(1.0, axis @ truth))) < 4.0
     assert clip.errors_mm([last])[0].shape == (2,)
+
+
+def test_what_one_camera_cannot_see_is_named_by_an_offline_run_and_its_report():
+    clip = turning("bottle")
+    record = _Record(clip.model)
+    for estimate in tracked(clip):
+        record.add(estimate)
+    (found,) = record.untold.values()
+    assert found["what"].startswith("root rotation about") and found["sets"] == len(clip.sets)
+    (said,) = _untold({"unobservable": [found]})
+    assert found["what"] in said and _untold({"unobservable": []}) == []
 
 
 def test_a_mesh_with_a_hole_is_tracked():

@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
     evaluation = evaluate(tracked, model, truth, options, truth_is_trc=Path(args.truth).suffix.lower() == ".trc")
     rig_path = args.rig or _named(tracked.info, "rig")
     evaluation, pictures, problems = _look_at_images(args, tracked, model, rig_path, evaluation, first_image)
-    problems = [*_contradicted(tracked.info), *problems]
+    problems = [*_contradicted(tracked.info), *_untold(tracked.info), *problems]
     folder = Path(args.output or (args.run if Path(args.run).is_dir() else Path(args.run).parent))
     sources = {"run": args.run, "truth": args.truth, "model": str(model_path), "rig": str(rig_path or "not given")}
     figures = report.write_report(folder, evaluation, pictures, report.ReportContext(sources, problems, targets))
@@ -117,6 +117,12 @@ def _contradicted(info: Any) -> list[str]:
     """A sentence for each camera that the others have contradicted during the run."""
     found = info.get("contradicted_cameras") or []
     return [f"{entry['said']}; so it was found after {entry['sets']} of the image sets." for entry in found]
+
+
+def _untold(info: Any) -> list[str]:
+    """A sentence on each degree of freedom, or direction, that the images of the run have not told."""
+    found = info.get("unobservable") or []
+    return [f"The images of {entry['sets']} sets do not tell the {entry['what']}; it is guessed there." for entry in found]
 
 
 def _named(info: Any, key: str) -> str | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -23,6 +24,7 @@ from ..model.configuration import State
 from ..observation.image_set import ImageSet
 from ..tracking.config import TrackerConfig, flatten
 from ..tracking.estimate import Status, TrackEstimate
+from ..tracking.observability import unobservable
 from ..tracking.tracker import Tracker
 from .image_sets import BagStream, ImageSetStream, SourceStream, rig_of_bag
 from .metrics_file import command_line, cpu, versions
@@ -88,7 +90,7 @@ def run_offline(run: OfflineRun, output: str | Path, progress: Progress | None =
         if run.smooth_s is not None:
             smoothed = stack.enter_context(SmoothedWriter(output, run.model, run.config.motion, run.smooth_s))
             writers.append(lambda estimate, image_set: smoothed.append(estimate))
-        record = _Record()
+        record = _Record(run.model)
         try:
             _track(run, tracker, stream, writers, record, progress)
         except TrackerError as error:
@@ -108,10 +110,14 @@ def _stream_of(run: OfflineRun, rig: CameraRig, reader: BagReader | None) -> Ima
     return BagStream(rig, run.config.synchronizer, reader)
 
 
+_NUMBERS = re.compile(r" ?[(][^)]*[)]| ?[-+]?[0-9.]+")
+
+
 @dataclass
 class _Record:
     """What the summary needs of each estimate."""
 
+    model: ArticulatedModel
     began: float = field(default_factory=time.perf_counter)
     status: Counter = field(default_factory=Counter)
     stamps_ns: list[int] = field(default_factory=list)
@@ -119,6 +125,7 @@ class _Record:
     iterations: list[int] = field(default_factory=list)
     residual_px: list[float] = field(default_factory=list)
     faults: dict[tuple[str, str], dict[str, Any]] = field(default_factory=dict)
+    untold: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def add(self, estimate: TrackEstimate) -> None:
         self.status[estimate.status] += 1
@@ -126,6 +133,9 @@ class _Record:
         self.total_ms.append(estimate.timings.total_ms)
         self.iterations.append(estimate.iterations)
         self.residual_px.append(estimate.residual_px)
+        for name in [] if estimate.information is None else unobservable(estimate.information, self.model):
+            kind = _NUMBERS.sub("", name)  # axes turn with the body
+            self.untold[kind] = {"what": name, "sets": self.untold.get(kind, {"sets": 0})["sets"] + 1}
         for fault in estimate.faults:
             sets = self.faults.get((fault.camera, fault.kind), {"sets": 0})["sets"]
             found = {"camera": fault.camera, "kind": fault.kind, "said": fault.text, "since_ns": fault.since_ns, "sets": sets + 1}
@@ -168,6 +178,7 @@ def _summary(run: OfflineRun, stream: ImageSetStream, record: _Record) -> dict[s
         "images": stream.counters,
         "image_sets_not_formed": stream.sets_not_formed,
         "contradicted_cameras": list(record.faults.values()),
+        "unobservable": list(record.untold.values()),
         "errors": list(stream.errors),
         "options": dict(run.named_options),
         "parameters": flatten(run.config),

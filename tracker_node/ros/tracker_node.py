@@ -22,6 +22,7 @@ from ..model.configuration import State
 from ..observation.image_set import ImageSet
 from ..tracking.config import TrackerConfig
 from ..tracking.estimate import Status, TrackEstimate
+from ..tracking.observability import unobservable
 from ..tracking.tracker import Tracker
 from .conversions import camera_model_of, state_of_pose, values_with_changes
 from .diagnostics import ERROR, OK, STALE, WARN, Diagnostics, statuses_of
@@ -240,6 +241,16 @@ class TrackerNode(Node):
             self._diagnostics.report(f"{camera} against the others", OK, "agrees with them")
         self._contradicted = set(statuses)
 
+    def _report_untold(self) -> None:
+        """What the latest images do not tell of the body, by name; a warning where it is of the body as a whole."""
+        latest = self._worker.latest
+        if latest is None or latest.information is None:
+            return
+        names = unobservable(latest.information, self._options.model)
+        said = f"the images do not tell: {'; '.join(names)}" if names else "the images tell every degree of freedom"
+        whole = any(name.startswith("root") for name in names)
+        self._diagnostics.report("observability", WARN if whole else OK, said)
+
     def report(self) -> None:
         """Once a second: rates, and each camera."""
         now = time.monotonic()
@@ -263,6 +274,7 @@ class TrackerNode(Node):
             values["overflowed"] = self._inbox.overflowed[name]
             values["refused"] = counts.refused.get(name, 0)
             self._diagnostics.report(name, *self._camera_verdict(name, now), values)
+        self._report_untold()
         self._last_report = (now, counts.tracked, {name: counter["received"] for name, counter in counters.items()})
 
     def _camera_verdict(self, name: str, now: float) -> tuple[bytes, str]:

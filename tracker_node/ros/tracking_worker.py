@@ -22,7 +22,6 @@ from ..tracking.config import TrackerConfig
 from ..tracking.estimate import CameraReport, Status, Timings, TrackEstimate
 from .image_inbox import ImageInbox, Received
 
-
 _AT_ONCE = 2  # image sets that may wait in a graph that is watched live
 
 

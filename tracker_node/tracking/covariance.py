@@ -79,13 +79,14 @@ def _hardly_known(
     body: Configuration,
     status: StatusConfig,
 ) -> np.ndarray:
-    """What is added for directions of which the images say little: along them, and where their arcs lead."""
+    """What is added for directions of the joints that the images say little of: along them, and where their arcs lead."""
     variance, directions = np.linalg.eigh(covariance)
     weak = variance > _WELL_KNOWN
     variance, directions = variance[weak], directions[:, weak]
     told = _along(images.information, directions) / _along(total, directions)  # by the images; a prediction is as wide as it says
     relative = status.covariance_curvature * variance
-    more = np.clip(told, 0.0, 1.0) * status.covariance_excess * variance * relative / (1.0 + relative)
+    jointed = (directions[N_ROOT_DOF:] ** 2).sum(axis=0)
+    more = jointed * np.clip(told, 0.0, 1.0) * status.covariance_excess * variance * relative / (1.0 + relative)
     moved, twists = body.model.chain.link_moved_by, body.twists
     pulls = np.einsum("lab,klb->kla", images.normal, link_bends(body, directions))
     bends = inverse @ np.einsum("kla,na,ln->nk", pulls, twists, moved, optimize=True)

@@ -15,15 +15,15 @@ from ..model.configuration import Configuration, State
 from ..objective.contour_residual import assemble
 from ..objective.line_spacing import add_crowding
 from ..objective.region_objective import RegionObjective
-from .config import TrackerConfig
+from .config import StatusConfig
 from .covariance import ImageEvidence
 
 
 class LineErrors:
     """Of one body in the cameras of a rig."""
 
-    def __init__(self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig):
-        self._model, self._config, self._least_px = model, config.status, config.region.least_sigma_px
+    def __init__(self, rig: CameraRig, model: ArticulatedModel, config: StatusConfig):
+        self._model, self._config = model, config
         self._axes = np.array([camera.T_cam_world[:3, :3] for camera in rig])
         self._offsets = np.array([camera.T_cam_world[:3, 3] for camera in rig])
         self._focals = np.array([camera.model.params[:2] for camera in rig])
@@ -38,7 +38,7 @@ class LineErrors:
         chain, config, body = self._model.chain, self._config, Configuration(self._model, state)
         information = objective.linearize(state).H
         cameras, spread_px = objective.camera_equations(), objective.spread_px(state)
-        found = objective.line_variance if spread_px is None else max(spread_px, self._least_px) ** 2
+        found = objective.line_variance if spread_px is None else spread_px**2
         n_links = len(chain.links)
         normal, white, shifts = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6, 6)), np.zeros((n_links, 6, 2))
         for i, camera in enumerate(cameras):

@@ -85,7 +85,7 @@ class RegionEngine:
         self._objective = RegionObjective(rig, model, self._arrays, self._classes, options, parallel, self._occluders.depths)
         self._areas = LimbScore(rig, model, self._classes, config.evidence.shadow, region.clamp, parallel)
         self._limbs = LimbJudge(model, config.status)
-        self._errors = LineErrors(rig, model, config)
+        self._errors = LineErrors(rig, model, config.status)
         self._searches = RegionSearches(rig, model, config, self._limbs, self._fits())
         self.reset()
 

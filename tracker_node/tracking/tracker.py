@@ -97,6 +97,7 @@ class Tracker:
 
     def _restart(self, state: State | None) -> None:
         self._motion = MotionModel(self.model.chain, self.config.motion)
+        self._check.skip()  # how it got there is no velocity
         self._start, self._lost = state, 0
         self._unproven: int | None = 0  # image sets since the start in which a limb was lost; None: there was one without
         self.surety: float | None = None
@@ -184,7 +185,7 @@ class Tracker:
         if not self.config.self_check.enabled:
             return ()
         comparison = self._engine.comparison()
-        if comparison is None or verdict.status not in (Status.TRACKING, Status.DEGRADED):
+        if comparison is None or verdict.jumped or verdict.status not in (Status.TRACKING, Status.DEGRADED):
             self._check.skip()
             return self._check.faults
         return self._check.add(stamp_ns, comparison)
