@@ -128,6 +128,20 @@ def dlt_parameters(camera: Camera) -> np.ndarray:
     return (P / P[2, 3]).ravel()[:11]
 
 
+def camera_of_parameters(name: str, parameters: np.ndarray, image_size: tuple[int, int]) -> Camera:
+    """The camera, without distortion, of L1..L11 (11,); the world's origin is taken to lie in front of it.
+
+    Raises
+    ------
+    CalibrationError : pixels of a mirrored image (or an origin behind the camera), or parameters that are no camera's.
+    """
+    P = np.append(parameters, 1.0).reshape(3, 4)
+    if abs(np.linalg.det(P[:, :3])) < 1e-12 * np.linalg.norm(P[:, :3]):
+        raise CalibrationError(name, "its eleven parameters are no camera's (the projection is flat)")
+    K, T_world_cam = decompose(P, np.zeros((1, 3)), name)
+    return Camera(name, CameraModel(*image_size, K), T_world_cam)
+
+
 def reconstruct(parameters: np.ndarray, pixels: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Points from their pixels in two or more cameras, by least squares in the image.
 

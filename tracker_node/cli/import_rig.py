@@ -3,23 +3,34 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-SUMMARY = "turn calibrations of other programs (Pose2Sim, aniposelib, Caliscope, ROS camera_info) into a rig.yaml"
-EXAMPLE = "tracker_node import_rig --pose2sim Calib.toml --sources 'videos/cam{number:02}.mp4' -o rig.yaml"
+SUMMARY = "turn calibrations of other programs (Pose2Sim, aniposelib, Caliscope, ROS, OpenCV, Qualisys, DLT) into a rig.yaml"
+EXAMPLE = (
+    "tracker_node import_rig Calib.toml --sources 'videos/cam{number:02}.mp4' -o rig.yaml\n"
+    "  tracker_node import_rig intrinsics.yml extrinsics.yml --size 1280x720 --unit mm -o rig.yaml"
+)
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+_LARGEST_ROOM_M = 100.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    kind = parser.add_mutually_exclusive_group(required=True)
+    parser.add_argument(
+        "files", nargs="*", metavar="FILE", help="calibration, or several that belong together, of whatever program"
+    )
+    kind = parser.add_mutually_exclusive_group()
     kind.add_argument("--pose2sim", metavar="TOML", help="Pose2Sim, aniposelib or Caliscope calibration (lenses and places)")
     kind.add_argument("--camera-info", metavar="YAML", nargs="+", help="ROS camera_info files, one a camera (lenses only)")
     parser.add_argument(
         "--like",
         metavar="RIG",
-        help="with --camera-info: take the cameras' places from this rig.yaml; without it all stand at the world's origin",
+        help="with ROS camera_info: take the cameras' places from this rig.yaml; without it all stand at the world's origin",
     )
+    parser.add_argument("--size", metavar="WxH", help="size of the images, for files that do not say it (DLT, OpenCV)")
+    parser.add_argument("--unit", choices=tuple(UNITS), default="m", help="unit of the places in the file (default: %(default)s)")
     parser.add_argument(
         "--sources",
         metavar="PATTERN",
@@ -29,13 +40,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..loaders.pose2sim_toml import load_pose2sim
+    from ..loaders.rig_formats import CAMERA_INFO, TOML, detect_all
     from ..loaders.rig_yaml import CameraEntry, build_rig, rig_file_of, write_rig_file
 
-    if args.pose2sim:
-        rig_file = rig_file_of(load_pose2sim(args.pose2sim))
-    else:
-        rig_file = rig_file_of(_rig_of_lenses(args.camera_info, args.like))
+    files = args.files or args.camera_info or ([args.pose2sim] if args.pose2sim else [])
+    _check_files(args, files)
+    kind = CAMERA_INFO if args.camera_info else TOML if args.pose2sim else detect_all(files)
+    rig_file = rig_file_of(_in_metres(_load(kind, files, args), UNITS[args.unit]))
     if args.sources:
         entries: dict[str, CameraEntry] = {}
         for number, (name, entry) in enumerate(rig_file.cameras.items(), start=1):
@@ -44,9 +55,50 @@ def run(args: argparse.Namespace) -> int:
     write_rig_file(rig_file, args.output, base_dir=".")
     _report(build_rig(rig_file, "."))
     print(f"wrote {args.output}")
-    if args.camera_info and not args.like:
+    if kind == CAMERA_INFO and not args.like:
         print("The cameras' places are not known yet: put each T_world_cam into the file, or give a rig with --like.")
     return 0
+
+
+def _check_files(args: argparse.Namespace, files: list[str]) -> None:
+    from ..errors import SourceError
+
+    if not files:
+        raise SourceError("import_rig", "expected a calibration file")
+    if args.files and (args.pose2sim or args.camera_info):
+        raise SourceError(args.files[0], "expected files either as they are or behind --pose2sim or --camera-info, got both")
+
+
+def _load(kind: str, files: list[str], args: argparse.Namespace):
+    """The rig of files of a kind."""
+    from ..errors import FileFormatError
+    from ..loaders import rig_formats
+    from ..loaders.opencv_storage import load_opencv
+    from ..loaders.pose2sim_toml import load_pose2sim
+    from ..loaders.qualisys_xml import load_qualisys
+
+    if kind == rig_formats.CAMERA_INFO:
+        return _rig_of_lenses(files, args.like)
+    if kind == rig_formats.OPENCV:
+        return load_opencv(files, _size(args.size))
+    if len(files) > 1:
+        raise FileFormatError(files[1], "(file)", f"one file with all cameras ({kind})", f"{len(files)} files")
+    if kind == rig_formats.DLT:
+        return _rig_of_dlt(files[0], _size(args.size))
+    if kind == rig_formats.RIG:
+        raise FileFormatError(files[0], "(file)", "another program's calibration", "a rig.yaml, which needs no import")
+    return load_pose2sim(files[0]) if kind == rig_formats.TOML else load_qualisys(files[0])
+
+
+def _size(text: str | None) -> tuple[int, int] | None:
+    from ..errors import SourceError
+
+    if text is None:
+        return None
+    width, _, height = text.lower().partition("x")
+    if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
+        raise SourceError("--size", f"expected a size such as 1280x720, got '{text}'")
+    return int(width), int(height)
 
 
 def _source(pattern: str, name: str, number: int) -> str:
@@ -73,6 +125,32 @@ def _rig_of_lenses(files: list[str], like: str | None):
         T_world_cam = places[name].T_world_cam if places is not None else np.eye(4)
         cameras.append(Camera(name, model, T_world_cam))
     return CameraRig(tuple(cameras), places.world_frame if places is not None else "world")
+
+
+def _rig_of_dlt(file: str, size: tuple[int, int] | None):
+    from ..calibration.dlt import camera_of_parameters
+    from ..camera.camera_rig import CameraRig
+    from ..errors import FileFormatError
+    from ..loaders.dlt_text import load_dlt
+
+    if size is None:
+        raise FileFormatError(file, "(file)", "the size of the images beside DLT coefficients: give it with --size", "none")
+    cameras = [camera_of_parameters(f"cam{i}", values, size) for i, values in enumerate(load_dlt(file), start=1)]
+    return CameraRig(tuple(cameras))
+
+
+def _in_metres(rig, unit: float):
+    """The rig with its places multiplied; those that then cannot be metres are told."""
+    cameras = []
+    for camera in rig:
+        T_world_cam = camera.T_world_cam.copy()
+        T_world_cam[:3, 3] *= unit
+        cameras.append(replace(camera, T_world_cam=T_world_cam))
+    centers = np.array([camera.center for camera in cameras])
+    apart = np.linalg.norm(centers[:, None] - centers[None], axis=2)
+    if apart.max(initial=0.0) > _LARGEST_ROOM_M:
+        print(f"note: the cameras are {apart.max():.0f} m apart; if the file is in millimetres, say --unit mm")
+    return replace(rig, cameras=tuple(cameras))
 
 
 def _report(rig) -> None:

@@ -7,7 +7,6 @@ the world to the camera. Cameras that Caliscope is told to ``ignore`` are left o
 
 from __future__ import annotations
 
-import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,6 +17,7 @@ from ..camera.camera_model import CameraModel
 from ..camera.camera_rig import Camera, CameraRig
 from ..errors import CalibrationError, FileFormatError
 from ..geometry import se3, so3
+from .camera_name import identifier
 
 
 def load_pose2sim(path: str | Path) -> CameraRig:
@@ -51,7 +51,7 @@ def _flat(tables: Mapping) -> dict[str, dict]:
 
 
 def _camera(path: Path, key: str, table: dict) -> Camera:
-    name = _identifier(str(table.get("name", key)))
+    name = identifier(str(table.get("name", key)))
     size = _numbers(path, f"{key}.size", table.get("size"), (2,))
     if not np.all((size >= 1) & (size <= 100_000) & (size == np.round(size))):
         raise FileFormatError(path, f"{key}.size", "width and height in whole pixels", table.get("size"))
@@ -83,12 +83,6 @@ def _camera(path: Path, key: str, table: dict) -> Camera:
     except ValueError as error:
         raise FileFormatError(path, key, "a camera that can be built", str(error)) from error
     return Camera(name, model, se3.inverse(T_cam_world))
-
-
-def _identifier(name: str) -> str:
-    """A name that can be part of a topic: ``0`` becomes ``cam_0``."""
-    name = re.sub(r"\W", "_", name, flags=re.ASCII)
-    return name if name.isidentifier() else f"cam_{name}"
 
 
 def _numbers(path: Path, field: str, value: object, shape: tuple[int, ...] | None) -> np.ndarray:
