@@ -25,6 +25,8 @@ from ..loaders.live_capture import check_live_settings
 from ..loaders.source_address import BAG, SourceAddress, parse_source
 from ..loaders.source_image import check_fields
 
+_LONGEST_BETWEEN_STARTS_S = 3600
+
 
 @dataclass(frozen=True)
 class IngestCamera:
@@ -123,7 +125,7 @@ def open_cameras(chosen: Sequence[IngestCamera], options: SourceOptions, preload
 
     Raises
     ------
-    TrackerError : when not a single one can be used.
+    TrackerError : when not a single one can be used, or recordings have no clock in common.
     """
     cameras: dict[str, IngestCamera] = {}
     recorded: dict[str, ImageSource] = {}
@@ -146,7 +148,21 @@ def open_cameras(chosen: Sequence[IngestCamera], options: SourceOptions, preload
             first = first or error
     if not cameras and first is not None:
         raise first
+    _check_common_clock(recorded)
     return OpenedCameras(cameras, recorded, problems)
+
+
+def _check_common_clock(recorded: Mapping[str, ImageSource]) -> None:
+    """Recordings go out in the order of their stamps: one whose stamps are of another clock would never be its turn."""
+    began = {name: source.stamp_ns(source.options.start) for name, source in recorded.items()}
+    first, last = min(began, key=began.__getitem__, default=""), max(began, key=began.__getitem__, default="")
+    if began and began[last] - began[first] > _LONGEST_BETWEEN_STARTS_S * 10**9:
+        seconds = (began[last] - began[first]) / 1e9
+        raise SourceError(
+            recorded[last].path,
+            f"camera '{last}' begins {seconds:.0f} s after camera '{first}': their stamps are of different clocks"
+            " (give stamps, stamp_file or time_offset_s in the rig, or publish them one by one with --cameras)",
+        )
 
 
 def _with_kept_lens(camera: IngestCamera) -> IngestCamera:
