@@ -15,7 +15,8 @@ from tracker_node.calibration.board_adjustment import BoardAdjustmentOptions, Bo
 from tracker_node.calibration.board_detection import CameraViews, detect_boards
 from tracker_node.calibration.board_figures import camera_figures, rms
 from tracker_node.calibration.board_instants import velocities
-from tracker_node.calibration.board_rig import BoardRig, BoardRigOptions, calibrate_rig, rows_of
+from tracker_node.calibration.board_refinement import BoardRigOptions, rows_of
+from tracker_node.calibration.board_rig import BoardRig, calibrate_rig
 from tracker_node.calibration.board_start import place_boards
 from tracker_node.camera.camera_model import CameraModel
 from tracker_node.camera.camera_rig import Camera, CameraRig

@@ -7,7 +7,7 @@ from finite_difference import assert_jacobian, numerical_jacobian
 
 from tracker_node.calibration.board_adjustment import BoardAdjustmentOptions, BoardState, _moved, _Problem, adjust_boards
 from tracker_node.calibration.board_instants import group_views, velocities
-from tracker_node.calibration.board_rig import rows_of
+from tracker_node.calibration.board_refinement import rows_of
 from tracker_node.calibration.lens_parameters import lens_jacobian, lens_of_vector, lens_vector
 from tracker_node.camera.camera_model import CameraModel
 from tracker_node.geometry import se3

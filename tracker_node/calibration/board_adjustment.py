@@ -11,7 +11,7 @@ be sought as well (the stamps are eliminated, too: each stands in its view's equ
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -37,10 +37,6 @@ class BoardObservations:
     corner: np.ndarray
     pixels: np.ndarray
     late_s: np.ndarray
-
-    def where(self, keep: np.ndarray) -> BoardObservations:
-        """Some of the rows."""
-        return BoardObservations(*(getattr(self, entry.name)[keep] for entry in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)

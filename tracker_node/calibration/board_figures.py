@@ -9,7 +9,8 @@ import numpy as np
 from ..geometry import se3
 from .board_adjustment import BoardObservations
 from .board_equations import CLOCK, N_PLACE
-from .board_rig import BoardRig, rows_of, view_errors
+from .board_refinement import rows_of, view_errors
+from .board_rig import BoardRig
 from .triangulation import reproject, triangulate
 
 _CELLS = 8  # along the longer side of an image, for the share that is covered
@@ -143,6 +144,6 @@ def rig_figures(found: BoardRig) -> dict[str, float | int]:
 
 def worst_views(found: BoardRig, n: int = 5) -> list[tuple[str, int, float]]:
     """(camera, image, rms px) of the views that fit worst among those used."""
-    errors = view_errors(found.rig.names, found.instants, found.adjustment.residuals_px)
+    errors = view_errors(found.instants, found.adjustment.residuals_px)
     order = sorted(errors, key=lambda key: -errors[key])[:n]
     return [(name, found.instants[k].views[name].image, errors[k, name]) for k, name in order]

@@ -26,12 +26,6 @@ class BoardInstant:
         stamps = [view.stamp_ns for view in self.views.values()]
         return min(stamps) + round(float(np.mean([stamp - min(stamps) for stamp in stamps])))
 
-    @property
-    def spread_s(self) -> float:
-        """Seconds between the first and the last image."""
-        stamps = [view.stamp_ns for view in self.views.values()]
-        return (max(stamps) - min(stamps)) / NS_PER_S
-
 
 def group_views(views: Mapping[str, Sequence[BoardView]], tolerance_s: float) -> list[BoardInstant]:
     """Views of one instant together: stamps within ``tolerance_s`` of the earliest, one view of a camera; in order of time."""

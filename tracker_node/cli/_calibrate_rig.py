@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _options(args: argparse.Namespace):
-    from ..calibration.board_rig import BoardRigOptions
+    from ..calibration.board_refinement import BoardRigOptions
 
     for option, value in (("--stamp-sigma-ms", args.stamp_sigma_ms), ("--tolerance-ms", args.tolerance_ms)):
         if value is not None and not 0.0 < value < 1e4:
