@@ -83,4 +83,4 @@ def _line(times: np.ndarray, delays: np.ndarray, sigmas: np.ndarray, middle_s: f
         value = np.array([np.sum(delays / sigmas**2) / np.sum(sigmas**-2.0), 0.0])
         if abs(value[0]) < SURE_SIGMAS * deviations[0]:
             value[0] = 0.0
-    return ClockDrift(*(float(v) for v in (value[0], deviations[0], value[1], deviations[1])), middle_s)
+    return ClockDrift(float(value[0]), float(deviations[0]), float(value[1]), float(deviations[1]), middle_s)

@@ -20,7 +20,7 @@ from ..errors import CalibrationError
 from .time_offsets_motion import MotionProfiles
 
 DRIFT_SIGMA = 200e-6  # of what the clocks of cameras differ by; quartz has 50 to 100 millionths
-SURE_SIGMAS = 3.0  # an offset or drift of fewer is taken for none
+SURE_SIGMAS = (3.0, 2.0)  # an offset, a drift, of fewer is taken for none; drift also has a prior
 LEAST_DRIFT_S = 20.0  # a shorter recording does not tell drift
 _LEAST_OVERLAP = 0.4  # of the shorter recording
 _LEAST_OVERLAP_S = 0.5
@@ -270,7 +270,7 @@ def _solved(pairs, motions: Sequence[MotionProfiles], runners_up: Sequence[float
         values = values - np.median(values, axis=0)
         gauge = np.kron((n * np.eye(n) - 1.0) / (n - 1), np.eye(width))  # of each camera against the mean of the others
         sigmas = np.sqrt(np.maximum(np.diag(gauge @ covariance @ gauge.T), 0.0)).reshape(n, width)
-        doubtful = np.abs(values) < SURE_SIGMAS * sigmas
+        doubtful = np.abs(values) < np.array(SURE_SIGMAS[:width]) * sigmas
         if not held.any():
             free_sigmas, free_covariance = sigmas, gauge @ covariance @ gauge.T
         held = doubtful
