@@ -80,11 +80,10 @@ def without_blur(views: list[BoardView]) -> tuple[list[BoardView], int]:
 
 
 def _detect(source: ImageSource, board: Board, every_s: float, counter: _Counter) -> CameraViews:
-    detector, views, looked_at, picture, first_ns = BoardDetector(board), [], 0, None, None
+    detector, views, looked_at, picture = BoardDetector(board), [], 0, None
     for number, (stamp_ns, bgr) in enumerate(source):
         counter.add()
-        first_ns = stamp_ns if first_ns is None else first_ns
-        if every_s and (1e-9 * (stamp_ns - first_ns)) % every_s >= BURST / source.rate_hz - 1e-6:
+        if every_s and 1e-9 * (stamp_ns % round(1e9 * every_s)) >= BURST / source.rate_hz - 1e-6:
             continue
         looked_at += 1
         view = detector.find(bgr, stamp_ns, number)
