@@ -59,6 +59,8 @@ class LiveSource:
                 yield from self._one_connection()
             except TrackerError as error:
                 self._lost(str(error))
+            except Exception as error:  # a decoder's own failure
+                self._lost(f"{type(error).__name__}: {error}")
             wait_s = self._retry_s[0] if self.connection.received > before else min(2.0 * wait_s, self._retry_s[1])
             self._closed.wait(wait_s)
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import threading
 import time
 from dataclasses import dataclass, field
-from functools import partial
 
+import numpy as np
 from rclpy.node import Node
 
 from ..errors import SourceError
@@ -106,7 +106,10 @@ class CameraIngestNode(Node):
         def publish(image: SourceImage, native_size: tuple[int, int]) -> None:
             outlet.publish(image, native_size, image.stamp_ns)
 
-        record = None if self._recorder is None else partial(self._recorder.record, camera)
+        def record(stamp_ns: int, content: np.ndarray | bytes) -> None:
+            if self._recorder is not None:
+                self._recorder.record(outlet.camera, stamp_ns, content)
+
         return LiveCamera(camera, self._live_images(camera), self._options.source, publish, record)
 
     def _live_images(self, camera: IngestCamera) -> LiveImages:
@@ -187,11 +190,11 @@ class CameraIngestNode(Node):
 
     def _publish(self, instant: Instant, shift_ns: int = 0, late: bool = False) -> None:
         for fed in instant.images:
-            camera, source, image = self._opened.cameras[fed.camera], self._opened.recorded[fed.camera], fed.image
+            outlet, source, image = self._outlets[fed.camera], self._opened.recorded[fed.camera], fed.image
             stamp_ns = image.stamp_ns + shift_ns
             if self._recorder is not None and image.original is not None:
-                self._recorder.record(camera, stamp_ns, image.original)
-            self._outlets[fed.camera].publish(image, (source.native_width, source.native_height), stamp_ns)
+                self._recorder.record(outlet.camera, stamp_ns, image.original)
+            outlet.publish(image, (source.native_width, source.native_height), stamp_ns)
             counts = self._recorded[fed.camera]
             counts.published += 1
             counts.late += late

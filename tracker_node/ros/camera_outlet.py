@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from rclpy.duration import Duration
@@ -13,7 +14,7 @@ from ..camera.camera_model import CameraModel
 from ..errors import CalibrationError, TrackerError
 from ..loaders.camera_info_url import save_lens
 from ..loaders.source_image import JPEG, SourceImage
-from .conversions import ImageBuffer, camera_info_message, camera_model_of, compressed_message, jpeg_message
+from .conversions import ImageBuffer, camera_info_message, camera_model_of, compressed_message, jpeg_message, stamp_message
 from .ingest_cameras import IngestCamera
 from .qos import RESULT, images_published
 
@@ -22,10 +23,14 @@ class CameraOutlet:
     """Publishers, message memory and calibration of one camera.
 
     Only one thread may publish. A calibration that the service takes holds from the next image on.
+
+    Attributes
+    ----------
+    camera : with the lens that holds now.
     """
 
     def __init__(self, node: Node, camera: IngestCamera, depth: int, compressed: bool):
-        self._camera, self._lens = camera, camera.lens
+        self.camera = camera
         name = camera.name
         self.infos = node.create_publisher(CameraInfo, f"{name}/camera_info", RESULT)
         self.images = self.compressed = None
@@ -42,7 +47,7 @@ class CameraOutlet:
         """Publish an image with its calibration; ``native_size`` is (width, height) of the source's images."""
         self._native_size = native_size
         self._prepare(image)
-        self._info.header.stamp.sec, self._info.header.stamp.nanosec = divmod(int(stamp_ns), 10**9)
+        self._info.header.stamp = stamp_message(stamp_ns)
         self.infos.publish(self._info)
         if self.images is not None and image.pixels is not None:
             self.images.publish(self._buffer.fill(stamp_ns, image.pixels))
@@ -51,24 +56,24 @@ class CameraOutlet:
 
     def _prepare(self, image: SourceImage) -> None:
         """Messages for images of this kind; they change with a new calibration, or another connection to the camera."""
-        lens, size = self._lens, image.size
+        lens, size = self.camera.lens, image.size
         if self._published is not None and self._published[0] is lens and self._published[1:] == (size, image.encoding):
             return
         if image.pixels is not None:
-            self._buffer = ImageBuffer(self._camera.frame_id, *size, image.encoding)
+            self._buffer = ImageBuffer(self.camera.frame_id, *size, image.encoding)
         if lens is None:
             self._info = CameraInfo(width=size[0], height=size[1])  # K of zeros: uncalibrated
-            self._info.header.frame_id = self._camera.frame_id
+            self._info.header.frame_id = self.camera.frame_id
         else:
             own = lens if (lens.width, lens.height) == size else lens.resized(*size)
-            self._info = camera_info_message(0, self._camera.frame_id, own)
+            self._info = camera_info_message(0, self.camera.frame_id, own)
         self._published = lens, size, image.encoding
 
     def _compressed(self, image: SourceImage, stamp_ns: int) -> CompressedImage:
         as_it_came = image.pixels is None or (image.jpeg and image.size == self._native_size)
         if as_it_came:
-            return jpeg_message(stamp_ns, self._camera.frame_id, image.jpeg)
-        return compressed_message(stamp_ns, self._camera.frame_id, image.bgr)
+            return jpeg_message(stamp_ns, self.camera.frame_id, image.jpeg)
+        return compressed_message(stamp_ns, self.camera.frame_id, image.bgr)
 
     def has_subscribers(self, to_images: int, to_infos: int) -> bool:
         """Whether so many listen."""
@@ -87,26 +92,27 @@ class CameraOutlet:
             path = self._take(request.camera_info)
         except TrackerError as error:
             response.success, response.status_message = False, str(error)
-            self._logger.error(f"{self._camera.name}: calibration refused: {error}")
+            self._logger.error(f"{self.camera.name}: calibration refused: {error}")
             return response
         response.success, response.status_message = True, f"kept in {path}"
-        if self._camera.of_rig and not self._camera.capture.camera_info_url:
+        if self.camera.of_rig and not self.camera.capture.camera_info_url:
             response.status_message += (
                 "; at the next start the rig file's lens counts again, unless camera_info_url names this file"
             )
-        self._logger.info(f"{self._camera.name}: calibration {response.status_message}")
+        self._logger.info(f"{self.camera.name}: calibration {response.status_message}")
         return response
 
     def _take(self, message: CameraInfo) -> Path:
-        name = self._camera.name
+        name = self.camera.name
         lens = camera_model_of(name, message)
-        if self._published is not None:
-            _, size, _ = self._published
-            if (lens.width, lens.height) != size:
-                expected, got = f"{size[0]}x{size[1]}", f"{lens.width}x{lens.height}"
-                raise CalibrationError(name, f"expected a calibration for images of {expected}, got one for {got}")
-            if size != self._native_size:
-                lens = lens.resized(*self._native_size)
-        path = save_lens(self._camera.capture.camera_info_url or "", name, lens)
-        self._lens = lens
+        if self._published is None:
+            raise CalibrationError(name, "no image has been published yet, so the size of its images is not known")
+        _, size, _ = self._published
+        if (lens.width, lens.height) != size:
+            expected, got = f"{size[0]}x{size[1]}", f"{lens.width}x{lens.height}"
+            raise CalibrationError(name, f"expected a calibration for images of {expected}, got one for {got}")
+        if size != self._native_size:
+            lens = lens.resized(*self._native_size)
+        path = save_lens(self.camera.capture.camera_info_url or "", name, lens)
+        self.camera = replace(self.camera, lens=lens)
         return path

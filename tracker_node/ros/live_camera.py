@@ -20,6 +20,7 @@ from ..observation.deinterlace import deinterlace
 from .camera_counts import CameraCounts
 from .ingest_cameras import IngestCamera, check_size
 
+_INTERVALS = 15  # between images, of which the median is their period
 WAITING = 3  # images that may wait to be published; then the oldest is dropped and counted
 
 
@@ -42,7 +43,7 @@ class LiveCamera:
     source : its images.
     options : size, and whether originals are kept.
     publish : called in a thread of this camera's own with each image and the size (width, height) that it has in the source.
-    record : called before, with the stamp and the image as it came; None to record nothing.
+    record : called before, with the stamp and the image as it came.
 
     Attributes
     ----------
@@ -56,7 +57,7 @@ class LiveCamera:
         source: LiveImages,
         options: SourceOptions,
         publish: Callable[[SourceImage, tuple[int, int]], None],
-        record: Callable[[int, np.ndarray | bytes], None] | None = None,
+        record: Callable[[int, np.ndarray | bytes], None] = lambda stamp_ns, content: None,
     ):
         self._camera, self.source, self._options = camera, source, options
         self._publish, self._record = publish, record
@@ -67,6 +68,7 @@ class LiveCamera:
         self._before: SourceImage | None = None
         self._first_ns: int | None = None
         self._last_ns: int | None = None
+        self._intervals_ns: deque[int] = deque(maxlen=_INTERVALS)
         self._preparation: Preparation | None = None
         self._prepared_for: tuple[tuple[int, int], str | None] = ((0, 0), None)
         self._threads = [
@@ -123,8 +125,7 @@ class LiveCamera:
     def _handle(self, stamp_ns: int, content: np.ndarray | bytes) -> None:
         native_size = content_size(content)
         check_size(self._camera, native_size)
-        if self._record is not None:
-            self._record(stamp_ns, content)
+        self._record(stamp_ns, content)
         preparation = self._prepared(native_size)
         for at_ns, part in self._instants(stamp_ns, content, preparation):
             image = preparation.image(at_ns, part)
@@ -161,4 +162,6 @@ class LiveCamera:
     def _period_ns(self, stamp_ns: int) -> int:
         if self._camera.capture.rate_hz is not None:
             return round(1e9 / self._camera.capture.rate_hz)
-        return 0 if self._last_ns is None else stamp_ns - self._last_ns
+        if self._last_ns is not None:
+            self._intervals_ns.append(stamp_ns - self._last_ns)
+        return int(np.median(self._intervals_ns)) if self._intervals_ns else 0  # a dropped image makes one interval longer
