@@ -25,20 +25,26 @@ def add_board_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--videos", nargs="+", required=True, metavar="[NAME=]FILE",
         help="one video, image folder or pattern a camera; NAME is the camera's, without it the file's or folder's")  # fmt: skip
-    board = parser.add_argument_group("board").add_mutually_exclusive_group(required=True)
-    board.add_argument("--charuco", metavar="COLUMNSxROWS", help="a ChArUco board of so many squares")
-    board.add_argument("--chessboard", metavar="COLUMNSxROWS", help="a chessboard of so many inner corners")
-    add("--square", type=float, required=True, metavar="M", help="edge of a square, metres")
-    add("--marker-share", type=float, default=0.75, metavar="X", help="marker to square (default: %(default)s)")
-    add("--dictionary", default="DICT_4X4_1000", metavar="NAME", help="of OpenCV (default: %(default)s)")
-    add("--inverted", action="store_true", help="black and white are exchanged on the board")
-    add("--legacy", action="store_true", help="a ChArUco board made by OpenCV before 4.6, with an even number of rows")
+    add_board_shape(parser)
     add("--distortion", choices=DISTORTIONS, default="plumb_bob",
         help="lens model; equidistant is for fisheyes, rational_polynomial for wide lenses (default: %(default)s)")  # fmt: skip
     add("--images", type=int, default=600, metavar="N", help="search about so many images a camera (default: %(default)s)")
     add("--report", metavar="FILE", help="page with figures and pictures (default: beside the output, .html)")
     add("--force", action="store_true", help="overwrite the output and the report")
     add("--quiet", action="store_true", help="no progress on stderr")
+
+
+def add_board_shape(parser: argparse.ArgumentParser, required: bool = True) -> None:
+    """What the board is, for `board_of`."""
+    add = parser.add_argument
+    board = parser.add_argument_group("board").add_mutually_exclusive_group(required=required)
+    board.add_argument("--charuco", metavar="COLUMNSxROWS", help="a ChArUco board of so many squares")
+    board.add_argument("--chessboard", metavar="COLUMNSxROWS", help="a chessboard of so many inner corners")
+    add("--square", type=float, required=required, metavar="M", help="edge of a square, metres")
+    add("--marker-share", type=float, default=0.75, metavar="X", help="marker to square (default: %(default)s)")
+    add("--dictionary", default="DICT_4X4_1000", metavar="NAME", help="of OpenCV (default: %(default)s)")
+    add("--inverted", action="store_true", help="black and white are exchanged on the board")
+    add("--legacy", action="store_true", help="a ChArUco board made by OpenCV before 4.6, with an even number of rows")
 
 
 def board_of(args: argparse.Namespace) -> Board:

@@ -1,0 +1,148 @@
+"""Another world for a rig: its origin, its axes, its scale; and whether scale and vertical are true.
+
+Cameras alone know neither where the floor is nor how long a metre is. Points seen by two cameras or more tell: points of
+known place, an origin with points on two axes, the two ends of a wand, a plumb line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..camera.camera_rig import Camera, CameraRig
+from ..camera.light import Light
+from ..errors import CalibrationError, TrackerError, UnknownNameError
+from ..geometry import se3
+from .triangulation import reproject, triangulate
+
+UP = np.array([0.0, 0.0, 1.0])
+_LINE = 0.02  # second singular value to the first from which on points do not lie on a line
+
+
+@dataclass(frozen=True, eq=False)
+class WorldChange:
+    """``new = scale * rotation @ old + translation``, metres; ``residuals_m`` (n,) of the points that it was fitted to."""
+
+    rotation: np.ndarray
+    translation: np.ndarray
+    scale: float = 1.0
+    residuals_m: np.ndarray | None = None
+
+    def points(self, points: np.ndarray) -> np.ndarray:
+        """Points (..., 3) of the old world in the new one."""
+        return self.scale * np.asarray(points) @ self.rotation.T + self.translation
+
+    def rig(self, rig: CameraRig) -> CameraRig:
+        """The cameras and lights in the new world."""
+        return replace(rig, cameras=tuple(map(self._camera, rig)), lights=tuple(map(self._light, rig.lights)))
+
+    def _camera(self, camera: Camera) -> Camera:
+        rotation = self.rotation @ camera.T_world_cam[:3, :3]
+        return replace(camera, T_world_cam=se3.from_rotation_translation(rotation, self.points(camera.center)))
+
+    def _light(self, light: Light) -> Light:
+        position = None if light.position is None else tuple(self.points(np.array(light.position)))
+        direction = None if light.direction is None else tuple(self.rotation @ np.array(light.direction))
+        return replace(light, position=position, direction=direction)
+
+
+@dataclass(frozen=True, eq=False)
+class SeenPoint:
+    """A point (3,) of the rig's world, and how far its pixels are off in the worst camera."""
+
+    place: np.ndarray
+    worst_px: float
+
+
+def seen_points(rig: CameraRig, clicks: Mapping[str, Mapping[str, np.ndarray]]) -> dict[str, SeenPoint]:
+    """Points from camera -> point -> pixel (2,).
+
+    Raises
+    ------
+    UnknownNameError : a camera that is not in the rig.
+    CalibrationError : a point that fewer than two cameras see from different sides; naming it.
+    """
+    for name in clicks:
+        if name not in rig.names:
+            raise UnknownNameError("camera", name, rig.names)
+    names = list(dict.fromkeys(point for points in clicks.values() for point in points))
+    pixels, weights = np.zeros((len(names), len(rig), 2)), np.zeros((len(names), len(rig)))
+    for i, camera in enumerate(rig):
+        for point, pixel in clicks.get(camera.name, {}).items():
+            pixels[names.index(point), i], weights[names.index(point), i] = pixel, 1.0
+    models, places = [camera.model for camera in rig], np.array([camera.T_world_cam for camera in rig])
+    points, valid = triangulate(models, places, pixels, weights)
+    for name, ok in zip(names, valid, strict=True):
+        if not ok:
+            problem = f"point '{name}' has to be seen by another camera too, from another side"
+            raise CalibrationError(_cameras_of(clicks, name), problem)
+    back, _ = reproject(models, places, points)
+    off = np.linalg.norm(back - pixels, axis=2) * (weights > 0.0)
+    return {name: SeenPoint(points[i], float(off[i].max())) for i, name in enumerate(names)}
+
+
+def onto_points(points: np.ndarray, targets: np.ndarray, with_scale: bool = False) -> WorldChange:
+    """The least-squares rigid motion, or similarity, of ``points`` (n, 3) to ``targets`` (n, 3) (Umeyama 1991).
+
+    Raises
+    ------
+    TrackerError : fewer than three points, or points on a line.
+    """
+    middle_p, middle_t = points.mean(axis=0), targets.mean(axis=0)
+    p, t = points - middle_p, targets - middle_t
+    for what, values in (("seen", p), ("given", t)):
+        singular = np.linalg.svd(values, compute_uv=False)
+        if len(points) < 3 or singular[1] < _LINE * singular[0]:
+            problem = "do not span a plane: three that do not lie on a line are the least"
+            raise TrackerError(f"the {len(points)} points, as {what}, {problem}")
+    u, s, vt = np.linalg.svd(t.T @ p)
+    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    rotation = u @ np.diag(signs) @ vt
+    scale = float((s * signs).sum() / (p**2).sum()) if with_scale else 1.0
+    change = WorldChange(rotation, middle_t - scale * rotation @ middle_p, scale)
+    return replace(change, residuals_m=np.linalg.norm(change.points(points) - targets, axis=1))
+
+
+def onto_axes(origin: np.ndarray, on_x: np.ndarray, on_y: np.ndarray) -> WorldChange:
+    """The world whose x axis goes from ``origin`` through ``on_x``, and in whose plane z = 0, at y > 0, lies ``on_y``; all (3,).
+
+    Raises
+    ------
+    TrackerError : the three lie on a line.
+    """
+    x, towards_y = on_x - origin, on_y - origin
+    z = np.cross(x, towards_y)
+    if np.linalg.norm(z) < _LINE * np.linalg.norm(x) * np.linalg.norm(towards_y):
+        raise TrackerError("the origin and the points on x and y lie on one line")
+    x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
+    rotation = np.stack([x, np.cross(z, x), z])
+    return WorldChange(rotation, -rotation @ origin)
+
+
+def upright(up: np.ndarray) -> WorldChange:
+    """The smallest turn about the origin after which ``up`` (3,), any length, is the z axis."""
+    up = up / np.linalg.norm(up)
+    axis, cosine = np.cross(up, UP), float(up @ UP)
+    sine = float(np.linalg.norm(axis))
+    if sine < 1e-12:
+        rotation = np.eye(3) if cosine > 0.0 else np.diag([1.0, -1.0, -1.0])
+    else:
+        rotation = Rotation.from_rotvec(axis / sine * np.arctan2(sine, cosine)).as_matrix()
+    return WorldChange(rotation, np.zeros(3))
+
+
+def scaled(factor: float) -> WorldChange:
+    """The same world with lengths multiplied, about the origin."""
+    return WorldChange(np.eye(3), np.zeros(3), factor)
+
+
+def tilt_deg(up: np.ndarray) -> float:
+    """Angle of a vertical (3,) to the z axis, degrees."""
+    return float(np.degrees(np.arctan2(np.linalg.norm(up[:2]), up[2])))
+
+
+def _cameras_of(clicks: Mapping[str, Mapping[str, np.ndarray]], point: str) -> str:
+    return ", ".join(camera for camera, points in clicks.items() if point in points)
