@@ -1,0 +1,30 @@
+"""A tracker of regions that begins at the wrong place: it says LOST, looks everywhere, and comes back."""
+
+from start_scenes import largest_error_m, scene, standing
+
+from tracker_node.tracking.config import from_dict
+from tracker_node.tracking.estimate import Status
+from tracker_node.tracking.tracker import Tracker
+
+SCENE = scene()
+SMALL = from_dict(
+    {
+        "start.size_px": 56, "start.hypotheses": 24, "start.keep": 2, "start.repair": 1, "start.hold_sets": 2,
+        "start.after_lost": 3,
+    }
+)  # fmt: skip
+WRONG = standing(SCENE.model, -0.6, 0.5, -2.5, left_shoulder_elevation_front=60)
+TRUE = standing(
+    SCENE.model, 0.2, -0.2, 0.4, left_hip_flexion=25, right_hip_flexion=-15, right_knee_flexion=20,
+    left_shoulder_elevation_front=40, right_shoulder_elevation_front=70,
+)  # fmt: skip
+
+
+def test_a_wrong_start_is_lost_and_comes_back():
+    tracker = Tracker(SCENE.rig, SCENE.model, SMALL, SCENE.plates, WRONG)
+    estimates = [tracker.step(SCENE.image_set(n, SCENE.images(TRUE, n))) for n in range(6)]
+    assert [estimate.status for estimate in estimates[1:3]] == [Status.LOST] * 2
+    assert largest_error_m(SCENE.model, estimates[2].state, TRUE) > 0.4
+    assert estimates[-1].status in (Status.TRACKING, Status.DEGRADED)
+    assert largest_error_m(SCENE.model, estimates[-1].state, TRUE) < 0.1
+    assert tracker.surety is not None and tracker.surety > 0.0

@@ -1,0 +1,81 @@
+"""Limbs of a start looked for elsewhere: a posed person is drawn, one arm of the start is wrong, colors have to tell where it is."""
+
+import numpy as np
+import pytest
+from start_scenes import scene, standing
+
+from tracker_node.model.articulated_model import ArticulatedModel
+from tracker_node.model.configuration import Configuration, State
+from tracker_node.tracking.config import from_dict
+from tracker_node.tracking.limbs import limbs_of
+from tracker_node.tracking.start import StartFinder
+
+SCENE = scene()
+POSED = standing(SCENE.model, 0.1, -0.1, 0.7, left_shoulder_elevation_front=85, right_shoulder_elevation_front=-20)
+ARM = next(limb for limb in limbs_of(SCENE.model) if limb.name == "left_hand")
+CONFIG = from_dict({"start.size_px": 80})
+
+
+def finder(images: list[np.ndarray], plates: dict) -> StartFinder:
+    look = StartFinder(SCENE.rig, SCENE.model, CONFIG.start, plates, lambda function, items: [function(item) for item in items])
+    look.watch(SCENE.images(None, 1))
+    look.watch(images)
+    return look
+
+
+def with_arm_down(model: ArticulatedModel, state: State) -> State:
+    joints = state.joint_positions.copy()
+    joints[model.chain.axis_index("left_shoulder_elevation_front")] = np.radians(-30)
+    return State(state.T_world_root, joints)
+
+
+def tip(state: State) -> np.ndarray:
+    T = Configuration(SCENE.model, state).Ts_world_link[ARM.end]
+    return T[:3, :3] @ ARM.tip + T[:3, 3]
+
+
+def repainted(images: list[np.ndarray]) -> list[np.ndarray]:
+    """Other colors than those that the model states, the same on both sides of the body: red and blue exchanged, sides made alike."""
+    other = {
+        tuple(SCENE.model.shapes[i].color_rgb): tuple(reversed(SCENE.model.shapes[j].color_rgb))
+        for i, shape in enumerate(SCENE.model.shapes)
+        for j, partner in enumerate(SCENE.model.shapes)
+        if partner.name == shape.name.replace("left_", "right_")
+    }
+    result = []
+    for image in images:
+        painted = image.copy()
+        for stated, seen in other.items():
+            near = np.abs(image.astype(np.int64) - stated[::-1]).max(axis=2) < 12
+            painted[near] = seen[::-1]
+        result.append(painted)
+    return result
+
+
+@pytest.mark.parametrize("paint", [list, repainted], ids=["as stated", "as nobody has stated"])
+def test_an_arm_is_proposed_where_it_is(paint):
+    look = finder(paint(SCENE.images(POSED)), {})
+    wrong = with_arm_down(SCENE.model, POSED)
+    assert np.linalg.norm(tip(wrong) - tip(POSED)) > 0.5
+    others = look.alternatives.find(wrong, ARM, np.zeros(len(SCENE.model.shapes), dtype=np.bool_), 4)
+    off = [float(np.linalg.norm(tip(other) - tip(POSED))) for other in others]
+    assert min(off) < 0.12
+    own = np.flatnonzero(~ARM.dofs[6:])
+    for other in others:
+        np.testing.assert_array_equal(other.joint_positions[own], wrong.joint_positions[own])
+        np.testing.assert_array_equal(other.T_world_root, wrong.T_world_root)
+
+
+def test_proposals_are_apart_and_the_same_again():
+    look = finder(SCENE.images(POSED), SCENE.plates)
+    wrong = with_arm_down(SCENE.model, POSED)
+    nobody = np.zeros(len(SCENE.model.shapes), dtype=np.bool_)
+    others = look.alternatives.find(wrong, ARM, nobody, 4)
+    tips = [tip(wrong)] + [tip(other) for other in others[1:]]
+    length = np.linalg.norm(tip(wrong) - Configuration(SCENE.model, wrong).Ts_world_link[np.flatnonzero(ARM.links)[0], :3, 3])
+    gaps = [np.linalg.norm(a - b) for i, a in enumerate(tips) for b in tips[:i]]
+    assert min(gaps) > 0.15 * length
+    again = look.alternatives.find(wrong, ARM, nobody, 4)
+    assert len(again) == len(others)
+    for a, b in zip(others, again, strict=True):
+        np.testing.assert_array_equal(a.joint_positions, b.joint_positions)
