@@ -10,7 +10,7 @@ from tracker_node.objective.contour_agreement import BOUNDARY, N_AGREEMENT, ON_B
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.tracking.config import StatusConfig
 from tracker_node.tracking.estimate import Status
-from tracker_node.tracking.judge import NOTHING, judge
+from tracker_node.tracking.judge import NOTHING, Recovery, judge
 
 CONFIG = StatusConfig(degraded_agreement=0.6, lost_agreement=0.4, degraded_residual_px=5.0, lost_residual_px=12.0)
 ABSENT, ELSEWHERE, EMPTY = "absent", "elsewhere", "empty"
@@ -69,3 +69,33 @@ def test_the_agreement_tells_noise_from_a_body_that_is_off():
     assert verdict(EMPTY, EMPTY)[2] < NOTHING
     assert verdict(0.05, 0.1, 0.0)[2] < NOTHING < verdict(0.3, 0.3, 0.2)[2]
     assert verdict(0.7, 0.9, 0.8)[2] == pytest.approx(0.8)
+
+
+def told(recovery: Recovery, *agreements: float) -> list[Status]:
+    """What is said of sets in which all cameras agree so far."""
+    return [recovery.update(*verdict(share, share, share))[0] for share in agreements]
+
+
+def test_a_body_that_was_lost_is_not_trusted_until_it_agrees_as_before():
+    recovery = Recovery()
+    assert set(told(recovery, *[0.92] * 10)) == {Status.TRACKING}
+    assert told(recovery, 0.1, 0.7, 0.75, 0.8) == [Status.LOST] + [Status.DEGRADED] * 3  # beside its place
+    status, reason = recovery.update(*verdict(0.7, 0.7, 0.7))
+    assert status is Status.DEGRADED and "was lost" in reason and "70 %, before to 92 %" in reason
+    assert told(recovery, 0.9, 0.9, 0.9, 0.7) == [Status.DEGRADED] * 2 + [Status.TRACKING] * 2
+
+
+def test_agreement_after_a_loss_has_to_last():
+    recovery = Recovery()
+    told(recovery, *[0.9] * 5)
+    assert told(recovery, 0.0, 0.9, 0.7, 0.9, 0.9, 0.9)[1:] == [Status.DEGRADED] * 4 + [Status.TRACKING]
+
+
+def test_of_a_body_that_was_never_well_no_more_is_asked():
+    assert told(Recovery(), 0.1, 0.7, 0.7) == [Status.LOST, Status.TRACKING, Status.TRACKING]
+
+
+def test_what_is_usual_follows_slowly():
+    recovery = Recovery()
+    told(recovery, *[0.95] * 5, *[0.7] * 60)
+    assert told(recovery, 0.1, 0.7, 0.7, 0.7)[-1] is Status.TRACKING

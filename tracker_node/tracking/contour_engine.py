@@ -25,7 +25,7 @@ from ..render.shape_arrays import ShapeArrays
 from .config import TrackerConfig
 from .constraints import constraints_of
 from .engine import Images, Report, Verdict
-from .judge import NOTHING, covariance_of, judge, reports_of
+from .judge import NOTHING, Recovery, covariance_of, judge, reports_of
 from .motion_model import Passage
 
 _FIRST_MARGIN = 3  # times the usual margin around a first pose that is only roughly known
@@ -84,6 +84,7 @@ class ContourEngine:
         self._observations: list[Observation | None] = [None] * len(self._rig)
         self._passage: Passage | None = None
         self._comparison: Comparison | None = None
+        self._recovery = Recovery()
         self._count = 0
 
     def begin(self, images: Images, start: State) -> State:
@@ -128,6 +129,7 @@ class ContourEngine:
         status = self._config.status
         self._objective.count_agreement(result.state, status.agreement_px, status.agreement_m)
         found, reason, agreement = judge(self._slots, self._observations, image_set, status)
+        found, reason = self._recovery.update(found, reason, agreement)
         return Verdict(found, reason, noise=agreement < NOTHING)
 
     def linearize(self, state: State) -> NormalEquations:

@@ -17,6 +17,9 @@ from .config import StatusConfig
 from .estimate import CameraReport, Status
 
 NOTHING = 0.15  # agreement below this is that of noise: a body that is merely off has more
+_AS_BEFORE = 0.93  # share of the agreement of before a loss, from which a body is where it was
+_RUNNING = 3  # image sets of such agreement in a row
+_LEVEL_RATE = 0.1  # share of the newest image set in the agreement that is usual
 
 
 def _totals(slots: Sequence[CameraSlot], observations: Sequence[Observation | None]) -> np.ndarray:
@@ -82,6 +85,34 @@ def judge(
     if residual > config.degraded_residual_px or middle < config.degraded_agreement:
         return Status.DEGRADED, figures, middle
     return *_judge_cameras(agreement, image_set.cameras, len(slots), config), middle
+
+
+class Recovery:
+    """After a loss a body is TRACKING again only once outline and silhouette agree as they did before it.
+
+    A silhouette is found from farther away than a body: of one that lies beside it, or on another thing, much agrees as well.
+    """
+
+    def __init__(self) -> None:
+        self._usual: float | None = None
+        self._missing = 0  # image sets of good agreement that are still asked for
+
+    def update(self, status: Status, reason: str, agreement: float) -> tuple[Status, str]:
+        """Status and reason of an image set, in the light of those before."""
+        if status is Status.LOST:
+            self._missing = _RUNNING if self._usual is not None else 0
+        elif self._missing and self._usual is not None:
+            if agreement >= _AS_BEFORE * self._usual:
+                self._missing -= 1
+            else:
+                self._missing = _RUNNING
+            if self._missing:
+                shares = f"{100 * agreement:.0f} %, before to {100 * self._usual:.0f} %"
+                return Status.DEGRADED, reason or f"was lost; outline and silhouette agree to {shares}"
+        elif status is Status.TRACKING:
+            usual = agreement if self._usual is None else self._usual
+            self._usual = usual + _LEVEL_RATE * (agreement - usual)
+        return status, reason
 
 
 def _agreement(slot: CameraSlot) -> float:
