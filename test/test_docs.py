@@ -136,7 +136,7 @@ def test_commands_of_the_pages_exist(repository, page, capsys):
         known = option_strings(parser_of(verb))
         for word in rest:
             assert not word.startswith("-") or word.split("=")[0] in known, (verb, word)
-        if verb == "calibrate" and rest:
+        if verb in ("calibrate", "rig") and rest:
             assert rest[0] in known, rest[0]
 
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker_node.cli import reproduce
+from tracker_node.cli._subverbs import subverbs
 from tracker_node.cli.main import main
 from tracker_node.evaluation.color_experiments import UNITS, VARIABLES
 
@@ -22,7 +22,7 @@ def colors_on(path):
 
 
 def test_experiments_are_found():
-    assert {"table1", "convergence", "figures"} <= set(reproduce.subverbs())
+    assert {"table1", "convergence", "figures"} <= set(subverbs("reproduce"))
 
 
 def test_table1(tmp_path, capsys):
