@@ -7,28 +7,20 @@ best over all pairs are refined below the image period, each pair together with 
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
-from scipy.ndimage import gaussian_filter1d
-from scipy.signal import fftconvolve
 
 from ..errors import CalibrationError
 from .time_offsets_motion import MotionProfiles
+from .time_offsets_pairs import Pair, Signals, Tables, correlations, refined
 
 DRIFT_SIGMA = 200e-6  # of what the clocks of cameras differ by; quartz has 50 to 100 millionths
 SURE_SIGMAS = (3.0, 2.0)  # an offset, a drift, of fewer is taken for none; drift also has a prior
 LEAST_DRIFT_S = 20.0  # a shorter recording does not tell drift
-_LEAST_OVERLAP = 0.4  # of the shorter recording
-_LEAST_OVERLAP_S = 0.5
 _NEAR_S, _NEAR_PERIODS = 0.2, 4.0  # a second offset that fits as well is farther from the first
-_BLOCK_S = 0.4  # motion is taken to be independent from one block to the next
-_LEAST_CORRELATION = 0.15  # of a pair that is used
 _BEST_CORRELATION = 0.5  # of some pair of each camera; unrelated motion of a few seconds comes to 0.2 to 0.47 at its best lag
-_ITERATIONS = 30
 _COMMON_S = 10.0  # sigma of a weak prior: nothing tells an offset that all cameras share
 
 
@@ -96,17 +88,6 @@ class Clocks:
         return offset, drift_ppm + 1e6 * clock.drift * (1.0 + 1e-6 * drift_ppm)
 
 
-@dataclass(frozen=True, eq=False)
-class _Pair:
-    """Lag of camera ``j`` behind ``i``: what i shows at t, j shows at t + lag[0] + lag[1] * (t - middle)."""
-
-    i: int
-    j: int
-    lag: np.ndarray
-    covariance: np.ndarray
-    correlation: float
-
-
 def estimate_clocks(motions: Sequence[MotionProfiles], options: ClockOptions | None = None) -> Clocks:
     """Clocks of all cameras, such that most of them are right as they are.
 
@@ -119,68 +100,22 @@ def estimate_clocks(motions: Sequence[MotionProfiles], options: ClockOptions | N
         raise ValueError(f"expected the motion of two cameras at least, got {len(motions)}")
     period_s = min(float(np.median(np.diff(m.times_s))) for m in motions)
     longest_s = max(float(np.median(np.diff(m.times_s))) for m in motions)
-    signals = [_Signals(m, period_s, longest_s) for m in motions]
+    signals = [Signals(m, period_s, longest_s) for m in motions]
     middle_s = float(np.median([0.5 * (m.first_s + m.last_s) for m in motions]))
     shared_s = min(m.last_s for m in motions) - max(m.first_s for m in motions)
     width = 2 if options.drift and shared_s >= LEAST_DRIFT_S else 1
-    tables = _correlations(signals, options.max_offset_s)
+    tables = correlations(signals, options.max_offset_s)
     near = max(_NEAR_S, _NEAR_PERIODS * longest_s) / signals[0].step_s
     start, runners_up = _consistent_lags(tables, motions, near)
     pairs = []
     for (i, j), table in tables.items():
         lag_s = signals[i].step_s * (start[j] - start[i])
-        if table is not None and (pair := _refined(i, j, signals, lag_s, middle_s, width)) is not None:
+        if table is not None and (pair := refined(i, j, signals, lag_s, middle_s, width)) is not None:
             pairs.append(pair)
     return _solved(pairs, motions, runners_up, middle_s, width)
 
 
-class _Signals:
-    """Profiles of a camera on an even grid of time, smoothed over the longest image period of all cameras."""
-
-    def __init__(self, motion: MotionProfiles, period_s: float, smooth_s: float):
-        self.step_s = 0.5 * period_s
-        first, last = (int(np.round(t / self.step_s)) for t in motion.times_s[[0, -1]])
-        self.first, self.times_s = first, self.step_s * np.arange(first, last + 1)
-        self._values: dict[str, np.ndarray] = {}
-        for other, profile in motion.profiles.items():
-            even = np.array([np.interp(self.times_s, motion.times_s, column) for column in profile.T]).T
-            smooth = gaussian_filter1d(even, smooth_s / self.step_s, axis=0, mode="nearest")
-            self._values[other] = smooth - smooth.mean(axis=0)
-        self.camera = motion.camera
-
-    def towards(self, other: _Signals) -> np.ndarray:
-        """(n, n_planes) by the planes that are common with ``other``."""
-        return self._values[other.camera]
-
-
-_Tables = Mapping[tuple[int, int], tuple[int, np.ndarray] | None]
-
-
-def _correlations(signals: Sequence[_Signals], max_offset_s: float) -> _Tables:
-    """Pair -> (first lag in steps, correlation at each lag from there on), as far as ``max_offset_s``; None without motion."""
-    result: dict[tuple[int, int], tuple[int, np.ndarray] | None] = {}
-    for (i, a), (j, b) in itertools.combinations(enumerate(signals), 2):
-        x, y = a.towards(b), b.towards(a)
-        first = b.first - a.first - (len(x) - 1)  # of the lags that fftconvolve gives
-        lags = first + np.arange(len(x) + len(y) - 1)
-        products = _lagged(x, y).sum(axis=1)
-        norms = _lagged(np.ones(len(x)), np.sum(y**2, axis=1)) * _lagged(np.sum(x**2, axis=1), np.ones(len(y)))
-        overlap_s = a.step_s * _lagged(np.ones(len(x)), np.ones(len(y)))
-        least_s = max(_LEAST_OVERLAP_S, _LEAST_OVERLAP * a.step_s * min(len(x), len(y)))
-        ok = (np.abs(lags) * a.step_s <= max_offset_s) & (overlap_s >= least_s)
-        norm = np.sqrt(np.maximum(norms, 0.0))
-        usable = ok & (norm > 1e-9 * norm.max(initial=0.0))
-        table = np.where(usable, products / np.where(usable, norm, 1.0), -1.0)
-        result[i, j] = (int(lags[ok][0]), table[ok]) if usable.any() else None
-    return result
-
-
-def _lagged(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Sums of x[t] * y[t + lag] for all lags from -(len(x) - 1) on, along the first axis."""
-    return fftconvolve(x[::-1], y, axes=0)
-
-
-def _consistent_lags(tables: _Tables, motions: Sequence[MotionProfiles], near: float) -> tuple[list[int], list[float]]:
+def _consistent_lags(tables: Tables, motions: Sequence[MotionProfiles], near: float) -> tuple[list[int], list[float]]:
     """Lag of each camera in steps, the first 0, with the greatest sum of correlations, and how near the next best comes.
 
     The strongest pairs come first, then the lag of each camera is looked for anew among all others. ``near``: lags of so many
@@ -212,7 +147,7 @@ def _consistent_lags(tables: _Tables, motions: Sequence[MotionProfiles], near: f
     return [lags[k] for k in range(n)], runners_up
 
 
-def _sums(k: int, lags: Mapping[int, int], tables: _Tables) -> dict[int, float]:
+def _sums(k: int, lags: Mapping[int, int], tables: Tables) -> dict[int, float]:
     """Lag of camera ``k`` -> sum of its correlations with all others as they are."""
     sums: dict[int, float] = {}
     for (i, j), entry in tables.items():
@@ -225,40 +160,9 @@ def _sums(k: int, lags: Mapping[int, int], tables: _Tables) -> dict[int, float]:
     return sums
 
 
-def _refined(i: int, j: int, signals: Sequence[_Signals], lag_s: float, middle_s: float, width: int) -> _Pair | None:
-    """The lag of a pair below the image period, with ``width`` 2 also its drift; None where they do not agree near ``lag_s``."""
-    a, b = signals[i], signals[j]
-    curve = make_interp_spline(b.times_s, b.towards(a), k=3)
-    slope = curve.derivative()
-    margin_s = 4.0 * a.step_s
-    inside = (a.times_s + lag_s >= b.times_s[0] + margin_s) & (a.times_s + lag_s <= b.times_s[-1] - margin_s)
-    if np.count_nonzero(inside) * a.step_s < _LEAST_OVERLAP_S:
-        return None
-    times, x = a.times_s[inside], a.towards(b)[inside]
-    basis = np.stack([np.ones_like(times), times - middle_s][:width], axis=1)
-    lag = np.array([lag_s, 0.0][:width])
-    for _ in range(_ITERATIONS):
-        at = np.clip(times + basis @ lag, b.times_s[0], b.times_s[-1])
-        y, dy = curve(at), slope(at)
-        gain = np.sum(x * y) / max(float(np.sum(y * y)), 1e-300)
-        rest = x - gain * y
-        pull = basis * np.sum(rest * gain * dy, axis=1)[:, None]
-        normal = basis.T @ (basis * np.sum((gain * dy) ** 2, axis=1)[:, None])
-        step = np.linalg.solve(normal + 1e-12 * np.trace(normal) * np.eye(len(lag)), pull.sum(axis=0))
-        lag = lag + step
-        if np.abs(step).max() < 1e-7:
-            break
-    correlation = float(np.sum(x * y) / np.sqrt(max(float(np.sum(x * x) * np.sum(y * y)), 1e-300)))
-    if correlation < _LEAST_CORRELATION or abs(lag[0] - lag_s) > margin_s:
-        return None
-    blocks = np.unique(np.floor((times - times[0]) / _BLOCK_S), return_inverse=True)[1]
-    sums = np.array([np.bincount(blocks, weights=column) for column in pull.T])
-    spread = sums @ sums.T * (sums.shape[1] / max(sums.shape[1] - len(lag), 1))
-    inverse = np.linalg.inv(normal)
-    return _Pair(i, j, lag, inverse @ spread @ inverse, correlation)
-
-
-def _solved(pairs, motions: Sequence[MotionProfiles], runners_up: Sequence[float], middle_s: float, width: int) -> Clocks:
+def _solved(
+    pairs: Sequence[Pair], motions: Sequence[MotionProfiles], runners_up: Sequence[float], middle_s: float, width: int
+) -> Clocks:
     """Clocks that agree best with the lags of all pairs, set so that most offsets and drifts are 0."""
     n = len(motions)
     for k, motion in enumerate(motions):
@@ -284,7 +188,7 @@ def _solved(pairs, motions: Sequence[MotionProfiles], runners_up: Sequence[float
     return Clocks(cameras, middle_s, free_covariance[::width, ::width], misfit)
 
 
-def _network(pairs: Sequence[_Pair], n: int, width: int, held: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+def _network(pairs: Sequence[Pair], n: int, width: int, held: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Values (n, width) of all cameras, their covariance and how much worse pairs agree than they should; ``held`` ones stay 0.
 
     A pair that contradicts the others counts less (Cauchy weights).
