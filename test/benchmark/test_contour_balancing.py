@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tracker_node.errors import FileFormatError, TrackerError
+from tracker_node.evaluation.evaluate import ErrorSeries
 from tracker_node.model.configuration import State
 from tracker_node.model.human import human_model
 from tracker_node.observation.image_set import CameraImage, ImageSet
@@ -48,3 +49,17 @@ def test_time_is_turned_round_about_an_instant(benchmark):
     image = CameraImage("cam01", 130, np.zeros((2, 2, 3), np.uint8))
     (mirrored,) = benchmark._mirrored(ImageSet(120, (image,)), 200)
     assert mirrored.stamp_ns == 270 and mirrored.pixels is image.pixels
+
+
+def test_joints_without_truth_say_nothing_and_others_must_be_near_it(benchmark):
+    from_undisturbed, off = np.full((25, 3), 0.01), np.full((25, 3), 0.05)
+    known = np.ones((25, 3), dtype=bool)
+    assert benchmark.arrived(from_undisturbed, ErrorSeries(off, known))
+    off[-1, 1], off[0, 0] = 0.3, 0.3  # sets before the last ones do not count
+    assert not benchmark.arrived(from_undisturbed, ErrorSeries(off, known))
+    known[-1, 1] = False
+    assert benchmark.arrived(from_undisturbed, ErrorSeries(off, known))
+    from_undisturbed[-3, 2] = 0.07
+    assert not benchmark.arrived(from_undisturbed, ErrorSeries(off, known))
+    with pytest.raises(TrackerError, match="truth"):
+        benchmark.arrived(from_undisturbed, ErrorSeries(off, ~np.ones((25, 3), dtype=bool)))

@@ -106,6 +106,20 @@ def test_where_nothing_is_found_nothing_is_changed():
     assert search.recover({1: 3.0, 2: 3.0}, REST, REST, Felt(far).lines()) is None
 
 
+def test_a_limb_that_was_looked_for_in_vain_pauses():
+    judge, search = prepared(StatusConfig(limb_pause=4))
+    lost = bent("left", 110.0, -60.0)
+    far = Felt(REST.retract(np.append([3.0, 0.0, 0.0], np.zeros(MODEL.n_dof - 3))))
+    evidence, reports = Felt(REST).part_evidence(lost, 2.0), [LimbReport(x.name, LimbStatus.LOST, "", 0.9) for x in judge.limbs]
+    i, looked_for = index(judge, "left_forearm"), []
+    for _ in range(12):
+        doubtful = search.doubtful(evidence)
+        looked_for.append(i in doubtful)
+        assert search.recover(doubtful, lost, lost, far.lines()) is None
+        search.remember(lost, reports)
+    assert looked_for == [True, True, False, False, False, True, False, False, False, True, False, False]
+
+
 def test_limbs_that_are_where_they_belong_are_not_in_doubt():
     judge, search = prepared()
     felt, lost = Felt(REST), bent("left", 110.0, -60.0)

@@ -204,6 +204,10 @@ class StatusConfig:
         400, "poses in which a lost limb is looked for, in one image set; 0: it is not", "", 0, 100000
     )
     limb_fits: int = parameter(2, "and how many of them are fitted", "", 1, 100)
+    limb_pause: int = parameter(
+        4, "image sets from one search for a limb to the next, once it has been looked for in vain twice; 1: none is left out",
+        "", 1, 10**6,
+    )  # fmt: skip
     limb_seed: int = parameter(0, "of the random ones", "", 0, 2**31 - 1)
     evidence_limit: float = parameter(5.0, "one image set cannot change the log odds of lost by more than this", "1", 0.1, 100)
 

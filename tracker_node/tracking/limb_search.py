@@ -36,6 +36,7 @@ _APART_RAD = 0.2  # ...and differ in some joint by this at least
 _FIT_SCALES = (4.0, 2.0, 1.0)  # pixels from place to place on the lines by which poses are fitted
 _TRUNK_COSTS = 3  # times as much to try the whole body as a limb
 _LIMBS_A_SET = 2  # that are looked for
+_IN_A_ROW = 2  # searches for a limb in vain, before it pauses
 _FOUND_ODDS = 0.5  # log odds of lost that a limb must have to be taken for found...
 _BETTER_ODDS = 1.5  # ...and how much less they must be than where it is now
 _GAIN = 0.1  # log-likelihood, per cell in which the limb shows, by which the colors must speak for another pose
@@ -89,10 +90,12 @@ class LimbSearch:
         """Nothing is remembered."""
         self._rng = np.random.default_rng(self._config.limb_seed)
         self._sound: dict[str, np.ndarray] = {}
-        self._turn = 0  # which of the lost limbs comes first
+        self._sets, self._turn = 0, 0  # image sets that have been judged; which of the lost limbs comes first
+        self._vain: dict[int, tuple[int, int]] = {}  # searches in vain, in a row, and the set of the last one
 
     def remember(self, state: State, reports: Sequence[LimbReport]) -> None:
-        """Limbs that are TRACKING are where ``state`` says."""
+        """Limbs that are TRACKING are where ``state`` says; the image set is done with."""
+        self._sets += 1
         for limb, report in zip(self._judge.limbs, reports, strict=True):
             if report.status is LimbStatus.TRACKING:
                 self._sound[limb.name] = state.joint_positions[limb.dofs[N_ROOT_DOF:]]
@@ -117,14 +120,28 @@ class LimbSearch:
 
         tries = self._config.limb_tries // _TRUNK_COSTS
         found = best_trunk(trunk, [state, predicted], self._model.chain, gain, tries, self._rng)
-        return found if gain([found])[0] > here + _GAIN * cells else None
+        better = bool(gain([found])[0] > here + _GAIN * cells)
+        self._note(0, better)
+        return found if better else None
 
     def doubtful(self, evidence: PartEvidence) -> dict[int, float]:
-        """Log odds of lost of limbs (indices of the judge's, the trunk's 0) that this image set alone speaks against."""
+        """Log odds of lost of limbs (indices of the judge's, the trunk's 0) that this image set alone speaks against.
+
+        Without those that have just been looked for in vain: ``config.limb_pause``.
+        """
         if not self._config.limb_tries:
             return {}
         odds = {i: self._odds(i, evidence) for i in range(len(self._judge.limbs))}
-        return {i: here for i, here in odds.items() if 0.0 < here < np.inf}
+        odds = {i: here for i, here in odds.items() if 0.0 < here < np.inf}
+        self._vain = {i: vain for i, vain in self._vain.items() if i in odds}
+        return {i: here for i, here in odds.items() if not self._pauses(i)}
+
+    def _pauses(self, i: int) -> bool:
+        times, last = self._vain.get(i, (0, 0))
+        return times >= _IN_A_ROW and self._sets - last < self._config.limb_pause
+
+    def _note(self, i: int, found: bool) -> None:
+        self._vain[i] = (0 if found else self._vain.get(i, (0, 0))[0] + 1, self._sets)
 
     def recover(self, doubtful: Mapping[int, float], state: State, predicted: State, lines: Lines) -> State | None:
         """``state`` with `doubtful` limbs found elsewhere; None where nothing speaks for other places."""
@@ -132,6 +149,7 @@ class LimbSearch:
         self._turn += 1
         for i in [limbs[(self._turn + j) % len(limbs)] for j in range(min(len(limbs), _LIMBS_A_SET))]:
             better = self._find(i, found or state, predicted, lines, min(_FOUND_ODDS, doubtful[i] - _BETTER_ODDS))
+            self._note(i, better is not None)
             found = better or found
         return found
 
