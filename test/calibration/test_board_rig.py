@@ -6,7 +6,7 @@ import pytest
 from board_scenes import CHARUCO, CHESSBOARD, LENSES, corners_seen, ring
 
 from tracker_node.calibration.board import Board
-from tracker_node.calibration.board_figures import camera_figures, pair_figures, worst_views
+from tracker_node.calibration.board_figures import camera_figures, coverage_notes, covered, pair_figures, worst_views
 from tracker_node.calibration.board_instants import BoardInstant, chosen, group_views, speeds, with_neighbors
 from tracker_node.calibration.board_intrinsics import calibrate_lens
 from tracker_node.calibration.board_refinement import BoardRigOptions
@@ -149,6 +149,15 @@ def test_boards_and_views_that_do_not_do_are_refused():
                enumerate(seen["cam1"].views[:8])]  # fmt: skip
     with pytest.raises(CalibrationError, match="parallel to the image"):
         calibrate_lens("cam1", CHARUCO, frontal, (1280, 800))
+
+
+def test_too_little_coverage_is_said():
+    everywhere = np.stack(np.meshgrid(np.arange(10.0, 1280.0, 40.0), np.arange(10.0, 800.0, 40.0)), axis=-1).reshape(-1, 2)
+    left = everywhere[everywhere[:, 0] < 400.0]
+    sizes = {"whole": (1280, 800), "left": (1280, 800)}
+    assert covered(everywhere, (1280, 800)) == 1.0 and covered(left, (1280, 800)) == pytest.approx(3 / 8)
+    (note,) = coverage_notes({"whole": everywhere, "left": left}, sizes)
+    assert "cover 38 % of the image of left" in note
 
 
 def test_views_are_grouped_by_their_stamps():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from .board_refinement import rows_of, view_errors
 from .board_rig import BoardRig
 from .triangulation import reproject, triangulate
 
+ENOUGH_COVERED = 0.4  # of an image, for a lens that can be relied on
 _CELLS = 8  # along the longer side of an image, for the share that is covered
 
 
@@ -122,6 +124,19 @@ def covered(pixels: np.ndarray, image_size: tuple[int, int]) -> float:
     columns, rows = (int(np.ceil(size / cell)) for size in image_size)
     inside = np.clip((pixels / cell).astype(int), 0, [columns - 1, rows - 1])
     return len(np.unique(inside, axis=0)) / (columns * rows)
+
+
+def coverage_notes(pixels: Mapping[str, np.ndarray], sizes: Mapping[str, tuple[int, int]]) -> list[str]:
+    """A sentence on each camera of whose image corners cover too little for a lens; pixels (m, 2) and sizes by camera."""
+    notes = []
+    for name, corners in pixels.items():
+        share = covered(corners, sizes[name])
+        if share < ENOUGH_COVERED:
+            notes.append(
+                f"corners cover {100 * share:.0f} % of the image of {name}: its lens is not known beyond them;"
+                " bring the board nearer, and to the borders of the image"
+            )
+    return notes
 
 
 def rig_figures(found: BoardRig) -> dict[str, float | int]:

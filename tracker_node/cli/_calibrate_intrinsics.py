@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     import numpy as np
 
-    from ..calibration.board_figures import covered
+    from ..calibration.board_figures import coverage_notes, covered
     from ..calibration.board_intrinsics import LEAST_VIEWS, calibrate_lens
     from ..calibration.board_report import format_table, lens_pictures, lens_table, outlier_table, write_pictures
     from ..calibration.body_fit_report import Table, write_page
@@ -61,5 +61,8 @@ def run(args: argparse.Namespace) -> int:
     print(format_table(table))
     for row in outliers.rows:
         print(f"left out: image {row[1]} of {row[0]}")
+    pixels = {name: np.concatenate([view.pixels for view in lens.views]) for name, lens in found.items()}
+    for note in coverage_notes(pixels, {name: camera.image_size for name, camera in seen.items()}):
+        print(f"note: {note}")
     print(f"wrote {args.output}, {page} and {', '.join(map(str, files))}; places are still to be found (calibrate rig --lenses)")
     return 0

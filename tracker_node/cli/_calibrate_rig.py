@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..calibration.board_figures import rig_figures, worst_views
+    from ..calibration.board_figures import camera_figures, coverage_notes, rig_figures, worst_views
     from ..calibration.board_report import format_table, rig_pictures, rig_tables, write_pictures, write_rig_page
     from ..calibration.board_rig import calibrate_rig, check_for_rig
     from ..evaluation.metrics_file import write_metrics
@@ -58,6 +58,10 @@ def run(args: argparse.Namespace) -> int:
         print(f"worst view: image {image} of {name}, {error:.2f} px")
     for row in outliers.rows:
         print(f"left out: image {row[1]} of {row[0]}")
+    if not args.keep_lenses:
+        pixels = {name: figure.pixels for name, figure in camera_figures(found).items()}
+        for note in coverage_notes(pixels, {name: camera.image_size for name, camera in seen.items()}):
+            print(f"note: {note}")
     if not found.adjustment.converged:
         print(f"note: not converged after {found.adjustment.iterations} iterations; see whether the figures are good enough")
     print(f"wrote {args.output}, {page}, {figures} and {', '.join(map(str, files))}")
