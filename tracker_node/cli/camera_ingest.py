@@ -8,7 +8,7 @@ from pathlib import Path
 
 SUMMARY = "publish videos, image folders, bags, devices, network streams or topics as the ROS cameras of a rig"
 EXAMPLE = """tracker_node camera_ingest --rig rig.yaml --loop --shrink 2
-  tracker_node camera_ingest --rig rig.yaml --source left=rtsp://10.0.0.2/a right=v4l2:/dev/video0 --capture right.exposure_us=4000
+  tracker_node camera_ingest --rig rig.yaml --source left=rtsp://10.0.0.2/a right=v4l2:/dev/video0 --capture right.gain=4
   tracker_node camera_ingest --source left=http://10.0.0.3/video --record out/board"""
 
 
