@@ -158,6 +158,16 @@ def shared_covariance(
     return covariance[:n_shape, :n_shape], covariance[n_shape:, n_shape:]
 
 
+def clustered_covariance(problem: Problem, lines: Sequence[ContourLines], estimate: Estimate, robust_px: float) -> np.ndarray:
+    """Covariance of all cameras' departures (n_cameras * `N_CAMERA`, the same) by how much the image sets contradict each other.
+
+    Where a body is not the model's, all lines along a limb are off alike, and a covariance that takes each for a measurement of
+    its own is far too small. Here a whole image set is one measurement (cluster-robust sandwich: Liang and Zeger, 1986).
+    """
+    n_shape = len(estimate.s)
+    return _Arrow(problem, lines, estimate, robust_px).clustered_covariance()[n_shape:, n_shape:]
+
+
 def _cost(problem: Problem, lines: Sequence[ContourLines], estimate: Estimate, robust_px: float) -> float:
     model, rig = problem.space.body(estimate.s), problem.rig_of(estimate)
     total = 0.0
@@ -194,6 +204,7 @@ class _Arrow:
         n, free = len(sigmas), self._free
         H_shared, g_shared = np.diag(sigmas[free] ** -2.0), shared[free] * sigmas[free] ** -2.0
         self._poses: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []  # H, g, and the mixed block (n_dof, free)
+        self._g_sets: list[np.ndarray] = []  # of what is shared, by the lines of each set
         for k, own in enumerate(lines):
             states = problem.states_of(estimate, k)
             found = linearize_lines(own, problem.space, estimate.s, model, rig, states, problem.motions[k].velocity)
@@ -207,6 +218,7 @@ class _Arrow:
             normal_equations(J, found.residuals, weights, H, g)
             H_shared += H[n_dof:, n_dof:]
             g_shared += g[n_dof:]
+            self._g_sets.append(g[n_dof:].copy())
             H_pose, g_pose = H[:n_dof, :n_dof].copy(), g[:n_dof].copy()
             for prior in problem.pose_priors[k]:
                 prior.add_to(H_pose, g_pose, estimate.states[k])
@@ -258,6 +270,24 @@ class _Arrow:
         result = np.zeros((n, n))
         if len(self._free):
             result[np.ix_(self._free, self._free)] = np.linalg.inv(self._reduced(0.0)[0])
+        return result
+
+    def clustered_covariance(self) -> np.ndarray:
+        """As `shared_covariance`, by the scatter of the gradients of the sets, their poses eliminated."""
+        n, k = len(_packed(self._estimate)), len(self._g_sets)
+        result = np.zeros((n, n))
+        if not len(self._free):
+            return result
+        S, _, kept = self._reduced(0.0)
+        scores = np.array([
+            own - mixed[movable].T @ (inverse @ g[movable])
+            for own, (_, g, mixed), (movable, inverse) in zip(self._g_sets, self._poses, kept, strict=True)
+        ])  # fmt: skip
+        scores = scores - scores.mean(axis=0)
+        prior = np.diag(_packed_prior(self._problem)[self._free] ** -2.0)
+        inverse = np.linalg.inv(S)
+        spread = scores.T @ scores * (k / max(k - 1, 1))
+        result[np.ix_(self._free, self._free)] = inverse @ (spread + prior) @ inverse
         return result
 
 

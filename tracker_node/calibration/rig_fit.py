@@ -34,7 +34,7 @@ from .body_fit import (
 )
 from .body_fit_lines import LineEvidence
 from .body_fit_regions import RegionEvidence
-from .body_fit_solver import Estimate, Problem, SharedPrior, moved_camera, shared_covariance
+from .body_fit_solver import Estimate, Problem, SharedPrior, clustered_covariance, moved_camera, shared_covariance
 
 SURE_SIGMAS = 3.0  # a delay of fewer is taken for none
 LEAST_LINES = 30  # of a camera; fewer do not hold six numbers
@@ -173,9 +173,11 @@ def fit_rig(
 
 
 def _sigmas(problem: Problem, estimate: Estimate, lines: Sequence[ContourLines], robust_px: float) -> np.ndarray:
-    """(n_cameras, `N_CAMERA`) standard deviations, for lines that are as bad as their residuals say."""
+    """(n_cameras, `N_CAMERA`) standard deviations: by lines as bad as their residuals, or by image sets, whichever says more."""
     _, covariance = shared_covariance(problem, lines, estimate, robust_px)
-    return np.sqrt(max(1.0, misfit_of(problem, estimate, lines))) * settled_sigmas(problem.rig, covariance)
+    by_lines = np.sqrt(max(1.0, misfit_of(problem, estimate, lines))) * settled_sigmas(problem.rig, covariance)
+    by_sets = settled_sigmas(problem.rig, clustered_covariance(problem, lines, estimate, robust_px))
+    return np.maximum(by_lines, by_sets)
 
 
 def _without_doubtful_times(problem: Problem, estimate: Estimate, loop: JointFit, options: RigFitOptions):
