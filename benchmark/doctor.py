@@ -10,7 +10,9 @@ named where the doctor tells it, of the right cameras; ``doctor.named`` is of th
 from __future__ import annotations
 
 import argparse
+import os
 import sys
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
@@ -18,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from _planted_faults import PLANTED, Clip
 
+from tracker_node.camera.camera_rig import CameraRig
 from tracker_node.cli.sample import prepare
 from tracker_node.cli.synthesize import Request, default_motions, produce
 from tracker_node.evaluation.doctor import examine
@@ -25,18 +28,25 @@ from tracker_node.evaluation.doctor_recording import CameraRecording
 from tracker_node.evaluation.finding import Finding
 from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
 from tracker_node.loaders.image_source import open_camera_source
+from tracker_node.loaders.pose2sim_toml import load_pose2sim
 from tracker_node.loaders.rig_yaml import load_rig
 from tracker_node.synthesis.scenes import SceneConfig
 
 OUTPUT = Path("out/doctor")
 FAULTY = ("balancing", "dance_b")  # the clips that faults are planted in
 CLEAN = ("balancing", "dance_b", "walk", "spinkick", "swing")
+IF_THERE = ("caliscope",)  # a real recording of four webcams, of a board waved by hand
 N_REAL, N_RENDERED = 100, 60  # images of each camera: 1.7 s at 60 Hz, 2 s at 30 Hz
 
 
 def load_clip(name: str) -> Clip:
-    """A clip by name: ``balancing``, or a motion that is rendered, the spinkick by six cameras."""
-    if name == "balancing":
+    """A clip by name: ``balancing``, ``caliscope`` (below TRACKER_SHARED_DATA), or a motion that is rendered, the spinkick by six
+    cameras."""
+    if name == "caliscope":
+        calibration = Path(os.environ["TRACKER_SHARED_DATA"]) / "caliscope_board" / "post_optimization" / "camera_array.toml"
+        sources = [replace(c, source=str(calibration.with_name(f"{c.name}.mp4"))) for c in load_pose2sim(calibration)]
+        rig, n_images = CameraRig(tuple(sources)), N_RENDERED
+    elif name == "balancing":
         folder, n_images = OUTPUT / "sample", N_REAL
         prepare(folder)
         rig = load_rig(folder / "rig_refined.yaml")
@@ -81,7 +91,8 @@ def main(arguments: list[str] | None = None) -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter,
         epilog="example: python benchmark/doctor.py --json out/doctor.json",
     )  # fmt: skip
-    parser.add_argument("--clips", nargs="+", default=[*dict.fromkeys((*FAULTY, *CLEAN))], metavar="NAME", help="only these")
+    every = [*dict.fromkeys((*FAULTY, *CLEAN, *(IF_THERE if "TRACKER_SHARED_DATA" in os.environ else ())))]
+    parser.add_argument("--clips", nargs="+", default=every, metavar="NAME", help="only these")
     parser.add_argument("--faults", nargs="+", default=list(PLANTED), choices=list(PLANTED), metavar="FAULT", help="only these")
     parser.add_argument("--quick", action="store_true", help="one rendered clip and three faults: shows that it runs")
     parser.add_argument("--json", metavar="FILE", help="write the figures as JSON")
