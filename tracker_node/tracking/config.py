@@ -182,14 +182,13 @@ class StatusConfig:
     )
     correlation: float = parameter(8.0, "how many neighbouring samples share one error, for the covariance", "", 1, 1000)
     covariance_scale: float = parameter(
-        0.15, "variance of correspondence lines that are far from each other, in what region.correlation takes it for",
+        0.31, "times region.correlation: how much of the spread of correspondence lines (its square) is an error of the state",
         "1", 1e-3, 1e3,
     )  # fmt: skip
     line_correlation_px: float = parameter(4.0, "how far along a contour the errors of lines are alike", "px", 0.01, 1000)
-    link_shift_px: float = parameter(
-        0.1, "by how much all contours of a link are off alike, in all images (light falls on one side)", "px", 0, 100
+    body_shift_px: float = parameter(
+        0.05, "by how much all contours are off alike, in all images (light falls from one side)", "px", 0, 100
     )
-    body_shift_px: float = parameter(0.05, "and those of the whole body", "px", 0, 100)
     covariance_curvature: float = parameter(
         500.0, "inverse of the variance from which on a direction is hardly known to the images", "1/rad^2", 0, 1e6
     )

@@ -1,8 +1,8 @@
 """What errors correspondence lines have: neighbors share theirs, and some are the same in all cameras.
 
-Three kinds add up, each in the gradient of the fit: those of every line by itself, of which neighbors have part in common; a
-shift of all contours of a link, in all images alike (light falls on it from one side, it wears something); and such a shift of
-the whole body. How large they are was learnt from synthetic clips that no figure is taken from, see `benchmark/contour_trust.py`.
+Two kinds add up in the gradient of the fit: the spread of lines about the contour beyond what each says of itself, which
+neighbors have in common; and a shift of all contours, in all images alike (light falls from one side). How large they are was
+learnt from synthetic clips that no figure is taken from, see `benchmark/contour_trust.py`.
 """
 
 from __future__ import annotations
@@ -40,23 +40,21 @@ class LineErrors:
         cameras, spread_px = objective.camera_equations(), objective.spread_px(state)
         found = objective.line_variance if spread_px is None else spread_px**2
         n_links = len(chain.links)
-        normal, white, shifts = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6, 6)), np.zeros((n_links, 6, 2))
+        normal, spread, shifts = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6, 6)), np.zeros((n_links, 6, 2))
         for i, camera in enumerate(cameras):
             if camera is None:
                 continue
             normal += camera.normal
-            white += self._crowding(objective, i, found)[:, None, None] * camera.normal
+            spread += self._crowding(objective, i, found)[:, None, None] * camera.normal
             shifts += camera.normal @ self._shift(i, body)
         scatter, unused = np.empty_like(information), np.empty(chain.n_dof)
-        assemble(config.covariance_scale * white, np.zeros((n_links, 6)), chain.link_moved_by, body.twists, scatter, unused)
-        by_link = np.einsum("ln,na,laq->lnq", chain.link_moved_by, body.twists, shifts, optimize=True)
-        scatter += config.link_shift_px**2 * np.einsum("lnq,lmq->nm", by_link, by_link, optimize=True)
-        whole = by_link.sum(axis=0)
+        assemble(config.covariance_scale * spread, np.zeros((n_links, 6)), chain.link_moved_by, body.twists, scatter, unused)
+        whole = np.einsum("ln,na,laq->nq", chain.link_moved_by, body.twists, shifts, optimize=True)
         scatter += config.body_shift_px**2 * whole @ whole.T
         return ImageEvidence(share * information, share**2 * scatter, share * normal)
 
     def _crowding(self, objective: RegionObjective, i: int, found: float) -> np.ndarray:
-        """(n_links,): how many lines of camera ``i`` share one error, of the variance ``found`` in place of that of the fit."""
+        """(n_links,): what the lines of camera ``i`` add to the scatter, in what they add to the information."""
         slot, sums = objective.slots[i], np.zeros((len(self._middles), 2))
         taken = objective.line_variance
         add_crowding(slot.lines, slot.info, slot.n, taken, found, self._config.line_correlation_px, sums)
