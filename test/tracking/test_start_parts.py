@@ -1,4 +1,4 @@
-"""Limbs of a start looked for elsewhere: a posed person is drawn, one arm of the start is wrong, colors have to tell where it is."""
+"""Limbs of a start looked for elsewhere: a person is drawn, one arm of the start is wrong, colors have to tell where it is."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def tip(state: State) -> np.ndarray:
 
 
 def repainted(images: list[np.ndarray]) -> list[np.ndarray]:
-    """Other colors than those that the model states, the same on both sides of the body: red and blue exchanged, sides made alike."""
+    """Other colors than those that the model states: red and blue exchanged, and both sides of the body made alike."""
     other = {
         tuple(SCENE.model.shapes[i].color_rgb): tuple(reversed(SCENE.model.shapes[j].color_rgb))
         for i, shape in enumerate(SCENE.model.shapes)
