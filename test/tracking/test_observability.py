@@ -9,6 +9,7 @@ from tracker_node.camera.camera_rig import CameraRig
 from tracker_node.geometry import se3, so3
 from tracker_node.model.articulated_model import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
+from tracker_node.model.human import human_model
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 from tracker_node.model.primitives import Box, Ellipsoid, TruncatedCone
 from tracker_node.objective.region_objective import RegionObjective, RegionOptions, View
@@ -105,3 +106,13 @@ def test_how_much_is_too_little_is_a_choice():
     H = np.diag([1e6, 1e6, 1.0 / 0.03**2, 1e6, 1e6, 1e6])
     assert unobservable(H, model) == []
     assert unobservable(H, model, 0.01) == ["root_z"]
+
+
+def test_a_direction_of_many_small_parts_has_a_name():
+    """None of its parts is notable by itself; that must not end a run."""
+    model = human_model()
+    n, lever = len(model.chain.dof_names), levers(model)
+    direction = np.r_[np.zeros(6), np.full(n - 6, (n - 6) ** -0.5)]
+    information = 1e8 * np.outer(lever, lever) * (np.eye(n) - np.outer(direction, direction))
+    (name,) = unobservable(information, model)
+    assert name in model.chain.dof_names

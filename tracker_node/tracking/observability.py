@@ -69,7 +69,8 @@ def _direction(tangent: np.ndarray, lever: np.ndarray, names: tuple[str, ...]) -
             axis = tangent[part] / np.linalg.norm(tangent[part])
             axis *= np.sign(axis[np.argmax(np.abs(axis))])
             return f"{what} ({', '.join(f'{value + 0.0:.2f}' for value in axis)})"
-    order = [i for i in np.argsort(-moved, kind="stable") if moved[i] > _NOTABLE]
+    falling = np.argsort(-moved, kind="stable")
+    order = [falling[0], *(i for i in falling[1:] if moved[i] > _NOTABLE)]  # of many small ones the largest is named
     others = (f"{tangent[i] / tangent[order[0]]:+.2f} {names[i]}" for i in order[1:])
     return " ".join([names[order[0]], *others])
 
