@@ -13,7 +13,7 @@ import sys
 
 from ..errors import TrackerError
 
-NODES = ("camera_ingest", "tracker", "recorder", "player", "pipeline")
+NODES = ("camera_ingest", "tracker", "recorder", "player", "pipeline", "rectify")
 
 
 def verbs() -> list[str]:
