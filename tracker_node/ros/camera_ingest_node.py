@@ -27,6 +27,7 @@ from .diagnostics import ERROR, OK, WARN, Diagnostics
 from .ingest_cameras import IngestCamera, OpenedCameras
 from .input_recorder import InputRecorder
 from .live_camera import LiveCamera, LiveImages
+from .pace import Pace
 from .topic_source import TopicSource
 
 _LIVE_DEPTH, _LOSSLESS_DEPTH = 10, 50  # images of a camera that may wait for a slow subscriber
@@ -167,7 +168,7 @@ class CameraIngestNode(Node):
 
     def _publish_all(self, feed: ImageFeed) -> bool:
         """Until the sources end or we are stopped; True if the consumer has answered for everything."""
-        clock = _Pace()
+        clock = Pace()
         for instant in feed:
             if self._stop.is_set():
                 return False
@@ -254,24 +255,3 @@ class CameraIngestNode(Node):
             self._diagnostics.report("bag", WARN, "the disk is too slow: images are not recorded", values)
         else:
             self._diagnostics.report("bag", OK, "recording", values)
-
-
-class _Pace:
-    """When an instant is due: its distance in stamps from the first, on the steady clock.
-
-    ``epoch_ns`` added to a stamp gives the time of day at which it is due.
-    """
-
-    def __init__(self) -> None:
-        self._epoch_s: float | None = None
-        self.epoch_ns = 0
-
-    def wait(self, stamp_ns: int, stop: threading.Event) -> float:
-        """Sleep until it is due; returns by how much that was missed, in seconds."""
-        now = time.monotonic()
-        if self._epoch_s is None:
-            self._epoch_s, self.epoch_ns = now - 1e-9 * stamp_ns, time.time_ns() - stamp_ns
-        due = self._epoch_s + 1e-9 * stamp_ns
-        if due > now:
-            stop.wait(due - now)
-        return max(0.0, time.monotonic() - due)
