@@ -82,6 +82,13 @@ def test_places_that_are_inverted(clip):
     assert ("place", ()) in told(replace(clip, rig=replace(clip.rig, cameras=inverted)))
 
 
+def test_of_two_cameras_either_may_be_wrong_and_the_doctor_says_so(clip, faults):
+    pair = replace(clip, rig=clip.rig.subset(["cam1", "cam2"]))
+    (finding,) = examine(*_rig_and_recordings(faults.clock_offset(pair, 0.2))).findings
+    assert finding.fault == "clock"
+    assert "may as well be the other" in finding.sentence
+
+
 def test_a_still_scene_cannot_be_judged_and_says_so(clip):
     rng = np.random.default_rng(0)
     first = {name: images[0] // 2 for name, images in clip.images.items()}

@@ -69,7 +69,7 @@ def examine(rig: CameraRig, recordings: Mapping[str, CameraRecording]) -> Examin
             motions = {c.name: motion_on_grid(recordings[c.name], grid, usable[c.name]) for c in moving}
             setup = Setup.of(moving, motions)
             diagnosis = diagnose(setup, 1e-9 * float(grid[1] - grid[0]))
-            findings += [_told(repair, rig) for repair in diagnosis.repairs]
+            findings += [_told(repair, rig, len(moving)) for repair in diagnosis.repairs]
             notes += _agreement_notes(diagnosis)
     if diagnosis is None:
         notes.append("The cameras could not be compared: fewer than two of them have images at the same time.")
@@ -109,7 +109,7 @@ def _scaled(transform: np.ndarray, factor: float) -> np.ndarray:
     return result
 
 
-def _told(repair: Repair, rig: CameraRig) -> Finding:
+def _told(repair: Repair, rig: CameraRig, n_compared: int) -> Finding:
     names = " and ".join(repair.cameras)
     values = {"gain": repair.gain, **repair.values}
     every = f"(agreement of the images grows by {repair.gain:.2f})"
@@ -137,6 +137,8 @@ def _told(repair: Repair, rig: CameraRig) -> Finding:
         "focal": ("focal", _focal_sentence(repair, rig, every)),
         "place": ("place", _place_sentence(repair, every)),
     }[repair.kind]
+    if n_compared == 2 and len(repair.cameras) == 1:
+        sentence += " With two cameras it may as well be the other that is wrong."
     return Finding(fault, repair.cameras, sentence, values)
 
 
