@@ -7,8 +7,11 @@ from start_scenes import scene, standing
 from tracker_node.model.articulated_model import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.tracking.config import from_dict
+from tracker_node.tracking.engine import Verdict
+from tracker_node.tracking.estimate import LimbReport, LimbStatus, Status
 from tracker_node.tracking.limbs import limbs_of
 from tracker_node.tracking.start import StartFinder
+from tracker_node.tracking.start_trials import LimbRepair, Trial
 
 SCENE = scene()
 POSED = standing(SCENE.model, 0.1, -0.1, 0.7, left_shoulder_elevation_front=85, right_shoulder_elevation_front=-20)
@@ -79,3 +82,21 @@ def test_proposals_are_apart_and_the_same_again():
     assert len(again) == len(others)
     for a, b in zip(others, again, strict=True):
         np.testing.assert_array_equal(a.joint_positions, b.joint_positions)
+
+
+def test_the_doubtful_limb_is_mended_and_no_other_is_touched():
+    def judged(state: State) -> Trial:
+        """As an engine would that knows the truth: the surer, the nearer the arm."""
+        off = float(np.linalg.norm(tip(state) - tip(POSED)))
+        tried.append(state)
+        names = [limb.name for limb in limbs_of(SCENE.model)]
+        limbs = tuple(LimbReport(name, LimbStatus.TRACKING, "", min(off, 0.9) if name == ARM.name else 0.01) for name in names)
+        return Trial(state, Verdict(Status.DEGRADED, "", limbs=limbs, surety=1000.0 - 100.0 * off))
+
+    tried: list[State] = []
+    wrong = with_arm_down(SCENE.model, POSED)
+    mended = LimbRepair(SCENE.model, finder(SCENE.images(POSED), {}).alternatives)(judged(wrong), judged)
+    assert np.linalg.norm(tip(mended.state) - tip(POSED)) < 0.12
+    own = np.flatnonzero(~ARM.dofs[6:])
+    for state in tried:
+        np.testing.assert_array_equal(state.joint_positions[own], wrong.joint_positions[own])
