@@ -9,7 +9,7 @@ from tracker_node.tracking.tracker import Tracker
 SCENE = scene()
 SMALL = from_dict(
     {
-        "start.size_px": 56, "start.hypotheses": 16, "start.keep": 2, "start.repair": 0, "start.hold_sets": 2,
+        "start.size_px": 56, "start.hypotheses": 24, "start.keep": 2, "start.repair": 1, "start.hold_sets": 2,
         "start.after_lost": 3,
     }
 )  # fmt: skip
