@@ -99,10 +99,10 @@ def read_lines(bgr, body, scene, room, darkest, clamp, scale, half, lines, plan,
         weight = _HALF if behind >= 0 else _ONE
         for block in range(np.uint64((count + _BLOCK - 1) // _BLOCK)):
             for place in range(np.uint64(_BLOCK)):
-                k = block * np.uint64(_BLOCK) + place
-                other = other_density(colors[k], rooms[k], scenes[k], most, darkest)
-                other = weight * other + (_ONE - weight) * beyonds[k]
-                odds[line, k] = min(max(log_positive(ours[k] / other), -clamp), clamp)
+                at = block * np.uint64(_BLOCK) + place
+                other = other_density(colors[at], rooms[at], scenes[at], most, darkest)
+                other = weight * other + (_ONE - weight) * beyonds[at]
+                odds[line, at] = min(max(log_positive(ours[at] / other), -clamp), clamp)
         for k in range(first):
             odds[line, k] = _ZERO
         for k in range(last, count):
