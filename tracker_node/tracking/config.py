@@ -204,7 +204,7 @@ class StatusConfig:
     )
     limb_fits: int = parameter(2, "and how many of them are fitted", "", 1, 100)
     limb_pause: int = parameter(
-        4, "image sets from one search for a limb to the next, once it has been looked for in vain twice; 1: none is left out",
+        4, "image sets from one search for a limb or a body to the next, once it has been sought in vain twice; 1: none left out",
         "", 1, 10**6,
     )  # fmt: skip
     limb_seed: int = parameter(0, "of the random ones", "", 0, 2**31 - 1)

@@ -68,7 +68,8 @@ def fit_covariance(H: np.ndarray, images: ImageEvidence | None, body: Configurat
         return 0.5 * (inverse + inverse.T)
     covariance = inverse @ (total - images.information + images.scatter) @ inverse
     covariance = 0.5 * (covariance + covariance.T)
-    return covariance + _hardly_known(covariance, total, inverse, images, body, status)
+    covariance += _hardly_known(covariance, total, inverse, images, body, status)
+    return 0.5 * (covariance + covariance.T)
 
 
 def _hardly_known(
@@ -88,14 +89,14 @@ def _hardly_known(
     jointed = (directions[N_ROOT_DOF:] ** 2).sum(axis=0)
     more = jointed * np.clip(told, 0.0, 1.0) * status.covariance_excess * variance * relative / (1.0 + relative)
     moved, twists = body.model.chain.link_moved_by, body.twists
-    pulls = np.einsum("lab,klb->kla", images.normal, link_bends(body, directions))
-    bends = inverse @ np.einsum("kla,na,ln->nk", pulls, twists, moved, optimize=True)
+    pulls = (images.normal[None] @ link_bends(body, directions)[..., None])[..., 0]
+    bends = inverse @ ((moved.T @ pulls) * twists).sum(axis=2).T
     arcs = 0.75 * np.minimum(variance + more, _FARTHEST) ** 2  # variance of e^2/2
     return (directions * more) @ directions.T + (bends * arcs) @ bends.T
 
 
 def _along(information: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    return np.einsum("ik,ij,jk->k", directions, information, directions, optimize=True)
+    return ((information @ directions) * directions).sum(axis=0)
 
 
 def link_bends(body: Configuration, directions: np.ndarray) -> np.ndarray:
@@ -104,12 +105,9 @@ def link_bends(body: Configuration, directions: np.ndarray) -> np.ndarray:
     The twist of an axis moves with all that carries it: its derivative is the Lie bracket with the twist of those.
     """
     twists, chain = body.twists, body.model.chain
-    carried_by = np.zeros((len(twists), len(twists)), dtype=np.bool_)  # axis, by what comes before it on its way to the root
-    for link in range(len(chain.links)):
-        own = N_ROOT_DOF + int(chain.axis_start[link])
-        for axis in range(own, own + int(chain.axis_count[link])):
-            carried_by[axis] = chain.link_moved_by[link] & (np.arange(len(twists)) < axis)
-    speeds = np.einsum("ji,ik,ia->kja", carried_by, directions, twists, optimize=True)
+    shares = directions.T[:, :, None]
+    speeds = chain.carried_by @ (shares * twists)
     v, w = speeds[..., :3], speeds[..., 3:]
     turned = np.concatenate([np.cross(w, twists[:, :3]) + np.cross(v, twists[:, 3:]), np.cross(w, twists[:, 3:])], axis=-1)
-    return np.einsum("lj,jk,kja->kla", chain.link_moved_by, directions, turned, optimize=True)
+    return chain.link_moved_by @ (shares * turned)
+

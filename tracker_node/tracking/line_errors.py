@@ -49,7 +49,8 @@ class LineErrors:
             shifts += camera.normal @ self._shift(i, body)
         scatter, unused = np.empty_like(information), np.empty(chain.n_dof)
         assemble(config.covariance_scale * spread, np.zeros((n_links, 6)), chain.link_moved_by, body.twists, scatter, unused)
-        whole = np.einsum("ln,na,laq->nq", chain.link_moved_by, body.twists, shifts, optimize=True)
+        moved = (chain.link_moved_by.T @ shifts.reshape(n_links, -1)).reshape(-1, 6, 2)
+        whole = (moved * body.twists[:, :, None]).sum(axis=1)
         scatter += config.body_shift_px**2 * whole @ whole.T
         return ImageEvidence(share * information, share**2 * scatter, share * normal)
 

@@ -72,6 +72,7 @@ class RegionSearches:
         self._rig, self._model, self._limbs, self._fits = rig, model, limbs, fits
         self._scales, self._close_px = numbers(region.scales), region.close_px
         self._first_scales, self._wide_scales = numbers(region.first_scales), numbers(region.wide_scales)
+        self._pause = config.status.limb_pause
         self._search = LimbSearch(model, limbs, config.status, region.close_px)
         self.reset()
 
@@ -84,12 +85,13 @@ class RegionSearches:
     def begin(self) -> None:
         """A body is looked at that may be another one, or look otherwise."""
         self._misfit = Misfit()
+        self._in_vain = 0  # how often a lost body has been looked for
 
     def remember(self, state: State, status: Status, limbs: Sequence[LimbReport]) -> None:
         """Where what is not lost has been found."""
         self._search.remember(state, limbs)
         if status is not Status.LOST:
-            self.sound = state
+            self.sound, self._in_vain = state, 0
 
     def first(self, start: State, prior: Prior | None) -> OptimizerResult:
         """Long lines reach a body that is far off, and mislead one that is near: both are tried, and the better is kept; then
@@ -165,10 +167,17 @@ class RegionSearches:
         return self._search.doubtful(self._fits.part_evidence(result.state, self._close_px))
 
     def _restarted(self, result: OptimizerResult, sound: State) -> tuple[OptimizerResult, bool]:
-        """A lost body is looked for where it was last sound, with longer lines; the better of that and ``result``."""
+        """A lost body is looked for where it was last sound, with longer lines; the better of that and ``result``.
+
+        Looked for in vain twice, it is looked for in every few sets only: who is slow loses more.
+        """
+        self._in_vain += 1
+        if self._in_vain > 2 and self._in_vain % self._pause:
+            return result, False
         kept, share = self._fits.kept(), self._close_share(result.state)
         again = self.first(sound, None)
         if self._close_share(again.state) > share:
+            self._in_vain = 0
             return again, True
         self._fits.keep(kept)
         return self._fits.settled(result), False
