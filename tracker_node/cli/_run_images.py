@@ -72,8 +72,18 @@ def add_run_arguments(parser: argparse.ArgumentParser, n_sets: int) -> None:
 
 
 def refuse_to_overwrite(args: argparse.Namespace, *paths: str | Path) -> None:
-    """Raise a `TrackerError` for the first path that is there already, unless ``--force``."""
+    """Raise a `TrackerError` for the first path that is there already, unless ``--force``.
+
+    Even with it for a folder, and for two paths of one file, of which the second would overwrite the first.
+    """
+    seen: dict[Path, str | Path] = {}
     for path in paths:
+        if Path(path).is_dir():
+            raise TrackerError(f"{path}: expected a file to write, got a folder")
+        place = Path(path).resolve()
+        if place in seen:
+            raise TrackerError(f"{seen[place]} and {path} are one file; give different names with --output and --report")
+        seen[place] = path
         if Path(path).exists() and not args.force:
             raise TrackerError(f"{path} is there already; give another --output or --report, or --force to overwrite it")
 

@@ -68,6 +68,10 @@ def main(argv: list[str] | None = None) -> int:
     except TrackerError as error:
         print(f"tracker_node {verb}: error: {error}", file=sys.stderr)
         return 2
+    except OSError as error:  # a file that cannot be written, mostly: readers raise a TrackerError themselves
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"tracker_node {verb}: error: {where}{error.strerror or error}", file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         return 130
 
