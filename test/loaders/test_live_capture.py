@@ -72,6 +72,12 @@ def test_nobody_there(url: str):
         StreamCapture(url, 1)
 
 
+def test_a_password_stays_out_of_the_message():
+    with pytest.raises(SourceError) as caught:
+        StreamCapture("rtsp://admin:s3cret@127.0.0.1:9/camera", 1)
+    assert "rtsp://***@127.0.0.1:9/camera" in str(caught.value) and "s3cret" not in str(caught.value)
+
+
 def test_a_page_that_is_no_video(tmp_path: Path):
     server = MjpegServer(lambda i: b"<html>" + bytes(np.zeros(2000, np.uint8)), rate_hz=200.0)
     source = LiveSource(lambda: StreamCapture(server.url, 1), retry_s=(0.05, 0.2))

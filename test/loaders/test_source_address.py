@@ -7,7 +7,7 @@ import pytest
 
 from tracker_node.errors import FileFormatError, SourceError
 from tracker_node.loaders.capture_yaml import changed_settings, split_change
-from tracker_node.loaders.image_source import open_source
+from tracker_node.loaders.image_source import open_source, size_contradiction
 from tracker_node.loaders.rig_yaml import load_rig, rig_file_of, write_rig_file
 from tracker_node.loaders.source_address import SourceAddress, parse_source, relocated
 
@@ -43,7 +43,29 @@ def test_every_kind_of_source(text: str, address: SourceAddress, live: bool):
     assert parse_source(str(address)) == address
 
 
-@pytest.mark.parametrize("text", ["vfl2:/dev/video0", "gopher://x/y", "v4l2:", "topic:", "topic:/a//b", "bag:#/a"])
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("rtsp://admin:s3cret@10.0.0.2:554/h264", "rtsp://***@10.0.0.2:554/h264"),
+        ("rtsp://admin:s3@cret@10.0.0.2/h264", "rtsp://***@10.0.0.2/h264"),
+        ("http://10.0.0.2/?to=a@b", "http://10.0.0.2/?to=a@b"),
+        ("udp://@:5000", "udp://@:5000"),
+        ("v4l2:/dev/video0", "v4l2:/dev/video0"),
+    ],
+)
+def test_passwords_are_not_shown(text: str, shown: str):
+    assert parse_source(text).shown == shown
+    assert shown in size_contradiction((64, 48), (32, 24), text)
+
+
+@pytest.mark.parametrize("text", ["rtsp://admin:s3cret@host/a", "gopher://admin:s3cret@host/a"])
+def test_messages_about_sources_have_no_passwords(text: str):
+    with pytest.raises(SourceError) as caught:
+        open_source(text)
+    assert "***@host/a" in str(caught.value) and "s3cret" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["vfl2:/dev/video0", "gopher://x/y", "v4l2:", "topic:", "topic:/a//b", "topic:/käse", "bag:#/a"])
 def test_what_is_no_source_is_refused(text: str):
     with pytest.raises(SourceError, match=r"unknown kind of source|expected a"):
         parse_source(text)

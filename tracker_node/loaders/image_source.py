@@ -19,7 +19,7 @@ from ..observation.deinterlace import check_field_order, check_interlaced, deint
 from .bag_source import BagSource, topic_of_camera
 from .file_sources import DEFAULT_FOLDER_RATE_HZ, IMAGE_SUFFIXES, FolderSource, VideoSource, list_images
 from .recorded_source import ImageSource, ReadCounts, SourceOptions
-from .source_address import BAG, parse_source
+from .source_address import BAG, parse_source, without_password
 from .source_image import SourceImage, check_fields
 from .stamps import field_times, file_times
 
@@ -112,7 +112,8 @@ def open_source(path: str | Path, options: SourceOptions | None = None, **change
     options = options or SourceOptions(**changes)
     address = parse_source(str(path))
     if address.is_live:
-        raise SourceError(str(path), "is live: tracker_node camera_ingest publishes it, and only a recording can be read here")
+        problem = "is live: tracker_node camera_ingest publishes it, and only a recording can be read here"
+        raise SourceError(address.shown, problem)
     if address.kind == BAG:
         return BagSource(address, options)
     text = address.target
@@ -170,7 +171,7 @@ def open_camera_source_of_any_size(camera: Camera, options: SourceOptions | None
 def size_contradiction(expected: tuple[int, int], got: tuple[int, int], source: str) -> str:
     """The sentence for images that are not of the size that the calibration is for."""
     sizes = f"expected {expected[0]}x{expected[1]}, got {got[0]}x{got[1]}"
-    return f"image size contradicts the calibration: {sizes} in {source}"
+    return f"image size contradicts the calibration: {sizes} in {without_password(source)}"
 
 
 def check_recorded(source: str, capture: CaptureSettings) -> None:

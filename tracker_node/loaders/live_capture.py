@@ -11,7 +11,7 @@ import numpy as np
 
 from ..camera.capture_settings import CaptureSettings
 from ..errors import SourceError
-from .source_address import DEVICE, SourceAddress
+from .source_address import DEVICE, SourceAddress, without_password
 from .v4l2_device import VideoDevice
 
 OPEN_TIMEOUT_MS = READ_TIMEOUT_MS = 4000  # a stream that says nothing for so long is gone
@@ -71,7 +71,7 @@ class StreamCapture(_OpenCvCapture):
         timeouts = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, OPEN_TIMEOUT_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, READ_TIMEOUT_MS]
         super().__init__(url, cv2.CAP_FFMPEG, [*timeouts, cv2.CAP_PROP_N_THREADS, threads])
         if not self._capture.isOpened():
-            raise SourceError(url, "no answer, or no video that OpenCV can decode")
+            raise SourceError(without_password(url), "no answer, or no video that OpenCV can decode")
         if int(self._capture.get(cv2.CAP_PROP_FOURCC)) == _MJPG:
             self._jpeg = self._capture.set(cv2.CAP_PROP_FORMAT, -1)  # packets as they are
         self._has_image = self._skip_stored()
@@ -170,7 +170,7 @@ def check_live_settings(address: SourceAddress, settings: CaptureSettings, stamp
     SourceError : settings of a device for a stream; stamps of a file.
     """
     if address.kind != DEVICE and settings.of_device:
-        raise SourceError(str(address), f"{', '.join(settings.of_device)} can be set for v4l2: sources only")
+        raise SourceError(address.shown, f"{', '.join(settings.of_device)} can be set for v4l2: sources only")
     possible = ("capture",) if address.kind not in (DEVICE, "topic") else ("capture", "device")
     if stamps not in (None, *possible):
-        raise SourceError(str(address), f"the rig asks for {stamps} stamps; this source has {' or '.join(possible)}")
+        raise SourceError(address.shown, f"the rig asks for {stamps} stamps; this source has {' or '.join(possible)}")

@@ -21,7 +21,7 @@ from ..errors import SourceError
 
 FILE, BAG, DEVICE, STREAM, TOPIC = "file", "bag", "v4l2", "stream", "topic"
 STREAM_SCHEMES = ("rtsp", "rtsps", "http", "https", "udp", "tcp", "rtmp", "srt")
-_TOPIC_NAME = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*")
+TOPIC_NAME = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -44,10 +44,20 @@ class SourceAddress:
         """Whether its images come when they come, and not again."""
         return self.kind in (DEVICE, STREAM, TOPIC)
 
+    @property
+    def shown(self) -> str:
+        """For messages: without the user and the password of a stream."""
+        return without_password(str(self))
+
     def __str__(self) -> str:
         if self.kind in (FILE, STREAM):
             return self.target
         return f"{self.kind}:{self.target}" + (f"#{self.topic}" if self.topic else "")
+
+
+def without_password(text: str) -> str:
+    """A source for messages: ``rtsp://user:password@host`` is ``rtsp://***@host`` there."""
+    return re.sub(r"//[^/]+@", "//***@", text, count=1)
 
 
 def parse_source(text: str) -> SourceAddress:
@@ -66,11 +76,11 @@ def parse_source(text: str) -> SourceAddress:
     kind, rest = scheme[1].lower(), text[scheme.end() :]
     if kind not in (FILE, BAG, DEVICE, TOPIC):
         known = ", ".join([*(f"{name}:" for name in (FILE, BAG, DEVICE, TOPIC)), *(f"{name}://" for name in STREAM_SCHEMES)])
-        raise SourceError(text, f"unknown kind of source '{scheme[1]}:'; known are paths of files and {known}")
+        raise SourceError(without_password(text), f"unknown kind of source '{scheme[1]}:'; known are paths of files and {known}")
     rest = rest.removeprefix("//") if kind != TOPIC else rest
     target, _, topic = rest.partition("#") if kind == BAG else (rest, "", "")
-    if not target or (kind == TOPIC and not _TOPIC_NAME.fullmatch(target)):
-        raise SourceError(text, f"expected a {'topic' if kind == TOPIC else 'path'} behind '{kind}:'")
+    if not target or (kind == TOPIC and not TOPIC_NAME.fullmatch(target)):
+        raise SourceError(without_password(text), f"expected a {'topic' if kind == TOPIC else 'path'} behind '{kind}:'")
     return SourceAddress(kind, target, topic)
 
 

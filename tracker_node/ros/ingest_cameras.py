@@ -138,7 +138,7 @@ def open_cameras(chosen: Sequence[IngestCamera], options: SourceOptions, preload
                 stamps = camera.of_rig.stamps if camera.of_rig else None
                 check_live_settings(camera.address, camera.capture, stamps)
                 if camera.interlaced:
-                    check_fields(camera.capture, camera.source)
+                    check_fields(camera.capture, camera.address.shown)
             else:
                 source = _open_recorded(camera, options)
                 recorded[camera.name] = PreloadedSource(source) if preload else source

@@ -140,7 +140,7 @@ class LiveCamera:
         if self._preparation is None or self._prepared_for != (native_size, bayer):
             size = self._options.output_size(*native_size)
             settings = replace(self._camera.capture, bayer=bayer)
-            self._preparation = Preparation(settings, size if size != native_size else None, self._camera.source)
+            self._preparation = Preparation(settings, size if size != native_size else None, self._camera.address.shown)
             self._prepared_for = native_size, bayer
         return self._preparation
 
