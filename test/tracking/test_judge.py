@@ -99,3 +99,10 @@ def test_what_is_usual_follows_slowly():
     recovery = Recovery()
     told(recovery, *[0.95] * 5, *[0.7] * 60)
     assert told(recovery, 0.1, 0.7, 0.7, 0.7)[-1] is Status.TRACKING
+
+
+def test_images_that_stay_worse_after_a_loss_are_usual_in_the_end():
+    recovery = Recovery()
+    told(recovery, *[0.92] * 5, 0.1)
+    said = told(recovery, *[0.8] * 600)
+    assert said[30] is Status.DEGRADED and said[-1] is Status.TRACKING

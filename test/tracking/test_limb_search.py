@@ -120,6 +120,20 @@ def test_a_limb_that_was_looked_for_in_vain_pauses():
     assert looked_for == [True, True, False, False, False, True, False, False, False, True, False, False]
 
 
+def test_a_lost_limb_that_was_looked_over_in_vain_pauses_too():
+    judge, search = prepared(StatusConfig(limb_pause=4))
+    lost = bent("left", 110.0, -60.0)
+    far = Felt(REST.retract(np.append([3.0, 0.0, 0.0], np.zeros(MODEL.n_dof - 3))))
+    i, reports = index(judge, "left_forearm"), [LimbReport(x.name, LimbStatus.LOST, "", 0.9) for x in judge.limbs]
+    paused = []
+    for _ in range(8):
+        paused.append(search.pauses(i))
+        if not paused[-1]:
+            assert search.look_over([i], lost, lost, far.lines()) is None
+        search.remember(lost, reports)
+    assert paused == [False, False, True, True, True, False, True, True]
+
+
 def test_limbs_that_are_where_they_belong_are_not_in_doubt():
     judge, search = prepared()
     felt, lost = Felt(REST), bent("left", 110.0, -60.0)

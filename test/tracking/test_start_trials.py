@@ -90,3 +90,14 @@ def test_the_best_is_taken_when_time_is_up():
 def test_an_engine_without_sureties_is_believed_at_once():
     won = Contest([Scripted([(None, Status.LOST)])], [HERE], 6).step(NO_IMAGES)
     assert won is not None
+
+
+def test_starts_that_all_speak_against_themselves_are_still_compared():
+    bad = Scripted([(5.0, Status.DEGRADED)] + [(-20.0, Status.LOST)] * 5)
+    worse = Scripted([(4.8, Status.DEGRADED)] + [(-30.0, Status.LOST)] * 5)
+    contest = Contest([bad, worse], [HERE, TURNED], 4)
+    won = None
+    while won is None:
+        assert len(contest) > 0
+        won = contest.step(NO_IMAGES)
+    assert won[0] is bad

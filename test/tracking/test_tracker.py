@@ -231,6 +231,14 @@ def test_plates_must_be_there_and_fit(clip):
         Tracker(clip.rig, clip.model, None, {"cam02": np.zeros((50, 100, 3), np.uint8)})
 
 
+def test_a_first_set_without_images_is_not_the_end(clip):
+    """Nothing is learnt from it; the next one is the first."""
+    empty = changed(clip.sets[0], clip.rig.names, None)
+    estimates = track(clip, [empty, *clip.sets[1:4]])
+    assert estimates[0].status is Status.LOST
+    assert [estimate.status for estimate in estimates[1:]] == [Status.TRACKING] * 3
+
+
 def test_the_covariance_is_one_and_shrinks_with_cameras(clip, tracked):
     for estimate in tracked:
         np.testing.assert_array_equal(estimate.covariance, estimate.covariance.T)

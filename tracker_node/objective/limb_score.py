@@ -14,7 +14,7 @@ import numpy as np
 
 from ..camera.camera_rig import Camera, CameraRig
 from ..model.articulated_model import ArticulatedModel
-from ..model.configuration import Configuration, State
+from ..model.configuration import State
 from ..render.ray_table import ray_table
 from ..render.shape_arrays import ShapeArrays
 from .evidence_kernels import place_shapes
@@ -24,7 +24,6 @@ from .per_camera import serial
 from .region_objective import View
 
 _CELLS = 2  # across, of the pixels of a cell that are looked at
-_REACH = 1.3  # how far out limbs may be, in shares of how far out they are
 
 
 class LimbScore:
@@ -45,7 +44,7 @@ class LimbScore:
         chain = model.chain
         self._chain = (chain.parents, chain.offsets, chain.axis_start, chain.axis_count, chain.directions)
         self._shapes = packed_shapes(model)
-        self._largest_m = float(ShapeArrays.from_model(model).bounds[:, 3].max())
+        self._reach_m = _longest_reach(model)
         self._cell = 0
         self._maps: list[np.ndarray | None] = [None] * len(rig)
 
@@ -56,9 +55,7 @@ class LimbScore:
             lenses = [c.model.resized(max(c.model.width // cell_px, 1), max(c.model.height // cell_px, 1)) for c in self._rig]
             self._cameras = [replace(camera, model=lens) for camera, lens in zip(self._rig, lenses, strict=True)]
         self._maps = [None] * len(views)
-        places = Configuration(self._model, state).Ts_world_shape[:, :3, 3]
-        middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
-        reach = _REACH * float(np.linalg.norm(places - middle, axis=1).max()) + self._largest_m
+        root = state.T_world_root[:3, 3]
 
         def run(i: int) -> None:
             view, lens = views[i], self._cameras[i].model
@@ -66,7 +63,7 @@ class LimbScore:
             body, scene = view.densities
             maps = np.zeros((lens.height, lens.width, len(body)), dtype=np.float32)
             log_body = np.ascontiguousarray(np.log(body.T))
-            step, region = max(1, cell_px // _CELLS), _around(middle, reach, self._cameras[i])
+            step, region = max(1, cell_px // _CELLS), _around(root, self._reach_m, self._cameras[i])
             fill_maps(view.bgr, log_body, scene, view.room, self._shadow, step, self._clamp, region, maps)
             self._maps[i] = maps
 
@@ -100,6 +97,16 @@ class LimbScore:
 
         self._parallel(run, [i for i, maps in enumerate(self._maps) if maps is not None])
         return np.swapaxes(totals, 0, 1)
+
+
+def _longest_reach(model: ArticulatedModel) -> float:
+    """How far (m) from its root a body could reach if all of its joints could be stretched."""
+    chain, bounds = model.chain, ShapeArrays.from_model(model).bounds
+    reach = np.linalg.norm(chain.offsets[:, :3, 3], axis=1)
+    for link, parent in enumerate(chain.parents):
+        reach[link] += reach[parent] if parent >= 0 else 0.0
+    shapes = np.linalg.norm(model.Ts_link_shape[:, :3, 3], axis=1) + np.linalg.norm(bounds[:, :3], axis=1) + bounds[:, 3]
+    return float((reach[model.shape_links] + shapes).max())
 
 
 def _around(middle: np.ndarray, reach_m: float, camera: Camera) -> np.ndarray:

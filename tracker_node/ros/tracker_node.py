@@ -244,7 +244,10 @@ class TrackerNode(Node):
     def _report_untold(self) -> None:
         """What the latest images do not tell of the body, by name; a warning where it is of the body as a whole."""
         latest = self._worker.latest
-        if latest is None or latest.information is None:
+        if latest is None:
+            return
+        if latest.information is None:
+            self._diagnostics.report("observability", STALE, "the images are not believed")
             return
         names = unobservable(latest.information, self._options.model)
         said = f"the images do not tell: {'; '.join(names)}" if names else "the images tell every degree of freedom"

@@ -89,7 +89,7 @@ class ContourEngine:
 
     def begin(self, images: Images, start: State) -> State:
         """Learn what body and scene look like, fit, and learn again: the first pose given is rarely exact."""
-        self._passage, margin = None, self._config.evidence.body_margin_px
+        self._passage, margin, self._recovery = None, self._config.evidence.body_margin_px, Recovery()
         for margin_px in (_FIRST_MARGIN * margin, margin):
             sights = self._look(start, images)
             self._learn_anew(images, sights, margin_px)

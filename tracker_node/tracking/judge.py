@@ -19,6 +19,7 @@ from .estimate import CameraReport, Status
 NOTHING = 0.15  # agreement below this is that of noise: a body that is merely off has more
 _AS_BEFORE = 0.93  # share of the agreement of before a loss, from which a body is where it was
 _RUNNING = 3  # image sets of such agreement in a row
+_FORGIVING = 0.002  # the same of a body that was lost, while it does not agree as before
 _LEVEL_RATE = 0.1  # share of the newest image set in the agreement that is usual
 
 
@@ -104,8 +105,9 @@ class Recovery:
         elif self._missing and self._usual is not None:
             if agreement >= _AS_BEFORE * self._usual:
                 self._missing -= 1
-            else:
+            else:  # an image that has become worse for good, a camera that is gone, is usual in the end
                 self._missing = _RUNNING
+                self._usual += _FORGIVING * (agreement - self._usual)
             if self._missing:
                 shares = f"{100 * agreement:.0f} %, before to {100 * self._usual:.0f} %"
                 return Status.DEGRADED, reason or f"was lost; outline and silhouette agree to {shares}"

@@ -133,10 +133,11 @@ class LimbSearch:
             return {}
         odds = {i: self._odds(i, evidence) for i in range(len(self._judge.limbs))}
         odds = {i: here for i, here in odds.items() if 0.0 < here < np.inf}
-        self._vain = {i: vain for i, vain in self._vain.items() if i in odds}
-        return {i: here for i, here in odds.items() if not self._pauses(i)}
+        self._vain = {i: vain for i, vain in self._vain.items() if i in odds or i in self._judge.lost}
+        return {i: here for i, here in odds.items() if not self.pauses(i)}
 
-    def _pauses(self, i: int) -> bool:
+    def pauses(self, i: int) -> bool:
+        """Whether limb ``i`` has just been looked for in vain."""
         times, last = self._vain.get(i, (0, 0))
         return times >= _IN_A_ROW and self._sets - last < self._config.limb_pause
 
@@ -158,6 +159,7 @@ class LimbSearch:
         found = None
         for i in limbs:
             better = self._find(i, found or state, predicted, lines, None) if self._config.limb_tries else None
+            self._note(i, better is not None)
             found = better or found
         return found
 

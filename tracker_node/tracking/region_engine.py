@@ -263,7 +263,7 @@ class RegionEngine:
         if not evidence.expected.any():
             self._steady = False
             reason = "no camera sees the body where it is expected"
-            return Verdict(Status.LOST, reason, noise=True, limbs=self._limbs.nothing_seen())
+            return Verdict(Status.LOST, reason, noise=True, limbs=self._limbs.nothing_seen(), surety=_UNSEEN)
         limbs = self._limbs.update(evidence, result.state, self._known(result)[1])
         trust = self._limbs.trust(limbs)
         self._trusted = self._limbs.sound_shapes(limbs)
@@ -355,6 +355,7 @@ _SETTLED_PX = 1.5  # a step that moves no part farther is the last
 _DAMPING = 1e-3  # of a step, relative to the diagonal
 _BODY_PX = 300.0  # lines are shorter on bodies that are smaller than this
 _LEAST_OUTLINE = 10  # samples of the outline that a camera should see, to be asked
+_UNSEEN = -1e6  # surety of a body that no camera sees: worse than any that is seen
 _CHANCE = 3.0  # log-likelihood ratio of a contour against none, a sample, that a body has wherever it is put
 
 

@@ -134,17 +134,19 @@ class RegionSearches:
             return result, False
         if self._limbs.body_lost and self.sound is not None:
             return self._restarted(result, self.sound)
-        doubtful, loose = self._doubtful(result), self._loose(start, prior)
+        doubtful, lost = self._doubtful(result), self._limbs.lost
+        # Of a limb that is lost nobody knows where it is: its prediction grows wide, which is no reason not to pause
+        loose = [i for i in self._loose(start, prior) if i not in lost or not self._search.pauses(i)]
         if not doubtful and not loose:
             return result, False
         lines, before = self._fits.limb_lines(start), result
-        if loose or 0 in doubtful or len(doubtful) > 1:
+        if any(i not in lost for i in loose) or 0 in doubtful or len(doubtful) > 1:
             result = self._with_trunk(result, start, prior, lines)
             doubtful = self._doubtful(result)
-        if loose:
-            found = self._search.look_over(loose, result.state, start, lines)
-        else:
-            found = self._search.recover(doubtful, result.state, start, lines)
+        found = self._search.look_over(loose, result.state, start, lines)
+        others = {i: odds for i, odds in doubtful.items() if i not in loose}
+        if others:
+            found = self._search.recover(others, found or result.state, start, lines) or found
         again = None if found is None else self._if_better(found, result, prior, lines)
         result = result if again is None else again
         jumped = result is not before and (not loose or bool(self._limbs.lost))  # what is loose may be anywhere
@@ -157,11 +159,15 @@ class RegionSearches:
         return result if again is None else again
 
     def _loose(self, start: State, prior: Prior | None) -> list[int]:
-        """Limbs that are expected at ``start``, but may be anywhere else."""
+        """Limbs that are expected at ``start``, but may be anywhere else, if most may: what has been seen long ago tells little.
+
+        One alone is looked for when images speak against it.
+        """
         if prior is None or len(self._limbs.limbs) == 1 or not self._search.tries:
             return []
         sigmas = self._limbs.tip_sigmas(start, np.linalg.inv(prior.information))
-        return [i for i, sigma in enumerate(sigmas) if i and sigma > _LOOSE_M]
+        loose = [i for i, sigma in enumerate(sigmas) if i and sigma > _LOOSE_M]
+        return loose if 2 * len(loose) >= len(sigmas) - 1 else []
 
     def _doubtful(self, result: OptimizerResult) -> dict[int, float]:
         return self._search.doubtful(self._fits.part_evidence(result.state, self._close_px))

@@ -122,7 +122,7 @@ class Contest:
         self._totals += [standing(follower.surety or 0.0, estimate.limbs) for follower, estimate in pairs]
         best = int(np.argmax(self._totals))
         winner, estimate = self._followers[best], estimates[best]
-        stay = np.flatnonzero(self._totals >= _RIVAL * self._totals[best])
+        stay = np.flatnonzero(self._totals >= self._totals[best] - (1.0 - _RIVAL) * abs(self._totals[best]))
         self._followers, self._totals = [self._followers[i] for i in stay], self._totals[stay]
         sure = len(stay) == 1 and (estimate.status is Status.TRACKING or winner.surety is None)
         return (winner, estimate) if sure or self.sets >= self._most_sets else None

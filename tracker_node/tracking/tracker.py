@@ -29,7 +29,7 @@ from .self_check import SelfCheck, SelfCheckOptions
 from .starter import NOT_GIVEN, Starter
 from .workers import Workers
 
-_CLEARLY = 1.05  # ratio of sureties, for another place to be taken for one that is not lost
+_CLEARLY = 0.05  # share of its surety by which another place has to be better than one that is not lost
 
 
 class Tracker:
@@ -122,12 +122,15 @@ class Tracker:
             return None
         other, estimate = found
         assert isinstance(other, Tracker)
-        if self._start is not None and not self._lost and (other.surety or 0.0) < _CLEARLY * (self.surety or 0.0):
-            self._unproven = None
-            return None
+        if self._start is not None and not self._lost:
+            own = self.surety or 0.0
+            if (other.surety or 0.0) < own + _CLEARLY * abs(own):
+                self._unproven = None
+                return None
         self._engine, self._motion, self.surety = other._engine, other._motion, other.surety
         self._start, self._lost, self._unproven = other._start, other._lost, other._unproven
-        return estimate
+        self._check.skip()
+        return replace(estimate, faults=self._check.faults)
 
     def step(self, image_set: ImageSet) -> TrackEstimate:
         """Estimate the state for one image set."""
@@ -156,7 +159,7 @@ class Tracker:
             if verdict.noise:  # stay where the body was last, whatever the optimizer has made of noise
                 result = replace(result, state=predicted, equations=engine.linearize(predicted))
             information = self._information(result, prior, verdict)
-            self._accept(image_set.stamp_ns, result.state, information, images, verdict)
+            self._accept(image_set.stamp_ns, result.state, information, images, verdict, first)
         faults = self._compare_cameras(image_set.stamp_ns, verdict)
         finished = time.perf_counter()
         report = engine.report(result, image_set)
@@ -252,7 +255,9 @@ class Tracker:
             prior.add_to(H, np.zeros(n), state)
         return fit_covariance(H, told, Configuration(self.model, state), self.config.status)
 
-    def _accept(self, stamp_ns: int, state: State, information: np.ndarray | None, images, verdict: Verdict) -> None:
+    def _accept(
+        self, stamp_ns: int, state: State, information: np.ndarray | None, images: Images, verdict: Verdict, first: bool
+    ) -> None:
         self._start = state
         self._lost = self._lost + 1 if verdict.status is Status.LOST else 0
         if self._unproven is not None:
@@ -264,8 +269,12 @@ class Tracker:
             else:
                 self._motion.update(stamp_ns, state, information)
             self._engine.learn(images, state)
-        else:  # nothing is learnt from what is taken for the body then, nor how fast it is
-            self._motion.coast(stamp_ns, state)
+        elif not (first and _nothing_seen(verdict)):  # else nothing has been learnt: it begins again at the next image set
+            self._motion.coast(stamp_ns, state)  # nothing is learnt from what is taken for the body, nor how fast it is
+
+
+def _nothing_seen(verdict: Verdict) -> bool:
+    return bool(verdict.limbs) and all(limb.status is LimbStatus.UNSEEN for limb in verdict.limbs)
 
 
 def _check_options(config: TrackerConfig) -> SelfCheckOptions:
