@@ -43,7 +43,8 @@ def calibrate(*arguments):
     return main(["calibrate", *map(str, arguments)])
 
 
-def test_a_rig_from_folders_of_images(folders, tmp_path, capsys):
+def test_a_rig_from_folders_of_images(folders, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # sources are given relative to it
     output = tmp_path / "rig.yaml"
     videos = [folders / "left", folders / "right"]
     assert calibrate("rig", "--videos", *videos, *GIVEN, "--sources", "videos/{name}.mp4", "-o", output) == 0
@@ -98,6 +99,7 @@ def test_bad_options_are_named(folders, tmp_path, capsys):
     assert "unknown dictionary 'DICT_9'" in said(*GIVEN, "--dictionary", "DICT_9")
     assert "at most the 50 markers of DICT_4X4_50" in said("--charuco", "30x30", "--square", "0.1", "--dictionary", "DICT_4X4_50")
     assert "'--keep-lenses'" in said(*GIVEN, "--keep-lenses")
+    assert "expected a pattern with {name} or {number}" in said(*GIVEN, "--sources", "{nam}.mp4")
     assert "are its columns and rows (inner corners)" in said("--chessboard", "9x6", "--square", "0.1", "--quiet")
     assert "looks the same upside down" in said("--chessboard", "9x7", "--square", "0.1", "--quiet")
 

@@ -28,7 +28,8 @@ def write(path, rows, header=COLUMNS):
 
 
 @pytest.mark.parametrize("constraint", ["none", "square"])
-def test_exact_clicks_give_the_rig_back(tmp_path, rows, constraint, capsys):
+def test_exact_clicks_give_the_rig_back(tmp_path, rows, constraint, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # sources are given relative to it
     points, output = write(tmp_path / "points.csv", rows), tmp_path / "rig.yaml"
     arguments = ["--points", str(points), "--size", "768x576", "--constraint", constraint, "--sources", "videos/{name}.avi"]
     assert main(["calibrate", "dlt", *arguments, "-o", str(output)]) == 0
@@ -68,6 +69,14 @@ def test_nothing_is_overwritten(tmp_path, rows, capsys):
     assert main(arguments) == 2 and "is there already" in capsys.readouterr().err
     assert output.read_text() == "precious"
     assert main([*arguments, "--force"]) == 0 and load_rig(output).names == RIG.names
+
+
+@pytest.mark.parametrize(("pattern", "said"), [("{nam}.avi", "a pattern with {name} or {number}"), ("usb9:{name}", "usb9:left")])
+def test_a_wrong_pattern_of_sources_is_named(tmp_path, rows, capsys, pattern, said):
+    points, output = write(tmp_path / "points.csv", rows), tmp_path / "rig.yaml"
+    arguments = ["--points", str(points), "--size", "768x576", "--sources", pattern, "-o", str(output)]
+    assert main(["calibrate", "dlt", *arguments]) == 2
+    assert said in capsys.readouterr().err and not output.exists()
 
 
 def refusal(tmp_path, rows, capsys, header=COLUMNS, size="768x576") -> str:

@@ -50,7 +50,9 @@ def test_lenses_of_ros_with_the_places_of_another_rig(tmp_path, capsys):
     output = str(tmp_path / "rig.yaml")
     assert main(["import_rig", "--camera-info", *files, "--like", str(tmp_path / "places.yaml"), "-o", output]) == 0
     np.testing.assert_allclose(load_rig(output)["cam02"].T_world_cam, rig["cam02"].T_world_cam, atol=1e-12)
-    assert main(["import_rig", "--camera-info", *files, "-o", output]) == 0
+    assert main(["import_rig", "--camera-info", *files, "-o", output]) == 2
+    assert "is there already" in capsys.readouterr().err
+    assert main(["import_rig", "--camera-info", *files, "-o", output, "--force"]) == 0
     np.testing.assert_array_equal(load_rig(output)["cam02"].T_world_cam, np.eye(4))
     assert "places are not known" in capsys.readouterr().out
 
@@ -61,6 +63,7 @@ def test_lenses_of_ros_with_the_places_of_another_rig(tmp_path, capsys):
         (["--pose2sim", "none.toml"], "none.toml: field '(file)'"),
         (["--camera-info", "{tmp}/cam01.yaml", "{tmp}/cam01.yaml"], "a different name for each camera"),
         (["--camera-info", "{tmp}/cam01.yaml", "--sources", "{{nam}}.mp4"], "expected a pattern with {name} or {number}"),
+        (["--camera-info", "{tmp}/cam01.yaml", "--unit", "mm"], "in metres already, got 'mm'"),
     ],
 )
 def test_what_is_wrong_is_one_line(tmp_path, capsys, arguments, said):

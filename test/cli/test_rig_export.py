@@ -56,9 +56,16 @@ def test_millimetres_are_noticed_and_can_be_said(rig_path, tmp_path, capsys):
     (tmp_path / "mm.toml").write_text("\n".join(lines))
     assert main(["import_rig", str(tmp_path / "mm.toml"), "-o", str(tmp_path / "back.yaml")]) == 0
     assert "say --unit mm" in capsys.readouterr().out
-    assert main(["import_rig", str(tmp_path / "mm.toml"), "--unit", "mm", "-o", str(tmp_path / "back.yaml")]) == 0
+    assert main(["import_rig", str(tmp_path / "mm.toml"), "--unit", "mm", "-o", str(tmp_path / "back.yaml"), "--force"]) == 0
     assert "--unit mm" not in capsys.readouterr().out
     np.testing.assert_allclose(load_rig(tmp_path / "back.yaml")["cam1"].center, load_rig(rig_path)["cam1"].center, atol=1e-9)
+
+
+def test_what_is_in_metres_already_takes_no_unit(rig_path, tmp_path, capsys):
+    main(["rig", "export", str(rig_path), "--to", "qualisys", "-o", str(tmp_path / "a.qca.txt")])
+    assert main(["import_rig", str(tmp_path / "a.qca.txt"), "--unit", "mm", "-o", str(tmp_path / "back.yaml")]) == 2
+    assert "none with qualisys files" in capsys.readouterr().err
+    assert not (tmp_path / "back.yaml").exists()
 
 
 def test_a_rig_file_needs_no_import(rig_path, tmp_path, capsys):

@@ -6,6 +6,7 @@ import argparse
 from dataclasses import replace
 
 from ._run_images import refuse_to_overwrite
+from ._sources import add_sources_argument, sources_by_name
 
 SUMMARY = "make a rig from control points of known place, clicked on in one image of every camera (DLT)"
 EXAMPLE = (
@@ -29,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="from eleven parameters to the seven of a centered camera by simulated annealing, with the errors of every stage",
     )  # fmt: skip
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the annealing (default: %(default)s)")
-    parser.add_argument("--sources", metavar="PATTERN", help="videos or image folders, {name} becomes the camera's name")
+    add_sources_argument(parser)
     parser.add_argument("-o", "--output", default="rig.yaml", metavar="FILE", help="file to write (default: %(default)s)")
     parser.add_argument("--force", action="store_true", help="overwrite the output")
 
@@ -42,12 +43,12 @@ def run(args: argparse.Namespace) -> int:
 
     refuse_to_overwrite(args, args.output)
     size, seen = _size(args.size), load_control_points(args.points)
+    sources = sources_by_name(args.sources, seen)
     for name, points in seen.items():
         check_control_points(name, points, size)
     cameras = _in_stages(args, seen, size) if args.stages else _constrained(args, seen, size)
-    if args.sources:
-        cameras = [replace(camera, source=args.sources.format(name=camera.name)) for camera in cameras]
-    write_rig_file(rig_file_of(CameraRig(tuple(cameras))), args.output)
+    cameras = [replace(camera, source=sources[camera.name]) for camera in cameras]
+    write_rig_file(rig_file_of(CameraRig(tuple(cameras))), args.output, base_dir=".")
     print(f"wrote {args.output}")
     return 0
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from ..errors import CalibrationError, FileFormatError
 from ._board_arguments import StageProgress, add_board_arguments, board_of, detect, sources_of
 from ._run_images import refuse_to_overwrite
+from ._sources import add_sources_argument, sources_by_name
 
 SUMMARY = "make a rig from videos or image folders in which several cameras see a chessboard or a ChArUco board"
 EXAMPLE = "tracker_node calibrate rig --videos calib/cam01.mp4 calib/cam02.mp4 --charuco 7x5 --square 0.08 -o rig.yaml"
@@ -27,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="how far off single stamps are usually, with clocks that are free (default: %(default)s)")  # fmt: skip
     add("--tolerance-ms", type=float, metavar="MS", help="images so near in time belong together (default: half a period)")
     add("--sets", type=int, default=100, metavar="N", help="image sets used at most (default: %(default)s)")
-    add("--sources", metavar="PATTERN", help="videos to be tracked later, {name} becomes the camera's name")
+    add_sources_argument(parser)
     add("--write-clocks", action="store_true", help="write clocks that are off as time_offset_s: for cameras that keep running")
     add("-o", "--output", default="rig.yaml", metavar="FILE", help="file to write (default: %(default)s)")
 
@@ -44,10 +45,11 @@ def run(args: argparse.Namespace) -> int:
     refuse_to_overwrite(args, args.output, page, figures)
     board, sources = board_of(args), sources_of(args, args.stamps)
     check_for_rig(board)
+    tracked_later = sources_by_name(args.sources, sources)
     options, lenses = _options(args), _lenses(args, sources)
     seen = detect(args, sources, board)
     found = calibrate_rig(board, seen, options, lenses, None if args.quiet else StageProgress("calibrate rig"))
-    write_rig_file(rig_file_of(_with_sources(args, found)), args.output)
+    write_rig_file(rig_file_of(_with_sources(args, found, tracked_later)), args.output, base_dir=".")
     write_rig_page(page, found, seen)
     write_metrics(figures, rig_figures(found))
     files = write_pictures(page.parent, found.rig.names, rig_pictures(found, seen))
@@ -101,15 +103,14 @@ def _lenses(args: argparse.Namespace, sources):
     return {name: rig[name].model for name in sources}
 
 
-def _with_sources(args: argparse.Namespace, found):
+def _with_sources(args: argparse.Namespace, found, sources: dict[str, str | None]):
     from ..calibration.board_figures import camera_figures
 
     figures, cameras = camera_figures(found), []
     for camera in found.rig:
-        source = args.sources.format(name=camera.name) if args.sources else None
         late = figures[camera.name]
         offset_ns = round(1e9 * late.clock_s) if args.write_clocks and late.clock_is_off else 0
-        cameras.append(replace(camera, source=source, time_offset_ns=offset_ns))
+        cameras.append(replace(camera, source=sources[camera.name], time_offset_ns=offset_ns))
         if late.clock_is_off:
             print(f"{camera.name}: its images are {1e3 * late.clock_s:.1f} ms later than they say, beside {found.rig.names[0]}")
     return replace(found.rig, cameras=tuple(cameras))

@@ -8,6 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ._run_images import refuse_to_overwrite
+from ._sources import add_sources_argument, sources_by_name
+
 SUMMARY = "turn calibrations of other programs (Pose2Sim, aniposelib, Caliscope, ROS, OpenCV, Qualisys, DLT) into a rig.yaml"
 EXAMPLE = (
     "tracker_node import_rig Calib.toml --sources 'videos/cam{number:02}.mp4' -o rig.yaml\n"
@@ -30,28 +33,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="with ROS camera_info: take the cameras' places from this rig.yaml; without it all stand at the world's origin",
     )
     parser.add_argument("--size", metavar="WxH", help="size of the images, for files that do not say it (DLT, OpenCV)")
-    parser.add_argument("--unit", choices=tuple(UNITS), default="m", help="unit of the places in the file (default: %(default)s)")
-    parser.add_argument(
-        "--sources",
-        metavar="PATTERN",
-        help="video or image folder of each camera; {name} is its name, {number} counts from 1, as in 'videos/{name}.mp4'",
-    )
+    parser.add_argument("--unit", choices=tuple(UNITS), help="unit of the places in the file, where that may be any (default: m)")
+    add_sources_argument(parser)
     parser.add_argument("-o", "--output", default="rig.yaml", metavar="FILE", help="file to write (default: %(default)s)")
+    parser.add_argument("--force", action="store_true", help="overwrite the output")
 
 
 def run(args: argparse.Namespace) -> int:
     from ..loaders.rig_formats import CAMERA_INFO, TOML, detect_all
-    from ..loaders.rig_yaml import CameraEntry, build_rig, rig_file_of, write_rig_file
+    from ..loaders.rig_yaml import build_rig, rig_file_of, write_rig_file
 
+    refuse_to_overwrite(args, args.output)
     files = args.files or args.camera_info or ([args.pose2sim] if args.pose2sim else [])
     _check_files(args, files)
     kind = CAMERA_INFO if args.camera_info else TOML if args.pose2sim else detect_all(files)
-    rig_file = rig_file_of(_in_metres(_load(kind, files, args), UNITS[args.unit]))
-    if args.sources:
-        entries: dict[str, CameraEntry] = {}
-        for number, (name, entry) in enumerate(rig_file.cameras.items(), start=1):
-            entries[name] = entry.model_copy(update={"source": _source(args.sources, name, number)})
-        rig_file = rig_file.model_copy(update={"cameras": entries})
+    _check_unit(args.unit, kind)
+    rig = _in_metres(_load(kind, files, args), UNITS[args.unit or "m"])
+    sources = sources_by_name(args.sources, rig.names)
+    rig_file = rig_file_of(replace(rig, cameras=tuple(replace(camera, source=sources[camera.name]) for camera in rig)))
     write_rig_file(rig_file, args.output, base_dir=".")
     _report(build_rig(rig_file, "."))
     print(f"wrote {args.output}")
@@ -67,6 +66,15 @@ def _check_files(args: argparse.Namespace, files: list[str]) -> None:
         raise SourceError("import_rig", "expected a calibration file")
     if args.files and (args.pose2sim or args.camera_info):
         raise SourceError(args.files[0], "expected files either as they are or behind --pose2sim or --camera-info, got both")
+
+
+def _check_unit(unit: str | None, kind: str) -> None:
+    """Refuse a unit where places are in metres already: Qualisys files say theirs, and ROS lenses take those of a rig.yaml."""
+    from ..errors import FileFormatError
+    from ..loaders.rig_formats import CAMERA_INFO, QUALISYS
+
+    if unit is not None and kind in (CAMERA_INFO, QUALISYS):
+        raise FileFormatError("command line", "--unit", f"none with {kind} files, whose rig is in metres already", unit)
 
 
 def _load(kind: str, files: list[str], args: argparse.Namespace):
@@ -99,15 +107,6 @@ def _size(text: str | None) -> tuple[int, int] | None:
     if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
         raise SourceError("--size", f"expected a size such as 1280x720, got '{text}'")
     return int(width), int(height)
-
-
-def _source(pattern: str, name: str, number: int) -> str:
-    from ..errors import SourceError
-
-    try:
-        return pattern.format(name=name, number=number)
-    except (KeyError, IndexError, ValueError, AttributeError) as error:
-        raise SourceError(pattern, "expected a pattern with {name} or {number}, e.g. 'videos/cam{number:02}.mp4'") from error
 
 
 def _rig_of_lenses(files: list[str], like: str | None):
