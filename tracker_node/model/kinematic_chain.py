@@ -212,8 +212,9 @@ class KinematicChain:
         set_(self, "link_moved_by", link_moved_by)
         carried_by = np.zeros((link_moved_by.shape[1],) * 2, dtype=np.bool_)
         for i in range(n):
-            for axis in range(N_ROOT_DOF + int(self.axis_start[i]), N_ROOT_DOF + int(self.axis_start[i] + self.axis_count[i])):
-                carried_by[axis] = link_moved_by[i] & (np.arange(len(carried_by)) < axis)
+            first = N_ROOT_DOF + int(self.axis_start[i])
+            for dof in range(first, first + int(self.axis_count[i])):
+                carried_by[dof] = link_moved_by[i] & (np.arange(len(carried_by)) < dof)
         set_(self, "carried_by", carried_by)
         followers = [(i, axis.follows) for i, axis in enumerate(axes) if axis.follows is not None]
         set_(self, "couplings", tuple((i, names.index(follows.leader), follows) for i, follows in followers))
