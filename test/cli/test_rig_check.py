@@ -1,6 +1,7 @@
 """``tracker_node rig check`` on files: exit status, sentences, pictures, JSON."""
 
 import json
+import shutil
 
 import cv2
 import numpy as np
@@ -8,6 +9,8 @@ import pytest
 from moving_balls import ball_images, balls_rig
 
 from tracker_node.cli.main import main
+from tracker_node.evaluation.doctor import examine
+from tracker_node.evaluation.doctor_input import record
 from tracker_node.loaders.rig_yaml import load_rig, rig_file_of, write_rig_file
 
 N = 16
@@ -66,6 +69,56 @@ def test_a_missing_source_is_a_finding(folder, tmp_path, capsys):
 def test_wrong_arguments_are_one_line(folder, inputs, message, capsys):
     assert main(["rig", "check", str(folder / "rig.yaml"), *inputs]) == 2
     assert message in capsys.readouterr().err
+
+
+def late(folder, tmp_path, seconds, **others):
+    """The rig with the clock of cam1 later, and other sources."""
+    rig_file = rig_file_of(load_rig(folder / "rig.yaml"))
+    cameras = dict(rig_file.cameras)
+    cameras["cam1"] = cameras["cam1"].model_copy(update={"time_offset_s": seconds})
+    for name, source in others.items():
+        cameras[name] = cameras[name].model_copy(update={"source": str(source)})
+    write_rig_file(rig_file.model_copy(update={"cameras": cameras}), tmp_path / "late.yaml")
+    return str(tmp_path / "late.yaml")
+
+
+def test_cameras_that_were_not_compared_are_not_called_sound(folder, tmp_path, capsys):
+    output = tmp_path / "check"
+    assert main(["rig", "check", late(folder, tmp_path, 60.0), "-o", str(output)]) == 3
+    told = capsys.readouterr().out
+    assert "not checked: places, lenses and clocks" in told and "Nothing found." not in told
+    assert json.loads((output / "findings.json").read_text())["compared"] is False
+    assert "nothing is wrong with the images of single cameras" in (output / "index.html").read_text().lower()
+
+
+def test_all_cameras_are_looked_at_from_when_the_last_begins(folder, tmp_path, capsys):
+    """The others began two seconds before, and nothing happened then."""
+    sources = {}
+    for name in ("cam2", "cam3"):
+        sources[name] = tmp_path / name
+        sources[name].mkdir()
+        files = sorted((folder / name).iterdir())
+        for i in range(60):  # two seconds in which nothing happens, and then what the late camera sees
+            shutil.copy(files[0], sources[name] / f"{i:03}.png")
+        for i, file in enumerate(files, start=60):
+            shutil.copy(file, sources[name] / f"{i:03}.png")
+    rig = load_rig(late(folder, tmp_path, 2.0, **sources))
+    recordings = record(rig, seconds=0.4)
+    assert {r.stamps_ns[0] for r in recordings.values()} == {2 * 10**9}
+    assert {len(r) for r in recordings.values()} == {12}
+    assert examine(rig, recordings).compared
+    assert not examine(rig, recordings).findings
+
+
+def test_a_folder_of_somebody_else_is_not_written_to(folder, tmp_path, capsys):
+    mine = tmp_path / "cam1.png"
+    mine.write_bytes(b"mine")
+    assert main(["rig", "check", str(folder / "rig.yaml"), "-o", str(tmp_path)]) == 2
+    assert "holds other files" in capsys.readouterr().err and mine.read_bytes() == b"mine"
+    assert [path.name for path in tmp_path.iterdir()] == ["cam1.png"]
+    for _ in range(2):  # its own folder is written to again
+        main(["rig", "check", str(folder / "rig.yaml"), "-o", str(tmp_path / "check"), "--seconds", "0.1"])
+    assert (tmp_path / "check" / "findings.json").exists()
 
 
 def test_the_rig_is_left_as_it_is(folder, tmp_path):

@@ -6,7 +6,10 @@ import argparse
 import sys
 from pathlib import Path
 
-SUMMARY = "say what is wrong with a rig, from a few seconds of images in which something moves; exit status 1 if anything is"
+SUMMARY = (
+    "say what is wrong with a rig, from a few seconds of images in which something moves; exit status 1 if anything is, 3 if"
+    " nothing was found but the cameras could not be compared"
+)
 EXAMPLE = "tracker_node rig check rig.yaml videos/cam01.mp4 videos/cam02.mp4 --output out/check"
 
 
@@ -30,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
     from ..errors import SourceError
     from ..evaluation.doctor import examine
     from ..evaluation.doctor_input import record, with_inputs
-    from ..evaluation.doctor_report import write_examination
+    from ..evaluation.doctor_report import JSON, write_examination
     from ..loaders.rig_yaml import load_rig
 
     if not 0.0 < args.seconds <= 600.0:
@@ -38,6 +41,9 @@ def run(args: argparse.Namespace) -> int:
     rig = with_inputs(load_rig(args.rig), args.inputs)
     if Path(args.output).is_file():
         raise SourceError(args.output, "expected a folder to write to, got a file")
+    output = Path(args.output)
+    if output.is_dir() and any(output.iterdir()) and not (output / JSON).exists():
+        raise SourceError(args.output, f"holds other files (and no {JSON} of an earlier check), which are not overwritten")
     recordings = record(rig, args.seconds, lambda camera: print(f"looking at the images of {camera}", file=sys.stderr))
     print("comparing the cameras", file=sys.stderr, flush=True)
     examination = examine(rig, recordings)
@@ -46,5 +52,8 @@ def run(args: argparse.Namespace) -> int:
         print(f"- {finding.sentence}")
     for note in examination.notes:
         print(note)
-    print("Nothing found." if not examination.findings else f"{len(examination.findings)} found.", f"See {page}")
-    return 1 if examination.findings else 0
+    found = f"{len(examination.findings)} found." if examination.findings else "Nothing found in what was checked."
+    print("Nothing found." if examination.compared and not examination.findings else found, f"See {page}")
+    if examination.findings:
+        return 1
+    return 0 if examination.compared else 3

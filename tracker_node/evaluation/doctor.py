@@ -21,6 +21,7 @@ from .finding import FAULTS, Finding
 
 _LARGEST_ROOM_M = 100.0  # a camera farther than this from what it films is not meant in metres
 _LEAST_AGREEMENT = 0.35
+_NOT_CHECKED = "not checked: places, lenses and clocks. The cameras could not be compared"
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +34,11 @@ class Examination:
     grid_ns: np.ndarray
     setup: Setup | None
     diagnosis: Diagnosis | None
+
+    @property
+    def compared(self) -> bool:
+        """Whether any two cameras could be compared; if not, nothing is known of places, lenses and clocks."""
+        return self.diagnosis is not None and bool(np.isfinite(self.diagnosis.after).any())
 
 
 def examine(rig: CameraRig, recordings: Mapping[str, CameraRecording]) -> Examination:
@@ -72,7 +78,7 @@ def examine(rig: CameraRig, recordings: Mapping[str, CameraRecording]) -> Examin
             findings += [_told(repair, rig, len(moving)) for repair in diagnosis.repairs]
             notes += _agreement_notes(diagnosis)
     if diagnosis is None:
-        notes.append("The cameras could not be compared: fewer than two of them have images at the same time.")
+        notes.append(f"{_NOT_CHECKED}: fewer than two of them have images at the same time.")
     order = list(FAULTS)
     return Examination(tuple(sorted(findings, key=lambda f: order.index(f.fault))), tuple(notes), grid, setup, diagnosis)
 
@@ -176,7 +182,7 @@ def _place_sentence(repair: Repair, every: str) -> str:
 def _agreement_notes(diagnosis: Diagnosis) -> list[str]:
     known = diagnosis.after[np.isfinite(diagnosis.after)]
     if not len(known):
-        return ["The cameras could not be compared: too little moves in the images."]
+        return [f"{_NOT_CHECKED}: too little moves in the images."]
     notes = [f"Agreement of the cameras on where something moves: {np.mean(known):.2f} on average (1 is best)."]
     if np.mean(known) < _LEAST_AGREEMENT:
         notes.append("That is little: the recording shows too little common motion to judge places, lenses and clocks.")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import islice
+from itertools import dropwhile, islice
 from pathlib import Path
 
 from ..camera.camera_rig import Camera, CameraRig
 from ..errors import SourceError, TrackerError, UnknownNameError
 from ..loaders.bag_reader import STORAGE_SUFFIXES
-from ..loaders.image_source import open_camera_source_of_any_size
+from ..loaders.image_source import ImageSource, open_camera_source_of_any_size
 from .doctor_recording import CameraRecording
 
 DEFAULT_SECONDS = 4.0
@@ -51,23 +51,41 @@ def with_inputs(rig: CameraRig, inputs: Sequence[str]) -> CameraRig:
 def record(
     rig: CameraRig, seconds: float = DEFAULT_SECONDS, progress: Callable[[str], None] = lambda camera: None
 ) -> dict[str, CameraRecording]:
-    """Camera name -> its first ``seconds``; what cannot be read is told in the recording's ``problems``."""
+    """Camera name -> its images of ``seconds``, from the moment on at which the last of the cameras begins.
+
+    A camera that ends before that moment is read from its own beginning. What cannot be read is told in the recording's
+    ``problems``.
+    """
+    opened = {camera.name: _opened(camera) for camera in rig}
+    first_ns = max((o.stamp_ns(o.options.start) for o in opened.values() if isinstance(o, ImageSource)), default=0)
     recordings = {}
-    for camera in rig:
-        progress(camera.name)
-        recordings[camera.name] = _recorded(camera, seconds)
+    for name, source in opened.items():
+        progress(name)
+        if isinstance(source, ImageSource):
+            recordings[name] = _recorded(name, source, seconds, first_ns)
+        else:
+            recordings[name] = CameraRecording(name, 0, 1.0, problems=[str(source)])
     return recordings
 
 
-def _recorded(camera: Camera, seconds: float) -> CameraRecording:
+def _opened(camera: Camera) -> ImageSource | TrackerError:
+    """The source, or why it cannot be opened."""
     try:
         source = open_camera_source_of_any_size(camera)
+        source.stamp_ns(source.options.start)  # which has to be read from a bag
+        return source
     except TrackerError as error:
-        return CameraRecording(camera.name, 0, 1.0, problems=[str(error)])
-    n = min(source.n_images, max(2, round(seconds * source.rate_hz)))
-    recording = CameraRecording(camera.name, n, source.rate_hz)
+        return error
+
+
+def _recorded(name: str, source: ImageSource, seconds: float, first_ns: int) -> CameraRecording:
+    early = round(1e-9 * (first_ns - source.stamp_ns(source.options.start)) * source.rate_hz)
+    if early >= source.n_images:  # over before the others begin
+        early, first_ns = 0, source.stamp_ns(source.options.start)
+    n = min(source.n_images - early, max(2, round(seconds * source.rate_hz)))
+    recording = CameraRecording(name, n, source.rate_hz)
     try:
-        for stamp_ns, bgr in islice(source, n):
+        for stamp_ns, bgr in islice(dropwhile(lambda image: image[0] < first_ns, source), n):
             recording.add(stamp_ns, bgr)
     except TrackerError as error:
         recording.problems.append(str(error))

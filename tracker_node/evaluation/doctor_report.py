@@ -60,11 +60,12 @@ def as_json(examination: Examination) -> dict[str, object]:
         }
         for finding in examination.findings
     ]
-    return {"findings": findings, "notes": list(examination.notes)}
+    return {"findings": findings, "notes": list(examination.notes), "compared": examination.compared}
 
 
 def _summary(examination: Examination) -> str:
-    faults = ", ".join(dict.fromkeys(FAULTS[finding.fault] for finding in examination.findings)) or "nothing is wrong"
+    nothing = "nothing is wrong" if examination.compared else "nothing is wrong with the images of single cameras"
+    faults = ", ".join(dict.fromkeys(FAULTS[finding.fault] for finding in examination.findings)) or nothing
     return " ".join([f"{faults[0].upper()}{faults[1:]}.", *examination.notes])
 
 
