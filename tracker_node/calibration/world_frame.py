@@ -18,6 +18,7 @@ from ..errors import CalibrationError, TrackerError, UnknownNameError
 from ..geometry import se3
 from .triangulation import reproject, triangulate
 
+LEAST_M = 1e-9  # points that are nearer to each other are one
 UP = np.array([0.0, 0.0, 1.0])
 _LINE = 0.02  # second singular value to the first from which on points do not lie on a line
 
@@ -95,7 +96,7 @@ def onto_points(points: np.ndarray, targets: np.ndarray, with_scale: bool = Fals
     p, t = points - middle_p, targets - middle_t
     for what, values in (("seen", p), ("given", t)):
         singular = np.linalg.svd(values, compute_uv=False)
-        if len(points) < 3 or singular[1] < _LINE * singular[0]:
+        if len(points) < 3 or singular[0] < LEAST_M or singular[1] < _LINE * singular[0]:
             problem = "do not span a plane: three that do not lie on a line are the least"
             raise TrackerError(f"the {len(points)} points, as {what}, {problem}")
     u, s, vt = np.linalg.svd(t.T @ p)
@@ -111,9 +112,12 @@ def onto_axes(origin: np.ndarray, on_x: np.ndarray, on_y: np.ndarray) -> WorldCh
 
     Raises
     ------
-    TrackerError : the three lie on a line.
+    TrackerError : the three lie on a line, or two at one place.
     """
     x, towards_y = on_x - origin, on_y - origin
+    for name, to in (("x", x), ("y", towards_y)):
+        if np.linalg.norm(to) < LEAST_M:
+            raise TrackerError(f"the point on {name} is at the same place as the origin")
     z = np.cross(x, towards_y)
     if np.linalg.norm(z) < _LINE * np.linalg.norm(x) * np.linalg.norm(towards_y):
         raise TrackerError("the origin and the points on x and y lie on one line")
@@ -123,7 +127,13 @@ def onto_axes(origin: np.ndarray, on_x: np.ndarray, on_y: np.ndarray) -> WorldCh
 
 
 def upright(up: np.ndarray) -> WorldChange:
-    """The smallest turn about the origin after which ``up`` (3,), any length, is the z axis."""
+    """The smallest turn about the origin after which ``up`` (3,), any length but zero, is the z axis.
+
+    Raises
+    ------
+    TrackerError : it has no length.
+    """
+    _check_vertical(up)
     up = up / np.linalg.norm(up)
     axis, cosine = np.cross(up, UP), float(up @ UP)
     sine = float(np.linalg.norm(axis))
@@ -135,13 +145,24 @@ def upright(up: np.ndarray) -> WorldChange:
 
 
 def scaled(factor: float) -> WorldChange:
-    """The same world with lengths multiplied, about the origin."""
+    """The same world with lengths multiplied by a positive number, about the origin."""
     return WorldChange(np.eye(3), np.zeros(3), factor)
 
 
 def tilt_deg(up: np.ndarray) -> float:
-    """Angle of a vertical (3,) to the z axis, degrees."""
+    """Angle of a vertical (3,) to the z axis, degrees.
+
+    Raises
+    ------
+    TrackerError : it has no length.
+    """
+    _check_vertical(up)
     return float(np.degrees(np.arctan2(np.linalg.norm(up[:2]), up[2])))
+
+
+def _check_vertical(up: np.ndarray) -> None:
+    if np.linalg.norm(up) < LEAST_M:
+        raise TrackerError("the vertical has no length: top and bottom are at the same place")
 
 
 def _cameras_of(clicks: Mapping[str, Mapping[str, np.ndarray]], point: str) -> str:

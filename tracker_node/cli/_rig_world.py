@@ -158,7 +158,7 @@ def _scaled_by_wand(args: argparse.Namespace, rig):
     import numpy as np
 
     from ..calibration import world_frame
-    from ..errors import FileFormatError
+    from ..errors import FileFormatError, TrackerError
     from ..loaders.clicks import load_clicks
 
     if not args.wand:
@@ -168,6 +168,8 @@ def _scaled_by_wand(args: argparse.Namespace, rig):
     if not pairs:
         raise FileFormatError(args.wand, "point", "two ends at least, such as 1a and 1b", list(seen))
     lengths = np.array([np.linalg.norm(seen[f"{pair}a"].place - seen[f"{pair}b"].place) for pair in pairs])
+    if np.median(lengths) < world_frame.LEAST_M:
+        raise TrackerError(f"{args.wand}: the ends of the wand are at the same place")
     factor = args.length / float(np.median(lengths))
     spread = f", from {1e3 * lengths.min():.1f} to {1e3 * lengths.max():.1f}" if len(pairs) > 1 else ""
     print(f"the wand is {1e3 * np.median(lengths):.1f} mm long in the rig{spread}; {1e3 * args.length:.1f} mm are given")
