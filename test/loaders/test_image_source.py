@@ -49,6 +49,15 @@ def path(request: pytest.FixtureRequest) -> Path:
     return request.getfixturevalue(request.param)
 
 
+def test_a_preloaded_source_tells_what_is_missing_in_each_pass(folder: Path):
+    (folder / "image3.png").write_bytes(b"no picture")
+    plain, preloaded = open_source(folder), PreloadedSource(open_source(folder))
+    for _ in range(2):
+        assert [number_of(image) for _, image in preloaded] == [number_of(image) for _, image in plain]
+        assert (preloaded.counts.read, preloaded.counts.missing) == (N - 1, 1)
+        assert preloaded.counts == plain.counts and len(plain.counts.problems) == 1
+
+
 def test_all_images_in_order_with_integer_stamps(path: Path):
     source = open_source(path, rate_hz=30.0)
     assert (source.width, source.height, source.n_images) == (WIDTH, HEIGHT, N)

@@ -67,6 +67,17 @@ def test_the_rate_is_twice_that_of_the_file(tmp_path):
     assert InterlacedSource(woven(tmp_path / "a"), SourceOptions(), "top_first").rate_hz == 60.0  # folders: 30 images a second
 
 
+@pytest.mark.parametrize("preload", [False, True])
+def test_kept_originals_are_the_woven_images(tmp_path, preload):
+    folder = woven(tmp_path / "a")
+    source = InterlacedSource(folder, SourceOptions(keep=True), "top_first")
+    images = list((PreloadedSource(source) if preload else source).images())
+    for j, (first, second) in enumerate(zip(images[::2], images[1::2], strict=True)):
+        np.testing.assert_array_equal(first.original, cv2.imread(str(folder / f"image{j}.png")))
+        assert second.original is None
+    assert all(image.original is None for image in InterlacedSource(folder, SourceOptions(), "top_first").images())
+
+
 def test_progressive_images_are_refused(tmp_path):
     source = write(tmp_path / "a", [instant(2 * j) for j in range(N)])
     with pytest.raises(SourceError, match=r"marked as interlaced, .* no comb .* it is progressive"):

@@ -10,8 +10,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..camera.camera_rig import Camera
 from ..camera.capture_settings import CaptureSettings
 from ..errors import CalibrationError, SourceError
@@ -48,6 +46,7 @@ class PreloadedSource(ImageSource):
         self._source = source
         first = source.options.start
         self._images = [(i, source._prepared(0, content)) for i, content in source._read(first, first + source.n_images)]
+        self._unreadable = source.counts
         super().__init__(source.path, replace(source.options, size=None, shrink=1, rate_hz=source.rate_hz))
 
     def _open(self) -> tuple[int, int, float, int]:
@@ -57,7 +56,12 @@ class PreloadedSource(ImageSource):
         return self._source.stamp_ns(i)
 
     def _read(self, start: int, end: int) -> Iterator[tuple[int, Any]]:
+        self.counts.missing += self._unreadable.missing
+        self.counts.problems += self._unreadable.problems
         yield from self._images
+
+    def _settings(self) -> CaptureSettings:
+        return self._source._settings()
 
     def _prepared(self, stamp_ns: int, content: Any) -> SourceImage:
         return replace(content, stamp_ns=stamp_ns)
@@ -66,7 +70,8 @@ class PreloadedSource(ImageSource):
 class InterlacedSource(ImageSource):
     """A source of interlaced images as twice as many images of one instant each, missing lines interpolated.
 
-    Numbers, rate and ``start`` and ``end`` of the options are those of the delivered images.
+    Numbers, rate and ``start`` and ``end`` of the options are those of the delivered images. Where originals are kept, that of
+    the first field is the image that both come from, and the second has none.
 
     Raises
     ------
@@ -89,13 +94,17 @@ class InterlacedSource(ImageSource):
             raise SourceError(source.path, f"marked as interlaced, but its {source.native_height} lines are not an even number")
         return source.native_width, source.native_height, 2.0 * source.rate_hz, 2 * source.n_images
 
-    def _read(self, start: int, end: int) -> Iterator[tuple[int, np.ndarray]]:
+    def _read(self, start: int, end: int) -> Iterator[tuple[int, Any]]:
         self._woven.counts = self.counts
         for i, content in self._woven._read(start // 2, (end + 1) // 2):
             image = self._woven._prepared(0, content).bgr
             for number, instant in enumerate(deinterlace(image, self._order), start=2 * i):
                 if start <= number < end:
-                    yield number, instant
+                    yield number, (instant, image if self.options.keep and number == 2 * i else None)
+
+    def _prepared(self, stamp_ns: int, content: Any) -> SourceImage:
+        instant, woven = content
+        return replace(super()._prepared(stamp_ns, instant), original=woven)
 
 
 def open_source(path: str | Path, options: SourceOptions | None = None, **changes) -> ImageSource:

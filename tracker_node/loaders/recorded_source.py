@@ -105,6 +105,11 @@ class ImageSource(ABC):
         return self.options.capture
 
     @property
+    def bayer(self) -> str | None:
+        """Pattern of the mosaics that it gives, by its options or by what it says itself; None for images that are none."""
+        return self._settings().bayer
+
+    @property
     def n_images(self) -> int:
         return min(self.options.end or self._n_in_file, self._n_in_file) - self.options.start
 
