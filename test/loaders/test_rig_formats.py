@@ -205,3 +205,59 @@ def test_a_mirrored_dlt_is_refused():
     parameters[4:8] = 480.0 * np.array([0.0, 0.0, parameters[10], 1.0]) - parameters[4:8]  # v upward
     with pytest.raises(CalibrationError, match="mirrored"):
         camera_of_parameters("a", parameters, (640, 480))
+
+
+LENS = "image_width: 640\nimage_height: 480\nK: [500., 0., 320., 0., 500., 240., 0., 0., 1.]\nD: [0., 0., 0., 0., 0.]\n"
+ENTRY = "   - { name: a, " + LENS.strip().replace("\n", ", ") + ", R: [0., 0., 0.], T: [0., 0., 1.] }\n"
+
+
+def opencv_yaml(folder, content):
+    path = folder / "calib.yml"
+    path.write_text("%YAML:1.0\n---\n" + content)
+    return path
+
+
+def test_matrices_may_be_plain_sequences(tmp_path):
+    (single,) = load_opencv([opencv_yaml(tmp_path, LENS)])
+    (placed,) = load_opencv([opencv_yaml(tmp_path, "cameras:\n" + ENTRY)])
+    for camera in (single, placed):
+        np.testing.assert_array_equal(camera.model.K, [[500.0, 0.0, 320.0], [0.0, 500.0, 240.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(placed.center, [0.0, 0.0, -1.0])
+
+
+@pytest.mark.parametrize(
+    ("content", "field"),
+    [
+        (LENS.replace("K:", "unused:") + "camera_matrix: 3\n", "camera_matrix"),
+        (LENS.replace("500.", "wide"), "K"),
+        (LENS.replace("K: [500., 0.,", "K: ["), "K"),
+        ("cameras: [1, 2]\n", "cameras[]"),
+        ("cameras: []\n", "cameras"),
+        ("cameras:\n" + ENTRY + ENTRY, "cameras"),
+        (LENS.replace("640", "-5"), "image_width"),
+        (LENS.replace("640", ".Nan"), "image_width"),
+    ],
+)
+def test_what_is_wrong_in_an_opencv_file_is_named(tmp_path, content, field):
+    with pytest.raises(FileFormatError) as caught:
+        load_opencv([opencv_yaml(tmp_path, content)])
+    assert caught.value.field == field
+
+
+@pytest.mark.parametrize("content", ["[" * 20000, "a = " + "[" * 20000])
+def test_endless_nesting_is_no_calibration(tmp_path, content):
+    path = tmp_path / "calib.yaml"
+    path.write_text(content)
+    with pytest.raises(FileFormatError, match="expected a calibration"):
+        detect(path)
+
+
+def test_a_date_that_is_none_does_not_matter(tmp_path):
+    path = tmp_path / "cam.yaml"
+    dump_camera_info("cam", CameraModel(640, 480, np.diag([500.0, 500.0, 1.0])), path)
+    path.write_text("date: 2024-13-45\n" + path.read_text())
+    assert detect(path) == "camera_info" and load_camera_info(path)[0] == "cam"
+    path.write_text("date: 2024-13-45\ncamera_matrix: 3\n")
+    assert detect(path) == "camera_info"
+    with pytest.raises(FileFormatError):
+        load_camera_info(path)

@@ -62,7 +62,7 @@ def load_opencv(paths: Sequence[str | Path], image_size: tuple[int, int] | None 
     storage = _Storage(paths)
     cameras = storage.node("cameras")
     if cameras is not None and cameras.isSeq():
-        return CameraRig(tuple(_of_rig(storage, cameras.at(i), image_size) for i in range(cameras.size())))
+        return _rig(storage, cameras, image_size)
     suffixes = ("1", "2") if any(storage.node(f"{key}1") is not None for key in _K) else ("",)
     lenses = [_lens(storage, storage.node, suffix, image_size) for suffix in suffixes]
     if len(lenses) == 1:
@@ -100,7 +100,18 @@ def dump_opencv(rig: CameraRig, path: str | Path) -> None:
     storage.release()
 
 
+def _rig(storage: _Storage, entries, image_size: tuple[int, int] | None) -> CameraRig:
+    cameras = tuple(_of_rig(storage, entries.at(i), image_size) for i in range(entries.size()))
+    names = [camera.name for camera in cameras]
+    if not cameras or len(set(names)) != len(names):
+        raise FileFormatError(storage.path, "cameras", "cameras, each with a different name", names or "none")
+    return CameraRig(cameras)
+
+
 def _of_rig(storage: _Storage, entry, image_size: tuple[int, int] | None) -> Camera:
+    if not entry.isMap():
+        raise FileFormatError(storage.path, "cameras[]", "a map with name, camera_matrix, R and T", "something else")
+
     def node(name: str):
         found = entry.getNode(name)
         return None if found.empty() else found
@@ -141,7 +152,10 @@ def _lens(storage: _Storage, node, suffix: str, image_size: tuple[int, int] | No
 def _pose(storage: _Storage, node) -> np.ndarray:
     rotation, field = _first(storage, node, ("R", "rotation_matrix"), "")
     translation, _ = _first(storage, node, ("T", "t", "translation_vector"), "")
-    rotation = cv2.Rodrigues(rotation)[0] if rotation.size == 3 else rotation
+    if rotation.size == 3:
+        rotation = cv2.Rodrigues(rotation)[0]
+    elif rotation.size == 9:
+        rotation = rotation.reshape(3, 3)
     if rotation.shape != (3, 3) or translation.size != 3:
         raise FileFormatError(storage.path, field, "a rotation (3 x 3 or Rodrigues) and a translation of 3", rotation.tolist())
     pose = se3.from_rotation_translation(rotation, translation.ravel())
@@ -154,13 +168,26 @@ def _first(storage: _Storage, node, names: tuple[str, ...], suffix: str) -> tupl
     """The first matrix that is there under one of several names, and its name."""
     for name in names:
         found = node(name + suffix)
-        matrix = found.mat() if found is not None else None
-        if matrix is not None:
-            values = np.array(matrix, dtype=np.float64)
+        if found is not None:
+            values = _numbers(found)
+            if values is None:
+                raise FileFormatError(storage.path, name + suffix, "a matrix, or a sequence of its numbers", "something else")
             if not np.all(np.abs(values) <= 1e9):  # nor not-a-number
                 raise FileFormatError(storage.path, name + suffix, "finite numbers", values.tolist())
             return values, name + suffix
     raise FileFormatError(storage.path, names[0] + suffix, "a matrix of that name", "none")
+
+
+def _numbers(node) -> np.ndarray | None:
+    """Of a matrix in its own shape, of a sequence (n,); None for anything else."""
+    if node.isSeq():
+        items = [node.at(i) for i in range(node.size())]
+        return np.array([item.real() for item in items]) if all(item.isInt() or item.isReal() for item in items) else None
+    try:
+        matrix = node.mat() if node.isMap() else None
+    except cv2.error:  # a map of something else
+        return None
+    return None if matrix is None else np.array(matrix, dtype=np.float64)
 
 
 def _image_size(storage: _Storage, node, given: tuple[int, int] | None) -> tuple[int, int]:
@@ -173,11 +200,14 @@ def _image_size(storage: _Storage, node, given: tuple[int, int] | None) -> tuple
         if given is None:
             raise FileFormatError(storage.path, "image_width", "the size of the images, here or with --size", "none")
         return given
+    if not (1 <= width <= 100_000 and 1 <= height <= 100_000):
+        raise FileFormatError(storage.path, "image_width", "a width and a height of 1 to 100000 pixels", (width, height))
     return width, height
 
 
 def _integer(node) -> int:
-    return int(node.real()) if node is not None and (node.isInt() or node.isReal()) else 0
+    number = node.real() if node is not None and (node.isInt() or node.isReal()) else 0.0
+    return int(number) if np.isfinite(number) else 0
 
 
 def _string(node) -> str:

@@ -31,7 +31,7 @@ def load_pose2sim(path: str | Path) -> CameraRig:
     path = Path(path)
     try:
         tables = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
         raise FileFormatError(path, "(file)", "a TOML file", str(error)) from error
     cameras = {key: value for key, value in _flat(tables).items() if "matrix" in value and not value.get("ignore")}
     if not cameras:

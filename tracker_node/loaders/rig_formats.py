@@ -46,11 +46,11 @@ def detect(path: str | Path) -> str:
     try:
         if tomllib.loads(text):
             return TOML
-    except tomllib.TOMLDecodeError:
+    except (tomllib.TOMLDecodeError, RecursionError):
         pass
     try:
-        values = yaml.safe_load(text)
-    except yaml.YAMLError:
+        values = yaml.load(text, Loader=yaml.BaseLoader)  # values stay text: what they mean is for the format's reader
+    except (yaml.YAMLError, RecursionError):
         values = None
     if isinstance(values, dict) and "camera_matrix" in values:
         return CAMERA_INFO
