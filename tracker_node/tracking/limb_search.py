@@ -131,7 +131,7 @@ class LimbSearch:
         """
         if not self._config.limb_tries:
             return {}
-        odds = {i: self._odds(i, evidence) for i in range(len(self._judge.limbs))}
+        odds = {i: self.odds(i, evidence) for i in range(len(self._judge.limbs))}
         odds = {i: here for i, here in odds.items() if 0.0 < here < np.inf}
         self._vain = {i: vain for i, vain in self._vain.items() if i in odds or i in self._judge.lost}
         return {i: here for i, here in odds.items() if not self.pauses(i)}
@@ -176,7 +176,7 @@ class LimbSearch:
                 lines.correspond(pose, scale)
                 pose = minimize(OneLimb(lines.whole, limb.dofs), pose, self._model.chain, _FIT).state
             gain = float(gains([pose], limb.shapes, lines)[0, 0])
-            if gain > highest and (least is None or self._odds(i, lines.part_evidence(pose, self._close_px)) < least):
+            if gain > highest and (least is None or self.odds(i, lines.part_evidence(pose, self._close_px)) < least):
                 best, highest = pose, gain
         return best
 
@@ -211,7 +211,7 @@ class LimbSearch:
         about = about + spreads[:, None] * self._rng.normal(size=about.shape)
         return np.concatenate([likely, about, self._rng.uniform(low, high, (n_anywhere, len(low)))])
 
-    def _odds(self, i: int, evidence: PartEvidence) -> float:
+    def odds(self, i: int, evidence: PartEvidence) -> float:
         """Log odds of lost; those of a limb that cannot be seen speak for nothing."""
         measures = limb_measures(evidence, self._judge.limbs[i].shapes)
         return np.inf if measures is None else self._judge.odds(i, measures)

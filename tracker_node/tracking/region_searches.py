@@ -22,6 +22,7 @@ from .limb_status import LimbJudge
 from .tilts import Misfit, tilted
 
 _CLEARLY = 0.05  # share of the outline by which long lines must do better than short ones
+_CLEAR_ODDS = -1.5  # log odds of lost, below which a limb is where it was found, wherever else it might have been
 _LOOSE_M = 0.15  # standard deviation of where a limb's end is expected, beyond which it is looked for in any case
 _LOOKS = 3  # at all limbs, at most, on the first image set
 _LEAST_LINES = 0.8  # of those of another fit, that a tilted body must have to be held against it
@@ -137,6 +138,9 @@ class RegionSearches:
         doubtful, lost = self._doubtful(result), self._limbs.lost
         # Of a limb that is lost nobody knows where it is: its prediction grows wide, which is no reason not to pause
         loose = [i for i in self._loose(start, prior) if i not in lost or not self._search.pauses(i)]
+        if loose:
+            evidence = self._fits.part_evidence(result.state, self._close_px)
+            loose = [i for i in loose if self._search.odds(i, evidence) > _CLEAR_ODDS]
         if not doubtful and not loose:
             return result, False
         lines, before = self._fits.limb_lines(start), result
