@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from board_scenes import CHARUCO, CHESSBOARD, LENSES, corners_seen, ring
 
-from tracker_node.calibration.board import Board
+from tracker_node.calibration.board import Board, BoardView
 from tracker_node.calibration.board_figures import camera_figures, coverage_notes, covered, pair_figures, worst_views
 from tracker_node.calibration.board_instants import BoardInstant, chosen, group_views, speeds, with_neighbors
 from tracker_node.calibration.board_intrinsics import calibrate_lens
@@ -180,6 +180,23 @@ def test_still_boards_in_new_places_are_chosen():
     assert len(some) == 12
     assert sum(i.views["cam1"].image <= still[19].image for i in some) <= 2  # twenty times the same
     assert len(with_neighbors(some, instants)) > 20
+
+
+def test_the_only_link_between_two_cameras_is_kept():
+    """A camera that saw the board with another one four times, while it was moved quickly, beside a hundred better instants."""
+    rng, grid = np.random.default_rng(0), np.array([[x, y] for x in range(4) for y in range(3)], dtype=float)
+
+    def view(i: int, place) -> BoardView:
+        return BoardView(round(1e9 * i), np.arange(12), 5.0 * grid + place, image=i)
+
+    instants = [BoardInstant({name: view(i, rng.uniform(0, 1000, 2)) for name in ("a", "b")}) for i in range(100)]
+    instants += [BoardInstant({name: view(i, [5.0 * i, 5.0]) for name in ("b", "c")}) for i in range(100, 104)]
+    paces = {(name, i): 1.0 if i < 100 else 1000.0 + 10.0 * i for name in ("a", "b", "c") for i in range(104)}
+    some = chosen(instants, paces, 20)
+    assert len(some) == 20 and some == sorted(some, key=lambda instant: instant.stamp_ns)
+    assert sum("c" in instant.views for instant in some) == 2
+    assert any(instant.views["b"].image == 100 for instant in some)  # the stillest of them
+    assert len(chosen(instants, paces, 3)) == 4  # fewer would not link three cameras
 
 
 def test_corners_that_a_given_lens_cannot_show_are_left_out():

@@ -7,11 +7,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import minimum_spanning_tree
 
 from ..geometry import se3
 from .board import BoardView
 
 NS_PER_S = 1e9
+LEAST_COMMON = 2  # instants that link two cameras
 LONGEST_GAP_S = 0.3  # beyond it nothing is said about how a board moved between two images
 
 
@@ -56,11 +59,17 @@ def speeds(views: Sequence[BoardView], longest_s: float = LONGEST_GAP_S) -> np.n
     return np.where(np.isfinite(slower), slower, np.nan)
 
 
+def spanning_tree(common: np.ndarray) -> csr_matrix:
+    """The tree of the pairs of cameras that share most instants, from how many each two share (c, c); half of it is filled."""
+    return minimum_spanning_tree(csr_matrix(np.where(np.triu(common, 1) > 0, 1.0 / np.maximum(common, 1), 0.0)))
+
+
 def chosen(instants: Sequence[BoardInstant], speed: Mapping[tuple[str, int], float], most: int) -> list[BoardInstant]:
     """At most ``most`` instants, in order of time: seen by many cameras, still, and unlike those already chosen.
 
-    Greedy: each takes the instant that adds most. A camera counts for an instant by how far its view lies from the views of that
-    camera already chosen (of the board's size in the image), and less the quicker the board moves.
+    First those that link the cameras (`LEAST_COMMON` for each pair of the `spanning_tree`, even if these are more than ``most``).
+    Then greedy: each takes the instant that adds most. A camera counts for an instant by how far its view lies from the views of
+    that camera already chosen (of the board's size in the image), and less the quicker the board moves.
 
     Parameters
     ----------
@@ -76,13 +85,21 @@ def chosen(instants: Sequence[BoardInstant], speed: Mapping[tuple[str, int], flo
     still = seen / (1.0 + np.nan_to_num(pace, nan=0.0) / max(usual, 1e-9))
     nearest = np.ones(seen.shape)  # distance to the nearest chosen view of the same camera, one board at most
     taken: list[int] = []
-    for _ in range(most):
-        gain = (still * nearest).sum(axis=1) * (seen.sum(axis=1) - 0.5)
+
+    def take(gain: np.ndarray) -> None:
+        nonlocal nearest
         gain[taken] = -1.0
         best = int(np.argmax(gain))
         taken.append(best)
         distance = np.linalg.norm(places - places[best], axis=2)
         nearest = np.where(seen & seen[best], np.minimum(nearest, distance), nearest)
+
+    for a, b in zip(*spanning_tree(seen.T.astype(int) @ seen).nonzero(), strict=True):
+        both = seen[:, a] & seen[:, b]
+        for _ in range(min(LEAST_COMMON, both.sum()) - both[taken].sum()):
+            take(np.where(both, (still * nearest)[:, [a, b]].sum(axis=1), -1.0))
+    while len(taken) < most:
+        take((still * nearest).sum(axis=1) * (seen.sum(axis=1) - 0.5))
     return [instants[i] for i in sorted(taken)]
 
 

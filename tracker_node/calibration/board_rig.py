@@ -18,12 +18,10 @@ from ..geometry import se3
 from .board import Board, BoardView
 from .board_adjustment import BoardAdjustment, BoardState
 from .board_detection import CameraViews, Progress
-from .board_instants import BoardInstant, chosen, group_views, speeds, with_neighbors
+from .board_instants import LEAST_COMMON, BoardInstant, chosen, group_views, speeds, with_neighbors
 from .board_intrinsics import calibrate_lens
 from .board_refinement import BoardRigOptions, refine
 from .board_start import common_instants, groups, initial_state
-
-LEAST_COMMON = 2  # instants that link two cameras
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +80,7 @@ def calibrate_rig(
     common = chosen(shared, _paces(seen), options.most_instants)
     if options.clocks != "exact":
         common = with_neighbors(common, shared)
+    _check_linked(names, common)
     used = {(name, view.image) for instant in common for name, view in instant.views.items()}
     alone = [BoardInstant({name: view}) for name, views in singles.items() for view in views if (name, view.image) not in used]
     found = refine(board, names, initial_state(board, names, known, common), common, alone, options, tell)

@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 import cv2
 import numpy as np
 from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
+from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from ..camera.camera_model import CameraModel
 from ..geometry import se3, so3
 from .board import Board, BoardView
 from .board_adjustment import BoardState
-from .board_instants import BoardInstant
+from .board_instants import BoardInstant, spanning_tree
 
 _FOCAL_STEPS = np.geomspace(0.25, 4.0, 33)  # tried focal lengths, in image widths
 _LARGE_PX = 1e6  # error of a pose that does not explain the view at all
@@ -85,7 +85,7 @@ def initial_state(
     """
     poses = [{name: board_poses(board, lenses[name], view)[0] for name, view in instant.views.items()} for instant in instants]
     common = common_instants(names, instants)
-    tree = minimum_spanning_tree(csr_matrix(np.where(np.triu(common, 1) > 0, 1.0 / np.maximum(common, 1), 0.0)))
+    tree = spanning_tree(common)
     order, before = breadth_first_order(tree + tree.T, 0, directed=False)
     if len(order) < len(names):
         raise ValueError(f"expected cameras that hang together, got {groups(names, common)}")
