@@ -1,5 +1,6 @@
 """Live cameras as ROS cameras: streams that break, other nodes' topics, devices that are none, calibrations by service."""
 
+import threading
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -9,6 +10,8 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from mjpeg_server import HEIGHT, WIDTH, MjpegServer, number_of, numbered_jpeg
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from ros_graph import stamps
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from sensor_msgs.srv import SetCameraInfo
@@ -18,6 +21,7 @@ from tracker_node.loaders.bag_reader import BagReader
 from tracker_node.loaders.camera_info_yaml import load_camera_info
 from tracker_node.loaders.rig_yaml import load_rig
 from tracker_node.ros.conversions import camera_image_of, camera_info_message, camera_model_of, image_message, jpeg_message
+from tracker_node.ros.topic_source import TopicSource
 
 
 @pytest.fixture
@@ -133,8 +137,8 @@ def test_images_of_a_wrong_size_or_damaged_are_counted_and_the_others_go_on(prob
     assert counted["unusable"] >= 0.8 * counted["published"] > 0
 
 
-def test_topics_of_other_nodes(probe, launch, rig_file):
-    """Raw, compressed and Bayer images under new names, with the calibration of the rig."""
+def test_topics_of_other_nodes(probe, launch, rig_file, tmp_path):
+    """Raw, compressed and Bayer images under new names, with the calibration of the rig; recorded as what they are."""
     picture = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     picture[:, : WIDTH // 2] = (40, 120, 200)
     mosaic = np.empty((HEIGHT, WIDTH), np.uint8)
@@ -146,8 +150,8 @@ def test_topics_of_other_nodes(probe, launch, rig_file):
         "bayer": probe.node.create_publisher(Image, "/c/image", 10),
     }
     received = {name: probe.listen(Image, f"{name}/image_raw") for name in ("cam1", "cam2", "cam3")}
-    launch(
-        "camera_ingest", "--rig", rig_file,
+    process = launch(
+        "camera_ingest", "--rig", rig_file, "--record", tmp_path / "bag",
         "--source", "cam1=topic:/a/image", "cam2=topic:/b/image/compressed", "cam3=topic:/c/image",
     )  # fmt: skip
     sent = 0
@@ -155,7 +159,7 @@ def test_topics_of_other_nodes(probe, launch, rig_file):
     def publish_until_all_came() -> bool:
         nonlocal sent
         sent += 1
-        stamp = 10**18 + sent
+        stamp = 10**18 + 10**7 * sent
         publishers["raw"].publish(image_message(stamp, "other", picture[:, :, ::-1], "rgb8"))
         publishers["jpeg"].publish(jpeg_message(stamp, "other", cv2.imencode(".jpg", picture)[1].tobytes()))
         message = image_message(stamp, "other", mosaic, "mono8")
@@ -168,7 +172,49 @@ def test_topics_of_other_nodes(probe, launch, rig_file):
         pixels = camera_image_of(name, messages[-1]).pixels.astype(int)
         assert np.abs(pixels - picture)[:, 8 : WIDTH // 2 - 8].max() <= 4, name
         assert messages[-1].header.frame_id == f"{name}_optical_frame"
-        assert all(10**18 < stamp <= 10**18 + sent for stamp in stamps(messages))  # those of the messages
+        assert all(10**18 < stamp <= 10**18 + 10**7 * sent for stamp in stamps(messages))  # those of the messages
+    process.interrupt()
+    assert process.wait() == 0, process.err
+    with BagReader(tmp_path / "bag") as reader:
+        recorded = [message for _, message in reader.decoded("/cam3/image_raw")]
+    assert {message.encoding for message in recorded} == {"bayer_rggb8"}
+    assert recorded[0].data.tobytes() == mosaic.tobytes()
+
+    received["cam3"].clear()  # and once more, from the bag to the graph and to another bag
+    options = ("--rig", rig_file, "--cameras", "cam3", "--source", f"cam3=bag:{tmp_path / 'bag'}", "--preload", "--end", "2")
+    again = launch("camera_ingest", *options, "--no-frame-skip", "--record", tmp_path / "again")
+    assert again.wait() == 0, again.err
+    with BagReader(tmp_path / "again") as reader:
+        assert [message.encoding for _, message in reader.decoded("/cam3/image_raw")] == ["bayer_rggb8"] * 2
+
+
+def test_a_topic_that_comes_back_with_another_quality_of_service(probe):
+    node = Node("away")  # discovers publishers as another process would
+    probe.add_node(node)
+    source, images = TopicSource(node, "/back/image"), []
+    reader = threading.Thread(target=lambda: images.extend(source), daemon=True)
+    reader.start()
+    message = image_message(1, "other", np.zeros((4, 4), np.uint8), "mono8")
+
+    def publish_until(n: int, publisher) -> None:
+        def came() -> bool:
+            publisher.publish(message)
+            return source.connection.received >= n
+
+        probe.spin_until(came, f"{n} images")
+
+    first = probe.node.create_publisher(Image, "/back/image", QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE))
+    publish_until(3, first)
+    probe.node.destroy_publisher(first)
+    probe.spin_until(lambda: not source.connection.connected, "it is gone")
+    assert "nobody publishes /back/image" in source.connection.problem
+    weaker = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+    publish_until(source.connection.received + 3, probe.node.create_publisher(Image, "/back/image", weaker))
+    probe.spin_until(lambda: source.connection.connected and not source.connection.problem, "all is well")
+    probe.spin_until(lambda: "nothing has come for 4 s" in source.connection.problem, "silence is told")
+    source.close()
+    reader.join(timeout=10.0)
+    node.destroy_node()
 
 
 def test_recordings_are_recorded_and_published_as_asked_for(probe, launch, rig_file, tmp_path):
@@ -235,17 +281,20 @@ def test_mistakes_about_sources_are_one_line(launch, rig_file, tmp_path):
         "unknown camera 'cam9'": ("--source", "cam9=a.mp4"),
         "field 'exposure'": ("--capture", "exposure=3"),
         "can be set for v4l2: sources only": ("--cameras", "cam1", "--capture", "cam1.exposure_us=100"),
-        "does not wait for its consumer": ("--source", "cam1=http://127.0.0.1:9/", "--as-fast-as-consumed"),
+        "does not wait for its consumer": (
+            "--source", "cam1=http://127.0.0.1:9/", "--as-fast-as-consumed", "--record", tmp_path / "none",
+        ),
         "is not overwritten": ("--record", tmp_path / "bag"),
-    }
+    }  # fmt: skip
     started = {text: launch("camera_ingest", "--rig", rig_file, *options) for text, options in said.items()}
+    started["camera 'käse': expected a-z"] = launch("rectify", "--cameras", "käse")
     started["nothing to publish"] = launch("camera_ingest")
     live = ("--rig", rig_file, "--model", rig_file.parent / "model.yaml", "--source", "cam1=http://127.0.0.1:9/")
     started["cam1: live cameras do not wait for the tracker: give --real-time"] = launch("pipeline", *live)
     for text, process in started.items():
         assert process.wait() == 2, process.err
         assert text in process.err and len(process.err.splitlines()) == 1, process.err
-    assert list((tmp_path / "bag").iterdir()) == []
+    assert list((tmp_path / "bag").iterdir()) == [] and not (tmp_path / "none").exists()
 
 
 def test_a_calibration_is_taken_by_the_service_and_kept(probe, launch, rig_file, tmp_path):

@@ -25,6 +25,8 @@ def named_source(text: str) -> tuple[str, str]:
     name, equals, source = text.partition("=")
     if not equals or not name.isidentifier() or not source:
         raise argparse.ArgumentTypeError(f"expected CAMERA=SOURCE, got '{text}'")
+    if not name.isascii():
+        raise argparse.ArgumentTypeError(f"camera '{name}': expected a-z, A-Z, 0-9 and _, as its topics have this name")
     return name, source
 
 
@@ -112,7 +114,7 @@ def cameras_of(rig, args: argparse.Namespace):
 
 def run(args: argparse.Namespace) -> int:
     from ..loaders.rig_yaml import load_rig
-    from ..ros.camera_ingest_node import CameraIngestNode, IngestOptions
+    from ..ros.camera_ingest_node import CameraIngestNode, IngestOptions, check_consumable
     from ..ros.executor import ros_process, spin
     from ..ros.ingest_cameras import open_cameras
     from ..ros.input_recorder import InputRecorder
@@ -129,6 +131,7 @@ def run(args: argparse.Namespace) -> int:
         compressed=args.compressed,
     )
     opened = open_cameras(cameras_of(rig, args), options.source, args.preload)
+    check_consumable(opened, options)  # before a bag is begun
     recorder = InputRecorder(args.record) if args.record is not None else None
     try:
         with ros_process(args.ros_args) as stop:

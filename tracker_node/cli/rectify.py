@@ -13,9 +13,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    from ..errors import TrackerError
+    from ..loaders.source_address import TOPIC_NAME
     from ..ros.executor import ros_process, spin
     from ..ros.rectify_node import RectifyNode
 
+    for name in args.cameras:
+        if not TOPIC_NAME.fullmatch(name):
+            raise TrackerError(f"camera '{name}': expected a-z, A-Z, 0-9 and _, as its topics have this name")
     with ros_process(args.ros_args) as stop:
         node = RectifyNode(args.cameras)
         print(f"rectify: ready, {len(node.rectifiers)} cameras", flush=True)

@@ -61,6 +61,17 @@ class IngestOptions:
     compressed: bool = False
 
 
+def check_consumable(opened: OpenedCameras, options: IngestOptions) -> None:
+    """Refuse live cameras that are to be as fast as they are consumed.
+
+    Raises
+    ------
+    SourceError : naming them.
+    """
+    if options.as_fast_as_consumed and opened.live:
+        raise SourceError(", ".join(opened.live), "a live camera does not wait for its consumer; only recordings can")
+
+
 class CameraIngestNode(Node):
     """Publishes ``<cam>/image_raw``, ``<cam>/camera_info`` and diagnostics; ``<cam>/set_camera_info`` takes calibrations.
 
@@ -77,8 +88,7 @@ class CameraIngestNode(Node):
     def __init__(self, opened: OpenedCameras, options: IngestOptions | None = None, recorder: InputRecorder | None = None):
         super().__init__("camera_ingest")
         self._options = options = options or IngestOptions()
-        if options.as_fast_as_consumed and opened.live:
-            raise SourceError(", ".join(opened.live), "a live camera does not wait for its consumer; only recordings can")
+        check_consumable(opened, options)
         self._opened, self.problems = opened, dict(opened.problems)
         self._recorder = recorder
         self._diagnostics = Diagnostics(self, "camera rig")
@@ -102,16 +112,16 @@ class CameraIngestNode(Node):
         return {name: live.get(name) or self._recorded[name] for name in self._opened.cameras}
 
     def _live_camera(self, camera: IngestCamera) -> LiveCamera:
-        outlet = self._outlets[camera.name]
+        outlet, source = self._outlets[camera.name], self._live_images(camera)
 
         def publish(image: SourceImage, native_size: tuple[int, int]) -> None:
             outlet.publish(image, native_size, image.stamp_ns)
 
         def record(stamp_ns: int, content: np.ndarray | bytes) -> None:
             if self._recorder is not None:
-                self._recorder.record(outlet.camera, stamp_ns, content)
+                self._recorder.record(outlet.camera, stamp_ns, content, camera.capture.bayer or source.connection.bayer)
 
-        return LiveCamera(camera, self._live_images(camera), self._options.source, publish, record)
+        return LiveCamera(camera, source, self._options.source, publish, record)
 
     def _live_images(self, camera: IngestCamera) -> LiveImages:
         address, stamps = camera.address, camera.of_rig.stamps if camera.of_rig else None
@@ -194,7 +204,7 @@ class CameraIngestNode(Node):
             outlet, source, image = self._outlets[fed.camera], self._opened.recorded[fed.camera], fed.image
             stamp_ns = image.stamp_ns + shift_ns
             if self._recorder is not None and image.original is not None:
-                self._recorder.record(outlet.camera, stamp_ns, image.original)
+                self._recorder.record(outlet.camera, stamp_ns, image.original, source.bayer)
             outlet.publish(image, (source.native_width, source.native_height), stamp_ns)
             counts = self._recorded[fed.camera]
             counts.published += 1

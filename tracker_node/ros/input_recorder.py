@@ -31,13 +31,13 @@ class InputRecorder:
     def __init__(self, path: Path):
         self._bag = BagQueue(BagWriter(path))
 
-    def record(self, camera: IngestCamera, stamp_ns: int, content: np.ndarray | bytes) -> None:
-        """An image as its source gave it: pixels (h, w, 3) in BGR or (h, w), or a JPEG."""
+    def record(self, camera: IngestCamera, stamp_ns: int, content: np.ndarray | bytes, bayer: str | None = None) -> None:
+        """An image as its source gave it: pixels (h, w, 3) in BGR or (h, w), a mosaic where there is a pattern, or a JPEG."""
         if isinstance(content, bytes):
             image = jpeg_message(stamp_ns, camera.frame_id, content)
             type_name, topic = COMPRESSED, "image_raw/compressed"
         else:
-            image = image_message(stamp_ns, camera.frame_id, content, _encoding(camera, content))
+            image = image_message(stamp_ns, camera.frame_id, content, _encoding(content, bayer))
             type_name, topic = RAW, "image_raw"
         self._put(f"/{camera.name}/{topic}", type_name, stamp_ns, image)
         if camera.lens is not None:
@@ -73,7 +73,7 @@ class InputRecorder:
         self._bag.close()
 
 
-def _encoding(camera: IngestCamera, pixels: np.ndarray) -> str:
+def _encoding(pixels: np.ndarray, bayer: str | None) -> str:
     if pixels.ndim == 3:
         return "bgr8"
-    return f"bayer_{camera.capture.bayer}8" if camera.capture.bayer else "mono8"
+    return f"bayer_{bayer}8" if bayer else "mono8"
