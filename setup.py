@@ -9,6 +9,7 @@ ROOT = Path(__file__).parent
 EXECUTABLES = ["camera_ingest", "pipeline", "player", "recorder", "tracker", PACKAGE]
 
 RUNTIME_REQUIREMENTS = [
+    "ezc3d>=1.5",
     "jinja2>=3.1",
     "mannequin-x>=0.3",
     "matplotlib>=3.6",
@@ -16,18 +17,22 @@ RUNTIME_REQUIREMENTS = [
     "numba>=0.59",
     "numpy>=2.0",
     "opencv-python-headless>=4.8",
+    "plotly>=6.0",
     "pydantic>=2.0",
     "pyrender-maintained>=1.0",
     "pyyaml>=6.0",
     "rosbags>=0.11,<0.12",
     "scipy>=1.11",
+    "starlette>=0.40",
     "trimesh>=4.0",
+    "uvicorn>=0.30",
+    "websockets>=13.0",
 ]
 # Only where ROS does not come from apt.
 ROS_REQUIREMENTS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"]
-TEST_REQUIREMENTS = ["geomdl", "hypothesis", "import-linter", "mypy", "pytest", "ruff"]
+TEST_REQUIREMENTS = ["geomdl", "hypothesis", "import-linter", "mypy", "pdoc", "playwright", "pypdf", "pytest", "ruff"]
 
-DATA_SUFFIXES = ["css", "html", "j2", "js", "json", "msg", "xml", "yaml"]
+DATA_SUFFIXES = ["css", "html", "j2", "js", "json", "msg", "svg", "xml", "yaml"]
 
 
 def installed_tree(folder: str) -> list[tuple[str, list[str]]]:
