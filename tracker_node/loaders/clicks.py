@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import FileFormatError
-from .csv_file import CsvTable
+from .csv_file import CsvTable, CsvWriter, exact
 
 COLUMNS = ("camera", "point", "u", "v")
 
@@ -32,3 +33,10 @@ def load_clicks(path: str | Path) -> dict[str, dict[str, np.ndarray]]:
     if not found:
         raise FileFormatError(path, "(file)", "one line at least", "none")
     return found
+
+
+def dump_clicks(clicks: Mapping[str, Mapping[str, np.ndarray]], path: str | Path) -> None:
+    """Write camera -> point -> its pixel (2,)."""
+    with CsvWriter(path, COLUMNS) as writer:
+        for camera, points in clicks.items():
+            writer.write_rows([[camera, point, *map(exact, pixel)] for point, pixel in points.items()])

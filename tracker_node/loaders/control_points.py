@@ -1,20 +1,22 @@
 """Control points, places of which are known, as they were clicked on in the images: a CSV file.
 
 Columns ``camera,point,x,y,z,u,v``: one line for each camera that shows a point; metres in the world, pixels of the
-images.
+images. Before anybody has clicked on them, only their places are known: a CSV file ``point,x,y,z``.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import FileFormatError
-from .csv_file import CsvTable
+from .csv_file import CsvTable, CsvWriter, exact
 
 COLUMNS = ("camera", "point", "x", "y", "z", "u", "v")
+PLACE_COLUMNS = ("point", "x", "y", "z")
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,3 +55,34 @@ def load_control_points(path: str | Path) -> dict[str, ControlPoints]:
         camera: ControlPoints(tuple(points), np.array(list(points.values()))[:, :3], np.array(list(points.values()))[:, 3:])
         for camera, points in found.items()
     }
+
+
+def dump_control_points(seen: Mapping[str, ControlPoints], path: str | Path) -> None:
+    """Inverse of `load_control_points`."""
+    with CsvWriter(path, COLUMNS) as writer:
+        for camera, of_camera in seen.items():
+            triples = zip(of_camera.names, of_camera.points, of_camera.pixels, strict=True)
+            writer.write_rows([[camera, name, *map(exact, point), *map(exact, pixel)] for name, point, pixel in triples])
+
+
+def load_places(path: str | Path) -> dict[str, np.ndarray]:
+    """Point -> its place (3,), metres in the world, from columns ``point,x,y,z`` or a file of control points clicked on.
+
+    Raises
+    ------
+    FileFormatError : naming line and column; also for a point that is listed twice.
+    """
+    table = CsvTable(path)
+    if table.header[: len(COLUMNS)] == COLUMNS:
+        seen = load_control_points(path).values()
+        return {name: point for points in seen for name, point in zip(points.names, points.points, strict=True)}
+    table.expect_prefix(PLACE_COLUMNS)
+    places: dict[str, np.ndarray] = {}
+    for row in table.rows():
+        name = row.text[0]
+        if not name or name in places:
+            raise FileFormatError(path, f"line {row.line}", "the name of a point, each once", name)
+        places[name] = row.numbers(1, 4)
+    if not places:
+        raise FileFormatError(path, "(file)", "one line at least", "none")
+    return places

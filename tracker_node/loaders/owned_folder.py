@@ -1,0 +1,104 @@
+"""A folder of work in progress: files are replaced whole or not at all, and only those that this program has written.
+
+What was written is remembered by its SHA-256 in ``.written.json``. A file that somebody else has made or changed is refused, so
+nobody's work is lost to a program that saves by itself.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from ..errors import FileFormatError
+
+_LEDGER = ".written.json"
+_DRAFTS = ".drafts"
+
+
+class OwnedFolder:
+    """Files below ``path``, which is made when the first of them is written.
+
+    Raises
+    ------
+    FileFormatError : a ``.written.json`` that cannot be read.
+    """
+
+    def __init__(self, path: str | Path):
+        self.path = Path(path)
+        self._digests: dict[str, list[str]] = _read_ledger(self.path / _LEDGER)
+
+    def write(self, name: str, write: Callable[[Path], object]) -> Path:
+        """Replace the file ``name`` (a path below the folder) by what ``write`` makes at the path that it is given.
+
+        Raises
+        ------
+        FileFormatError : a file of that name that this program has not written, or that was changed since.
+        """
+        self.check(name)
+        draft = self.path / _DRAFTS / Path(name).name
+        draft.parent.mkdir(parents=True, exist_ok=True)
+        write(draft)
+        digest = _digest(draft)
+        # Both are remembered until the file is there: whenever the power goes, what lies there is known as ours
+        self._remember(name, [*self._digests.get(name, [])[-1:], digest])
+        target = self.path / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        _sync(draft)
+        draft.replace(target)
+        self._remember(name, [digest])
+        return target
+
+    def remove(self, name: str) -> None:
+        """Delete a file of ours; one that is not there is no error."""
+        self.check(name)
+        (self.path / name).unlink(missing_ok=True)
+        self._remember(name, [])
+
+    def check(self, name: str) -> None:
+        """Refuse a file that is not ours to replace.
+
+        Raises
+        ------
+        FileFormatError : as for `write`.
+        """
+        path = self.path / name
+        if path.exists() and _digest(path) not in self._digests.get(name, []):
+            known = name in self._digests
+            got = "one that was changed by something else since" if known else "one that this program has not written"
+            raise FileFormatError(path, "(file)", "a file of ours to replace; move this one away", got)
+
+    def _remember(self, name: str, digests: list[str]) -> None:
+        self._digests.pop(name, None)
+        if digests:
+            self._digests[name] = digests
+        draft = self.path / _DRAFTS / _LEDGER
+        draft.parent.mkdir(parents=True, exist_ok=True)
+        draft.write_text(json.dumps(self._digests, indent=1) + "\n", encoding="utf-8")
+        _sync(draft)
+        draft.replace(self.path / _LEDGER)
+
+
+def _read_ledger(path: Path) -> dict[str, list[str]]:
+    if not path.exists():
+        return {}
+    try:
+        read = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise FileFormatError(path, "(file)", "readable JSON", str(error)) from None
+    if not isinstance(read, dict) or not all(
+        isinstance(digests, list) and all(isinstance(digest, str) for digest in digests) for digests in read.values()
+    ):
+        raise FileFormatError(path, "(file)", "names with lists of digests", read)
+    return read
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _sync(path: Path) -> None:
+    with path.open("rb") as stream:
+        os.fsync(stream.fileno())
