@@ -30,7 +30,9 @@ RUNTIME_REQUIREMENTS = [
 ]
 # Only where ROS does not come from apt.
 ROS_REQUIREMENTS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"]
-TEST_REQUIREMENTS = ["geomdl", "hypothesis", "import-linter", "mypy", "pdoc", "playwright", "pypdf", "pytest", "ruff"]
+TEST_REQUIREMENTS = [
+    "bvhio", "c3d", "geomdl", "hypothesis", "import-linter", "mypy", "opensim", "pdoc", "playwright", "pypdf", "pytest", "ruff",
+]
 
 DATA_SUFFIXES = ["css", "html", "j2", "js", "json", "msg", "svg", "xml", "yaml"]
 
