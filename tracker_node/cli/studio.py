@@ -1,0 +1,62 @@
+"""``tracker_node studio``."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import webbrowser
+from pathlib import Path
+
+SUMMARY = "serve a local web page: set a pose by hand, digitize points, play a run back, watch a running graph"
+EXAMPLE = "tracker_node studio --rig rig.yaml --model person.yaml --initial-state start.yaml --run out/run1"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--rig", type=Path, metavar="FILE", help="rig.yaml: cameras, and the videos or folders they read")
+    parser.add_argument("--model", type=Path, metavar="FILE", help="model.yaml or URDF: the body")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="tracker parameters, for scores and fits (default: built in)")
+    parser.add_argument("--initial-state", type=Path, metavar="FILE", help="state.yaml: the pose at first (default: neutral)")
+    parser.add_argument("--run", type=Path, metavar="RUN", help="folder written by track_offline, or a bag, to play back")
+    parser.add_argument(
+        "--folder", type=Path, default=Path("out/studio"), help="where poses are saved and loaded (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--clicks", type=Path, default=Path("out/digitized"), metavar="FOLDER",
+        help="where digitized points are saved (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument("--control-points", type=Path, metavar="CSV", help="points of known place, for cameras by DLT")
+    parser.add_argument("--port", type=int, default=0, help="port of 127.0.0.1 to serve (default: a free one)")
+    parser.add_argument("--no-browser", action="store_true", help="only print the address, do not open a browser")
+
+
+def run(args: argparse.Namespace) -> int:
+    import uvicorn
+
+    from ..errors import FileFormatError
+    from ..studio.server import all_pages, listening_socket, make_app
+    from ..studio.session import StudioFiles, open_session
+
+    if not 0 <= args.port < 65536:
+        raise FileFormatError("command line", "--port", "a number from 0 to 65535", args.port)
+    named = {name: getattr(args, name) for name in StudioFiles.__dataclass_fields__}
+    session = open_session(StudioFiles(**named))
+    for problem in session.images.problems if session.images is not None else ():
+        print(f"studio: {problem}", file=sys.stderr)
+    listener, access = listening_socket(args.port)
+    config = uvicorn.Config(
+        make_app(session, access, all_pages()), log_level="warning", access_log=False, server_header=False,
+        timeout_graceful_shutdown=2,
+    )  # fmt: skip
+    print(f"studio: {access.start_url}\nstudio: Ctrl-C ends it", flush=True)
+    if not args.no_browser:
+        webbrowser.open(access.start_url)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        with session.closing:
+            uvicorn.Server(config).run(sockets=[listener])
+    except KeyboardInterrupt:  # uvicorn has ended cleanly, and hands the signal on
+        pass
+    finally:
+        listener.close()
+    return 0

@@ -1,0 +1,103 @@
+"""The studio's web server: pages of this machine for this machine, without a build step or anything from outside."""
+
+from __future__ import annotations
+
+import secrets
+import socket
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import BaseRoute, Mount, Route
+from starlette.staticfiles import StaticFiles
+
+from ..errors import FileFormatError, SourceError, TrackerError
+from .security import Access, OnlyOwnPages
+from .session import StudioSession
+
+WEB_FOLDER = Path(__file__).parent / "web"
+_MOST_SHRINK = 16
+
+Page = Callable[[StudioSession], Sequence[BaseRoute]]
+
+
+def make_app(session: StudioSession, access: Access, pages: Sequence[Page] = ()) -> Starlette:
+    """The application.
+
+    Parameters
+    ----------
+    pages : what the single pages add: each gives its routes, below ``/api/<page>/``, for a session.
+    """
+    routes: list[BaseRoute] = [
+        Route("/api/session", lambda request: JSONResponse(session_facts(session))),
+        Route("/images/{camera}/{number:int}", _image_endpoint(session)),
+    ]
+    for page in pages:
+        routes += page(session)
+    routes.append(Mount("/", StaticFiles(directory=WEB_FOLDER, html=True)))
+    return Starlette(
+        routes=routes,
+        middleware=[Middleware(OnlyOwnPages, access=access)],
+        exception_handlers={TrackerError: _told},
+    )
+
+
+def all_pages() -> tuple[Page, ...]:
+    """Of all modules that are pages."""
+    from . import pose_page
+
+    return (pose_page.routes,)
+
+
+def listening_socket(port: int) -> tuple[socket.socket, Access]:
+    """A socket on the loopback, and what requests to it must show; port 0 is a free one.
+
+    Raises
+    ------
+    SourceError : the port is taken.
+    """
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind(("127.0.0.1", port))
+    except OSError as error:
+        listener.close()
+        raise SourceError(f"port {port}", f"cannot be served: {error.strerror}") from None
+    return listener, Access(listener.getsockname()[1], secrets.token_urlsafe(24))
+
+
+def session_facts(session: StudioSession) -> dict[str, Any]:
+    """What every page may want to know."""
+    files, images = session.files, session.images
+    cameras = [{"name": c.name, "width": c.model.width, "height": c.model.height} for c in session.rig or ()]
+    sets = images.sets if images is not None else ()
+    return {
+        "files": {name: None if path is None else str(path) for name, path in vars(files).items()},
+        "cameras": cameras,
+        "model": None if session.model is None else {"name": session.model.name, "n_dof": session.model.n_dof},
+        "sets": [{"stamp_ns": s.stamp_ns, "numbers": dict(s.numbers)} for s in sets],
+        "problems": list(images.problems) if images is not None else [],
+    }
+
+
+def _image_endpoint(session: StudioSession) -> Callable:
+    async def image(request: Request) -> Response:
+        """A camera's image by its number in the source; ``?shrink=N`` makes it smaller."""
+        shrink = request.query_params.get("shrink", "1")
+        if not shrink.isdigit() or not 1 <= int(shrink) <= _MOST_SHRINK:
+            raise FileFormatError("request", "shrink", f"a whole number from 1 to {_MOST_SHRINK}", shrink)
+        camera, number = request.path_params["camera"], request.path_params["number"]
+        data = await run_in_threadpool(session.needed_images().jpeg, camera, number, int(shrink))
+        return Response(data, media_type="image/jpeg", headers={"Cache-Control": "private, max-age=3600"})
+
+    return image
+
+
+async def _told(request: Request, error: Exception) -> Response:
+    """A user's mistake is one sentence, as on the command line."""
+    return JSONResponse({"error": str(error)}, status_code=400)

@@ -1,0 +1,87 @@
+"""What the pages of one studio work on: rig, body, images and folder, opened once."""
+
+from __future__ import annotations
+
+import threading
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..camera.camera_rig import CameraRig
+from ..errors import TrackerError
+from ..evaluation.config_file import load_config
+from ..loaders.model_yaml import load_model
+from ..loaders.rig_yaml import load_rig
+from ..loaders.state_yaml import load_state
+from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import State
+from ..tracking.config import TrackerConfig
+from .images import RecordedImages
+
+
+@dataclass(frozen=True)
+class StudioFiles:
+    """What the command line names; each may be missing, and the pages that need it then say so.
+
+    ``folder`` is where states are saved and looked for, ``clicks`` where digitized points are, ``control_points`` known points.
+    """
+
+    rig: Path | None = None
+    model: Path | None = None
+    config: Path | None = None
+    initial_state: Path | None = None
+    run: Path | None = None
+    folder: Path = Path("out/studio")
+    clicks: Path = Path("out/digitized")
+    control_points: Path | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class StudioSession:
+    """``lock`` is held by whoever uses what is not made for several threads; ``closing`` ends what pages have begun."""
+
+    files: StudioFiles
+    rig: CameraRig | None = None
+    model: ArticulatedModel | None = None
+    config: TrackerConfig = field(default_factory=TrackerConfig)
+    initial_state: State | None = None
+    images: RecordedImages | None = None
+    lock: threading.Lock = field(default_factory=threading.Lock)
+    closing: ExitStack = field(default_factory=ExitStack)
+
+    def needed_rig(self) -> CameraRig:
+        """The rig, or a `TrackerError` that says how to name one."""
+        if self.rig is None:
+            raise TrackerError("this page needs cameras: start with --rig rig.yaml")
+        return self.rig
+
+    def needed_model(self) -> ArticulatedModel:
+        """The body, or a `TrackerError` that says how to name one."""
+        if self.model is None:
+            raise TrackerError("this page needs a body: start with --model person.yaml")
+        return self.model
+
+    def needed_images(self) -> RecordedImages:
+        """The images, or a `TrackerError` that says why there are none."""
+        self.needed_rig()
+        if self.images is None or not self.images.sets:
+            problems = "; ".join(self.images.problems) if self.images is not None else ""
+            raise TrackerError(f"this page needs images, and the rig's sources give none: {problems or 'no image sets'}")
+        return self.images
+
+
+def open_session(files: StudioFiles) -> StudioSession:
+    """Read all files and open the sources of the images.
+
+    Raises
+    ------
+    TrackerError : a file that cannot be used, or a state without a model.
+    """
+    rig = None if files.rig is None else load_rig(files.rig)
+    model = None if files.model is None else load_model(files.model)
+    config = TrackerConfig() if files.config is None else load_config(files.config)
+    if files.initial_state is not None and model is None:
+        raise TrackerError("--initial-state is a state of a body: name that with --model")
+    state = load_state(files.initial_state, model) if files.initial_state is not None and model is not None else None
+    images = None if rig is None else RecordedImages(rig, None, config.synchronizer)
+    return StudioSession(files, rig, model, config, state, images)

@@ -1,0 +1,229 @@
+// What all pages share: navigation, requests, messages, and a view of an image that zooms and pans under its overlays.
+
+const PAGES = [
+  ["index.html", "Start"], ["pose.html", "Pose"], ["digitizing.html", "Points"], ["playback.html", "Playback"], ["live.html", "Live"],
+];
+
+/** Put the header with the navigation on top of the page; returns the facts of the session. */
+export async function openPage(current) {
+  const header = make("header", { class: "studio" }, make("span", { class: "title" }, "tracker_node studio"));
+  const links = PAGES.map(([file, name]) => make("a", { href: `/${file}`, ...(file === current ? { "aria-current": "page" } : {}) }, name));
+  const about = make("span", { class: "about" });
+  header.append(make("nav", {}, ...links), about);
+  document.body.prepend(header);
+  const session = await request("/api/session");
+  const names = [session.files.rig, session.files.model, session.files.run].filter(Boolean).map((path) => path.split("/").pop());
+  about.textContent = names.join("  ·  ");
+  about.title = Object.values(session.files).filter(Boolean).join("\n");
+  return session;
+}
+
+/** An element; attributes of the name of a property that is a function are listeners. */
+export function make(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (typeof value === "function") element.addEventListener(name, value);
+    else if (value === true) element.setAttribute(name, "");
+    else if (value !== false && value !== null && value !== undefined) element.setAttribute(name, value);
+  }
+  element.append(...children);
+  return element;
+}
+
+/** JSON of the server: GET, or POST where there is a body; what it refuses is an Error in its words. */
+export async function request(path, body = undefined) {
+  const options = body === undefined ? {} : { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) };
+  let response;
+  try {
+    response = await fetch(path, options);
+  } catch {
+    throw new Error("the studio does not answer: has it ended?");
+  }
+  const text = await response.text();
+  let answer;
+  try { answer = JSON.parse(text); } catch { answer = { error: text }; }
+  if (!response.ok) throw Object.assign(new Error(answer.error || response.statusText), { answer });
+  return answer;
+}
+
+let messageTimer;
+/** Say something at the foot of the page for some seconds. */
+export function say(text, kind = "") {
+  document.querySelector(".message")?.remove();
+  document.body.append(make("div", { class: `message ${kind}`, role: "status" }, text));
+  clearTimeout(messageTimer);
+  messageTimer = setTimeout(() => document.querySelector(".message")?.remove(), kind === "bad" ? 9000 : 4000);
+}
+
+/** Run something that may fail, and say why where it does. */
+export async function attempt(action) {
+  try {
+    return await action();
+  } catch (error) {
+    say(error.message, "bad");
+    return undefined;
+  }
+}
+
+/** Whether a key press is meant for a field that is being edited. */
+export function isTyping(event) {
+  const target = event.target;
+  return target.matches?.("input:not([type=range]):not([type=checkbox]), textarea, select") || target.closest?.("dialog") !== null;
+}
+
+/** Columns and rows for n views of this aspect (width / height) in a box, such that they are largest. */
+export function layoutViews(container, n, aspect) {
+  const { width, height } = container.getBoundingClientRect();
+  let best = [1, 0];
+  for (let columns = 1; columns <= n; columns++) {
+    const rows = Math.ceil(n / columns);
+    const size = Math.min(width / columns / aspect, height / rows);
+    if (size > best[1]) best = [columns, size];
+  }
+  container.style.gridTemplateColumns = `repeat(${best[0]}, minmax(0, 1fr))`;
+  container.style.gridTemplateRows = `repeat(${Math.ceil(n / best[0])}, minmax(0, 1fr))`;
+}
+
+/**
+ * A camera's image with overlays. Coordinates are image pixels, integers at pixel centres.
+ *
+ * view.overlays: functions (context, view), called with a context that draws in image pixels; view.px(n) is the length there of n
+ * pixels of the screen. view.onpress(pixel, event) may return true to have the drag for itself: view.ondrag(pixel, event) and
+ * view.onrelease(pixel, event) then follow; else it pans. view.onhover(pixel, event), view.onclick(pixel, event): a press that did
+ * not move. Wheel and + - zoom, 0 fits, Alt with arrows pans, a double click fits.
+ */
+export class ImageView {
+  constructor(container, { name, width, height }) {
+    this.name = name; this.width = width; this.height = height;
+    this.overlays = []; this.image = null; this.url = "";
+    this.onpress = this.ondrag = this.onrelease = this.onhover = this.onclick = null;
+    this.canvas = make("canvas", { tabindex: "0", "aria-label": `camera ${name}` });
+    this.label = make("span", { class: "label" }, name);
+    this.note = make("span", { class: "label right", hidden: true });
+    this.element = make("div", { class: "view" }, this.canvas, this.label, this.note);
+    container.append(this.element);
+    this.zoom = 1; this.u = (width - 1) / 2; this.v = (height - 1) / 2; // the pixel in the middle
+    this._listen();
+    new ResizeObserver(() => this._resized()).observe(this.element);
+  }
+
+  /** Show another image; resolves when it is there. The newest wins. */
+  async setImage(url) {
+    if (url === this.url) return;
+    this.url = url;
+    if (!url) { this.image = null; this.redraw(); return; }
+    const image = new Image();
+    image.src = url;
+    try { await image.decode(); } catch { if (this.url === url) this.setNote("no image"); return; }
+    if (this.url === url) { this.image = image; this.setNote(""); this.redraw(); }
+  }
+
+  setNote(text) { this.note.textContent = text; this.note.hidden = !text; }
+
+  /** Screen pixels of the canvas for one image pixel. */
+  get scale() { return this.zoom * Math.min(this.canvas.clientWidth / this.width, this.canvas.clientHeight / this.height); }
+
+  /** How long n pixels of the screen are in the image. */
+  px(n) { return n / this.scale; }
+
+  toImage(event) {
+    const box = this.canvas.getBoundingClientRect();
+    const x = event.clientX - box.left - box.width / 2, y = event.clientY - box.top - box.height / 2;
+    return [this.u + x / this.scale, this.v + y / this.scale];
+  }
+
+  /** Where on the canvas (CSS pixels) an image pixel is. */
+  toScreen([u, v]) {
+    return [(u - this.u) * this.scale + this.canvas.clientWidth / 2, (v - this.v) * this.scale + this.canvas.clientHeight / 2];
+  }
+
+  fit() { this.zoom = 1; this.u = (this.width - 1) / 2; this.v = (this.height - 1) / 2; this.redraw(); }
+
+  /** Magnify such that this rectangle of the image fills most of the view. */
+  show(u0, v0, u1, v1, share = 0.8) {
+    const whole = this.scale / this.zoom;
+    const wanted = share * Math.min(this.canvas.clientWidth / Math.max(u1 - u0, 1), this.canvas.clientHeight / Math.max(v1 - v0, 1));
+    this.zoom = clamp(wanted / whole, 1, 60); this.u = (u0 + u1) / 2; this.v = (v0 + v1) / 2;
+    this._keepInside(); this.redraw();
+  }
+
+  zoomAt([u, v], factor) {
+    const before = this.zoom;
+    this.zoom = clamp(before * factor, 1, 60);
+    this.u = u - (u - this.u) * before / this.zoom; this.v = v - (v - this.v) * before / this.zoom;
+    this._keepInside(); this.redraw();
+  }
+
+  redraw() {
+    if (this._waiting) return;
+    this._waiting = true;
+    requestAnimationFrame(() => { this._waiting = false; this._draw(); });
+  }
+
+  _draw() {
+    const context = this.canvas.getContext("2d"), ratio = window.devicePixelRatio || 1, scale = this.scale * ratio;
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.clearRect(0, 0, this.canvas.width, this.canvas.height);
+    if (!scale) return;
+    context.setTransform(scale, 0, 0, scale, this.canvas.width / 2 - this.u * scale, this.canvas.height / 2 - this.v * scale);
+    context.imageSmoothingEnabled = scale < 4 * ratio;
+    if (this.image) context.drawImage(this.image, -0.5, -0.5, this.width, this.height);
+    for (const overlay of this.overlays) { context.save(); overlay(context, this); context.restore(); }
+  }
+
+  _resized() {
+    const ratio = window.devicePixelRatio || 1;
+    this.canvas.width = Math.round(this.canvas.clientWidth * ratio);
+    this.canvas.height = Math.round(this.canvas.clientHeight * ratio);
+    this._draw();
+  }
+
+  _keepInside() {
+    this.u = clamp(this.u, 0, this.width - 1); this.v = clamp(this.v, 0, this.height - 1);
+    if (this.zoom <= 1) { this.u = (this.width - 1) / 2; this.v = (this.height - 1) / 2; }
+  }
+
+  _listen() {
+    const canvas = this.canvas;
+    let press = null;
+    canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.zoomAt(this.toImage(event), Math.exp(-event.deltaY * (event.deltaMode ? 0.05 : 0.0015)));
+    }, { passive: false });
+    canvas.addEventListener("dblclick", () => this.fit());
+    canvas.addEventListener("pointerdown", (event) => {
+      if (event.button > 1) return;
+      canvas.setPointerCapture(event.pointerId);
+      canvas.focus({ preventScroll: true });
+      const taken = event.button === 0 && this.onpress?.(this.toImage(event), event) === true;
+      press = { x: event.clientX, y: event.clientY, u: this.u, v: this.v, taken, moved: false };
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      if (!press) { this.onhover?.(this.toImage(event), event); return; }
+      press.moved ||= Math.hypot(event.clientX - press.x, event.clientY - press.y) > 3;
+      if (press.taken) { this.ondrag?.(this.toImage(event), event); return; }
+      if (!press.moved) return;
+      this.u = press.u - (event.clientX - press.x) / this.scale; this.v = press.v - (event.clientY - press.y) / this.scale;
+      this._keepInside(); this.redraw();
+    });
+    canvas.addEventListener("pointerup", (event) => {
+      if (!press) return;
+      if (press.taken) this.onrelease?.(this.toImage(event), event);
+      else if (!press.moved && event.button === 0) this.onclick?.(this.toImage(event), event);
+      press = null;
+    });
+    canvas.addEventListener("pointercancel", () => { press = null; });
+    canvas.addEventListener("keydown", (event) => {
+      const middle = [this.u, this.v], step = 40 / this.scale;
+      const pan = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, -step], ArrowDown: [0, step] }[event.key];
+      if (event.key === "+" || event.key === "=") this.zoomAt(middle, 1.25);
+      else if (event.key === "-") this.zoomAt(middle, 0.8);
+      else if (event.key === "0") this.fit();
+      else if (pan && event.altKey) { this.u += pan[0]; this.v += pan[1]; this._keepInside(); this.redraw(); }
+      else return;
+      event.preventDefault(); event.stopPropagation();
+    });
+  }
+}
+
+export function clamp(x, low, high) { return Math.min(Math.max(x, low), high); }
