@@ -14,6 +14,7 @@ from tracker_node.cli.main import verbs
 from tracker_node.evaluation.config_file import load_config
 from tracker_node.evaluation.reference_masks import load_reference_masks
 from tracker_node.loaders.model_yaml import load_model
+from tracker_node.loaders.recording_yaml import load_recording
 from tracker_node.loaders.rig_yaml import load_rig, read_rig_file
 from tracker_node.loaders.state_yaml import load_state
 from tracker_node.model.human import human_model
@@ -43,6 +44,12 @@ def test_examples_of_the_formats_are_valid(repository, tmp_path):
     assert state.joint_positions[human.chain.axis_index("left_knee_flexion")] > 0.3
     config = load_config(example(repository, tmp_path, "tracker.yaml", "yaml"))
     assert (config.evidence.canny_high, config.optimizer.max_iterations) == (120.0, 8)
+    for named in ("start.yaml", "person.yaml", "table.yaml", "truth.trc"):
+        (tmp_path / named).touch()
+    (tmp_path / "tracker.yaml").touch()
+    (tmp_path / "masks.json").touch()
+    recording = load_recording(example(repository, tmp_path, "recording.yaml", "yaml"))
+    assert (recording.images.resize, recording.evaluate.targets) == ((544, 960), ("mpjpe_mm<=60",))
     assert set(load_reference_masks(example(repository, tmp_path, "masks.json", "json"))) == {"cam01", "cam03"}
     assert "metrics" in json.loads(example(repository, tmp_path, "Figures", "json").read_text())
 

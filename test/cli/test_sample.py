@@ -9,6 +9,7 @@ from tracker_node.cli._progress import ByteProgress
 from tracker_node.cli.main import main
 from tracker_node.loaders import wheel_cache
 from tracker_node.loaders.model_yaml import load_model
+from tracker_node.loaders.recording_yaml import load_recording
 from tracker_node.loaders.rig_yaml import load_rig
 from tracker_node.loaders.sample_data import SAMPLES, fetch_sample
 from tracker_node.loaders.state_yaml import load_state
@@ -52,6 +53,7 @@ def test_the_whole_sample(cached_or_network, tmp_path, capsys):
     assert all(os.path.exists(path) for camera in rig for path in (camera.source, camera.plate))
     model = load_model(folder / "person.yaml")
     load_state(folder / "initial_state.yaml", model)
+    assert load_recording(folder / "recording.yaml").evaluate.masks == str(folder / "masks.json")
     assert "Redistribution and use" in (folder / "LICENSE").read_text()
     # A second run makes nothing anew.
     stamps = {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}

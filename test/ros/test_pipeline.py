@@ -42,14 +42,16 @@ def children_of(process: NodeProcess) -> list[int]:
 
 def test_everything_is_tracked_and_recorded(launch, recording, tmp_path):
     bag = tmp_path / "bag"
-    pipeline = launch(*files_of(recording), "--bag", bag, "--masks", "--overlays", "--through-masks", "--images")
+    also = ("--masks", "--overlays", "--through-masks", "--markers", "--images")
+    pipeline = launch(*files_of(recording), "--bag", bag, *also)
     assert pipeline.wait() == 0, pipeline.err
     assert "12 image sets: 12 TRACKING" in pipeline.out
     assert "12/12 image sets" in pipeline.err
     counts = counts_of(bag)
     assert counts.pop("/robot_description") == 1
+    assert counts.pop("/diagnostics") >= 1
     cameras = ("cam1", "cam2", "cam3")
-    expected = {"/tracker/state", "/tracker/pose", "/tracker/joint_states"}
+    expected = {"/tracker/state", "/tracker/pose", "/tracker/joint_states", "/tracker/markers"}
     expected |= {f"/{camera}/{topic}" for camera in cameras for topic in ("image_raw", "camera_info")}
     expected |= {f"/tracker/{camera}/{topic}" for camera in cameras for topic in ("mask", "overlay", "target_through_mask")}
     assert counts == dict.fromkeys(expected, 12)

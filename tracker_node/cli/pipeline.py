@@ -5,20 +5,28 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from ._recording import add_recording_argument, evaluate_recording, fill_in
 from .camera_ingest import add_source_arguments, cameras_of, source_options
 from .tracker import add_body_arguments
 
-SUMMARY = "run camera_ingest, tracker and recorder together, from recorded cameras to a bag"
-EXAMPLE = "tracker_node pipeline --rig rig.yaml --model person.yaml --initial-state start.yaml --bag out/run1/bag --masks"
+SUMMARY = "run camera_ingest, tracker and recorder together, from cameras to a bag, and evaluate if a recording.yaml says so"
+EXAMPLE = """tracker_node pipeline recording.yaml
+  tracker_node pipeline --rig rig.yaml --model person.yaml --initial-state start.yaml --bag out/run1/bag --masks"""
+RECORDED = ("masks", "overlays", "through_masks", "markers", "images")
+BUILT_IN = {"start": 0, "shrink": 1, "source": [], "capture": [], **dict.fromkeys((*RECORDED, "loop", "real_time"), False)}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_body_arguments(parser)
+    add_body_arguments(parser, required=False)
     add_source_arguments(parser)
-    parser.add_argument("--bag", type=Path, metavar="FOLDER", help="record states, poses, joints and calibrations to this bag")
+    parser.add_argument("--output", type=Path, metavar="FOLDER", help="folder of the run: the bag is bag/ in it")
+    parser.add_argument(
+        "--bag", type=Path, metavar="FOLDER", help="record states, poses, joints, calibrations and diagnostics to this bag"
+    )
     parser.add_argument("--masks", action="store_true", help="record the model's silhouettes too")
     parser.add_argument("--overlays", action="store_true", help="record images with the model drawn over them too")
     parser.add_argument("--through-masks", action="store_true", help="record the images as seen through the body's mask too")
+    parser.add_argument("--markers", action="store_true", help="record the body's shapes too, as RViz and Foxglove show them")
     parser.add_argument("--images", action="store_true", help="record the cameras' images too")
     parser.add_argument("--loop", action="store_true", help="begin again at the end, until Ctrl-C")
     parser.add_argument(
@@ -26,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="publish at the images' rate and track the newest; otherwise every image set is tracked, as fast as possible",
     )
+    add_recording_argument(parser, BUILT_IN)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -33,13 +42,17 @@ def run(args: argparse.Namespace) -> int:
     from ..loaders.rig_yaml import load_rig
     from ..ros.pipeline import PipelineOptions, run_pipeline
 
+    recording = fill_in(args, BUILT_IN)
+    if args.bag is None and args.output is not None:
+        args.bag = args.output / "bag"
     rig = load_rig(args.rig)
     readable, n_images = _look_at_sources(rig, args)
     if args.cameras:
         rig = rig.subset(args.cameras)
     _check_files(rig, args)
-    if args.bag is None and (args.masks or args.overlays or args.through_masks or args.images):
-        raise TrackerError("--masks, --overlays, --through-masks and --images say what is recorded: give --bag too")
+    if args.bag is None and any(getattr(args, name) for name in RECORDED):
+        options = ", ".join(f"--{name.replace('_', '-')}" for name in RECORDED)
+        raise TrackerError(f"{options} say what is recorded: give --bag or --output too")
     if args.bag is not None and args.bag.exists():
         raise TrackerError(f"--bag {args.bag}: there is something already")
     options = PipelineOptions(
@@ -50,6 +63,7 @@ def run(args: argparse.Namespace) -> int:
         masks=args.masks,
         overlays=args.overlays,
         through_masks=args.through_masks,
+        markers=args.markers,
         images=args.images,
         lossless=not args.real_time,
         n_expected=n_images,
@@ -58,6 +72,8 @@ def run(args: argparse.Namespace) -> int:
     status, progress = run_pipeline(options)
     counts = ", ".join(f"{n} {status.name}" for status, n in sorted(progress.statuses.items()))
     print(f"{progress.sets} image sets: {counts or 'none'}" + (f"; bag {args.bag}" if args.bag else ""))
+    if status == 0 and recording is not None and args.bag is not None:
+        status = evaluate_recording(recording, args, args.bag, args.output or args.bag.parent)
     return status
 
 
@@ -79,17 +95,17 @@ def _check_files(rig, args: argparse.Namespace) -> None:
 
 
 def _body_options(args: argparse.Namespace, cameras: list[str]) -> list[str]:
-    result = ["--rig", args.rig, "--model", args.model, "--cameras", *cameras]
+    result = ["--rig", str(args.rig), "--model", str(args.model), "--cameras", *cameras]
     for name in ("config", "initial_state", "occluders"):
         if getattr(args, name):
-            result += [f"--{name.replace('_', '-')}", getattr(args, name)]
+            result += [f"--{name.replace('_', '-')}", str(getattr(args, name))]
     if args.resize or args.shrink > 1:
         result += ["--calibration", "camera_info"]
     return result
 
 
 def _source_options(args: argparse.Namespace) -> list[str]:
-    result = ["--rig", args.rig, "--start", str(args.start)]
+    result = ["--rig", str(args.rig), "--start", str(args.start)]
     if args.end is not None:
         result += ["--end", str(args.end)]
     if args.rate is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
+import shutil
 from pathlib import Path
 
 SUMMARY = "fetch a sample recording (real videos, calibration, reference) and make it ready to be tracked"
@@ -22,11 +23,9 @@ def run(args: argparse.Namespace) -> int:
     folder = Path(args.output or args.name)
     status = prepare(folder, args.fresh)
     if status == 0:
-        print(f"{folder} is ready. Track it with")
-        print(
-            f"  tracker_node track_offline --rig {folder}/rig_refined.yaml --model {folder}/person.yaml"
-            f" --initial-state {folder}/initial_state.yaml --output out/{args.name}"
-        )
+        print(f"{folder} is ready. Track it, and see how well, with one of")
+        print(f"  tracker_node pipeline {folder}/recording.yaml         as a ROS graph")
+        print(f"  tracker_node track_offline {folder}/recording.yaml    without ROS")
     return status
 
 
@@ -51,7 +50,20 @@ def prepare(folder: Path, fresh: bool = False) -> int:
         status = run_verb("calibrate", "body", "--trc", folder / "static.trc", "-o", person)
     if status == 0 and (fresh or not state.exists()):
         status = run_verb("calibrate", "pose", "--model", person, "--trc", folder / "truth.trc", "--row", "0", "-o", state)
+    _describe(folder, fresh)
     return status
+
+
+def _describe(folder: Path, fresh: bool) -> None:
+    """Write recording.yaml and what it names of the package's files, unless they are there."""
+    from ..calibration import balancing
+    from ..loaders.data_files import data_file
+
+    if fresh or not (folder / "masks.json").exists():
+        balancing.write_masks(folder, data_file("config/balancing_masks.json"))
+    for name, target in (("balancing.yaml", "tracker.yaml"), ("balancing_recording.yaml", "recording.yaml")):
+        if fresh or not (folder / target).exists():
+            shutil.copyfile(data_file(f"config/{name}"), folder / target)
 
 
 def run_verb(*arguments: str | Path) -> int:

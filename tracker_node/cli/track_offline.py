@@ -6,21 +6,28 @@ import argparse
 import math
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ._recording import add_recording_argument, evaluate_recording, fill_in
+from .camera_ingest import image_size, named_source
+
 if TYPE_CHECKING:
+    from ..camera.camera_rig import CameraRig
     from ..loaders.image_source import SourceOptions
 
 SUMMARY = "track recorded images (videos, folders or a bag) without ROS; write a bag, CSV files and run.json"
-EXAMPLE = "tracker_node track_offline --rig rig.yaml --model person.yaml --initial-state start.yaml --output out/run1"
+EXAMPLE = """tracker_node track_offline --rig rig.yaml --model person.yaml --initial-state start.yaml --output out/run1
+  tracker_node track_offline recording.yaml --end 20 --output out/try"""
+BUILT_IN = {"start": 0, "shrink": 1, "source": [], "masks": False, "through_masks": False}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--rig", type=Path, required=True, metavar="FILE", help="rig.yaml: cameras, and the videos or folders they read"
+        "--rig", type=Path, metavar="FILE", help="rig.yaml: cameras, and the videos or folders they read"
     )
-    parser.add_argument("--model", type=Path, required=True, metavar="FILE", help="model.yaml or URDF: the body to track")
+    parser.add_argument("--model", type=Path, metavar="FILE", help="model.yaml or URDF: the body to track")
     parser.add_argument(
         "--config", type=Path, metavar="FILE", help="tracker parameters, the same file as for the node (default: built in)"
     )
@@ -35,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="model.yaml or URDF: fixed things that may hide the body, in the world's frame",
     )
     parser.add_argument(
-        "--output", type=Path, required=True, metavar="FOLDER", help="folder for bag, states.csv, joints.csv, poses.csv, run.json"
+        "--output", type=Path, metavar="FOLDER", help="folder for bag, states.csv, joints.csv, poses.csv, run.json"
     )
     parser.add_argument("--cameras", nargs="+", metavar="NAME", help="only these cameras of the rig")
     images = parser.add_argument_group("images")
@@ -48,9 +55,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="track again exactly the image sets of this recorded run, with its images if they are in the bag, else with the"
         " sources of the rig",
     )
+    images.add_argument(
+        "--source", nargs="+", type=named_source, metavar="CAMERA=SOURCE", help="instead of the rig's: a file, folder or pattern"
+    )
     images.add_argument("--start", type=int, default=0, metavar="N", help="first image of each source (default: 0)")
     images.add_argument("--end", type=int, metavar="N", help="image of each source to stop before (default: its end)")
     images.add_argument("--rate", type=float, metavar="HZ", help="image rate of the sources instead of what their files say")
+    images.add_argument("--resize", type=image_size, metavar="WxH", help="resample the images; the calibration is scaled along")
+    images.add_argument("--shrink", type=int, metavar="N", help="make them N times smaller, by area averages")
     images.add_argument("--base-stamp-ns", type=int, default=0, metavar="NS", help="stamp of image 0 of the sources (default: 0)")
     images.add_argument("--max-sets", type=int, metavar="N", help="stop after this many image sets")
     parser.add_argument(
@@ -61,9 +73,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--masks", action="store_true", help="also record the model's silhouette in every camera")
     parser.add_argument("--through-masks", action="store_true", help="also record the images as seen through that silhouette")
     parser.add_argument("--quiet", action="store_true", help="no progress on stderr")
+    add_recording_argument(parser, BUILT_IN)
 
 
 def run(args: argparse.Namespace) -> int:
+    from ..errors import TrackerError
     from ..evaluation.config_file import load_config
     from ..evaluation.run_offline import OfflineRun, run_offline
     from ..loaders.model_yaml import load_model
@@ -71,7 +85,10 @@ def run(args: argparse.Namespace) -> int:
     from ..loaders.state_yaml import load_state
     from ..tracking.config import TrackerConfig
 
-    rig, model = load_rig(args.rig), load_model(args.model)
+    recording = fill_in(args, BUILT_IN)
+    if args.output is None:
+        raise TrackerError("where the results go: give --output FOLDER")
+    rig, model = _with_sources(load_rig(args.rig), args.source), load_model(args.model)
     summary = run_offline(
         OfflineRun(
             rig=rig.subset(args.cameras) if args.cameras else rig,
@@ -92,7 +109,22 @@ def run(args: argparse.Namespace) -> int:
         None if args.quiet else _Progress(),
     )
     _report(summary, args.output, args.quiet)
-    return 1 if summary["errors"] else 0
+    if summary["errors"]:
+        return 1
+    return evaluate_recording(recording, args, args.output, args.output) if recording is not None else 0
+
+
+def _with_sources(rig: CameraRig, sources: list[tuple[str, str]]) -> CameraRig:
+    """The rig with other sources for the cameras that are named.
+
+    Raises
+    ------
+    UnknownNameError : a camera that the rig does not have.
+    """
+    from ..camera.camera_rig import CameraRig
+
+    named = {name: replace(rig[name], source=source) for name, source in sources}
+    return CameraRig(tuple(named.get(camera.name, camera) for camera in rig), rig.world_frame, rig.lights)
 
 
 def _source_options(args: argparse.Namespace) -> SourceOptions:
@@ -100,9 +132,11 @@ def _source_options(args: argparse.Namespace) -> SourceOptions:
     from ..loaders.image_source import SourceOptions
 
     try:
-        return SourceOptions(args.start, args.end, rate_hz=args.rate, base_stamp_ns=args.base_stamp_ns)
+        return SourceOptions(
+            args.start, args.end, rate_hz=args.rate, size=args.resize, base_stamp_ns=args.base_stamp_ns, shrink=args.shrink
+        )
     except ValueError as error:
-        raise TrackerError(f"--start, --end, --rate: {error}") from None
+        raise TrackerError(f"--start, --end, --rate, --resize, --shrink: {error}") from None
 
 
 def _lag(seconds: float | None) -> float | None:

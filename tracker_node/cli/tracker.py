@@ -7,13 +7,13 @@ import sys
 
 SUMMARY = "track a body in the images of ROS cameras"
 EXAMPLE = "tracker_node tracker --rig rig.yaml --model person.yaml --initial-state start.yaml"
-OUTPUTS = ("state", "pose", "joint_states", "mask", "overlay", "target_through_mask")
+OUTPUTS = ("state", "pose", "joint_states", "markers", "mask", "overlay", "target_through_mask")
 
 
-def add_body_arguments(parser: argparse.ArgumentParser) -> None:
+def add_body_arguments(parser: argparse.ArgumentParser, required: bool = True) -> None:
     """What is tracked, from where, and how; shared with ``pipeline``."""
-    parser.add_argument("--rig", required=True, metavar="FILE", help="rig.yaml: places and lenses of the cameras")
-    parser.add_argument("--model", required=True, metavar="FILE", help="model.yaml or URDF: the body to track")
+    parser.add_argument("--rig", required=required, metavar="FILE", help="rig.yaml: places and lenses of the cameras")
+    parser.add_argument("--model", required=required, metavar="FILE", help="model.yaml or URDF: the body to track")
     parser.add_argument(
         "--occluders",
         metavar="FILE",
@@ -41,8 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         type=listeners,
         metavar="TOPIC=N",
-        help="begin when these outputs have N subscribers: state, pose, joint_states, or mask, overlay, target_through_mask (of"
-        " every camera)",
+        help="begin when these outputs have N subscribers: state, pose, joint_states, markers, or mask, overlay,"
+        " target_through_mask (of every camera)",
     )
     parser.add_argument("--compressed", action="store_true", help="subscribe to <cam>/image_raw/compressed")
 

@@ -146,8 +146,9 @@ class SourceStream(ImageSetStream):
     """
 
     def __init__(self, rig: CameraRig, config: SynchronizerConfig, options: SourceOptions | None = None):
-        super().__init__(rig)
-        self._sources = opened_sources(rig, options or SourceOptions(), self.errors)
+        options = options or SourceOptions()
+        super().__init__(resampled_rig(rig, options))
+        self._sources = opened_sources(rig, options, self.errors)
         self._matcher = _Matcher(tuple(self._sources), config)
         self.n_expected = min(source.n_images for source in self._sources.values())
 
@@ -255,6 +256,16 @@ def merged_images(sources: dict[str, ImageSource], errors: list[str]) -> Iterato
                 last_ns[image.camera] = image.stamp_ns
                 yield CameraImage(image.camera, image.stamp_ns, image.bgr)
         yield from broken_off()
+
+
+def resampled_rig(rig: CameraRig, options: SourceOptions) -> CameraRig:
+    """The rig for the images that these options deliver; lenses are scaled as `camera_ingest` scales its ``camera_info``."""
+    cameras = []
+    for camera in rig:
+        size = options.output_size(camera.model.width, camera.model.height)
+        same = size == (camera.model.width, camera.model.height)
+        cameras.append(camera if same else replace(camera, model=camera.model.resized(*size)))
+    return CameraRig(tuple(cameras), rig.world_frame, rig.lights)
 
 
 def rig_of_bag(rig: CameraRig, reader: BagReader) -> CameraRig:

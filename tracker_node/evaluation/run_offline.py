@@ -26,7 +26,7 @@ from ..tracking.config import TrackerConfig, flatten
 from ..tracking.estimate import Status, TrackEstimate
 from ..tracking.observability import unobservable
 from ..tracking.tracker import Tracker
-from .image_sets import BagStream, ImageSetStream, SourceStream, rig_of_bag
+from .image_sets import BagStream, ImageSetStream, SourceStream, resampled_rig, rig_of_bag
 from .metrics_file import command_line, cpu, versions
 from .recorded_sets import RecordedRunStream
 from .run_writer import RunWriter
@@ -79,7 +79,7 @@ def run_offline(run: OfflineRun, output: str | Path, progress: Progress | None =
     """
     with ExitStack() as stack:
         reader = stack.enter_context(BagReader(run.bag)) if run.bag else None
-        rig = run.rig if reader is None else rig_of_bag(run.rig, reader)
+        rig = resampled_rig(run.rig, run.source_options) if reader is None else rig_of_bag(run.rig, reader)
         stream = _stream_of(run, rig, reader)
         plates = resized_plates(load_plates(run.rig), rig)
         tracker = Tracker(rig, run.model, run.config, plates, run.initial_state, run.occluders)
@@ -103,7 +103,7 @@ def run_offline(run: OfflineRun, output: str | Path, progress: Progress | None =
 
 def _stream_of(run: OfflineRun, rig: CameraRig, reader: BagReader | None) -> ImageSetStream:
     if reader is None:
-        return SourceStream(rig, run.config.synchronizer, run.source_options)
+        return SourceStream(run.rig, run.config.synchronizer, run.source_options)
     if run.from_run:
         recorded = bool(image_topics(reader, rig.names))
         return RecordedRunStream(rig, reader, None if recorded else run.source_options)

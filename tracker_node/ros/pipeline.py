@@ -40,7 +40,7 @@ class PipelineOptions:
     source : options of ``tracker_node camera_ingest``.
     cameras : names, for the topics.
     bag : folder to record to, or None.
-    masks, overlays, through_masks, images : record these too.
+    masks, overlays, through_masks, markers, images : record these too.
     lossless : every image set is tracked, as fast as the tracker can; otherwise in real time, the newest wins.
     n_expected : image sets, for the progress; None if not known.
     ros_args : given to every process.
@@ -53,6 +53,7 @@ class PipelineOptions:
     masks: bool = False
     overlays: bool = False
     through_masks: bool = False
+    markers: bool = False
     images: bool = False
     lossless: bool = True
     n_expected: int | None = None
@@ -65,7 +66,10 @@ class PipelineOptions:
             "tracker/pose:geometry_msgs/msg/PoseWithCovarianceStamped",
             "tracker/joint_states:sensor_msgs/msg/JointState",
             "robot_description",  # latched: recorded when its publisher is there and has said so
+            "/diagnostics:diagnostic_msgs/msg/DiagnosticArray",
         ]
+        if self.markers:
+            topics.append("tracker/markers:visualization_msgs/msg/MarkerArray")
         for camera in self.cameras:
             topics.append(f"{camera}/camera_info:sensor_msgs/msg/CameraInfo")
             if self.images:
@@ -134,7 +138,7 @@ class Pipeline:
         listeners = [f"state={_N_LISTENERS - (not options.lossless) + (options.bag is not None)}"]
         if options.bag is not None:
             listeners += ["pose=1", "joint_states=1", *["mask=1"] * options.masks, *["overlay=1"] * options.overlays]
-            listeners += ["target_through_mask=1"] * options.through_masks
+            listeners += ["target_through_mask=1"] * options.through_masks + ["markers=1"] * options.markers
         lossless = ["--lossless"] if options.lossless else []
         self._children["tracker"] = Child(["tracker", *options.body, *lossless, "--wait-for", *listeners, *options.ros_args])
         if not self._wait_for("the tracker", lambda: self._subscription.get_publisher_count() > 0):

@@ -110,11 +110,12 @@ class TrackerOutputs:
             self._seen[name].publish(compressed_message(stamp_ns, camera.frame_id, seen))
 
     def subscriber_count(self, output: str) -> int:
-        """Subscribers of state, pose, joint_states, or the fewest that any camera's mask, overlay or target_through_mask has."""
+        """Subscribers of state, pose, joint_states, markers, or the fewest that any camera's mask, overlay or target_through_mask has."""
         publishers = {
             "state": [self._state],
             "pose": [self._pose],
             "joint_states": [self._joints],
+            "markers": [self._markers],
             "mask": list(self._masks.values()),
             "overlay": list(self._overlays.values()),
             "target_through_mask": list(self._seen.values()),

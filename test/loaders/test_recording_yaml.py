@@ -1,0 +1,93 @@
+"""recording.yaml: what it may say, where its paths begin, and how a mistake is told."""
+
+from pathlib import Path
+
+import pytest
+
+from tracker_node.errors import FileFormatError
+from tracker_node.loaders.recording_yaml import load_recording
+
+WHOLE = """
+rig: rig.yaml
+model: person.yaml
+initial_state: ../start.yaml
+output: run
+cameras: [left, right]
+sources: videos/{name}.mp4
+images: {start: 3, end: 20, rate_hz: 50, resize: [320, 240]}
+record: {masks: true, overlays: true}
+real_time: false
+evaluate: {truth: truth.trc, masks: masks.json, name: walk, image_sets: 17, targets: [mpjpe_mm<=60]}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    folder = tmp_path / "recording"
+    folder.mkdir()
+    for name in ("rig.yaml", "person.yaml", "truth.trc", "masks.json", "../start.yaml"):
+        (folder / name).write_text("")
+    return folder
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "recording.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_paths_begin_at_the_file(folder, monkeypatch):
+    recording = load_recording(written(folder, WHOLE))
+    assert Path(recording.rig) == folder / "rig.yaml"
+    assert Path(recording.initial_state).samefile(folder.parent / "start.yaml")
+    assert Path(recording.output) == folder / "run"
+    assert Path(recording.sources) == folder / "videos/{name}.mp4"
+    assert Path(recording.evaluate.truth) == folder / "truth.trc"
+    assert (recording.images.resize, recording.images.end, recording.cameras) == ((320, 240), 20, ("left", "right"))
+    assert (recording.record.masks, recording.record.images, recording.evaluate.targets) == (True, False, ("mpjpe_mm<=60",))
+    monkeypatch.chdir(folder.parent)
+    assert load_recording("recording/recording.yaml").rig == "recording/rig.yaml"
+
+
+def test_what_is_left_out(folder):
+    recording = load_recording(written(folder, "rig: rig.yaml\nmodel: person.yaml\noutput: /tmp/elsewhere\n"))
+    assert recording.initial_state is None and recording.evaluate is None and recording.sources == {}
+    assert recording.output == "/tmp/elsewhere"
+
+
+def test_sources_by_camera(folder):
+    text = "rig: rig.yaml\nmodel: person.yaml\noutput: run\nsources: {left: a.mp4, right: 'v4l2:/dev/video0', top: /abs/b.mp4}\n"
+    sources = load_recording(written(folder, text)).sources
+    assert sources == {"left": str(folder / "a.mp4"), "right": "v4l2:/dev/video0", "top": "/abs/b.mp4"}
+
+
+MISTAKES = {
+    "rig: rig.yaml": ("rig: other.yaml", "rig", "an existing file"),
+    "model: person.yaml": ("", "model", "a value"),
+    "output: run": ("output: run\nmasks: true", "masks", "one of"),
+    "sources: videos/{name}.mp4": ("sources: {left: 'ftp://x'}", "sources.left", "a source of a known kind"),
+    "videos/{name}.mp4": ("videos/{camera}.mp4", "sources", "{name} or {number}"),
+    "start: 3": ("start: 30", "images.end", "more than start"),
+    "end: 20": ("end: 20.5", "images.end", "a whole number"),
+    "rate_hz: 50": ("rate_hz: -50", "images.rate_hz", "a positive number"),
+    "resize: [320, 240]": ("resize: 320x240", "images.resize", "[width, height]"),
+    "resize: [320, 240]}": ("resize: [320, 240], shrink: 2}", "images.shrink", "either"),
+    "masks: true": ("masks: yes please", "record.masks", "true or false"),
+    "overlays: true": ("video: true", "record.video", "one of"),
+    "real_time: false": ("loop: true", "loop", "no loop"),
+    "truth: truth.trc, ": ("", "evaluate.truth", "a value"),
+    "truth.trc": ("else.trc", "evaluate.truth", "an existing file"),
+    "image_sets: 17": ("image_sets: -1", "evaluate.image_sets", "a whole number"),
+    "cameras: [left, right]": ("cameras: []", "cameras", "at least 1"),
+}
+
+
+@pytest.mark.parametrize("right", MISTAKES)
+def test_mistakes_name_file_and_field(folder, right):
+    wrong, field, expected = MISTAKES[right]
+    assert WHOLE.count(right) == 1
+    path = written(folder, WHOLE.replace(right, wrong))
+    with pytest.raises(FileFormatError) as caught:
+        load_recording(path)
+    assert (caught.value.file, caught.value.field) == (str(path), field)
+    assert expected in str(caught.value)

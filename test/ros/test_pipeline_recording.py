@@ -1,0 +1,88 @@
+"""A recording in one YAML file: live and offline do the same with it, and evaluate it."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from ros_samples import moving_state, tracked_arm
+
+from tracker_node.loaders.bag_reader import BagReader
+from tracker_node.model.configuration import Configuration
+
+RECORDING = """
+rig: rig.yaml
+model: model.yaml
+initial_state: state.yaml
+output: run
+sources: "{name}"
+images: {start: 1, end: 9, resize: [120, 90]}
+record: {masks: true, markers: true}
+evaluate: {truth: truth.csv, name: arm, image_sets: 8, align: stamp, targets: [lost_sets<=0]}
+"""
+
+
+@pytest.fixture(scope="module")
+def described(recording, tmp_path_factory):
+    """The recording with a description, its true fingertip, and a rig that names no sources that are there."""
+    folder = tmp_path_factory.mktemp("described") / "arm"
+    shutil.copytree(recording, folder)
+    rig = (folder / "rig.yaml").read_text()
+    (folder / "rig.yaml").write_text(rig.replace(f"source: {recording}", "source: /nowhere"))
+    model = tracked_arm()
+    with (folder / "truth.csv").open("w") as file:
+        file.write("stamp_ns,landmark,x,y,z\n")
+        for i in range(12):
+            x, y, z = Configuration(model, moving_state(model, i)).landmarks_world[0]
+            file.write(f"{round(i * 1e9 / 30)},fingertip,{x},{y},{z}\n")
+    (folder / "recording.yaml").write_text(RECORDING)
+    return folder
+
+
+def states_of(bag) -> list:
+    with BagReader(bag) as reader:
+        return [state for _, state in reader.decoded("/tracker/state")]
+
+
+def test_live_and_offline_give_the_same_states_of_it(launch, described, tmp_path):
+    live = launch("pipeline", described / "recording.yaml")
+    offline = launch("track_offline", described / "recording.yaml", "--output", tmp_path / "offline")
+    assert live.wait() == 0, live.err
+    assert offline.wait() == 0, offline.err
+    assert "8 image sets: 8 TRACKING" in live.out and "8 image sets: 8 TRACKING" in offline.out
+    ours, theirs = states_of(described / "run" / "bag"), states_of(tmp_path / "offline" / "bag")
+    assert len(ours) == len(theirs) == 8
+    for a, b in zip(ours, theirs, strict=True):
+        assert (a.header.stamp.sec, a.header.stamp.nanosec) == (b.header.stamp.sec, b.header.stamp.nanosec)
+        assert np.array_equal(a.values, b.values) and np.array_equal(a.covariance, b.covariance)
+    with BagReader(described / "run" / "bag") as reader:
+        topics = set(reader.topics)
+    assert {"/tracker/cam1/mask", "/tracker/markers", "/diagnostics"} <= topics and "/cam1/image_raw" not in topics
+    for folder in (described / "run", tmp_path / "offline"):
+        figures = json.loads((folder / "report.json").read_text())["metrics"]
+        assert figures["arm.image_sets"] == 8 and figures["arm.lost_sets"] == 0
+        assert figures["arm.mpjpe_no_lag_correction_mm"] < 30.0
+
+
+def test_the_command_line_goes_before_the_file(launch, described, tmp_path):
+    run = launch("track_offline", described / "recording.yaml", "--start", "0", "--end", "3", "--output", tmp_path / "out")
+    assert run.wait() == 0, run.err
+    assert "3 image sets" in run.out
+    states = states_of(tmp_path / "out" / "bag")
+    assert states[0].header.stamp.nanosec == 0
+    options = json.loads((tmp_path / "out" / "run.json").read_text())["options"]
+    assert (options["start"], options["end"], options["resize"]) == (0, 3, [120, 90])
+
+
+def test_mistakes_are_one_line(launch, described, tmp_path):
+    wrong = described / "wrong.yaml"
+    wrong.write_text(RECORDING.replace("model.yaml", "nobody.yaml"))
+    processes = {
+        "model": launch("pipeline", wrong),
+        "--rig and --model": launch("pipeline", "--bag", tmp_path / "bag"),
+        "camera 'left'": launch("track_offline", described / "recording.yaml", "--source", "left=x", "--output", tmp_path / "a"),
+        "--output": launch("track_offline", "--rig", described / "rig.yaml", "--model", described / "model.yaml"),
+    }
+    for said, process in processes.items():
+        assert process.wait() == 2, said
+        assert said in process.err and len(process.err.splitlines()) == 1, process.err

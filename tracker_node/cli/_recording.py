@@ -1,0 +1,92 @@
+"""``recording.yaml`` on the command line: it fills in what the command line leaves out."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ..loaders.recording_yaml import RecordingFile
+
+
+def add_recording_argument(parser: argparse.ArgumentParser, built_in: Mapping[str, Any]) -> None:
+    """The positional argument, after all others: those of ``built_in`` become None where they are not given."""
+    parser.add_argument(
+        "recording",
+        nargs="?",
+        type=Path,
+        metavar="RECORDING",
+        help="recording.yaml that says all of this (docs/formats.md); options given beside it go before what it says",
+    )
+    parser.set_defaults(**dict.fromkeys(built_in))
+
+
+def fill_in(args: argparse.Namespace, built_in: Mapping[str, Any]) -> RecordingFile | None:
+    """Complete ``args`` from the recording, if there is one, and then from ``built_in``.
+
+    Raises
+    ------
+    TrackerError : a mistake in the recording; no rig or no model.
+    """
+    from ..errors import TrackerError
+    from ..loaders.recording_yaml import load_recording
+
+    recording = load_recording(args.recording) if args.recording else None
+    values = {**built_in, **(_values(recording) if recording else {})}
+    for name, value in values.items():
+        if hasattr(args, name) and getattr(args, name) is None:
+            setattr(args, name, value)
+    if args.rig is None or args.model is None:
+        raise TrackerError("what is tracked: give a recording.yaml, or --rig and --model")
+    return recording
+
+
+def _values(recording: RecordingFile) -> dict[str, Any]:
+    """What a recording says, by the names that arguments have."""
+    from ..loaders.recording_yaml import FILES
+
+    files = {name: Path(getattr(recording, name)) if getattr(recording, name) else None for name in FILES}
+    images = recording.images
+    return {
+        **files,
+        "output": Path(recording.output),
+        "cameras": list(recording.cameras) if recording.cameras else None,
+        "source": _sources(recording),
+        "start": images.start,
+        "end": images.end,
+        "rate": images.rate_hz,
+        "resize": images.resize,
+        "shrink": images.shrink,
+        **recording.record.model_dump(),
+        "real_time": recording.real_time,
+        "loop": recording.loop,
+    }
+
+
+def _sources(recording: RecordingFile) -> list[tuple[str, str]]:
+    """(camera, source) of the sources that a recording names."""
+    from ..loaders.rig_yaml import load_rig
+    from ._sources import sources_by_name
+
+    if isinstance(recording.sources, str):
+        return [(name, str(source)) for name, source in sources_by_name(recording.sources, load_rig(recording.rig).names).items()]
+    return list(recording.sources.items())
+
+
+def evaluate_recording(recording: RecordingFile, args: argparse.Namespace, run: Path, output: Path) -> int:
+    """Hold a run against what the recording names, as ``tracker_node evaluate`` does; returns the exit status."""
+    from .sample import run_verb
+
+    entry = recording.evaluate
+    if entry is None:
+        return 0
+    arguments: list[str | Path] = [run, "--truth", entry.truth, "--model", args.model, "--rig", args.rig, "--name", entry.name]
+    arguments += ["--y-up" if entry.y_up else "--no-y-up", "--align", entry.align, "--lag", str(entry.lag)]
+    arguments += ["--image-sets", str(entry.image_sets), "--first-image", str(args.start), "--output", output]
+    if entry.masks is not None:
+        arguments += ["--masks", entry.masks]
+    for target in entry.targets:
+        arguments += ["--target", target]
+    return run_verb("evaluate", *arguments)

@@ -1,0 +1,162 @@
+"""A whole recording as one YAML file: what is tracked, from which images, what is kept, and what it is compared with.
+
+``tracker_node pipeline`` and ``track_offline`` take it; the format is described in docs/formats.md.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from ..errors import FileFormatError, SourceError
+from .rig_yaml import ImageSize
+from .source_address import parse_source, relocated
+from .yaml_file import FileModel, Number, PositiveNumber, problem, read_mapping, validate
+
+FILES = ("rig", "model", "initial_state", "occluders", "config")
+
+
+def _whole(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= 1_000_000_000:
+        raise problem("a whole number, 0 or more", value)
+    return value
+
+
+def _at_least_one(value: Any) -> int:
+    if _whole(value) < 1:
+        raise problem("a whole number, 1 or more", value)
+    return value
+
+
+def _sources(value: Any) -> str | dict[str, str]:
+    """One pattern for all cameras, or a source for each; not a union of types, whose errors would name neither."""
+    if isinstance(value, str):
+        try:
+            value.format(name="cam", number=1)
+        except (LookupError, ValueError, AttributeError):
+            raise problem("a pattern with {name} or {number}, or a source for each camera", value) from None
+        return _source(value, "")
+    if not isinstance(value, dict):
+        raise problem("a pattern with {name} or {number}, or a source for each camera", value)
+    return {str(name): _source(source, str(name)) for name, source in value.items()}
+
+
+def _source(value: Any, field: str) -> str:
+    try:
+        if not isinstance(value, str):
+            raise SourceError(str(value), "is no text")
+        parse_source(value)
+    except SourceError as error:
+        raise problem("a path, or a source of a known kind (docs/sources.md)", error.source, field) from None
+    return value
+
+
+def _switch(value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise problem("true or false", value)
+    return value
+
+
+Whole = Annotated[int, BeforeValidator(_whole)]
+Positive = Annotated[int, BeforeValidator(_at_least_one)]
+Sources = Annotated[str | dict[str, str], BeforeValidator(_sources)]
+Switch = Annotated[bool, BeforeValidator(_switch)]
+
+
+class ImagesEntry(FileModel):
+    """Which images of the sources, and in which size."""
+
+    start: Whole = 0
+    end: Positive | None = None
+    rate_hz: PositiveNumber | None = None
+    resize: ImageSize | None = None
+    shrink: Positive = 1
+
+    @model_validator(mode="after")
+    def _some_images(self) -> ImagesEntry:
+        if self.end is not None and self.end <= self.start:
+            raise problem(f"more than start, which is {self.start}", self.end, "end")
+        if self.resize is not None and self.shrink > 1:
+            raise problem("either resize or shrink", "both", "shrink")
+        return self
+
+
+class RecordEntry(FileModel):
+    """What goes into the bag besides states, poses, joints, calibrations and diagnostics."""
+
+    masks: Switch = False
+    overlays: Switch = False
+    through_masks: Switch = False
+    markers: Switch = False
+    images: Switch = False
+
+
+class EvaluateEntry(FileModel):
+    """What the run is held against when it is over; see docs/evaluation.md."""
+
+    truth: str
+    y_up: Switch = True
+    align: Literal["auto", "first", "stamp"] = "auto"
+    lag: Literal["auto"] | Number = "auto"
+    masks: str | None = None
+    name: str = "run"
+    image_sets: Whole = 0
+    targets: tuple[str, ...] = ()
+
+
+class RecordingFile(FileModel):
+    """A whole recording."""
+
+    rig: str
+    model: str
+    initial_state: str | None = None
+    occluders: str | None = None
+    config: str | None = None
+    output: str
+    cameras: tuple[str, ...] | None = Field(default=None, min_length=1)
+    sources: Sources = Field(default_factory=dict)
+    images: ImagesEntry = Field(default_factory=ImagesEntry)
+    record: RecordEntry = Field(default_factory=RecordEntry)
+    real_time: Switch = False
+    loop: Switch = False
+    evaluate: EvaluateEntry | None = None
+
+    @model_validator(mode="after")
+    def _ends(self) -> RecordingFile:
+        if self.loop and self.evaluate is not None:
+            raise problem("no loop where the run is evaluated when it is over", self.loop, "loop")
+        return self
+
+
+def load_recording(path: str | Path) -> RecordingFile:
+    """The recording of a file, its paths relative to the folder of the file brought to the caller's.
+
+    Raises
+    ------
+    FileFormatError : naming file and field; a file that it names and that is not there, too.
+    """
+    recording = validate(RecordingFile, read_mapping(path), path)
+    base = Path(path).parent
+    changes: dict[str, Any] = {name: _existing(path, name, getattr(recording, name)) for name in FILES}
+    changes["output"] = os.path.join(base, recording.output)
+    if isinstance(recording.sources, str):
+        changes["sources"] = relocated(recording.sources, base)
+    else:
+        changes["sources"] = {name: relocated(source, base) for name, source in recording.sources.items()}
+    if recording.evaluate is not None:
+        files = {name: _existing(path, f"evaluate.{name}", getattr(recording.evaluate, name)) for name in ("truth", "masks")}
+        changes["evaluate"] = recording.evaluate.model_copy(update=files)
+    return recording.model_copy(update=changes)
+
+
+def _existing(recording: str | Path, field: str, name: str | None) -> str | None:
+    """Path of a file that a recording names, from here."""
+    if name is None:
+        return None
+    file = os.path.join(Path(recording).parent, name)
+    if not os.path.isfile(file):
+        raise FileFormatError(recording, field, "an existing file", file)
+    return file
