@@ -110,7 +110,7 @@ class TrackerOutputs:
             self._seen[name].publish(compressed_message(stamp_ns, camera.frame_id, seen))
 
     def subscriber_count(self, output: str) -> int:
-        """Subscribers of state, pose, joint_states, markers, or the fewest that any camera's mask, overlay or target_through_mask has."""
+        """Subscribers of state, pose, joint_states, markers; of the images, the fewest that any camera's has."""
         publishers = {
             "state": [self._state],
             "pose": [self._pose],
