@@ -31,7 +31,20 @@ RUNTIME_REQUIREMENTS = [
 # Only where ROS does not come from apt.
 ROS_REQUIREMENTS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"]
 TEST_REQUIREMENTS = [
-    "bvhio", "c3d", "geomdl", "hypothesis", "import-linter", "mypy", "opensim", "pdoc", "playwright", "pypdf", "pytest", "ruff",
+    "bvhio",
+    "c3d",
+    "foxglove-sdk",
+    "geomdl",
+    "hypothesis",
+    "import-linter",
+    "kinpy",
+    "mypy",
+    "opensim",
+    "pdoc",
+    "playwright",
+    "pypdf",
+    "pytest",
+    "ruff",
 ]
 
 DATA_SUFFIXES = ["css", "html", "j2", "js", "json", "msg", "svg", "xml", "yaml"]
