@@ -11,6 +11,7 @@ EXECUTABLES = ["camera_ingest", "pipeline", "player", "recorder", "tracker", PAC
 RUNTIME_REQUIREMENTS = [
     "ezc3d>=1.5",
     "jinja2>=3.1",
+    "lz4>=4.0",
     "mannequin-x>=0.3",
     "matplotlib>=3.6",
     "mcap>=1.5",
@@ -27,6 +28,7 @@ RUNTIME_REQUIREMENTS = [
     "trimesh>=4.0",
     "uvicorn>=0.30",
     "websockets>=13.0",
+    "zstandard>=0.20",
 ]
 # Only where ROS does not come from apt.
 ROS_REQUIREMENTS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -54,9 +55,10 @@ class TopicRecord:
     type_hash: str
     qos: OfferedQos
     message_count: int = 0
+    definition: str = ""
 
 
-@dataclass
+@dataclass(frozen=True)
 class TimeSpan:
     """Earliest and latest stamp (integer nanoseconds) and number of messages."""
 
@@ -64,10 +66,14 @@ class TimeSpan:
     end_ns: int = 0
     count: int = 0
 
-    def add(self, stamp_ns: int) -> None:
-        self.start_ns = stamp_ns if self.count == 0 else min(self.start_ns, stamp_ns)
-        self.end_ns = stamp_ns if self.count == 0 else max(self.end_ns, stamp_ns)
-        self.count += 1
+    @staticmethod
+    def over(spans: Iterable[TimeSpan]) -> TimeSpan:
+        """From the first to the last of several."""
+        found = [span for span in spans if span.count]
+        if not found:
+            return TimeSpan()
+        start_ns, end_ns = min(span.start_ns for span in found), max(span.end_ns for span in found)
+        return TimeSpan(start_ns, end_ns, sum(span.count for span in found))
 
     def as_dict(self) -> dict[str, Any]:
         return {
@@ -77,12 +83,12 @@ class TimeSpan:
         }
 
 
-def bag_information(file_name: str, topics: list[TopicRecord], span: TimeSpan, custom: dict[str, str]) -> dict[str, Any]:
-    """Content of ``metadata.yaml`` below its top key, for a bag of one file."""
+def bag_information(files: dict[str, TimeSpan], topics: Iterable[TopicRecord], custom: dict[str, str]) -> dict[str, Any]:
+    """Content of ``metadata.yaml`` below its top key; ``files`` by name, in the order of recording."""
     return {
         "version": METADATA_VERSION,
         "storage_identifier": "mcap",
-        **span.as_dict(),
+        **TimeSpan.over(files.values()).as_dict(),
         "topics_with_message_count": [
             {
                 "topic_metadata": {
@@ -98,8 +104,8 @@ def bag_information(file_name: str, topics: list[TopicRecord], span: TimeSpan, c
         ],
         "compression_format": "",
         "compression_mode": "",
-        "relative_file_paths": [file_name],
-        "files": [{"path": file_name, **span.as_dict()}],
+        "relative_file_paths": list(files),
+        "files": [{"path": name, **span.as_dict()} for name, span in files.items()],
         "custom_data": custom or None,
         "ros_distro": ROS_DISTRO,
     }

@@ -5,6 +5,7 @@ A bag whose recorder was killed has no ``metadata.yaml`` and no index; it is rea
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
@@ -205,7 +206,7 @@ class BagReader:
 
 def _storage_files(path: Path) -> list[Path]:
     if path.is_dir():
-        files = sorted(file for file in path.iterdir() if file.suffix in STORAGE_SUFFIXES)
+        files = sorted((file for file in path.iterdir() if file.suffix in STORAGE_SUFFIXES), key=_in_order)
         if not files:
             raise FileFormatError(path, "(folder)", f"a bag: a folder with {' or '.join(STORAGE_SUFFIXES)} files", "none")
         return files
@@ -214,6 +215,12 @@ def _storage_files(path: Path) -> list[Path]:
     if path.suffix not in STORAGE_SUFFIXES:
         raise FileFormatError(path, "(path)", f"a bag folder or a {' or '.join(STORAGE_SUFFIXES)} file", path.name)
     return [path]
+
+
+def _in_order(file: Path) -> tuple[int, str]:
+    """Split bags are numbered: ``run_2.mcap`` comes before ``run_10.mcap``."""
+    number = re.search(r"_(\d+)$", file.stem)
+    return (int(number[1]) if number else 0, file.name)
 
 
 def _offered(connection: Connection) -> OfferedQos:

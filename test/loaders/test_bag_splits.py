@@ -1,0 +1,101 @@
+"""Bags of several files, and compressed ones."""
+
+from pathlib import Path
+
+import bag_samples
+import pytest
+import yaml
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+
+from tracker_node.errors import UnknownNameError
+from tracker_node.loaders.bag_metadata import OfferedQos
+from tracker_node.loaders.bag_queue import BagQueue
+from tracker_node.loaders.bag_reader import BagReader
+from tracker_node.loaders.bag_writer import BagWriter
+from tracker_node.loaders.message_types import message_type
+
+PERIOD_NS = bag_samples.PERIOD_NS
+
+
+def information(bag: Path) -> dict:
+    return yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+
+
+def stamps_of_the_mcap_library(file: Path) -> list[int]:
+    with file.open("rb") as stream:
+        return [message.log_time for _, _, message in make_reader(stream, validate_crcs=True).iter_messages()]
+
+
+@pytest.mark.parametrize("split", [{"split_ns": 5 * PERIOD_NS}, {"split_bytes": 60_000}])
+def test_all_files_are_listed_and_read_by_all(tmp_path: Path, split: dict) -> None:
+    bag = bag_samples.write_bag(tmp_path / "run", 60, chunk_bytes=20_000, **split)
+    told = information(bag)
+    names = [f"run_{i}.mcap" for i in range(len(told["files"]))]
+    assert len(names) > 10  # so that the order of numbers is not that of letters
+    assert told["relative_file_paths"] == [entry["path"] for entry in told["files"]] == names
+    stamps = []
+    for entry in told["files"]:
+        found = stamps_of_the_mcap_library(bag / entry["path"])
+        assert entry["message_count"] == len(found)
+        assert entry["starting_time"]["nanoseconds_since_epoch"] == found[0]
+        assert entry["duration"]["nanoseconds"] == found[-1] - found[0]
+        stamps += found
+    assert told["message_count"] == len(stamps) == 180
+    assert {topic["message_count"] for topic in told["topics_with_message_count"]} == {60}
+    with AnyReader([bag]) as theirs, BagReader(bag) as ours:
+        assert [stamp for _, stamp, _ in theirs.messages()] == stamps == sorted(stamps)
+        assert [message.stamp_ns for message in ours.messages()] == stamps
+    (bag / "metadata.yaml").unlink()
+    with BagReader(bag) as ours:
+        assert ours.recovered
+        assert [message.stamp_ns for message in ours.messages()] == stamps
+
+
+def test_files_are_as_long_as_asked_for(tmp_path: Path) -> None:
+    bag = bag_samples.write_bag(tmp_path / "time", 20, split_ns=4 * PERIOD_NS)
+    assert [entry["message_count"] for entry in information(bag)["files"]] == [12, 12, 12, 12, 12]
+    bag = bag_samples.write_bag(tmp_path / "size", 30, split_bytes=100_000)
+    sizes = [(bag / entry["path"]).stat().st_size for entry in information(bag)["files"]]
+    assert all(100_000 <= size < 125_000 for size in sizes[:-1])
+
+
+def test_a_split_on_request_keeps_every_message(tmp_path: Path) -> None:
+    bag = BagQueue(BagWriter(tmp_path / "run"))
+    bag.add_topic("/a", "std_msgs/msg/String", OfferedQos(), message_type("std_msgs/msg/String"))
+    for i in range(30):
+        bag.put("/a", i, bytes([0, 1, 0, 0, i]))
+        if i == 9:
+            bag.split()
+    bag.close()
+    assert [entry["message_count"] for entry in information(tmp_path / "run")["files"]] == [10, 20]
+    with BagReader(tmp_path / "run") as reader:
+        assert [message.data[4] for message in reader.messages()] == list(range(30))
+
+
+@pytest.mark.parametrize("compression", ["lz4", "zstd"])
+def test_compressed_chunks_are_smaller_and_read_by_all(tmp_path: Path, compression: str) -> None:
+    def write(path: Path, how: str) -> Path:
+        with BagWriter(path, compression=how, chunk_bytes=20_000) as writer:
+            for i in range(200):
+                writer.write_message("/a", i, bag_samples.text(f"message {i} " * 50))
+        return path / f"{path.name}_0.mcap"
+
+    file = write(tmp_path / "run", compression)
+    assert file.stat().st_size < 0.5 * write(tmp_path / "plain", "none").stat().st_size
+    assert stamps_of_the_mcap_library(file) == list(range(200))
+    with AnyReader([tmp_path / "run"]) as theirs, BagReader(tmp_path / "run") as ours:
+        assert [data for _, _, data in theirs.messages()] == [message.data for message in ours.messages()]
+    content = file.read_bytes()
+    file.write_bytes(content[: len(content) // 2])
+    with BagReader(tmp_path / "run") as ours:
+        assert ours.recovered
+        texts = [message.data for _, message in ours.decoded("/a")]
+    assert texts == [f"message {i} " * 50 for i in range(len(texts))]
+    assert 60 < len(texts) < 199
+
+
+def test_an_unknown_compression_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UnknownNameError, match="valid: lz4, none, zstd"):
+        BagWriter(tmp_path / "run", compression="zip")
+    assert not (tmp_path / "run").exists()
