@@ -105,7 +105,7 @@ def load_run_images(args: argparse.Namespace) -> RunImages:
     if args.sets < 1:
         raise FileFormatError("command line", "--sets", "a number of at least 1", args.sets)
     run = load_run(args.from_run)
-    rig_path, model_path = _file(args, run.info, "rig"), _file(args, run.info, "model")
+    rig_path, model_path = named_file(args, run.info, "rig"), named_file(args, run.info, "model")
     model, given = load_model(model_path), load_rig(rig_path)
     run.check_model(model, model_path)
     config = load_config(args.config) if args.config else TrackerConfig()
@@ -175,7 +175,7 @@ def _images(run: Any, rig: CameraRig, stamps_ns: list[int]) -> tuple[CameraRig, 
     return rig, images
 
 
-def _file(args: argparse.Namespace, info: Any, key: str) -> str:
+def named_file(args: argparse.Namespace, info: Any, key: str) -> str:
     """A file that the command line names, or else the run."""
     given = getattr(args, key)
     if given:

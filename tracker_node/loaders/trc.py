@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import FileFormatError, UnknownNameError
 from .yaml_file import read_text
 
-_METERS_PER_UNIT = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+METERS_PER_UNIT = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _N_HEADER = 5
 
 
@@ -63,9 +63,9 @@ def load_trc(path: str | Path, y_up: bool = True) -> MarkerTrajectories:
     if len(lines) < _N_HEADER or not lines[0].startswith("PathFileType"):
         raise FileFormatError(path, "line 1", "a TRC file (PathFileType ...)", lines[0] if lines else "nothing")
     header = dict(zip(lines[1].split(), lines[2].split(), strict=False))
-    scale = _METERS_PER_UNIT.get(header.get("Units", ""))
+    scale = METERS_PER_UNIT.get(header.get("Units", ""))
     if scale is None:
-        raise FileFormatError(path, "Units", f"one of {sorted(_METERS_PER_UNIT)}", header.get("Units"))
+        raise FileFormatError(path, "Units", f"one of {sorted(METERS_PER_UNIT)}", header.get("Units"))
     names = _marker_names(path, lines[3])
     rows = [(number, line) for number, line in enumerate(lines[_N_HEADER:], _N_HEADER + 1) if line.strip()]
     if not rows:
@@ -82,15 +82,18 @@ def load_trc(path: str | Path, y_up: bool = True) -> MarkerTrajectories:
     return MarkerTrajectories(names, times, positions, _rate(path, header, times), valid)
 
 
-def dump_trc(markers: MarkerTrajectories, path: str | Path, y_up: bool = True) -> None:
-    """Write a TRC file in metres; invalid markers become empty cells."""
+def dump_trc(markers: MarkerTrajectories, path: str | Path, y_up: bool = True, unit: str = "m") -> None:
+    """Write a TRC file in ``unit`` (m, cm, mm); invalid markers become empty cells."""
     positions = markers.positions_m[..., [1, 2, 0]] if y_up else markers.positions_m
+    if unit != "m":
+        positions = positions / METERS_PER_UNIT[unit]
     n, m = markers.valid.shape
+    rate = f"{markers.rate_hz:.10g}"
     path = Path(path)
     lines = [
         f"PathFileType\t4\t(X/Y/Z)\t{path.name}",
         "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
-        f"{markers.rate_hz:g}\t{markers.rate_hz:g}\t{n}\t{m}\tm\t{markers.rate_hz:g}\t1\t{n}",
+        f"{rate}\t{rate}\t{n}\t{m}\t{unit}\t{rate}\t1\t{n}",
         "Frame#\tTime\t" + "\t\t\t".join(markers.names) + "\t\t",
         "\t\t" + "\t".join(f"{axis}{i}" for i in range(1, m + 1) for axis in "XYZ"),
     ]

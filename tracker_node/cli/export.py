@@ -1,0 +1,161 @@
+"""``tracker_node export``: a run in the files of other programs."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ._run_images import named_file, refuse_to_overwrite
+
+if TYPE_CHECKING:
+    from ..evaluation.export_options import ExportOptions
+    from ..evaluation.kinematics import StateKinematics
+    from ..evaluation.run_motion import RunMotion
+
+SUMMARY = "write a run as TRC, MOT, STO, C3D, BVH, TUM or CSV for other programs"
+EXAMPLE = (
+    "tracker_node export out/run --to trc --output run.trc\n"
+    "  tracker_node export out/run --to csv --filter auto --isb-angles --output run_tables"
+)
+FORMATS = ("trc", "mot", "sto", "c3d", "bvh", "tum", "csv")
+_Y_UP = ("trc", "mot", "sto", "bvh")  # formats whose readers expect y up
+_MILLIMETRES = ("c3d",)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("run", metavar="RUN", help="folder written by track_offline, its folder smoothed, or a bag with tracked states")
+    add("--to", required=True, choices=FORMATS, help="the format; csv writes several tables into a folder")
+    add("-o", "--output", required=True, metavar="PATH", help="file to write (csv: folder)")
+    add("--model", metavar="FILE", help="body model; default: what run.json names")
+    add("--topic", help="topic of the states, where a bag has several")
+    add("--force", action="store_true", help="overwrite the output")
+    what = parser.add_argument_group("what goes in")
+    what.add_argument("--landmarks", nargs="+", default=[], metavar="NAME", help="only these landmarks (default: all)")
+    what.add_argument(
+        "--marker-names", choices=("model", "openpose"), default="model",
+        help="landmarks under the model's names (right_knee), or those of OpenPose and Pose2Sim (RKnee) where they have one",
+    )  # fmt: skip
+    what.add_argument(
+        "--coordinates", choices=("model", "opensim"), default="model",
+        help="mot, sto, csv: the model's degrees of freedom, or coordinates of OpenSim's models of a person (hip_flexion_r)",
+    )  # fmt: skip
+    what.add_argument("--isb-angles", action="store_true", help="c3d, csv: also joint angles after the ISB recommendations")
+    what.add_argument("--link", default="", metavar="NAME", help="tum: the link whose pose is written (default: the root)")
+    what.add_argument(
+        "--lost", choices=("gap", "keep"), default="gap",
+        help="states that are lost or still being looked for: a gap (default), or kept as they stand",
+    )  # fmt: skip
+    how = parser.add_argument_group("axes, units, rate")
+    how.add_argument("--up", choices=("y", "z"), help="axis that points up (default: y for trc, mot, sto and bvh, else z)")
+    how.add_argument(
+        "--length", choices=("m", "cm", "mm"), help="unit of lengths (default: mm for c3d, else m; mot, sto, tum: m only)"
+    )
+    how.add_argument("--angle", choices=("deg", "rad"), default="deg", help="unit of angles (default: deg; bvh: always deg)")
+    how.add_argument("--rate", type=float, metavar="HZ", help="resample to this rate (default: the run's)")
+    how.add_argument(
+        "--filter", metavar="HZ|auto", dest="cutoff",
+        help="low-pass the states without lag (Butterworth, fourth order) at this cutoff, or each degree of freedom at the one that"
+        " a residual analysis chooses; csv then also has velocities and accelerations",
+    )  # fmt: skip
+
+
+def run(args: argparse.Namespace) -> int:
+    from ..evaluation.run_data import load_run
+    from ..evaluation.run_motion import motion_of_run
+    from ..loaders.model_yaml import load_model
+
+    options, output = _options(args), Path(args.output)
+    if output.is_dir() and args.to == "csv":
+        if any(output.iterdir()) and not args.force:
+            raise _wrong("--output", "a folder that is empty or not there yet, or --force", args.output)
+    else:
+        refuse_to_overwrite(args, output)
+    tracked = load_run(args.run, args.topic)
+    model_path = named_file(args, tracked.info, "model")
+    model = load_model(model_path)
+    tracked.check_model(model, model_path)
+    motion, notes = _prepared(args, motion_of_run(tracked, model, args.lost == "keep"))
+    kinematics = None
+    if args.cutoff is not None:
+        kinematics = _filtered(args.cutoff, motion)
+        motion = kinematics.motion
+        cutoffs = kinematics.cutoffs_hz
+        notes.append(f"states filtered at {cutoffs.min():.3g} to {cutoffs.max():.3g} Hz")
+    output.parent.mkdir(parents=True, exist_ok=True)
+    notes += _write(args.to, motion, output, options, kinematics)
+    _say(args, motion, options, notes)
+    return 0
+
+
+def _options(args: argparse.Namespace) -> ExportOptions:
+    from ..evaluation.export_options import ExportOptions
+
+    y_up = (args.up or ("y" if args.to in _Y_UP or args.coordinates == "opensim" else "z")) == "y"
+    if args.to in ("mot", "sto", "tum") and args.length not in (None, "m"):
+        raise _wrong("--length", f"m, the unit of lengths in {args.to} files", args.length)
+    if args.to == "bvh" and args.angle == "rad":
+        raise _wrong("--angle", "deg, the unit of angles in bvh files", args.angle)
+    if args.coordinates == "opensim" and args.to in ("mot", "sto", "csv") and not y_up:
+        raise _wrong("--up", "y, as OpenSim's coordinates have it", "z")
+    return ExportOptions(
+        y_up=y_up,
+        unit=args.length or ("mm" if args.to in _MILLIMETRES else "m"),
+        degrees=args.angle == "deg",
+        landmarks=tuple(args.landmarks),
+        openpose_names=args.marker_names == "openpose",
+        link=args.link,
+        opensim=args.coordinates == "opensim",
+        isb_angles=args.isb_angles,
+    )
+
+
+def _prepared(args: argparse.Namespace, motion: RunMotion) -> tuple[RunMotion, list[str]]:
+    """At a constant rate where the format, the filter or the user wants one; and what was done for that."""
+    from ..evaluation.export import AT_CONSTANT_RATE
+    from ..evaluation.run_motion import at_constant_rate
+
+    if args.rate is not None and not 0.0 < args.rate <= 1e6:
+        raise _wrong("--rate", "a rate above 0 Hz", args.rate)
+    if args.rate is None and args.cutoff is None and args.to not in AT_CONSTANT_RATE:
+        return motion, []
+    motion, done = at_constant_rate(motion, args.rate)
+    return motion, [done]
+
+
+def _filtered(cutoff: str, motion: RunMotion) -> StateKinematics:
+    from ..evaluation.kinematics import state_kinematics
+
+    try:
+        return state_kinematics(motion, None if cutoff == "auto" else float(cutoff))
+    except ValueError as error:
+        raise _wrong("--filter", "'auto' or a cutoff in Hz", f"{cutoff} ({error})") from None
+
+
+def _write(
+    to: str, motion: RunMotion, output: Path, options: ExportOptions, kinematics: StateKinematics | None
+) -> list[str]:
+    from ..evaluation.export import FORMATS as WRITERS
+    from ..evaluation.export_csv import tables, write_tables
+
+    if to != "csv":
+        return WRITERS[to](motion, output, options)
+    found = tables(motion, options, kinematics)
+    write_tables(motion, output, found)
+    return ["tables: " + ", ".join(f"{table.name}.csv" for table in found)]
+
+
+def _say(args: argparse.Namespace, motion: RunMotion, options: ExportOptions, notes: list[str]) -> None:
+    missing = int((~motion.valid).sum())
+    up, gaps = "y" if options.y_up else "z", f"{missing} of them without a state" if missing else "none without a state"
+    print(f"wrote {args.output}: {len(motion)} instants, {gaps}; {up} up, {options.unit}, {options.angle_unit}")
+    for note in notes:
+        print(f"  {note}", file=sys.stderr)
+
+
+def _wrong(option: str, expected: str, got: object):
+    from ..errors import FileFormatError
+
+    return FileFormatError("command line", option, expected, got)

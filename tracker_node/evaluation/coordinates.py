@@ -1,0 +1,84 @@
+"""A motion as named numbers over time: those of the body model, or those of OpenSim's models of a person."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..errors import ModelError
+from ..geometry import so3
+from ..loaders.bvh import AXES_Y_UP
+from ..model.kinematic_chain import N_ROOT_DOF
+from ..model.pose_variables import ROOT_NAMES, angles_of
+from .isb_angles import LINK_FROM_ISB, cardan_angles
+from .run_motion import RunMotion
+
+PELVIS = ("pelvis_tilt", "pelvis_list", "pelvis_rotation", "pelvis_tx", "pelvis_ty", "pelvis_tz")
+_SIDE_LETTERS = (("right", "r"), ("left", "l"))
+# Coordinates of Rajagopal et al. (IEEE Trans. Biomed. Eng. 63 (2016) 2068-2079) -> angle of `cardan_angles`, sign
+_TRUNK = {
+    "lumbar_extension": ("spine_flexion", -1.0),
+    "lumbar_bending": ("spine_bend_right", 1.0),
+    "lumbar_rotation": ("spine_turn_left", 1.0),
+}
+_LIMBS = {
+    "hip_flexion": "hip_flexion", "hip_adduction": "hip_adduction", "hip_rotation": "hip_internal_rotation",
+    "knee_angle": "knee_flexion", "ankle_angle": "ankle_dorsiflexion",
+    "arm_flex": "shoulder_flexion", "arm_add": "shoulder_adduction", "arm_rot": "shoulder_internal_rotation",
+    "elbow_flex": "elbow_flexion",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinates:
+    """``values`` (n, k) in metres and radians, by ``units`` "m" and "rad"; zeros where the motion is not valid."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: np.ndarray
+
+    def scaled(self, degrees: bool) -> np.ndarray:
+        """(n, k) with angles in degrees, if so."""
+        return self.values * [180.0 / math.pi if degrees and unit == "rad" else 1.0 for unit in self.units]
+
+
+def model_coordinates(motion: RunMotion, y_up: bool) -> Coordinates:
+    """The root's position along the file's axes and its somersault, tilt and twist (which no choice of file axes changes), and
+    the joints' positions."""
+    values = np.zeros((len(motion), len(ROOT_NAMES) + motion.model.chain.n_axes))
+    places = motion.values[:, :3] @ AXES_Y_UP.T if y_up else motion.values[:, :3]
+    near = None
+    for i in np.flatnonzero(motion.valid):
+        near = angles_of(so3.exp(motion.values[i, 3:6]), near)
+        values[i] = np.concatenate([places[i], near, motion.values[i, N_ROOT_DOF:]])
+    names = (*(f"root_{name}" for name in ROOT_NAMES), *(axis.name for axis in motion.model.chain.axes))
+    return Coordinates(names, ("m",) * 3 + ("rad",) * 3 + tuple(axis.unit for axis in motion.model.chain.axes), values)
+
+
+def opensim_coordinates(motion: RunMotion) -> Coordinates:
+    """Coordinates with names, axes and signs of Rajagopal's model, as far as the body has them; ground with y up.
+
+    The pelvis is turned by tilt, list and rotation about its Z, X, Y in turn. Its place is that of our root's origin.
+
+    Raises
+    ------
+    ModelError : a body whose root is no pelvis.
+    """
+    root = motion.model.chain.links[0]
+    if root != "pelvis":
+        raise ModelError(f"coordinates of OpenSim: expected a body whose root is 'pelvis', got '{root}'")
+    pelvis = np.zeros((len(motion), 6))
+    good = motion.valid
+    turned = AXES_Y_UP @ Rotation.from_rotvec(motion.values[good, 3:6]).as_matrix() @ LINK_FROM_ISB
+    pelvis[good, :3] = np.unwrap(Rotation.from_matrix(turned).as_euler("ZXY"), axis=0)
+    pelvis[:, 3:] = motion.values[:, :3] @ AXES_Y_UP.T
+    angles = cardan_angles(motion)
+    column = {name: angles.radians[:, j, k] for j, triple in enumerate(angles.names) for k, name in enumerate(triple)}
+    wanted = {name: (source, sign) for name, (source, sign) in _TRUNK.items()}
+    wanted |= {f"{name}_{letter}": (f"{side}_{source}", 1.0) for side, letter in _SIDE_LETTERS for name, source in _LIMBS.items()}
+    found = {name: sign * column[source] for name, (source, sign) in wanted.items() if source in column}
+    values = np.concatenate([pelvis, np.stack(list(found.values()), axis=1)], axis=1)
+    return Coordinates((*PELVIS, *found), ("rad",) * 3 + ("m",) * 3 + ("rad",) * len(found), values)

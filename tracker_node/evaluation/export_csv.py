@@ -1,0 +1,94 @@
+"""A run's motion as tables for spreadsheets and pandas: one row per instant, empty cells in gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..loaders.csv_file import CsvWriter, exact
+from ..loaders.trc import METERS_PER_UNIT
+from .coordinates import model_coordinates, opensim_coordinates
+from .export_options import ExportOptions
+from .isb_angles import isb_angles
+from .kinematics import StateKinematics, derivatives
+from .run_motion import RunMotion
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Columns (n, k) of one file; their names end in their units."""
+
+    name: str
+    columns: tuple[str, ...]
+    values: np.ndarray
+    valid: np.ndarray
+
+
+def write_tables(motion: RunMotion, folder: Path, tables: list[Table]) -> None:
+    """``<name>.csv`` of each table into ``folder``: ``stamp_ns``, ``time_s`` since the first instant, and the columns."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for table in tables:
+        with CsvWriter(folder / f"{table.name}.csv", ("stamp_ns", "time_s", *table.columns)) as writer:
+            for stamp, time_s, values, good in zip(motion.stamps_ns, motion.times_s, table.values, table.valid, strict=True):
+                cells = map(exact, values) if good else [""] * len(values)
+                writer.write_rows([[int(stamp), exact(time_s), *cells]])
+
+
+def tables(motion: RunMotion, options: ExportOptions, kinematics: StateKinematics | None = None) -> list[Table]:
+    """Landmarks, coordinates, and on request angles after the ISB; with ``kinematics`` the derivatives of all of them.
+
+    ``motion`` is that of ``kinematics``, where there are any. Velocities of the state are those of its tangent: angular velocity
+    of the root about the file's axes.
+    """
+    return list(_tables(motion, options, kinematics))
+
+
+def _tables(motion: RunMotion, options: ExportOptions, kinematics: StateKinematics | None) -> Iterator[Table]:
+    length, angle = 1.0 / METERS_PER_UNIT[options.unit], 180.0 / np.pi if options.degrees else 1.0
+    points = (length * motion.landmarks_m()[:, options.columns(motion.model)] @ options.axes.T).reshape(len(motion), -1)
+    names = [f"{label}_{axis}" for label in options.labels(motion.model) for axis in "xyz"]
+    yield from _with_derivatives(motion, "landmark", "landmarks", names, [options.unit] * len(names), points, kinematics)
+    found = opensim_coordinates(motion) if options.opensim else model_coordinates(motion, options.y_up)
+    scale = {"m": (options.unit, length), "rad": (options.angle_unit, angle)}
+    columns = tuple(f"{name}_{scale[unit][0]}" for name, unit in zip(found.names, found.units, strict=True))
+    yield Table("coordinates", columns, found.values * [scale[unit][1] for unit in found.units], motion.valid)
+    if kinematics is not None:
+        yield from _state_derivatives(motion, options, kinematics, scale)
+    if options.isb_angles:
+        angles = isb_angles(motion)
+        names, values = [name for triple in angles.names for name in triple], angle * angles.radians.reshape(len(motion), -1)
+        units = [options.angle_unit] * len(names)
+        yield from _with_derivatives(motion, "isb_angle", "isb_angles", names, units, values, kinematics)
+
+
+def _state_derivatives(
+    motion: RunMotion, options: ExportOptions, kinematics: StateKinematics, scale: dict[str, tuple[str, float]]
+) -> Iterator[Table]:
+    chain = motion.model.chain
+    units = [scale[unit] for unit in chain.dof_units]
+    for name, values, per in (("velocities", kinematics.velocity, "s"), ("accelerations", kinematics.acceleration, "s2")):
+        turned = values.copy()
+        turned[:, :3], turned[:, 3:6] = values[:, :3] @ options.axes.T, values[:, 3:6] @ options.axes.T
+        columns = tuple(f"{dof}_{unit}_per_{per}" for dof, (unit, _) in zip(chain.dof_names, units, strict=True))
+        yield Table(f"state_{name}", columns, turned * [factor for _, factor in units], motion.valid)
+
+
+def _with_derivatives(
+    motion: RunMotion,
+    one: str,
+    name: str,
+    names: list[str],
+    units: list[str],
+    values: np.ndarray,
+    kinematics: StateKinematics | None,
+) -> Iterator[Table]:
+    pairs = list(zip(names, units, strict=True))
+    yield Table(name, tuple(f"{column}_{unit}" for column, unit in pairs), values, motion.valid)
+    if kinematics is None:
+        return
+    first, second, good = derivatives(values, motion.valid, motion.rate_hz)
+    yield Table(f"{one}_velocities", tuple(f"{column}_{unit}_per_s" for column, unit in pairs), first, good)
+    yield Table(f"{one}_accelerations", tuple(f"{column}_{unit}_per_s2" for column, unit in pairs), second, good)

@@ -1,0 +1,160 @@
+"""The motion of a body in a run: its states over time, gaps where there are none, at the run's stamps or at a constant rate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from ..errors import FileFormatError
+from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import Configuration, State
+from ..tracking.estimate import Status
+from .run_data import RunData
+
+NOT_BELIEVED = (Status.LOST, Status.INITIALISING)
+ON_GRID = 0.25  # of a period: stamps that lie so near to those of a constant rate are taken for them
+_SAME_RATE = 0.01  # by which share a rate may differ from the run's own to be taken for it
+_GAP = 1.5  # periods between two sets: further apart, one is missing between them
+
+
+@dataclass(frozen=True, eq=False)
+class RunMotion:
+    """States at n instants.
+
+    Parameters
+    ----------
+    stamps_ns : (n,) int64, increasing.
+    values : (n, n_dof) as `model.configuration.State.to_values`; zeros where not valid.
+    valid : (n,) bool; False where the body was lost, or no image set was tracked.
+    period_ns : from one instant to the next, where one is missing too.
+    uniform : True where the stamps are a constant period apart.
+    """
+
+    model: ArticulatedModel
+    stamps_ns: np.ndarray
+    values: np.ndarray
+    valid: np.ndarray
+    period_ns: float
+    uniform: bool = False
+
+    def __len__(self) -> int:
+        return len(self.stamps_ns)
+
+    @property
+    def rate_hz(self) -> float:
+        return 1e9 / self.period_ns
+
+    @property
+    def times_s(self) -> np.ndarray:
+        """(n,) seconds since the first instant."""
+        return (self.stamps_ns - self.stamps_ns[0]) * 1e-9
+
+    def landmarks_m(self) -> np.ndarray:
+        """(n, n_landmarks, 3) in the world; zeros where not valid."""
+        points = np.zeros((len(self), len(self.model.landmarks), 3))
+        for i in np.flatnonzero(self.valid):
+            points[i] = self.configuration(i).landmarks_world
+        return points
+
+    def Ts_world_link(self) -> np.ndarray:
+        """(n, n_links, 4, 4); identities where not valid."""
+        transforms = np.tile(np.eye(4), (len(self), len(self.model.chain.links), 1, 1))
+        for i in np.flatnonzero(self.valid):
+            transforms[i] = self.configuration(i).Ts_world_link
+        return transforms
+
+    def configuration(self, i: int) -> Configuration:
+        return Configuration(self.model, State.from_values(self.values[i]))
+
+
+def motion_of_run(run: RunData, model: ArticulatedModel, keep_lost: bool = False) -> RunMotion:
+    """The motion that a run has found.
+
+    Parameters
+    ----------
+    keep_lost : take states that are lost, or still being looked for, as they stand, instead of leaving a gap.
+
+    Raises
+    ------
+    FileFormatError : no state is left.
+    """
+    valid = np.ones(len(run), dtype=bool) if keep_lost else ~np.isin(run.status, [int(status) for status in NOT_BELIEVED])
+    valid &= np.isfinite(run.values).all(axis=1)
+    if not valid.any():
+        raise FileFormatError(run.path, "(states)", "at least one that is not lost", f"{len(run)} lost ones")
+    values = np.where(valid[:, None], run.values, 0.0)
+    return RunMotion(model, run.stamps_ns, values, valid, _period_ns(run.stamps_ns))
+
+
+def _period_ns(stamps_ns: np.ndarray) -> float:
+    """From one image set to the next; a second where there is only one.
+
+    The slope of the straight line through stamps over image numbers, which are counted by the median of the differences: jitter
+    averages out, and missing sets do not disturb.
+    """
+    if len(stamps_ns) < 2:
+        return 1e9
+    differences = np.diff(stamps_ns).astype(np.float64)
+    numbers = np.concatenate([[0.0], np.cumsum(np.maximum(np.round(differences / np.median(differences)), 1.0))])
+    return float(np.polyfit(numbers, (stamps_ns - stamps_ns[0]).astype(np.float64), 1)[0])
+
+
+def at_constant_rate(motion: RunMotion, rate_hz: float | None = None) -> tuple[RunMotion, str]:
+    """The motion at instants a constant period apart, from its first one on, and in words what had to be done for that.
+
+    States are taken as they are where all stamps lie near such instants (`ON_GRID`); otherwise they are interpolated, positions
+    and angles linearly, the root's orientation along the shortest rotation. Nothing is interpolated across a gap.
+
+    Parameters
+    ----------
+    rate_hz : default: that of the run.
+    """
+    period = motion.period_ns if rate_hz is None else 1e9 / rate_hz
+    elapsed = (motion.stamps_ns - motion.stamps_ns[0]).astype(np.float64)
+    rows = np.round(elapsed / period).astype(int)
+    off = np.abs(elapsed - rows * period)
+    as_they_are = abs(period / motion.period_ns - 1.0) < _SAME_RATE and off.max() <= ON_GRID * period
+    n = rows[-1] + 1 if as_they_are else int(elapsed[-1] / period * (1.0 + 1e-12)) + 1
+    grid = np.arange(n) * period
+    if as_they_are:
+        values, valid = np.zeros((n, motion.values.shape[1])), np.zeros(n, dtype=bool)
+        values[rows], valid[rows] = motion.values, motion.valid
+        done = f"states as they are, at {1e9 / period:.6g} Hz; stamps are within {1e-6 * off.max():.2g} ms of that"
+    else:
+        values, valid = _interpolated(motion, elapsed, grid)
+        done = f"states interpolated to {1e9 / period:.6g} Hz"
+    stamps = motion.stamps_ns[0] + np.round(grid).astype(np.int64)
+    return replace(motion, stamps_ns=stamps, values=values, valid=valid, period_ns=period, uniform=True), done
+
+
+def without_gaps(motion: RunMotion) -> RunMotion:
+    """For formats that know no gaps: states interpolated across them; before the first state that one, after the last that."""
+    times, good = motion.stamps_ns.astype(np.float64), motion.valid
+    within = np.clip(times, times[good][0], times[good][-1])
+    values = _between(times[good], motion.values[good], within)
+    return replace(motion, values=np.where(good[:, None], motion.values, values), valid=np.ones_like(good))
+
+
+def _interpolated(motion: RunMotion, elapsed: np.ndarray, grid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Values (k, n_dof) and validity (k,) at ``grid`` (k,), nanoseconds since the first stamp."""
+    good = np.flatnonzero(motion.valid)
+    times, known = elapsed[good], motion.values[good]
+    after = np.clip(np.searchsorted(times, grid), 0, len(times) - 1)
+    before = np.where(times[after] == grid, after, np.maximum(after - 1, 0))
+    inside = (times[before] <= grid) & (grid <= times[after])
+    # Two valid states are neighbours unless the run has a state between them that is not, or none for more than a period
+    unbroken = (good[after] - good[before] <= 1) & (times[after] - times[before] <= _GAP * motion.period_ns)
+    valid = inside & unbroken
+    values = np.zeros((len(grid), known.shape[1]))
+    values[valid] = _between(times, known, grid[valid])
+    return values, valid
+
+
+def _between(times: np.ndarray, values: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """(k, n_dof) at ``wanted`` (k,), within ``times`` (n,) of ``values`` (n, n_dof)."""
+    result = np.array([np.interp(wanted, times, column) for column in values.T]).T.reshape(len(wanted), values.shape[1])
+    if len(times) > 1:
+        result[:, 3:6] = Slerp(times, Rotation.from_rotvec(values[:, 3:6]))(wanted).as_rotvec()
+    return result
