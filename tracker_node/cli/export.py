@@ -57,8 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     how.add_argument("--rate", type=float, metavar="HZ", help="resample to this rate (default: the run's)")
     how.add_argument(
         "--filter", metavar="HZ|auto", dest="cutoff",
-        help="low-pass the states without lag (Butterworth, fourth order) at this cutoff, or each degree of freedom at the one that"
-        " a residual analysis chooses; csv then also has velocities and accelerations",
+        help="low-pass the states without lag (Butterworth, fourth order) at this cutoff, or each degree of freedom at the one"
+        " that a residual analysis chooses; csv then also has velocities and accelerations",
     )  # fmt: skip
 
 

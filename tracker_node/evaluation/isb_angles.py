@@ -1,14 +1,14 @@
 """Joint angles of a person as the International Society of Biomechanics recommends them, from the segments of the body model.
 
 A segment's axes are X forward, Y up along it, Z to the right: those of the model's links (x forward, y left, z up in the neutral
-pose) renamed. The left side is mirrored in the sagittal plane, so that what holds for the right holds for it too. A joint's angles
-are those of the turn from the proximal to the distal segment in three steps, of which the first axis is fixed to the one and the
-last to the other (Grood & Suntay, J. Biomech. Eng. 105 (1983) 136-144): the same as three successive turns.
+pose) renamed. The left side is mirrored in the sagittal plane, so that what holds for the right holds for it too. A joint's
+angles are those of the turn from the proximal to the distal segment in three steps, of which the first axis is fixed to the one and
+the last to the other (Grood & Suntay, J. Biomech. Eng. 105 (1983) 136-144): the same as three successive turns.
 
 Sources: Wu et al., J. Biomech. 35 (2002) 543-548, for ankle, hip and spine, the knee in the same way after Grood & Suntay; Wu et
 al., J. Biomech. 38 (2005) 981-992, for clavicle and arm against the thorax, elbow and wrist. Signs are turned where that makes a
-positive angle do what its name says: successive right-handed turns would count knee extension, arm depression, spine extension and
-clavicle depression positive.
+positive angle do what its name says: successive right-handed turns would count extension of knee and spine and depression of arm
+and clavicle positive.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ def _angles(motion: RunMotion, trunk: tuple[_JointAngles, ...], limbs: tuple[_Jo
         names.append((first, second, third))
         angles.append(_decomposed(turned[0], turned[1], row, side == "left", motion.valid))
     if not joints:
-        raise ModelError(f"joint angles: '{motion.model.name}' has no two segments of a person that meet (pelvis, left_thigh, ...)")
+        raise ModelError(f"joint angles: '{motion.model.name}' has no two segments of a person that meet (pelvis, left_thigh...)")
     return JointAngles(tuple(joints), tuple(names), np.stack(angles, axis=1))
 
 

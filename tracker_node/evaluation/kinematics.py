@@ -1,11 +1,11 @@
 """Signals of a motion, filtered without lag, and their velocities and accelerations, stretch by stretch between gaps.
 
 The filter is that of biomechanics: a Butterworth low-pass of second order run forward and backward, which makes it one of fourth
-order without phase. Derivatives are those of the quintic spline through the filtered samples, whose own error is far below that of
-differences.
+order without phase. Derivatives are those of the quintic spline through the filtered samples, whose own error is far below that
+of differences.
 
-Sources: D. A. Winter, Biomechanics and Motor Control of Human Movement, 4th ed. (2009), chapter 3, for the filter's corrected cutoff
-and its choice by residual analysis; H. J. Woltring, Adv. Eng. Software 8 (1986) 104-113, for quintic splines.
+Sources: D. A. Winter, Biomechanics and Motor Control of Human Movement, 4th ed. (2009), chapter 3, for the filter's corrected
+cutoff and its choice by residual analysis; H. J. Woltring, Adv. Eng. Software 8 (1986) 104-113, for quintic splines.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ def residual_cutoffs_hz(values: np.ndarray, valid: np.ndarray, rate_hz: float) -
     """Cutoffs (k,) by Winter's residual analysis.
 
     What a filter removes of white noise falls in a straight line with its cutoff, to none at half the rate. The line through the
-    upper cutoffs' residuals, taken back to 0 Hz, is the rms of all noise; the cutoff is where the filter removes just that much, so
-    that signal lost and noise let through are equal. A signal without noise gets the highest cutoff.
+    upper cutoffs' residuals, taken back to 0 Hz, is the rms of all noise; the cutoff is where the filter removes just that much,
+    so that signal lost and noise let through are equal. A signal without noise gets the highest cutoff.
     """
     cutoffs = np.linspace(0.01, _NYQUIST_SHARE, 60) * rate_hz
     removed = np.array([_removed_rms(values, valid, rate_hz, cutoff) for cutoff in cutoffs])  # (60, k)

@@ -65,7 +65,8 @@ class RunMotion:
             transforms[i] = self.configuration(i).Ts_world_link
         return transforms
 
-    def configuration(self, i: int) -> Configuration:
+    def configuration(self, i: int | np.integer) -> Configuration:
+        """The model at instant ``i``."""
         return Configuration(self.model, State.from_values(self.values[i]))
 
 
