@@ -2,8 +2,8 @@
 
 A segment's axes are X forward, Y up along it, Z to the right: those of the model's links (x forward, y left, z up in the neutral
 pose) renamed. The left side is mirrored in the sagittal plane, so that what holds for the right holds for it too. A joint's
-angles are those of the turn from the proximal to the distal segment in three steps, of which the first axis is fixed to the one and
-the last to the other (Grood & Suntay, J. Biomech. Eng. 105 (1983) 136-144): the same as three successive turns.
+angles are those of the turn from the proximal to the distal segment in three steps, of which the first axis is fixed to the one
+and the last to the other (Grood & Suntay, J. Biomech. Eng. 105 (1983) 136-144): the same as three successive turns.
 
 Sources: Wu et al., J. Biomech. 35 (2002) 543-548, for ankle, hip and spine, the knee in the same way after Grood & Suntay; Wu et
 al., J. Biomech. 38 (2005) 981-992, for clavicle and arm against the thorax, elbow and wrist. Signs are turned where that makes a
