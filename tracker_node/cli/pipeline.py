@@ -51,8 +51,8 @@ def run(args: argparse.Namespace) -> int:
         rig = rig.subset(args.cameras)
     _check_files(rig, args)
     if args.bag is None and any(getattr(args, name) for name in RECORDED):
-        options = ", ".join(f"--{name.replace('_', '-')}" for name in RECORDED)
-        raise TrackerError(f"{options} say what is recorded: give --bag or --output too")
+        switches = ", ".join(f"--{name.replace('_', '-')}" for name in RECORDED)
+        raise TrackerError(f"{switches} say what is recorded: give --bag or --output too")
     if args.bag is not None and args.bag.exists():
         raise TrackerError(f"--bag {args.bag}: there is something already")
     options = PipelineOptions(

@@ -1,0 +1,239 @@
+"""Layouts of viewers: every topic and field that they name is in a real recording, with the type that the panel shows.
+
+RViz, Foxglove and PlotJuggler themselves are not here. What they read is: the bag's topics and message definitions; Foxglove's
+settings, as its own SDK types them.
+"""
+
+import dataclasses
+import json
+import re
+import types
+import typing
+from pathlib import Path
+from xml.etree import ElementTree
+
+import foxglove.layouts as fl
+import pytest
+import yaml
+from geometry_msgs.msg import PoseWithCovarianceStamped
+
+from tracker_node.cli.main import main
+from tracker_node.loaders.bag_reader import BagReader
+
+SHIPPED = ("rviz/tracker.rviz", "foxglove/tracker.json", "plotjuggler/tracker.xml")
+DISPLAYS = {
+    "MarkerArray": "visualization_msgs/msg/MarkerArray",
+    "RobotModel": "std_msgs/msg/String",
+    "PoseWithCovariance": "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "Camera": "sensor_msgs/msg/Image",
+    "Image": "sensor_msgs/msg/Image",
+}
+IN_3D = {
+    "visualization_msgs/msg/MarkerArray", "geometry_msgs/msg/PoseWithCovarianceStamped", "std_msgs/msg/String",
+    "sensor_msgs/msg/CameraInfo",
+}  # fmt: skip
+PANELS = {
+    "3D": fl.ThreeDeeConfig, "Image": fl.ImageConfig, "Plot": fl.PlotConfig, "StateTransitions": fl.StateTransitionsConfig,
+    "DiagnosticSummary": fl.DiagnosticsSummaryConfig, "RawMessages": fl.RawMessagesConfig,
+}  # fmt: skip
+
+
+class Recording:
+    """Types and last messages of a bag's topics."""
+
+    def __init__(self, bag: Path):
+        with BagReader(bag) as reader:
+            self.types = {name: topic.type_name for name, topic in reader.topics.items()}
+            self.last = {}
+            for name in self.types:
+                for _, message in reader.decoded(name):
+                    self.last[name] = message
+
+    def value(self, path: str):
+        """What a message path of Foxglove points to: ``/topic.field[i]``."""
+        topic, *fields = re.split(r"\.", path)
+        here = self.last[topic]
+        for field in fields:
+            name, index = re.fullmatch(r"(\w+)(?:\[(\d+|:)\])?", field).groups()
+            here = getattr(here, name)
+            here = here[0 if index == ":" else int(index)] if index else here
+        return here
+
+
+@pytest.fixture(scope="module")
+def recorded(recording, tmp_path_factory, ros_domain_id) -> Recording:
+    from ros_graph import NodeProcess
+
+    bag = tmp_path_factory.mktemp("layouts") / "bag"
+    files = ["--rig", recording / "rig.yaml", "--model", recording / "model.yaml", "--initial-state", recording / "state.yaml"]
+    pipeline = NodeProcess("pipeline", *files, "--bag", bag, "--masks", "--overlays", "--markers", "--images")
+    assert pipeline.wait() == 0, pipeline.err
+    return Recording(bag)
+
+
+@pytest.fixture(scope="module")
+def layouts(recording, tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("layouts") / "made"
+    rig, model = str(recording / "rig.yaml"), str(recording / "model.yaml")
+    assert main(["layouts", "--rig", rig, "--model", model, "--output", str(folder)]) == 0
+    return folder
+
+
+def test_the_shipped_files_are_those_of_the_command(repository, tmp_path, capsys):
+    arguments = ["layouts", "--cameras", "cam01", "cam02", "cam03", "cam04", "--output", str(tmp_path)]
+    assert main(arguments) == 0
+    for name in SHIPPED:
+        assert (repository / "config" / name).read_text() == (tmp_path / name).read_text()
+    assert main(arguments) == 2
+    assert "--force" in capsys.readouterr().err
+    assert main([*arguments, "--force"]) == 0
+
+
+def test_rviz_shows_what_is_there(layouts, recorded):
+    config = yaml.safe_load((layouts / "rviz/tracker.rviz").read_text())["Visualization Manager"]
+    assert config["Global Options"]["Fixed Frame"] == recorded.last["/tracker/pose"].header.frame_id
+    shown = {}
+    for display in config["Displays"]:
+        kind = display["Class"].removeprefix("rviz_default_plugins/")
+        topic = display.get("Topic") or display.get("Description Topic")
+        if topic:
+            shown[topic["Value"]] = kind
+            assert recorded.types[topic["Value"]] == DISPLAYS[kind], display["Name"]
+    assert {"/tracker/markers", "/robot_description", "/cam1/image_raw", "/tracker/cam3/mask"} <= set(shown)
+    names = {display["Name"] for display in config["Displays"]}
+    for camera in (display for display in config["Displays"] if display["Class"].endswith("/Camera")):
+        assert set(camera["Visibility"]) - {"Value"} <= names
+        info = camera["Topic"]["Value"].replace("image_raw", "camera_info")  # where RViz looks for it
+        assert recorded.types[info] == "sensor_msgs/msg/CameraInfo"
+
+
+def test_rviz_tools_publish_what_the_tracker_takes(layouts, recording, probe, launch):
+    config = yaml.safe_load((layouts / "rviz/tracker.rviz").read_text())["Visualization Manager"]
+    (tool,) = [tool for tool in config["Tools"] if tool["Class"].endswith("/SetInitialPose")]
+    launch("tracker", "--rig", recording / "rig.yaml", "--model", recording / "model.yaml")
+    infos = probe.node.get_subscriptions_info_by_topic
+    probe.spin_until(lambda: infos(tool["Topic"]["Value"]), "the tracker to listen")
+    kind = f"{PoseWithCovarianceStamped.__module__.split('.')[0]}/msg/PoseWithCovarianceStamped"
+    assert [info.topic_type for info in infos(tool["Topic"]["Value"])] == [kind]
+
+
+def panels_of(layouts: Path) -> dict[str, dict]:
+    return json.loads((layouts / "foxglove/tracker.json").read_text())["configById"]
+
+
+def test_foxglove_shows_what_is_there(layouts, recorded):
+    panels = panels_of(layouts)
+    for name, panel in panels.items():
+        kind = name.partition("!")[0]
+        if kind == "3D":
+            assert all(recorded.types[topic] in IN_3D for topic in panel["topics"])
+            robot = panel["topics"]["/robot_description"]
+            assert recorded.types[robot["jointStatesTopic"]] == "sensor_msgs/msg/JointState"
+        elif kind == "Image":
+            assert recorded.types[panel["imageMode"]["imageTopic"]] == "sensor_msgs/msg/CompressedImage"
+            assert recorded.types[panel["imageMode"]["calibrationTopic"]] == "sensor_msgs/msg/CameraInfo"
+        elif kind in ("Plot", "StateTransitions"):
+            for path in panel["paths"]:
+                assert isinstance(float(recorded.value(path["value"])), float), path["value"]
+        elif kind == "RawMessages":
+            assert isinstance(recorded.value(panel["topicPath"]), str)
+        else:
+            assert recorded.types[panel["topicToRender"]] == "diagnostic_msgs/msg/DiagnosticArray"
+    joints = recorded.last["/tracker/joint_states"].name
+    plotted = {path["label"]: path["value"] for path in panels["Plot!joints"]["paths"]}
+    assert plotted == {name: f"/tracker/joint_states.position[{i}]" for i, name in enumerate(joints)}
+
+
+def test_foxglove_calls_states_by_their_names(layouts, recorded):
+    (path,) = panels_of(layouts)["StateTransitions!status"]["paths"]
+    kind = type(recorded.last["/tracker/state"])
+    for state in path["customStates"]["states"]:
+        assert getattr(kind, state["label"]) == int(state["value"])
+
+
+def leaves(tree) -> list[str]:
+    return [tree] if isinstance(tree, str) else [*leaves(tree["first"]), *leaves(tree["second"])]
+
+
+def test_every_panel_has_its_place(layouts):
+    tree = json.loads((layouts / "foxglove/tracker.json").read_text())["layout"]
+    assert sorted(leaves(tree)) == sorted(panels_of(layouts))
+
+
+def check_typed(value, hint, where: str) -> None:
+    """A value of a layout against a type of Foxglove's SDK, whose fields are ours in camel case."""
+    options = typing.get_args(hint) if typing.get_origin(hint) in (typing.Union, types.UnionType) else (hint,)
+    for option in options:
+        origin, arguments = typing.get_origin(option), typing.get_args(option)
+        if dataclasses.is_dataclass(option) and isinstance(value, dict):
+            return check_fields(value, [o for o in options if dataclasses.is_dataclass(o)], where)
+        if origin is typing.Literal and value in arguments:
+            return None
+        if origin is dict and isinstance(value, dict):
+            return [check_typed(item, arguments[1], f"{where}.{key}") for key, item in value.items()] and None
+        if origin in (list, tuple) and isinstance(value, list):
+            return [check_typed(item, arguments[0], f"{where}[]") for item in value] and None
+        if option is float and isinstance(value, (int, float)) and not isinstance(value, bool):
+            return None
+        if isinstance(option, type) and origin is None and type(value) is option:
+            return None
+    raise AssertionError(f"{where}: {value!r} is none of {hint}")
+
+
+def check_fields(value: dict, classes: list, where: str) -> None:
+    """The fields of one of the classes, the one that knows them all."""
+    known = []
+    for cls in classes:
+        if "type" in value and cls()._to_dict().get("type") not in (None, value["type"]):
+            continue
+        hints = typing.get_type_hints(cls, vars(fl))
+        fields = {re.sub("_(.)", lambda m: m[1].upper(), name): hint for name, hint in hints.items()}
+        fields |= {"type": str, "layerId": str}  # constants that the SDK adds itself
+        if set(value) - {"foxglovePanelTitle"} <= set(fields):
+            known.append(fields)
+    assert known, f"{where}: {set(value)} are not all known to any of {[c.__name__ for c in classes]}"
+    for key in set(value) - {"foxglovePanelTitle"}:
+        check_typed(value[key], known[0][key], f"{where}.{key}")
+
+
+def test_foxglove_knows_every_setting(layouts):
+    for name, panel in panels_of(layouts).items():
+        check_fields(panel, [PANELS[name.partition("!")[0]]], name)
+    with pytest.raises(AssertionError):
+        check_fields({"paths": [{"values": "/a.b"}]}, [fl.PlotConfig], "wrong field")
+    with pytest.raises(AssertionError):
+        check_fields({"xAxisVal": "time"}, [fl.PlotConfig], "wrong choice")
+
+
+def plotjuggler_names(topic: str, message) -> set[str]:
+    """Names of the numbers of a message: fields by /, items of arrays by [i], joints by their names."""
+    if hasattr(message, "position") and hasattr(message, "effort"):
+        return {f"{topic}/{name}/position" for name in message.name}
+    names = set()
+
+    def walk(prefix: str, value) -> None:
+        if isinstance(value, (str, bytes)):
+            return
+        if dataclasses.is_dataclass(value):
+            for field in dataclasses.fields(value):
+                if not field.name.startswith("__"):
+                    walk(f"{prefix}/{field.name}", getattr(value, field.name))
+        elif hasattr(value, "__len__"):
+            for i, item in enumerate(value):
+                walk(f"{prefix}[{i}]", item)
+        else:
+            names.add(prefix)
+
+    walk(topic, message)
+    return names
+
+
+def test_plotjuggler_finds_every_curve(layouts, recorded):
+    root = ElementTree.parse(layouts / "plotjuggler/tracker.xml").getroot()
+    curves = [curve.get("name") for curve in root.iter("curve")]
+    assert len(curves) >= 20 and len(curves) == len(set(curves))
+    there = plotjuggler_names("/tracker/state", recorded.last["/tracker/state"])
+    there |= plotjuggler_names("/tracker/joint_states", recorded.last["/tracker/joint_states"])
+    assert set(curves) <= there, set(curves) - there
+    for splitter in root.iter("DockSplitter"):
+        assert int(splitter.get("count")) == len(splitter) == len(splitter.get("sizes").split(";"))

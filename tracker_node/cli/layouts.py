@@ -1,0 +1,47 @@
+"""``tracker_node layouts``: files that set up RViz, Foxglove and PlotJuggler for a rig and a body."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+SUMMARY = "write layouts of RViz, Foxglove and PlotJuggler for the cameras of a rig and the joints of a body"
+EXAMPLE = "tracker_node layouts --rig rig.yaml --model person.yaml --output layouts"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    cameras = parser.add_mutually_exclusive_group(required=True)
+    cameras.add_argument("--rig", type=Path, metavar="FILE", help="rig.yaml: names of the cameras and of the world's frame")
+    cameras.add_argument("--cameras", nargs="+", metavar="NAME", help="names of the cameras, where there is no rig.yaml")
+    parser.add_argument("--model", type=Path, metavar="FILE", help="model.yaml or URDF: the body (default: the human)")
+    parser.add_argument("--tracker", default="tracker", metavar="NAME", help="the tracker's node (default: %(default)s)")
+    parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="gets rviz/, foxglove/ and plotjuggler/")
+    parser.add_argument("--force", action="store_true", help="write over what is there")
+
+
+def run(args: argparse.Namespace) -> int:
+    from ..errors import TrackerError
+    from ..loaders.foxglove_layout import write_foxglove_layout
+    from ..loaders.model_yaml import load_model
+    from ..loaders.plotjuggler_layout import write_plotjuggler_layout
+    from ..loaders.rig_yaml import load_rig
+    from ..loaders.rviz_layout import write_rviz_layout
+    from ..loaders.viewed_graph import ViewedGraph, joints_to_plot
+    from ..model.human import human_model
+
+    joints = joints_to_plot(load_model(args.model) if args.model else human_model())
+    rig = load_rig(args.rig) if args.rig else None
+    cameras, world = (rig.names, rig.world_frame) if rig else (tuple(args.cameras), "world")
+    graph = ViewedGraph(tuple(cameras), joints, world, args.tracker.strip("/"))
+    writers = {
+        "rviz/tracker.rviz": write_rviz_layout,
+        "foxglove/tracker.json": write_foxglove_layout,
+        "plotjuggler/tracker.xml": write_plotjuggler_layout,
+    }
+    there = [str(args.output / name) for name in writers if (args.output / name).exists()]
+    if there and not args.force:
+        raise TrackerError(f"{', '.join(there)}: there already; --force writes over them")
+    for name, write in writers.items():
+        write(graph, args.output / name)
+        print(args.output / name)
+    return 0
