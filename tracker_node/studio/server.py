@@ -49,9 +49,9 @@ def make_app(session: StudioSession, access: Access, pages: Sequence[Page] = ())
 
 def all_pages() -> tuple[Page, ...]:
     """Of all modules that are pages."""
-    from . import pose_page
+    from . import digitizing_page, pose_page
 
-    return (pose_page.routes,)
+    return (pose_page.routes, digitizing_page.routes)
 
 
 def listening_socket(port: int) -> tuple[socket.socket, Access]:

@@ -1,0 +1,43 @@
+"""How well the colors of a pose agree with the images of one instant: what the engine of colors would say of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..camera.camera_rig import CameraRig
+from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import State
+from ..objective.surface_photometry import PhotometryOptions
+from ..tracking.color_judge import agreement_of
+from ..tracking.config import TrackerConfig
+from .pose_score import CameraScore, PoseScore
+
+
+class ColorScore:
+    """Scores poses of a body whose parts have stated colors."""
+
+    name = "colors agree"
+    meaning = "share of the body's mask whose colors are the model's, against chance, as the engine of colors judges"
+
+    def __init__(self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig):
+        color = config.color
+        self._rig, self._painted = rig, [model] * len(rig)
+        self._options = PhotometryOptions(
+            color.representation, color.normalized_weight, color.levels, robust_scale=color.robust_scale
+        )
+
+    def score(self, state: State, images: Mapping[str, np.ndarray]) -> PoseScore:
+        """Of a state in images (h, w, 3) uint8 BGR by camera; the total is that of the middle camera, as for the engine."""
+        found = agreement_of(self._painted, self._rig, [images.get(c.name) for c in self._rig], state, self._options)
+        cameras = tuple(
+            CameraScore(camera.name, _told(value), int(pixels))
+            for camera, value, pixels in zip(self._rig, found.cameras, found.pixels.sum(axis=1), strict=True)
+        )
+        total = found.middle if np.isfinite(found.cameras).any() else None
+        return PoseScore(total, cameras, tuple(map(_told, found.parts)))
+
+
+def _told(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

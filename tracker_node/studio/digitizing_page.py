@@ -1,0 +1,231 @@
+"""The page on which points are digitized: requests in, what comes of the clicks out."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import JSONResponse
+from starlette.routing import BaseRoute, Route
+
+from ..calibration.dlt import CONSTRAINTS
+from ..calibration.point_reconstruction import METHODS
+from ..camera.camera_rig import CameraRig
+from ..camera.epipolar import epipolar_curve
+from ..errors import CalibrationError, FileFormatError, UnknownNameError
+from ..loaders.control_points import load_places
+from ..loaders.yaml_file import FileModel, PositiveNumber, numbers, validate
+from . import digitizing
+from .click_store import PASSES, Clicked, ClickStore
+from .session import StudioSession
+
+CONTROL = "control"
+
+
+class Asked(FileModel):
+    """What a page wants to see: clicks of a pass (or ``control``) at image set ``set``, curves of ``point``."""
+
+    set: int
+    sheet: Literal["first", "second", "third", "control"]
+    point: str = ""
+    method: Literal["lens", "dlt"] = "lens"
+    sigma_px: PositiveNumber = 1.0
+    constraint: Literal["none", "no_skew", "square", "centered"] = "square"
+
+
+class AskedClick(Asked):
+    """The same after a click, or the end of one (``pixel`` null)."""
+
+    camera: str
+    pixel: numbers(2, what="two finite numbers") | None = None  # type: ignore[valid-type]
+
+
+class AskedName(FileModel):
+    """A point of one's own."""
+
+    name: str
+
+
+def routes(session: StudioSession) -> Sequence[BaseRoute]:
+    """Below ``/api/digitizing/``."""
+    desk = Desk(session)
+    actions: dict[str, tuple[type[FileModel], Callable[[Any], Any]]] = {
+        "sheet": (Asked, desk.sheet),
+        "click": (AskedClick, desk.click),
+        "point": (AskedName, desk.add_point),
+        "repeatability": (Asked, desk.repeatability),
+        "save": (Asked, desk.save),
+    }
+    posted = [Route(f"/api/digitizing/{name}", _endpoint(*action), methods=["POST"]) for name, action in actions.items()]
+
+    async def facts(request: Request) -> JSONResponse:
+        return JSONResponse(await run_in_threadpool(desk.facts))
+
+    return [Route("/api/digitizing", facts), *posted]
+
+
+def _endpoint(kind: type[FileModel], action: Callable[[Any], Any]) -> Callable:
+    async def answer(request: Request) -> JSONResponse:
+        try:
+            values = await request.json()
+        except ValueError as error:
+            raise FileFormatError("request", "(body)", "JSON", str(error)) from None
+        return JSONResponse(await run_in_threadpool(action, validate(kind, values, "request")))
+
+    return answer
+
+
+class Desk:
+    """Answers of the page; from any thread, one at a time."""
+
+    def __init__(self, session: StudioSession):
+        self._session = session
+        self._lock = threading.RLock()
+
+    @cached_property
+    def _store(self) -> ClickStore:
+        files = self._session.files
+        places = {} if files.control_points is None else load_places(files.control_points)
+        return ClickStore(files.clicks, self._rig.names, places)
+
+    @property
+    def _rig(self) -> CameraRig:
+        return self._session.needed_rig()
+
+    def _stamp_ns(self, index: int) -> int:
+        sets = self._session.needed_images().sets
+        if not 0 <= index < len(sets):
+            raise FileFormatError("request", "set", f"a number of an image set below {len(sets)}", index)
+        return sets[index].stamp_ns
+
+    def facts(self) -> dict[str, Any]:
+        """What does not change from click to click."""
+        with self._lock:
+            sets = self._session.needed_images().sets
+            return {
+                "folder": str(self._store.folder.path),
+                "points": self._points(),
+                "places": {name: place.tolist() for name, place in self._store.places.items()},
+                "counts": [self._store.count(s.stamp_ns) for s in sets],
+                "passes": PASSES,
+                "methods": METHODS,
+                "constraints": list(CONSTRAINTS),
+            }
+
+    def _points(self) -> list[str]:
+        """Landmarks of the model, names of one's own, and whatever else was ever clicked on."""
+        model = self._session.model
+        known = [*(() if model is None else model.landmark_names), *self._store.names]
+        clicked = [self._store.repeated(stamp_ns) for stamp_ns in self._store.stamps_ns()]
+        return list(dict.fromkeys([*known, *(name for cameras in clicked for points in cameras.values() for name in points)]))
+
+    def sheet(self, asked: Asked) -> dict[str, Any]:
+        """Clicks, and what comes of them."""
+        with self._lock:
+            stamp_ns = self._stamp_ns(asked.set)
+            clicked = self._store.control if asked.sheet == CONTROL else self._store.clicked(asked.sheet, stamp_ns)
+            sheet = self._control_sheet(asked) if asked.sheet == CONTROL else self._point_sheet(asked, clicked)
+            curves = self._curves(clicked, asked.point)
+            return {"clicks": _listed(clicked), "curves": curves, "count": self._store.count(stamp_ns), **sheet}
+
+    def click(self, asked: AskedClick) -> dict[str, Any]:
+        """Put, move or delete a click, and the sheet with it."""
+        with self._lock:
+            if asked.camera not in self._rig.names:
+                raise UnknownNameError("camera", asked.camera, self._rig.names)
+            pixel = None if asked.pixel is None else np.array(asked.pixel)
+            if pixel is not None and not self._rig[asked.camera].model.in_image(pixel):
+                raise FileFormatError("request", "pixel", f"a pixel on the image of camera '{asked.camera}'", asked.pixel)
+            known = self._store.places if asked.sheet == CONTROL else self._points()
+            if asked.point not in known:
+                raise UnknownNameError("point", asked.point, known)
+            if asked.sheet == CONTROL:
+                self._store.set_control_click(asked.camera, asked.point, pixel)
+            else:
+                self._store.set_click(asked.sheet, self._stamp_ns(asked.set), asked.camera, asked.point, pixel)
+            return self.sheet(asked)
+
+    def add_point(self, asked: AskedName) -> dict[str, Any]:
+        """A point of one's own."""
+        with self._lock:
+            self._store.add_name(asked.name)
+            return self.facts()
+
+    def repeatability(self, asked: Asked) -> dict[str, Any]:
+        """How well whoever has clicked would do so again."""
+        with self._lock:
+            found = digitizing.repeatability_of(self._rig, self._store, PASSES, _method(asked))
+        return {name: None if math.isnan(value) else value for name, value in vars(found).items()}
+
+    def save(self, asked: Asked) -> dict[str, Any]:
+        """Trajectories into the folder of the clicks."""
+        with self._lock:
+            sets = self._session.needed_images().sets
+            steps = np.diff([s.stamp_ns for s in sets])
+            rate_hz = 1e9 / float(np.median(steps)) if len(steps) else 1.0
+            written = digitizing.save_trajectories(self._rig, self._store, _method(asked), rate_hz)
+        return {"written": [str(path) for path in written]}
+
+    def _point_sheet(self, asked: Asked, clicked: Clicked) -> dict[str, Any]:
+        try:
+            found = digitizing.reconstruct(self._rig, clicked, _method(asked))
+        except CalibrationError as error:
+            return {"points": {}, "problem": str(error)}
+        points = {
+            name: {
+                "position": point.position_m.tolist(),
+                "sigma": point.sigma_m.tolist(),
+                "rms_px": point.rms_px,
+                "residuals": dict(zip(cameras, point.residuals_px.tolist(), strict=True)),
+                "seen": self._seen(point.position_m),
+            }
+            for name, (cameras, point) in found.items()
+        }
+        return {"points": points, "problem": ""}
+
+    def _control_sheet(self, asked: Asked) -> dict[str, Any]:
+        verdicts, errors = digitizing.judge_control(self._rig, self._store.control_points(), asked.constraint)
+        cameras = {
+            name: {
+                "problem": verdict.problem,
+                "rms_px": _rms(verdict.residuals_px),
+                "residuals": {}
+                if verdict.residuals_px is None
+                else dict(zip(verdict.seen.names, verdict.residuals_px.tolist(), strict=True)),
+            }
+            for name, verdict in verdicts.items()
+        }
+        object_rms = float(np.sqrt(np.mean(errors**2))) if len(errors) else None
+        expected = {name: self._seen(place) for name, place in self._store.places.items()}
+        return {"cameras": cameras, "object_rms_m": object_rms, "object_points": len(errors), "expected": expected}
+
+    def _seen(self, position: np.ndarray) -> dict[str, list[float]]:
+        """Where the cameras of the rig see a place, of those whose images show it."""
+        seen = {camera.name: camera.project(position) for camera in self._rig}
+        return {name: pixel.tolist() for name, (pixel, ok) in seen.items() if ok and self._rig[name].model.in_image(pixel)}
+
+    def _curves(self, clicked: Clicked, point: str) -> list[dict[str, Any]]:
+        """Epipolar curves of the clicks on one point, in all other cameras."""
+        pairs = [(a, b) for a in self._rig for b in self._rig if a.name != b.name and point in clicked.get(a.name, {})]
+        return [
+            {"of": a.name, "in": b.name, "pixels": np.round(epipolar_curve(a, clicked[a.name][point], b), 2).tolist()}
+            for a, b in pairs
+        ]
+
+
+def _method(asked: Asked) -> digitizing.Method:
+    return digitizing.Method(asked.method, asked.sigma_px)
+
+
+def _listed(clicked: Clicked) -> dict[str, dict[str, list[float]]]:
+    return {camera: {point: pixel.tolist() for point, pixel in points.items()} for camera, points in clicked.items()}
+
+
+def _rms(residuals_px: np.ndarray | None) -> float | None:
+    return None if residuals_px is None else float(np.sqrt((residuals_px**2).sum(axis=1).mean()))

@@ -1,0 +1,231 @@
+// The pose of a body, set by hand: the page asks the server to draw, score, drag and fit it.
+
+import { bodyOverlay, latestOnly, look, nearestHandle, scoreColor, zoomToBody } from "/body.js";
+import { ImageView, attempt, clamp, isTyping, layoutViews, make, openPage, request, say } from "/common.js";
+import { makeFields, words } from "/fields.js";
+import { History } from "/history.js";
+
+const $ = (id) => document.getElementById(id);
+const HANDLE_PX = 10;
+
+const session = await attempt(() => openPage("pose.html"));
+const body = session && await attempt(() => request("/api/pose/body"));
+if (!body) {
+  document.querySelector("main").replaceChildren(make("p", { class: "notice" }, document.querySelector(".message")?.textContent ?? ""));
+} else {
+  start();
+}
+
+function start() {
+  const history = new History(body.values);
+  const shown = { cameras: {}, scores: null, hot: -1, set: 0 };
+  const views = session.cameras.map((camera) => new ImageView($("views"), camera));
+  const fields = makeFields($("fields"), body.groups, (index, value, done) => {
+    const values = [...history.now];
+    values[index] = value;
+    history.set(values, done, index);
+    show(values);
+  });
+
+  // --- asking the server: what is asked meanwhile is left out, but for the last
+
+  const scoreNow = latestOnly(async (values) => {
+    const score = await attempt(() => request("/api/pose/score", { values, set: shown.set }));
+    if (score) showScore(score);
+  });
+  const ask = latestOnly(async ({ path, asked, then }) => {
+    const answer = await attempt(() => request(path, asked));
+    if (answer) { take(answer); then?.(answer); }
+  });
+  const show = (values, then) => ask({ path: "/api/pose/show", asked: { values }, then });
+
+  function take({ values, cameras }) {
+    shown.cameras = cameras;
+    history.adjust(values);
+    fields.set(values);
+    $("undo").disabled = !history.canUndo;
+    $("redo").disabled = !history.canRedo;
+    views.forEach((view) => view.redraw());
+    scoreNow(values);
+  }
+
+  function showScore(score) {
+    shown.scores = score.parts;
+    const text = (value) => (value === null ? "–" : `${Math.round(100 * value)} %`);
+    const rows = Object.entries(score.cameras).flatMap(([name, { value, samples }]) => {
+      const bar = make("div");
+      bar.style.width = `${100 * clamp(value ?? 0, 0, 1)}%`; bar.style.background = scoreColor(value);
+      const meter = make("div", { class: "meter", title: `${samples} samples` }, bar);
+      return [make("span", {}, name), meter, make("span", { class: "mono", "data-score": name }, text(value))];
+    });
+    const total = make("b", { id: "total" }, text(score.total));
+    total.style.color = scoreColor(score.total);
+    const shrunk = body.score.shrunk > 1 ? ` In images of 1/${body.score.shrunk} of the size.` : "";
+    $("score").replaceChildren(
+      make("div", { class: "total", title: body.score.meaning + shrunk }, total, make("span", { class: "soft" }, body.score.name)),
+      make("div", { class: "cameras" }, ...rows),
+    );
+    if (look.byScore) views.forEach((view) => view.redraw());
+  }
+
+  // --- views and the mouse
+
+  for (const view of views) {
+    view.overlays.push(bodyOverlay(() => ({ ...body, drawn: shown.cameras[view.name], scores: shown.scores, hot: shown.hot })));
+    let held = null;
+    view.onpress = (pixel, event) => {
+      const handle = look.skeleton ? nearestHandle(shown.cameras[view.name], pixel, view.px(HANDLE_PX)) : -1;
+      if (handle < 0) return false;
+      const mode = event.shiftKey ? "joint" : event.altKey ? "body" : event.ctrlKey ? "turn" : "limb";
+      const at = shown.cameras[view.name].handles[handle];
+      held = { handle, mode, values: [...history.now], off: [at[0] - pixel[0], at[1] - pixel[1]], moved: false };
+      return true;
+    };
+    view.ondrag = (pixel) => {
+      const { handle, mode, values, off } = held;
+      held.moved = true;
+      const asked = { values, handle, camera: view.name, pixel: [pixel[0] + off[0], pixel[1] + off[1]], mode };
+      ask({ path: "/api/pose/drag", asked, then: (answer) => history.set(answer.values, false, "drag") });
+    };
+    view.onrelease = () => {
+      if (held?.moved) history.settle(); else if (held) fields.reveal(body.handles[held.handle].link);
+      held = null;
+    };
+    view.onhover = (pixel) => {
+      const hot = look.skeleton ? nearestHandle(shown.cameras[view.name], pixel, view.px(HANDLE_PX)) : -1;
+      view.canvas.style.cursor = hot < 0 ? "grab" : "move";
+      view.setNote(hot < 0 ? "" : words(body.handles[hot].name));
+      if (hot === shown.hot) return;
+      shown.hot = hot;
+      views.forEach((other) => other.redraw());
+    };
+  }
+
+  const arrange = () => {
+    const seen = views.filter((view) => !view.element.hidden);
+    if (seen.length) layoutViews($("views"), seen.length, seen[0].width / seen[0].height);
+  };
+  new ResizeObserver(arrange).observe($("views"));
+  const zoomAll = () => views.forEach((view) => zoomToBody(view, shown.cameras[view.name]));
+  const alone = (number) => {
+    const hidden = views.some((view) => view.element.hidden);
+    views.forEach((view, i) => { view.element.hidden = !hidden && i !== number; });
+    arrange();
+  };
+
+  // --- image sets
+
+  function goTo(set) {
+    shown.set = clamp(set, 0, session.sets.length - 1);
+    const { stamp_ns, numbers } = session.sets[shown.set];
+    $("set").value = shown.set;
+    $("where").textContent = `set ${shown.set} of ${session.sets.length}, ${(stamp_ns * 1e-9).toFixed(3)} s`;
+    views.forEach((view) => view.setImage(view.name in numbers ? `/images/${view.name}/${numbers[view.name]}` : ""));
+    scoreNow(history.now);
+  }
+
+  // --- actions
+
+  const undo = () => { if (history.undo()) show(history.now); };
+  const redo = () => { if (history.redo()) show(history.now); };
+  const neutral = () => {
+    const values = [...history.now];
+    for (const { dofs } of body.groups) for (const dof of dofs) if (dof.neutral !== null) values[dof.index] = dof.neutral;
+    history.set(values, true, "neutral");
+    show(values);
+  };
+  async function fit() {
+    if ($("fit").disabled) return;
+    $("fit").disabled = true;
+    $("fitted").textContent = "fitting…";
+    const asked = { values: history.now, set: shown.set };
+    const answer = await attempt(() => request("/api/pose/fit", asked));
+    $("fit").disabled = false;
+    $("fitted").textContent = "";
+    if (!answer) return;
+    history.set(answer.values, true, "fit");
+    take(answer);
+    const kind = { TRACKING: "good", DEGRADED: "fair" }[answer.status] ?? "bad";
+    const limbs = answer.limbs.map((limb) => `${words(limb.name)}: ${limb.status.toLowerCase()} ${limb.reason}`).join("\n");
+    const reason = answer.reason ? `: ${answer.reason}` : "";
+    $("fitted").replaceChildren(
+      make("b", { class: kind }, answer.status.toLowerCase()), `${reason}, residual ${answer.residual_px.toFixed(1)} px, ${answer.seconds.toFixed(1)} s`);
+    $("fitted").title = limbs;
+  }
+  async function listNames() {
+    const { names } = (await attempt(() => request("/api/pose/names"))) ?? { names: [] };
+    $("load").replaceChildren(make("option", { value: "" }, names.length ? "Load…" : "none saved"), ...names.map((name) => make("option", { value: name }, name)));
+    $("load").disabled = !names.length;
+  }
+  async function load(name) {
+    const answer = name && await attempt(() => request("/api/pose/load", { name }));
+    $("load").value = "";
+    if (!answer) return;
+    history.set(answer.values, true, "load");
+    take(answer);
+    say(`${name} loaded`);
+  }
+  async function save(overwrite) {
+    const asked = { values: history.now, set: shown.set, name: $("name").value, overwrite };
+    try {
+      const { path } = await request("/api/pose/save", asked);
+      say(`saved as ${path}`);
+      $("saving").close();
+      listNames();
+    } catch (error) {
+      $("exists").textContent = error.message + (error.answer?.exists ? ": replace it?" : "");
+      $("exists").hidden = false;
+      $("write").textContent = error.answer?.exists ? "Replace" : "Save";
+      $("write").dataset.replace = error.answer?.exists ? $("name").value : "";
+    }
+  }
+  const openSaving = () => { $("exists").hidden = true; $("write").textContent = "Save"; $("write").dataset.replace = ""; $("saving").showModal(); };
+
+  // --- what listens
+
+  const redrawAll = () => { syncLook(); views.forEach((view) => view.redraw()); };
+  function syncLook() {
+    $("fill").value = look.fill;
+    for (const name of ["outline", "skeleton", "byScore"]) $(name).checked = look[name];
+  }
+  $("fill").addEventListener("input", () => { look.fill = $("fill").valueAsNumber; redrawAll(); });
+  for (const name of ["outline", "skeleton", "byScore"]) $(name).addEventListener("change", () => { look[name] = $(name).checked; redrawAll(); });
+  const clicks = { undo, redo, neutral, fit, zoom: zoomAll, save: openSaving, help: () => $("keys").showModal(),
+    before: () => goTo(shown.set - 1), after: () => goTo(shown.set + 1),
+    fold: () => {
+      const boxes = [...document.querySelectorAll("details.joint")], open = boxes.some((box) => box.open);
+      boxes.forEach((box) => { box.open = !open; });
+      $("fold").textContent = open ? "Unfold" : "Fold";
+    } };
+  for (const [id, action] of Object.entries(clicks)) $(id).addEventListener("click", action);
+  $("set").max = session.sets.length - 1;
+  $("set").addEventListener("input", () => goTo($("set").valueAsNumber));
+  $("load").addEventListener("change", () => load($("load").value));
+  $("folder").textContent = body.folder;
+  $("saving").addEventListener("submit", (event) => {
+    if (event.submitter?.value !== "yes") return;
+    event.preventDefault();
+    save($("write").dataset.replace === $("name").value);
+  });
+  const control = { z: undo, y: redo, s: openSaving };
+  const plain = { f: fit, z: zoomAll, ",": clicks.before, ".": clicks.after, "?": clicks.help,
+    h: () => { look.skeleton = !look.skeleton; redrawAll(); },
+    o: () => { const off = look.outline || look.fill > 0; look.outline = !off; look.fill = off ? 0 : 0.25; redrawAll(); } };
+  document.addEventListener("keydown", (event) => {
+    if (event.target.closest?.("dialog")) return;
+    const key = event.key.toLowerCase();
+    let action = event.ctrlKey || event.metaKey ? control[key] : undefined;
+    if (key === "z" && event.ctrlKey && event.shiftKey) action = redo;
+    if (!event.ctrlKey && !event.metaKey && !event.altKey && !isTyping(event)) {
+      action = plain[key] ?? (/^[1-9]$/.test(key) && key <= views.length ? () => alone(key - 1) : undefined);
+    }
+    if (!action) return;
+    event.preventDefault();
+    action();
+  });
+
+  syncLook();
+  listNames();
+  show(body.values, zoomAll);
+  goTo(0);
+}
