@@ -131,6 +131,19 @@ def test_a_mirrored_image_is_refused():
         dlt.calibrate("left", POINTS, pixels, (640, 480))
 
 
+def test_clicks_of_no_camera_are_refused():
+    """Clicks at random make a poor camera, or are refused by name; nothing else."""
+    said = []
+    for seed in (0, 3, 4, 13, 36):
+        rng = np.random.default_rng(seed)
+        try:
+            found = dlt.calibrate("left", rng.uniform(-1.0, 1.0, (7, 3)), rng.uniform(0.0, 480.0, (7, 2)), (640, 480))
+            assert found.rms_px > 5.0
+        except CalibrationError as error:
+            said.append(str(error))
+    assert any("wrong place" in text for text in said) and all(text.startswith("camera 'left': ") for text in said)
+
+
 def test_an_origin_beside_the_camera_has_no_parameters():
     at_origin = Camera("left", CameraModel(640, 480, SQUARE), np.eye(4))
     with pytest.raises(CalibrationError, match="move it"):

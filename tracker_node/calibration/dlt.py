@@ -70,7 +70,7 @@ def calibrate(
 
     Raises
     ------
-    CalibrationError : fewer than `MIN_POINTS` points, points in one plane, or pixels of a mirrored image.
+    CalibrationError : fewer than `MIN_POINTS` points, points in one plane, pixels of a mirrored image or of no camera at all.
     """
     if constraint not in CONSTRAINTS:
         raise ValueError(f"expected a constraint of {tuple(CONSTRAINTS)}, got {constraint!r}")
@@ -219,6 +219,8 @@ def _refine(
     def camera_of(x: np.ndarray) -> Camera:
         values = lens | dict(zip(names, (x * scales)[: len(names)], strict=True))
         fx, fy = (values["f"], values["f"]) if "f" in names else (values["fx"], values["fy"])
+        if min(fx, fy) <= 0.0:
+            raise CalibrationError(name, "its control points fit no camera: was one of them clicked on in the wrong place?")
         K = np.array([[fx, values["skew"], values["cx"]], [0.0, fy, values["cy"]], [0.0, 0.0, 1.0]])
         return Camera(name, CameraModel(width, height, K), T @ se3.exp(x[len(names) :]))
 
