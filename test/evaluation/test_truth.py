@@ -6,6 +6,7 @@ from stick_person import motion, write_truth
 
 from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.truth import load_truth
+from tracker_node.loaders.c3d_file import dump_c3d
 from tracker_node.loaders.trc import MarkerTrajectories, dump_trc
 
 
@@ -22,6 +23,25 @@ def test_trc_with_the_names_of_openpose(tmp_path):
     assert truth.valid.tolist() == valid.tolist()
 
 
+@pytest.mark.parametrize("file_y_up", [True, False])
+def test_c3d_says_itself_which_axis_is_up(tmp_path, file_y_up):
+    positions = np.random.default_rng(0).normal(size=(4, 2, 3))
+    valid = np.array([[True, True], [True, False], [True, True], [True, True]])
+    positions[~valid] = 0.0
+    dump_c3d(MarkerTrajectories(("RShoulder", "Neck"), np.arange(4) / 60.0, positions, 60.0, valid), tmp_path / "a.c3d", file_y_up)
+    truth = load_truth(tmp_path / "a.c3d")
+    assert truth.names == ("right_shoulder", "neck")
+    assert truth.positions_m == pytest.approx(positions, abs=1e-6)  # single precision
+    assert truth.valid.tolist() == valid.tolist()
+
+
+def test_a_landmark_under_two_names_is_refused(tmp_path):
+    positions, valid = np.ones((2, 2, 3)), np.ones((2, 2), dtype=bool)
+    dump_trc(MarkerTrajectories(("RKnee", "right_knee"), np.arange(2.0), positions, 1.0, valid), tmp_path / "a.trc")
+    with pytest.raises(FileFormatError, match="right_knee"):
+        load_truth(tmp_path / "a.trc")
+
+
 def test_csv(tmp_path):
     tracked = motion(3)
     truth = load_truth(write_truth(tmp_path / "truth.csv", tracked))
@@ -30,7 +50,7 @@ def test_csv(tmp_path):
 
 
 def test_other_files_are_refused(tmp_path):
-    with pytest.raises(FileFormatError, match=r"\.trc or a \.csv"):
+    with pytest.raises(FileFormatError, match=r"\.trc, \.c3d or \.csv"):
         load_truth(tmp_path / "truth.txt")
     (tmp_path / "empty.csv").write_text("stamp_ns,landmark,x,y,z\n")
     with pytest.raises(FileFormatError, match="at least one row"):

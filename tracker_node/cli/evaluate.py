@@ -16,9 +16,10 @@ EXAMPLE = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("run", help="folder written by track_offline, or a bag with tracked states (live recordings too)")
-    add("--truth", required=True, metavar="FILE", help=".trc, or .csv with the columns stamp_ns,landmark,x,y,z in metres")
-    add("--y-up", action=argparse.BooleanOptionalAction, default=True,
-        help="axes of a .trc: y up, as OpenSim and Pose2Sim write it (default), or those of the world")  # fmt: skip
+    add("--truth", required=True, metavar="FILE", help=".trc, .c3d, or .csv with the columns stamp_ns,landmark,x,y,z in metres")
+    add("--y-up", action=argparse.BooleanOptionalAction,
+        help="axes of a .trc or .c3d: y up, as OpenSim and Pose2Sim write it, or those of the world (default: a .trc has y up, a"
+        " .c3d says it itself)")  # fmt: skip
     add("--model", metavar="FILE", help="body model; default: what run.json names")
     add("--rig", metavar="FILE", help="camera rig; default: what run.json names; needed for silhouettes and pictures")
     add("--masks", metavar="FILE", help="reference masks (masks.json) to compare silhouettes with")
@@ -40,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
     from ..evaluation.evaluate import EvaluationOptions, evaluate
     from ..evaluation.metrics_file import print_metrics
     from ..evaluation.run_data import load_run
-    from ..evaluation.truth import load_truth
+    from ..evaluation.truth import OWN_TIME, load_truth
     from ..loaders.model_yaml import load_model
 
     targets = _targets(args.target)
@@ -55,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
     tracked.check_model(model, model_path)
     truth = load_truth(args.truth, args.y_up)
     _say(f"{len(tracked)} states of {args.run}, {len(truth.stamps_ns)} rows of truth")
-    evaluation = evaluate(tracked, model, truth, options, truth_is_trc=Path(args.truth).suffix.lower() == ".trc")
+    evaluation = evaluate(tracked, model, truth, options, truth_is_trc=Path(args.truth).suffix.lower() in OWN_TIME)
     rig_path = args.rig or _named(tracked.info, "rig")
     evaluation, pictures, problems = _look_at_images(args, tracked, model, rig_path, evaluation, first_image)
     problems = [*_contradicted(tracked.info), *_untold(tracked.info), *problems]

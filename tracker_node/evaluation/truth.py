@@ -1,4 +1,4 @@
-"""Truth to hold a run against: joint positions over time from TRC or CSV files."""
+"""Truth to hold a run against: joint positions over time from TRC, C3D or CSV files."""
 
 from __future__ import annotations
 
@@ -7,33 +7,46 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import FileFormatError
+from ..loaders.c3d_file import load_c3d
 from ..loaders.trajectory_file import read_joints
 from ..loaders.trc import load_trc
 from ..model.landmark_names import landmark_of_marker
 from .association import Trajectories
 
 
-def load_truth(path: str | Path, y_up: bool = True) -> Trajectories:
-    """Positions from a ``.trc`` (stamps count from its first row) or a ``.csv`` in the format of ``joints.csv``.
+OWN_TIME = (".trc", ".c3d", ".mot", ".sto")  # suffixes of files whose stamps count from their first row
 
-    ``y_up`` is for TRC files. Names like ``RShoulder`` become ``right_shoulder``.
+
+def load_truth(path: str | Path, y_up: bool | None = None) -> Trajectories:
+    """Positions from a ``.trc`` or ``.c3d`` (stamps count from its first row), or a ``.csv`` in the format of ``joints.csv``.
+
+    Names like ``RShoulder`` become ``right_shoulder``.
+
+    Parameters
+    ----------
+    y_up : of TRC and C3D files; None: a TRC file has y up, a C3D file what it says itself.
 
     Raises
     ------
     FileFormatError : another kind of file, or whatever is wrong in it.
     """
     path = Path(path)
-    if path.suffix.lower() == ".trc":
-        markers = load_trc(path, y_up=y_up)
+    kind = path.suffix.lower()
+    if kind in (".trc", ".c3d"):
+        markers = load_c3d(path, y_up) if kind == ".c3d" else load_trc(path, y_up is not False)
         stamps = np.round((markers.times_s - markers.times_s[0]) * 1e9).astype(np.int64)
         names, positions, valid = markers.names, markers.positions_m, markers.valid
-    elif path.suffix.lower() == ".csv":
+    elif kind == ".csv":
         joints = read_joints(path)
         order = np.argsort(joints.stamps_ns)
         names, stamps = joints.names, joints.stamps_ns[order]
         positions, valid = joints.positions_m[order], joints.valid[order]
     else:
-        raise FileFormatError(path, "(name)", "a .trc or a .csv file", path.suffix or path.name)
+        raise FileFormatError(path, "(name)", "a .trc, .c3d or .csv file", path.suffix or path.name)
     if not len(stamps):
         raise FileFormatError(path, "(content)", "at least one row", "none")
-    return Trajectories(tuple(landmark_of_marker(name) for name in names), stamps, positions, valid)
+    landmarks = tuple(landmark_of_marker(name) for name in names)
+    twice = sorted({name for name in landmarks if landmarks.count(name) > 1})
+    if twice:
+        raise FileFormatError(path, "(markers)", "each landmark under one name", twice)
+    return Trajectories(landmarks, stamps, positions, valid)
