@@ -26,7 +26,7 @@ class FileFormatError(TrackerError):
 
     def __init__(self, file: str | Path, field: str, expected: str, got: object):
         self.file, self.field, self.expected, self.got = str(file), field, expected, got
-        super().__init__(f"{file}: field '{field}': expected {expected}, got {_short(got)}")
+        super().__init__(f"{file}: field '{_cut(field, 300)}': expected {_cut(expected, 2000)}, got {_short(got)}")
 
 
 class UnknownNameError(TrackerError):
@@ -58,5 +58,8 @@ class SourceError(TrackerError):
 
 
 def _short(value: object, limit: int = 120) -> str:
-    text = repr(value)
+    return _cut(repr(value), limit)
+
+
+def _cut(text: str, limit: int) -> str:
     return text if len(text) <= limit else text[: limit - 3] + "..."

@@ -45,7 +45,7 @@ def load_lens(url: str, camera: str, environment: Mapping[str, str] = os.environ
     CalibrationError : the file is that of an uncalibrated camera.
     """
     path = camera_info_path(url, camera, environment)
-    return load_camera_info(path)[1] if path.exists() else None
+    return load_camera_info(path)[1] if os.path.exists(path) else None
 
 
 def save_lens(url: str, camera: str, lens: CameraModel, environment: Mapping[str, str] = os.environ) -> Path:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import itertools
+import os
 import re
 from collections.abc import Iterator
 from dataclasses import replace
@@ -126,9 +127,9 @@ def open_source(path: str | Path, options: SourceOptions | None = None, **change
     if address.kind == BAG:
         return BagSource(address, options)
     text = address.target
-    if Path(text).is_dir() or (re.search(r"[*?\[]|%0?\d*d", text) and not Path(text).exists()):
+    if os.path.isdir(text) or (re.search(r"[*?\[]|%0?\d*d", text) and not os.path.exists(text)):
         return FolderSource(text, options)
-    if not Path(text).exists():
+    if not os.path.exists(text):
         raise SourceError(text, "no such file or folder")
     if Path(text).suffix.lower() in IMAGE_SUFFIXES:
         return FolderSource(glob.escape(text), options)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ def read_mesh(file: str | Path, scale: float, referrer: str | Path, field: str, 
     import trimesh  # slow to import, and few models have meshes
 
     file = Path(file)
-    if not file.is_file():
+    if not os.path.isfile(file):  # Path.is_file raises for a name that is too long
         raise FileFormatError(referrer, field, "an existing mesh file", str(file))
     if file.suffix.lower() == ".obj" and texture is None:
         _check_materials(file, referrer, field)
@@ -47,7 +48,10 @@ def read_mesh(file: str | Path, scale: float, referrer: str | Path, field: str, 
     surface = _surface(loaded, faces, texture) | _normals(scene, len(vertices))
     if texture is not None and "texture" not in surface:
         raise FileFormatError(referrer, field, "a mesh with texture coordinates, for its texture", str(file))
-    return Mesh(vertices, faces, **surface)
+    try:
+        return Mesh(vertices, faces, **surface)
+    except ValueError as error:  # corners with two coordinates, faces of corners that are not there
+        raise FileFormatError(referrer, field, "a sound mesh", f"{file}: {error}") from None
 
 
 def _surface(loaded: Any, faces: np.ndarray, texture: np.ndarray | None) -> dict[str, np.ndarray]:
@@ -91,10 +95,10 @@ def _picture_of(material: Any) -> np.ndarray | None:
 def _check_materials(file: Path, referrer: str | Path, field: str) -> None:
     """trimesh goes on without the material files and pictures that an OBJ file names; we do not."""
     for library in _named_in(file, "mtllib"):
-        if not library.is_file():
+        if not os.path.isfile(library):
             raise FileFormatError(referrer, field, f"the material file that {file} names", f"no {library}")
         for picture in _named_in(library, "map_Kd"):
-            if not picture.is_file():
+            if not os.path.isfile(picture):
                 raise FileFormatError(referrer, field, f"the texture that {library} names", f"no {picture}")
 
 

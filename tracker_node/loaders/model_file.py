@@ -14,6 +14,7 @@ from ..model.nurbs import N_AROUND, RING_SPACING, Loft, Section
 from ..model.primitives import BOX_FACES
 from .yaml_file import FileModel, Number, PositiveNumber, is_number, numbers, problem
 
+LEAST_RANGE = 1e-6  # degrees or metres between an axis's limits; radians and back must not close it
 Vector = numbers(3)
 
 
@@ -55,7 +56,7 @@ def _limits_m(value: Any) -> tuple[float, float]:
 def _limits(value: Any, unit: str) -> tuple[float, float]:
     ok = isinstance(value, (list, tuple)) and len(value) == 2
     ok = ok and all(is_number(v) for v in value)
-    if not ok or not value[0] < value[1]:
+    if not ok or not value[1] - value[0] > LEAST_RANGE:
         raise problem(f"[lower, upper] in {unit} with lower < upper", value)
     return float(value[0]), float(value[1])
 

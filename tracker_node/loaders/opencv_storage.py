@@ -8,6 +8,7 @@ often kept in two files. A rig is a sequence ``cameras`` of maps with ``name``, 
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -32,7 +33,7 @@ class _Storage:
         self.path = ", ".join(map(str, paths))
         self.files = []
         for path in paths:
-            if not Path(path).is_file():
+            if not os.path.isfile(path):
                 raise FileFormatError(path, "(file)", "an OpenCV FileStorage (YAML, XML or JSON)", "no such file")
             storage = _opened(path)
             if storage is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import cv2
@@ -18,7 +19,7 @@ def read_picture(file: str | Path, referrer: str | Path, field: str) -> np.ndarr
     FileFormatError : naming ``referrer`` and ``field``, where the file is asked for.
     """
     file = Path(file)
-    if not file.is_file():
+    if not os.path.isfile(file):  # Path.is_file raises for a name that is too long
         raise FileFormatError(referrer, field, "an existing picture", str(file))
     picture = cv2.imdecode(np.frombuffer(file.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED) if file.stat().st_size else None
     if picture is None:

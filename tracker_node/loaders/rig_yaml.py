@@ -21,6 +21,7 @@ from .source_address import parse_source, relocated
 from .yaml_file import FileModel, Number, PositiveNumber, is_number, numbers, problem, read_mapping, validate, write_mapping
 
 NS_PER_S = 1_000_000_000
+MAX_SCALE = 1e4  # between the pixels of a file and those of the calibration
 MAX_DRIFT_PPM = 1e5  # a tenth; quartz clocks have 100 millionths
 
 
@@ -102,8 +103,9 @@ class CameraEntry(FileModel):
                 raise problem("a pixel_map beside file_image_size", "nothing", "pixel_map")
             return
         (sx, _, _), (zero, sy, _) = self.pixel_map
-        if zero != 0.0 or sx <= 0.0 or sy <= 0.0:
-            raise problem("[[sx, skew, tx], [0, sy, ty]] with sx, sy > 0", self.pixel_map, "pixel_map")
+        if zero != 0.0 or not all(1.0 / MAX_SCALE < scale < MAX_SCALE for scale in (sx, sy)):
+            expected = f"[[sx, skew, tx], [0, sy, ty]] with sx, sy > 0 (and no more than {MAX_SCALE:g} times larger or smaller)"
+            raise problem(expected, self.pixel_map, "pixel_map")
         if self.file_image_size is None:
             raise problem("the size of the file's images beside pixel_map", "nothing", "file_image_size")
 
@@ -224,7 +226,11 @@ def build_rig(rig_file: RigFile, base_dir: str | Path) -> CameraRig:
 
 def load_rig(path: str | Path) -> CameraRig:
     """The rig of a file, ready for use (see `read_rig_file` and `build_rig` for what is refused)."""
-    return build_rig(read_rig_file(path), Path(path).parent)
+    try:
+        return build_rig(read_rig_file(path), Path(path).parent)
+    except CalibrationError as error:
+        where = f"{path}: field 'cameras.{error.camera}.K'"
+        raise CalibrationError(error.camera, f"{error.problem} ({where})") from None
 
 
 def write_rig_file(rig_file: RigFile, path: str | Path, base_dir: str | Path | None = None) -> None:

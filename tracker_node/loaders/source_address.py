@@ -71,7 +71,7 @@ def parse_source(text: str) -> SourceAddress:
     if stream and stream[1].lower() in STREAM_SCHEMES:
         return SourceAddress(STREAM, text)
     scheme = re.match(r"([A-Za-z][A-Za-z0-9+.-]+):", text)
-    if scheme is None or Path(text).exists():
+    if scheme is None or os.path.exists(text):
         return SourceAddress(FILE, text)
     kind, rest = scheme[1].lower(), text[scheme.end() :]
     if kind not in (FILE, BAG, DEVICE, TOPIC):

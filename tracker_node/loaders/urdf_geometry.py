@@ -136,7 +136,7 @@ def _mesh_path(node: Node) -> Path:
     for variable, below in (("AMENT_PREFIX_PATH", "share"), ("COLCON_PREFIX_PATH", "share"), ("ROS_PACKAGE_PATH", "")):
         candidates += [Path(prefix) / below / package for prefix in os.environ.get(variable, "").split(os.pathsep) if prefix]
     for candidate in candidates:
-        if (candidate / inside).is_file():
+        if os.path.isfile(candidate / inside):
             return candidate / inside
     expected = f"a file of the package '{package}', beside or above the URDF, in AMENT_PREFIX_PATH or ROS_PACKAGE_PATH"
     raise node.error(expected, filename, "filename")

@@ -20,11 +20,29 @@ from pydantic_core import PydanticCustomError
 from ..errors import FileFormatError
 
 LARGEST = 1e12  # no length, angle or pixel of a real scene is beyond
+MOST_VALUES = 1_000_000  # of a file, each alias counted as often as it is used
 _FLOAT = re.compile(r"^[-+]?(\d+\.?\d*([eE][-+]?\d+)?|\.\d+([eE][-+]?\d+)?|\.(inf|Inf|INF)|\.(nan|NaN|NAN))$")
 
 
 class _StrictLoader(yaml.SafeLoader):
-    """Safe loader that refuses repeated keys."""
+    """Safe loader that refuses repeated keys, and aliases of aliases that stand for more than a machine can hold."""
+
+    def construct_document(self, node: yaml.Node) -> Any:
+        if _size(node, {}) > MOST_VALUES:
+            too_many = f"aliases stand for more than {MOST_VALUES} values"
+            raise yaml.constructor.ConstructorError(None, None, too_many, node.start_mark)
+        return super().construct_document(node)
+
+
+def _size(node: yaml.Node, sizes: dict[int, int]) -> int:
+    """Values in a node, aliases written out; a node within itself counts once and is refused by PyYAML."""
+    if isinstance(node, yaml.ScalarNode):
+        return 1
+    if id(node) not in sizes:
+        sizes[id(node)] = 1
+        children = [child for item in node.value for child in (item if isinstance(item, tuple) else (item,))]
+        sizes[id(node)] = 1 + sum(_size(child, sizes) for child in children)
+    return sizes[id(node)]
 
 
 class _DuplicateKey(yaml.YAMLError):
