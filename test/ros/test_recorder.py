@@ -9,20 +9,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ros_processes import send, wait_until
+from small_disk import small_disk
 
 rclpy = pytest.importorskip("rclpy", reason="ROS is not installed")
 
-from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
 from rclpy.context import Context  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
 from rosbags.highlevel import AnyReader  # noqa: E402
 from sensor_msgs.msg import Image  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
+from std_srvs.srv import SetBool, Trigger  # noqa: E402
 
 from tracker_node.cli.main import main  # noqa: E402
 from tracker_node.loaders.bag_reader import BagReader  # noqa: E402
 from tracker_node.ros.conversions import image_message  # noqa: E402
+
+__all__ = ["small_disk"]
 
 BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -115,22 +120,45 @@ def test_a_topic_with_its_type_is_subscribed_before_it_exists(node: Node, tmp_pa
     assert "/x was not recorded: message type 'zoo_msgs/msg/X' cannot be used here" in recorder.text
 
 
+class Heard:
+    """The latest diagnostics of the recorder, and all that it has ever said."""
+
+    def __init__(self, node: Node):
+        self.parts: dict[str, DiagnosticStatus] = {}
+        self.said: list[tuple[bytes, str]] = []
+        self._node = node
+        self._subscription = node.create_subscription(DiagnosticArray, "/diagnostics", self._on_array, 100)
+
+    def _on_array(self, array: DiagnosticArray) -> None:
+        for status in array.status:
+            self.parts[status.name.removeprefix("recorder: ")] = status
+            self.said.append((status.level, status.message))
+
+    def value(self, part: str, key: str) -> str:
+        status = self.parts.get(part)
+        return next((v.value for v in status.values if v.key == key), "") if status else ""
+
+    def until(self, predicate) -> None:
+        executor = SingleThreadedExecutor(context=self._node.context)
+        executor.add_node(self._node)
+
+        def step() -> bool:
+            executor.spin_once(timeout_sec=0.05)
+            return predicate()
+
+        wait_until(step, 30.0, lambda: str(self.said))
+        executor.shutdown()
+
+
 def test_a_killed_recorder_leaves_what_it_had_flushed(node: Node, tmp_path: Path, start) -> None:
     recorder = start("recorder", "--output", str(tmp_path / "run"), "--topics", "/early:std_msgs/msg/String")
     recorder.wait_for("recorder: ready")
-    states: list[dict[str, str]] = []
-    node.create_subscription(
-        DiagnosticArray, "/diagnostics", lambda m: states.extend({v.key: v.value for v in s.values} for s in m.status), 10
-    )
+    heard = Heard(node)
     early = node.create_publisher(String, "/early", 10)
     send(early, [String(data=str(i)) for i in range(20)])
-    executor = rclpy.executors.SingleThreadedExecutor(context=node.context)
-    executor.add_node(node)
-    deadline = time.monotonic() + 20.0
-    while not any(state.get("messages") == "20" for state in states) and time.monotonic() < deadline:
-        executor.spin_once(timeout_sec=0.1)
-    executor.shutdown()
-    assert states[-1]["lost"] == "0"
+    heard.until(lambda: heard.value("bag", "messages") == "20")
+    assert heard.value("bag", "lost") == "0"
+    heard.until(lambda: heard.value("topics", "/early").startswith("20 messages, "))
     time.sleep(1.0)  # longer than a flush may take
     assert recorder.end(signal.SIGKILL) == -9
     with BagReader(tmp_path / "run") as reader:
@@ -171,3 +199,85 @@ def test_what_does_not_arrive_is_counted(node: Node, tmp_path: Path, start) -> N
         recorded = reader.topic("/large").message_count
     assert recorded < 420
     assert 0 < int(lost[1]) <= 420 - recorded
+
+
+def test_a_full_disk_ends_the_recording_cleanly(node: Node, start, small_disk) -> None:
+    """What had come is in a finished bag; log, diagnostics and exit status say that it ended, and why."""
+    bag = small_disk(20) / "run"
+    recorder = start("recorder", "--output", str(bag), "--topics", "/large:std_msgs/msg/String", "--min-free-mb", "0")
+    recorder.wait_for("recorder: ready")
+    heard = Heard(node)
+    large = node.create_publisher(String, "/large", 10)
+    wait_until(lambda: large.get_subscription_count() > 0)
+    numbers = iter(range(10**6))
+
+    def publish() -> bool:
+        large.publish(String(data=f"{next(numbers)} " + "x" * 300_000))
+        return recorder.process.poll() is not None
+
+    heard.until(publish)
+    assert recorder.process.wait() == 1
+    wait_until(lambda: "messages of 1 topics" in recorder.text)
+    assert "error: bag" in recorder.text
+    assert "stopped: No space left on device" in recorder.text
+    assert (DiagnosticStatus.ERROR, "stopped: No space left on device") in heard.said
+    with AnyReader([bag]) as reader:
+        texts = [reader.deserialize(data, connection.msgtype).data for connection, _, data in reader.messages()]
+    assert [int(text.split()[0]) for text in texts] == list(range(len(texts)))
+    assert len(texts) > 40
+    dropped = re.search(r"/large: (\d+) messages dropped because they could not be written", recorder.text)
+    assert f"{len(texts)} messages of 1 topics" in recorder.text
+    assert dropped is None or len(texts) + int(dropped[1]) <= next(numbers)
+
+
+def test_too_little_room_is_refused_at_the_start(small_disk, capsys: pytest.CaptureFixture) -> None:
+    disk = small_disk(20)
+    assert main(["recorder", "--output", str(disk / "new" / "run"), "--all"]) == 2
+    assert "--min-free-mb asks for 200 MB of free room, there are 20" in capsys.readouterr().err
+    assert list(disk.iterdir()) == []
+
+
+def test_pause_and_split_by_service(node: Node, tmp_path: Path, start) -> None:
+    recorder = start("recorder", "--output", str(tmp_path / "run"), "--topics", "/a:std_msgs/msg/String")
+    recorder.wait_for("recorder: ready")
+    heard = Heard(node)
+    pause, split = node.create_client(SetBool, "/recorder/pause"), node.create_client(Trigger, "/recorder/split")
+    wait_until(lambda: pause.service_is_ready() and split.service_is_ready())
+
+    def call(client, request) -> str:
+        answer = client.call_async(request)
+        heard.until(answer.done)
+        return answer.result().message
+
+    a = node.create_publisher(String, "/a", 10)
+    send(a, [String(data="before")])
+    heard.until(lambda: heard.value("bag", "messages") == "1")
+    assert call(pause, SetBool.Request(data=True)) == "paused"
+    send(a, [String(data="meanwhile")])
+    heard.until(lambda: (DiagnosticStatus.OK, "paused") in heard.said)
+    time.sleep(0.5)  # what was said meanwhile has come
+    assert call(pause, SetBool.Request(data=False)) == "recording"
+    assert call(split, Trigger.Request()) == "file 1 ends here"
+    send(a, [String(data="after")])
+    assert recorder.end() == 0, recorder.text
+    assert sorted(file.name for file in (tmp_path / "run").glob("*.mcap")) == ["run_0.mcap", "run_1.mcap"]
+    with BagReader(tmp_path / "run") as reader:
+        assert [message.data for _, message in reader.decoded("/a")] == ["before", "after"]
+
+
+def test_publishers_that_offer_less_than_was_expected(node: Node, tmp_path: Path, start) -> None:
+    """Subscribed to before it exists, again and again: nothing comes twice, and the event loop survives."""
+    names = [f"/hurried{i}" for i in range(6)]
+    topics = [f"{name}:std_msgs/msg/String" for name in names]
+    recorder = start("recorder", "--output", str(tmp_path / "run"), "--topics", *topics)
+    recorder.wait_for("recorder: ready, 6 topics")
+    publishers = [node.create_publisher(String, name, BEST_EFFORT) for name in names]
+    reliable = [node.create_publisher(String, name, 10) for name in names]
+    for one, other in zip(publishers, reliable, strict=True):
+        send(one, [String(data=str(i)) for i in range(10)])
+        send(other, [String(data=str(i)) for i in range(10, 20)])
+    time.sleep(1.0)  # the last ones may still be on their way
+    assert recorder.end() == 0, recorder.text
+    with BagReader(tmp_path / "run") as reader:
+        for name in names:
+            assert [message.data for _, message in reader.decoded(name)] == [str(i) for i in range(20)]

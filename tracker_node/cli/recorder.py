@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import shutil
 import sys
 import threading
 import time
@@ -16,6 +17,7 @@ READY = "recorder: ready"
 """Start of the line on stdout that says that messages are recorded from now on."""
 QUIET_S = 0.3  # after a signal, messages on their way are still taken until there was none for this long
 DRAIN_S = 5.0
+MB = 2**20
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,25 +40,44 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="all",
         help="which image topics to take among those asked for (default: all)",
     )
-    parser.add_argument("--queue-mb", type=int, default=512, metavar="MB", help="memory for messages that wait for the disk")
+    _add_file_arguments(parser.add_argument_group("how it is written"))
+
+
+def _add_file_arguments(how) -> None:
+    from ..loaders.mcap_writer import COMPRESSIONS
+
+    how.add_argument("--split-mb", type=float, default=0.0, metavar="MB", help="begin another file at this size (default: never)")
+    how.add_argument(
+        "--split-s", type=float, default=0.0, metavar="S", help="begin another file after this time (default: never)"
+    )
+    how.add_argument("--compression", choices=tuple(COMPRESSIONS), default="none", help="of the messages (default: none)")
+    how.add_argument(
+        "--flush-s", type=float, default=0.5, metavar="S", help="what is older than this survives a kill -9 (default: 0.5)"
+    )
+    how.add_argument("--sync", action="store_true", help="write through to the disk each time, to survive a power failure too")
+    how.add_argument(
+        "--min-free-mb", type=int, default=200, metavar="MB", help="stop when the disk has less room than this (default: 200)"
+    )
+    how.add_argument(
+        "--queue-mb", type=int, default=512, metavar="MB", help="memory for messages that wait for the disk (default: 512)"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     from ..errors import TrackerError
-    from ..loaders.bag_queue import BagQueue
-    from ..loaders.bag_writer import BagWriter
     from ..ros.executor import ros_process, spin
     from ..ros.recorder_node import RecorderNode
 
     selection = selection_of(args)
-    bag = BagQueue(BagWriter(args.output), args.queue_mb * 2**20)
+    bag = _open_bag(args)
     failed = False
     try:
         with ros_process(args.ros_args) as stop:
             node = RecorderNode(selection, bag)
             print(f"{READY}, {len(node.topics)} topics so far, writing to {args.output}", flush=True)
             spin(node, stop, lambda: bool(node.bag_problem))
-            until_s = time.monotonic() + DRAIN_S
+            node.report()
+            until_s = time.monotonic() + (DRAIN_S if not node.bag_problem else QUIET_S)
             spin(node, threading.Event(), lambda: _quiet(node.last_message_s, until_s))
             lost, problems, topics = dict(node.lost), dict(node.problems), node.topics
             node.destroy_node()
@@ -68,6 +89,37 @@ def run(args: argparse.Namespace) -> int:
             print(f"tracker_node recorder: error: {error}", file=sys.stderr)
     _report(bag, topics, lost, problems)
     return 1 if failed else 0
+
+
+def _open_bag(args: argparse.Namespace):
+    from ..errors import TrackerError
+    from ..loaders.bag_queue import BagQueue
+    from ..loaders.bag_writer import BagWriter
+
+    for name in ("split_mb", "split_s", "min_free_mb"):
+        if not 0 <= getattr(args, name) < float("inf"):
+            raise TrackerError(f"--{name.replace('_', '-')}: expected 0 or more, got {getattr(args, name)}")
+    for name in ("flush_s", "queue_mb"):
+        if not 0 < getattr(args, name) < float("inf"):
+            raise TrackerError(f"--{name.replace('_', '-')}: expected a positive number, got {getattr(args, name)}")
+    min_free_bytes = args.min_free_mb * MB
+    _check_room(args.output, min_free_bytes)
+    writer = BagWriter(
+        args.output,
+        split_bytes=round(args.split_mb * MB),
+        split_ns=round(args.split_s * 1e9),
+        compression=args.compression,
+    )
+    return BagQueue(writer, args.queue_mb * MB, flush_s=args.flush_s, min_free_bytes=min_free_bytes, to_disk=args.sync)
+
+
+def _check_room(output: Path, min_free_bytes: int) -> None:
+    from ..errors import TrackerError
+
+    place = next((folder for folder in output.absolute().parents if folder.is_dir()), Path("/"))
+    free = shutil.disk_usage(place).free
+    if free < min_free_bytes:
+        raise TrackerError(f"{place}: --min-free-mb asks for {min_free_bytes // MB} MB of free room, there are {free // MB}")
 
 
 def selection_of(args: argparse.Namespace):
@@ -115,7 +167,7 @@ def _report(bag, topics: dict[str, str], lost: dict[str, int], problems: dict[st
         print(f"recorder: no message on {', '.join(silent)}")
     for topic, problem in sorted(problems.items()):
         print(f"recorder: {topic} was not recorded: {problem}", file=sys.stderr)
-    for what, counts in (("lost on their way", lost), ("dropped because the disk was too slow", bag.dropped)):
+    for what, counts in (("lost on their way", lost), ("dropped because they could not be written", bag.dropped)):
         for topic, count in sorted(counts.items()):
             if count:
                 print(f"recorder: {topic}: {count} messages {what}", file=sys.stderr)

@@ -110,8 +110,11 @@ class BagQueue:
 
     @property
     def free_bytes(self) -> int:
-        """Room on the disk."""
-        return shutil.disk_usage(self.path).free
+        """Room on the disk; 0 if that has gone."""
+        try:
+            return shutil.disk_usage(self.path).free
+        except OSError:
+            return 0
 
     def add_topic(self, topic: str, type_name: str, qos: OfferedQos, definition: MessageType) -> None:
         """Announce a topic; it must come before its messages."""
@@ -190,10 +193,17 @@ class BagQueue:
                 self._writer.flush(self._to_disk)
                 self._oldest_s = None
                 flush_at = time.monotonic() + self._flush_s
-                if self.min_free_bytes and self.free_bytes < self.min_free_bytes:
-                    self._stop(f"stopped: less than {self.min_free_bytes // 2**20} MB are free on the disk")
+                problem = self._shortage()
+                if problem:
+                    self._stop(f"stopped: {problem}")
                     self._empty(write=True)
                     return
+
+    def _shortage(self) -> str:
+        if not self.path.is_dir():
+            return "its folder has been removed"
+        few = self.min_free_bytes and self.free_bytes < self.min_free_bytes
+        return f"less than {self.min_free_bytes // 2**20} MB are free on the disk" if few else ""
 
     def _empty(self, write: bool) -> None:
         """Take out what waits, to be written or to be counted."""

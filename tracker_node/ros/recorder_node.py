@@ -16,16 +16,19 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
+from std_srvs.srv import SetBool, Trigger
 
 from ..errors import TrackerError
 from ..loaders.bag_images import COMPRESSED, RAW
 from ..loaders.bag_metadata import OfferedQos
 from ..loaders.bag_queue import BagQueue
 from ..loaders.message_types import MessageType, UnknownMessageTypeError, message_type
-from .diagnostics import ERROR, OK, WARN, Diagnostics
+from .diagnostics import Diagnostics
 from .message_classes import message_class, offered_qos, qos_profile
+from .recorder_report import RecorderState, TopicPace, topics_status
 
 DISCOVERY_S = 0.1
+REPORT_S = 1.0
 DEPTH = 100  # messages of a topic that may wait for the event loop
 IMAGE_CHOICES = {"all": (RAW, COMPRESSED), "raw": (RAW,), "compressed": (COMPRESSED,), "none": ()}
 
@@ -62,12 +65,16 @@ class _Recorded:
 
     type_name: str
     qos: OfferedQos
-    subscription: Subscription
+    subscription: Subscription | None = None
     announced: bool = False
+    pace: TopicPace = field(default_factory=TopicPace)
 
 
 class RecorderNode(Node):
     """Records the selected topics.
+
+    The services ``~/pause`` (std_srvs/SetBool) and ``~/split`` (std_srvs/Trigger) leave out what comes for a while, and begin
+    another file of the bag.
 
     Attributes
     ----------
@@ -79,6 +86,9 @@ class RecorderNode(Node):
         super().__init__("recorder")
         self._selection, self._bag = selection, bag
         self._topics: dict[str, _Recorded] = {}
+        self._replaced: list[_Recorded] = []  # destroying a subscription crashes the events executor
+        self._paused = False
+        self._reported = (time.monotonic(), 0, 0, 0)  # when, and messages, bytes and dropped messages then
         self.lost: Counter[str] = Counter()
         self.problems: dict[str, str] = {}
         self.last_message_s = time.monotonic()
@@ -88,7 +98,9 @@ class RecorderNode(Node):
             if type_name and selection.wants(topic, type_name):
                 self._subscribe(topic, type_name, OfferedQos())
         self._discovery = self.create_timer(DISCOVERY_S, self.discover)
-        self._reporting = self.create_timer(1.0, self._report)
+        self._reporting = self.create_timer(REPORT_S, self.report)
+        self._pause_service = self.create_service(SetBool, "~/pause", self._on_pause)
+        self._split_service = self.create_service(Trigger, "~/split", self._on_split)
         self.discover()
 
     @property
@@ -120,27 +132,32 @@ class RecorderNode(Node):
         except TrackerError as error:
             self._refuse(topic, str(error))
             return
+        recorded = self._topics[topic] = _Recorded(type_name, qos)
         wanted = OfferedQos(qos.reliability, qos.durability, "keep_last", DEPTH)
         events = SubscriptionEventCallbacks(
             message_lost=lambda status: self._on_lost(topic, status.total_count),  # type: ignore[attr-defined]
-            incompatible_qos=lambda status: self._on_incompatible(topic),
+            incompatible_qos=lambda status: self._on_incompatible(topic, recorded),
             use_default_callbacks=False,
         )
 
         # Not with message info, which would tell when it was sent: the events executor cannot deliver that.
         def on_message(data: bytes) -> None:
-            self._on_message(topic, data)
+            if self._topics[topic] is recorded:
+                self._on_message(topic, recorded, data)
 
-        subscription = self.create_subscription(class_, topic, on_message, qos_profile(wanted), event_callbacks=events, raw=True)
-        self._topics[topic] = _Recorded(type_name, qos, subscription)
+        recorded.subscription = self.create_subscription(
+            class_, topic, on_message, qos_profile(wanted), event_callbacks=events, raw=True
+        )
 
     def _refuse(self, topic: str, problem: str) -> None:
         self.problems[topic] = problem
         self.get_logger().error(f"{topic} is not recorded: {problem}")
 
-    def _on_message(self, topic: str, data: bytes) -> None:
+    def _on_message(self, topic: str, recorded: _Recorded, data: bytes) -> None:
         self.last_message_s = time.monotonic()
-        recorded = self._topics[topic]
+        if self._paused:
+            return
+        recorded.pace.add()
         if not recorded.announced:
             self._announce(topic, recorded)
         stamp_ns = self.get_clock().now().nanoseconds if self._sim_time else time.time_ns()
@@ -156,35 +173,64 @@ class RecorderNode(Node):
     def _on_lost(self, topic: str, total: int) -> None:
         self.lost[topic] = max(self.lost[topic], total)  # a total, because events that come together are told once
 
-    def _on_incompatible(self, topic: str) -> None:
+    def _on_incompatible(self, topic: str, recorded: _Recorded) -> None:
         """Somebody publishes with less than we asked for before we knew: ask for that."""
-        recorded = self._topics.get(topic)
         publishers = self.get_publishers_info_by_topic(topic)
-        if recorded is None or not publishers:
+        if self._topics[topic] is not recorded or not publishers:
             return
         weakest = offered_qos([p.qos_profile for p in publishers])
         if (weakest.reliability, weakest.durability) != (recorded.qos.reliability, recorded.qos.durability):
-            self.destroy_subscription(recorded.subscription)
-            del self._topics[topic]
+            self._replaced.append(recorded)
             self._subscribe(topic, recorded.type_name, weakest)
+            self._topics[topic].announced, self._topics[topic].pace = recorded.announced, recorded.pace
 
-    def _report(self) -> None:
-        dropped, lost = sum(self._bag.dropped.values()), sum(self.lost.values())
-        values = {
-            "topics": len(self._topics),
-            "messages": sum(self._bag.written.values()),
-            "waiting_mb": self._bag.waiting_bytes / 2**20,
-            "dropped": dropped,
-            "lost": lost,
-        }
-        if self._bag.problem:
-            self._diagnostics.report("bag", ERROR, self._bag.problem, values)
-        elif dropped:
-            self._diagnostics.report("bag", WARN, "the disk is too slow: messages are dropped", values)
-        elif lost:
-            self._diagnostics.report("bag", WARN, "messages did not arrive", values)
-        else:
-            self._diagnostics.report("bag", OK, "recording", values)
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._paused = request.data
+        response.success, response.message = True, "paused" if request.data else "recording"
+        self.report()
+        return response
+
+    def _on_split(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._bag.split()
+        response.success = not self._bag.problem
+        response.message = self._bag.problem or f"file {self._bag.n_files} ends here"
+        return response
+
+    def report(self) -> None:
+        """Say on /diagnostics how it goes."""
+        paces = {topic: recorded.pace for topic, recorded in self._topics.items()}
+        published = {topic: self.count_publishers(topic) for topic in paces}
+        now_s = time.monotonic() if not self._paused else self.last_message_s
+        self._diagnostics.report("topics", *topics_status(paces, self.lost, published, now_s))
+        state = self._state()
+        self._diagnostics.report("bag", *state.status(), state.values())
+
+    def _state(self) -> RecorderState:
+        bag, now_s = self._bag, time.monotonic()
+        messages, size, dropped = sum(bag.written.values()), bag.size, sum(bag.dropped.values())
+        then_s, messages_then, size_then, dropped_then = self._reported
+        if now_s - then_s > 0.5 * REPORT_S:
+            self._reported = now_s, messages, size, dropped
+        passed_s = max(now_s - then_s, 1e-3)
+        free = bag.free_bytes
+        return RecorderState(
+            problem=bag.problem,
+            paused=self._paused,
+            messages=messages,
+            size=size,
+            free_bytes=free,
+            room_bytes=max(0, free - bag.min_free_bytes),
+            waiting=bag.waiting_bytes / bag.limit_bytes,
+            unsaved_s=bag.unsaved_s,
+            lost=sum(self.lost.values()),
+            dropped=dropped,
+            dropping=dropped > dropped_then,
+            bytes_per_s=(size - size_then) / passed_s,
+            messages_per_s=(messages - messages_then) / passed_s,
+            topics=len(self._topics),
+            files=bag.n_files,
+            refused=self.problems,
+        )
 
 
 def _definition(type_name: str, publishers: Iterable[TopicEndpointInfo]) -> MessageType:
