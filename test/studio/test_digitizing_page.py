@@ -114,7 +114,9 @@ def test_keys_nudge_delete_and_step(desk):
     for key in ("ArrowRight", "ArrowRight", "Shift+ArrowUp", "Shift+ArrowUp", "Shift+ArrowUp"):
         tab.page.keyboard.press(key)
     hands.saved()
-    np.testing.assert_allclose(load_clicks(folder / "clicks/first/0.csv")["back"]["knee"], start + np.array([2.0, -0.3]), atol=1e-9)
+    np.testing.assert_allclose(
+        load_clicks(folder / "clicks/first/0.csv")["back"]["knee"], start + np.array([2.0, -0.3]), atol=1e-9
+    )
     tab.page.keyboard.press("p")
     tab.page.wait_for_selector('#points tr[aria-selected=true]:has(td[title="hip"])')
     tab.page.keyboard.press(".")
