@@ -1,43 +1,37 @@
-"""Cameras, tracker and recorder as one launch.
+"""A whole recording, from cameras to a bag and its evaluation, as recording.yaml says.
 
-    ros2 launch tracker_node pipeline.launch.py rig:=rig.yaml model:=person.yaml initial_state:=start.yaml bag:=out/run1
+    ros2 launch tracker_node pipeline.launch.py recording:=recording.yaml output:=out/run1
 """
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, EmitEvent, RegisterEventHandler
+from launch.actions import DeclareLaunchArgument, EmitEvent, OpaqueFunction, RegisterEventHandler
 from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+FILES = ("rig", "model", "initial_state", "occluders", "config", "output")
+
 
 def generate_launch_description() -> LaunchDescription:
     arguments = [
-        DeclareLaunchArgument("rig", description="rig.yaml with cameras and their sources"),
-        DeclareLaunchArgument("model", description="model.yaml: the body"),
-        DeclareLaunchArgument(
-            "initial_state", default_value="", description="state.yaml: where the body is at first; empty: it is looked for"
-        ),
+        DeclareLaunchArgument("recording", default_value="", description="recording.yaml; what follows goes before what it says"),
+        DeclareLaunchArgument("rig", default_value="", description="rig.yaml with cameras and their sources"),
+        DeclareLaunchArgument("model", default_value="", description="model.yaml or URDF: the body"),
+        DeclareLaunchArgument("initial_state", default_value="", description="state.yaml: where the body is at first"),
         DeclareLaunchArgument("occluders", default_value="", description="model of fixed things that may hide the body"),
-        DeclareLaunchArgument("bag", description="folder of the bag; must not exist"),
+        DeclareLaunchArgument("config", default_value="", description="parameters of the tracker"),
+        DeclareLaunchArgument("output", default_value="", description="folder of the run; its bag must not exist"),
     ]
+    return LaunchDescription([*arguments, OpaqueFunction(function=_pipeline)])
+
+
+def _pipeline(context) -> list:
+    given = {name: LaunchConfiguration(name).perform(context) for name in ("recording", *FILES)}
+    arguments = [given["recording"]] if given["recording"] else []
+    for name in FILES:
+        arguments += [f"--{name.replace('_', '-')}", given[name]] if given[name] else []
     # It starts and ends its three processes in the right order, which separate launch actions could not.
-    pipeline = Node(
-        package="tracker_node",
-        executable="pipeline",
-        arguments=[
-            "--rig",
-            LaunchConfiguration("rig"),
-            "--model",
-            LaunchConfiguration("model"),
-            "--initial-state",
-            LaunchConfiguration("initial_state"),
-            "--occluders",
-            LaunchConfiguration("occluders"),
-            "--bag",
-            LaunchConfiguration("bag"),
-        ],
-        output="screen",
-    )
+    pipeline = Node(package="tracker_node", executable="pipeline", arguments=arguments, output="screen")
     end = RegisterEventHandler(OnProcessExit(target_action=pipeline, on_exit=[EmitEvent(event=Shutdown())]))
-    return LaunchDescription([*arguments, pipeline, end])
+    return [pipeline, end]

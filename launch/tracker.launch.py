@@ -4,51 +4,71 @@
 """
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
-from launch.conditions import IfCondition
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+
+SWITCH = ["true", "false"]
 
 
 def generate_launch_description() -> LaunchDescription:
     arguments = [
         DeclareLaunchArgument("rig", description="rig.yaml: places and lenses of the cameras"),
-        DeclareLaunchArgument("model", description="model.yaml: the body"),
+        DeclareLaunchArgument("model", description="model.yaml or URDF: the body"),
         DeclareLaunchArgument(
             "initial_state", default_value="", description="state.yaml: where the body is at first; empty: it is looked for"
         ),
         DeclareLaunchArgument("occluders", default_value="", description="model of fixed things that may hide the body"),
         DeclareLaunchArgument("params_file", default_value="", description="parameters of the tracker"),
-        DeclareLaunchArgument("calibration", default_value="rig", choices=["rig", "camera_info"]),
+        DeclareLaunchArgument(
+            "calibration",
+            default_value="rig",
+            choices=["rig", "camera_info"],
+            description="where lenses come from; camera_info suits resampled images",
+        ),
+        DeclareLaunchArgument("name", default_value="tracker", description="the node's name; one for each of several trackers"),
         DeclareLaunchArgument("namespace", default_value="", description="before every relative topic"),
-        DeclareLaunchArgument("link_frames", default_value="true", description="publish the body's links on /tf"),
+        DeclareLaunchArgument("link_frames", default_value="true", choices=SWITCH, description="publish the body's links on /tf"),
+        DeclareLaunchArgument("use_sim_time", default_value="false", choices=SWITCH, description="take the time from /clock"),
     ]
+    return LaunchDescription([*arguments, OpaqueFunction(function=_nodes)])
+
+
+def _nodes(context) -> list:
+    def value(name: str) -> str:
+        return LaunchConfiguration(name).perform(context)
+
+    arguments = ["--rig", value("rig"), "--model", value("model"), "--calibration", value("calibration")]
+    for option, name in (("--initial-state", "initial_state"), ("--occluders", "occluders"), ("--config", "params_file")):
+        arguments += [option, value(name)] if value(name) else []
+    simulated = {"use_sim_time": value("use_sim_time") == "true"}
     tracker = Node(
         package="tracker_node",
         executable="tracker",
-        name="tracker",
-        namespace=LaunchConfiguration("namespace"),
-        arguments=[
-            "--rig",
-            LaunchConfiguration("rig"),
-            "--model",
-            LaunchConfiguration("model"),
-            "--initial-state",
-            LaunchConfiguration("initial_state"),
-            "--occluders",
-            LaunchConfiguration("occluders"),
-            "--config",
-            LaunchConfiguration("params_file"),
-            "--calibration",
-            LaunchConfiguration("calibration"),
-        ],
+        name=value("name"),
+        namespace=value("namespace"),
+        arguments=arguments,
+        parameters=[simulated],
         output="screen",
     )
+    if value("link_frames") == "false":
+        return [tracker]
     links = Node(
         package="robot_state_publisher",
         executable="robot_state_publisher",
-        namespace=LaunchConfiguration("namespace"),
-        remappings=[("joint_states", "tracker/joint_states")],
-        condition=IfCondition(LaunchConfiguration("link_frames")),
+        name=f"{value('name')}_links",
+        namespace=value("namespace"),
+        parameters=[{"robot_description": ParameterValue(_description(value("model")), value_type=str)}, simulated],
+        # The tracker publishes the description already, on robot_description.
+        remappings=[("joint_states", f"{value('name')}/joint_states"), ("robot_description", "~/robot_description")],
     )
-    return LaunchDescription([*arguments, tracker, links])
+    return [tracker, links]
+
+
+def _description(model: str) -> str:
+    """The body as URDF, which robot_state_publisher of Jazzy wants as a parameter."""
+    from tracker_node.loaders.model_yaml import load_model
+    from tracker_node.loaders.urdf_writer import urdf_of
+
+    return urdf_of(load_model(model))

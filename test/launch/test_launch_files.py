@@ -1,19 +1,26 @@
-"""Launch files name executables that exist and options that those take.
+"""Launch files name executables that exist, options that those take, and arguments that included files have.
 
-Where the launch packages are not installed (they are not on PyPI), stand-ins that only keep their arguments take their place.
+Where the launch packages are not installed (they are not on PyPI), stand-ins take their place that keep their arguments, and
+resolve substitutions as launch does.
 """
 
 import argparse
 import importlib
 import importlib.util
+import re
 import sys
 import types
+from dataclasses import dataclass
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
-FILES = ["camera_ingest.launch.py", "pipeline.launch.py", "tracker.launch.py"]
-CHOICES = {"calibration": "rig", "rate": "30"}
+from tracker_node.cli import main
+
+ROOT = Path(__file__).resolve().parents[2]
+FILES = sorted(path.name for path in (ROOT / "launch").glob("*.py"))
+OTHERS = {"robot_state_publisher": "robot_state_publisher", "rviz2": "rviz2"}
 
 
 class Kept:
@@ -23,62 +30,210 @@ class Kept:
         self.args, self.kwargs = args, kwargs
 
 
+class LaunchConfiguration(Kept):
+    def perform(self, context: dict[str, str]) -> str:
+        return context[self.args[0]]
+
+
+class FindPackageShare(Kept):
+    def perform(self, context: dict[str, str]) -> str:
+        assert self.args[0] == "tracker_node"
+        return str(ROOT)  # config/ and launch/ lie there as in share/tracker_node
+
+
+class PathJoinSubstitution(Kept):
+    def perform(self, context: dict[str, str]) -> str:
+        return "/".join(resolved(part, context) for part in self.args[0])
+
+
+class PythonExpression(Kept):
+    def perform(self, context: dict[str, str]) -> str:
+        return str(eval("".join(resolved(part, context) for part in self.args[0])))
+
+
 STAND_INS = {
     "launch": ["LaunchDescription"],
-    "launch.actions": ["DeclareLaunchArgument", "EmitEvent", "RegisterEventHandler"],
+    "launch.actions": [
+        "DeclareLaunchArgument", "EmitEvent", "IncludeLaunchDescription", "OpaqueFunction", "RegisterEventHandler",
+    ],
     "launch.conditions": ["IfCondition"],
     "launch.event_handlers": ["OnProcessExit"],
     "launch.events": ["Shutdown"],
-    "launch.substitutions": ["LaunchConfiguration"],
+    "launch.launch_description_sources": ["PythonLaunchDescriptionSource"],
+    "launch.substitutions": [LaunchConfiguration, PathJoinSubstitution, PythonExpression],
     "launch_ros": [],
     "launch_ros.actions": ["Node"],
-}
+    "launch_ros.parameter_descriptions": ["ParameterValue"],
+    "launch_ros.substitutions": [FindPackageShare],
+}  # fmt: skip
 
 
 @pytest.fixture
 def stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module_name, names in STAND_INS.items():
+    for module_name, contents in STAND_INS.items():
         module = types.ModuleType(module_name)
-        for name in names:
-            setattr(module, name, type(name, (Kept,), {}))
+        for item in contents:
+            kind = type(item, (Kept,), {}) if isinstance(item, str) else item
+            setattr(module, kind.__name__, kind)
         monkeypatch.setitem(sys.modules, module_name, module)
 
 
-def description_of(path: Path):
+def resolved(item, context: dict[str, str]) -> str:
+    return item if isinstance(item, str) else item.perform(context)
+
+
+def description_of(name: str):
+    path = ROOT / "launch" / name
     spec = importlib.util.spec_from_file_location(path.name.replace(".", "_"), path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module.generate_launch_description()
 
 
-def test_all_files_are_tested(repository: Path):
-    assert sorted(path.name for path in (repository / "launch").glob("*.py")) == FILES
+@dataclass
+class Started:
+    """A node that a launch file starts."""
+
+    package: str
+    executable: str
+    name: str
+    arguments: list[str]
+    parameters: dict
+    remappings: list
+
+
+def declared_by(name: str) -> dict[str, Kept]:
+    return {a.args[0]: a for a in description_of(name).args[0] if type(a).__name__ == "DeclareLaunchArgument"}
+
+
+def started_by(name: str, /, **given: str) -> list[Started]:
+    """The nodes of a launch file and of those that it includes, with these arguments."""
+    declared = declared_by(name)
+    assert set(given) <= set(declared), f"{name} has no argument {set(given) - set(declared)}"
+    context = dict(given)
+    for argument, action in declared.items():
+        if argument not in context:
+            assert "default_value" in action.kwargs, f"{name} needs {argument}"
+            context[argument] = resolved(action.kwargs["default_value"], context)
+        choices = action.kwargs.get("choices")
+        assert not choices or context[argument] in choices, (argument, context[argument])
+    return nodes_of(description_of(name).args[0], context)
+
+
+def nodes_of(actions: list, context: dict[str, str]) -> list[Started]:
+    nodes = []
+    for action in actions:
+        condition = action.kwargs.get("condition")
+        if condition is not None and resolved(condition.args[0], context).lower() != "true":
+            continue
+        kind = type(action).__name__
+        if kind == "OpaqueFunction":
+            nodes += nodes_of(action.kwargs["function"](context), context)
+        elif kind == "IncludeLaunchDescription":
+            file = Path(resolved(action.args[0].args[0], context))
+            assert file.parent == ROOT / "launch"
+            passed = dict(action.kwargs.get("launch_arguments", ()))
+            nodes += started_by(file.name, **{key: resolved(value, context) for key, value in passed.items()})
+        elif kind == "Node":
+            nodes.append(node_of(action.kwargs, context))
+    return nodes
+
+
+def node_of(kwargs: dict, context: dict[str, str]) -> Started:
+    arguments = [resolved(argument, context) for argument in kwargs.get("arguments", [])]
+    parameters = {}
+    for group in kwargs.get("parameters", []):
+        for key, value in group.items():
+            parameters[key] = resolved(value, context) if isinstance(value, LaunchConfiguration) else value
+    name = resolved(kwargs.get("name", kwargs["executable"]), context)
+    return Started(kwargs["package"], kwargs["executable"], name, arguments, parameters, kwargs.get("remappings", []))
+
+
+def check_runs(node: Started) -> argparse.Namespace | None:
+    """What is started is there, and takes its arguments."""
+    if node.package != "tracker_node":
+        assert OTHERS[node.package] == node.executable
+        return None
+    assert (ROOT / "resource" / "executables" / node.executable).is_file()
+    verb, *rest = node.arguments if node.executable == "tracker_node" else [node.executable, *node.arguments]
+    assert "" not in rest
+    return main._parser_of(verb, importlib.import_module(f"tracker_node.cli.{verb}")).parse_args(rest)
+
+
+HUMAN = str(ROOT / "config/models/human.yaml")
+BODY = {"rig": "rig.yaml", "model": HUMAN}
+CASES = [
+    ("camera_ingest", {"rig": "rig.yaml"}, ["camera_ingest"]),
+    ("camera_ingest", {"rig": "rig.yaml", "rate": "50", "loop": "false", "shrink": "2", "namespace": "lab"}, ["camera_ingest"]),
+    ("tracker", BODY, ["tracker", "tracker_links"]),
+    ("tracker", {**BODY, "initial_state": "s.yaml", "occluders": "o.yaml", "params_file": "p.yaml", "calibration": "camera_info",
+                 "name": "second", "link_frames": "false", "use_sim_time": "true"}, ["second"]),
+    ("pipeline", {"recording": "recording.yaml"}, ["pipeline"]),
+    ("pipeline", {**BODY, "initial_state": "s.yaml", "occluders": "o.yaml", "config": "p.yaml", "output": "out"}, ["pipeline"]),
+    ("rviz", {}, ["rviz2"]),
+    ("rig", BODY, ["tracker", "tracker_links", "camera_ingest"]),
+    ("rig", {**BODY, "ingest": "false", "bag": "out/bag", "record_images": "raw", "rviz": "true"},
+     ["recorder", "tracker", "tracker_links", "rviz2"]),
+    ("replay", {"bag": "out/bag"}, ["player"]),
+    ("replay", {"bag": "b", "rate": "0.5", "start": "2", "loop": "true", "rviz": "true"}, ["rviz2", "player"]),
+    ("replay", {"bag": "b", "track": "true", **BODY}, ["again", "player"]),
+    ("demo", {}, ["tracker_node", "rviz2"]),
+    ("demo", {"output": "elsewhere", "rviz": "false"}, ["tracker_node"]),
+]  # fmt: skip
+
+
+def test_all_files_have_a_case():
+    assert sorted({f"{name}.launch.py" for name, _, _ in CASES}) == FILES
+
+
+@pytest.mark.parametrize(("name", "given", "expected"), CASES, ids=[f"{name}-{len(given)}" for name, given, _ in CASES])
+def test_what_is_started_takes_its_arguments(stand_ins, name, given, expected):
+    nodes = started_by(f"{name}.launch.py", **given)
+    assert [node.name for node in nodes] == expected
+    for node in nodes:
+        check_runs(node)
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_executables_and_options_exist(repository: Path, stand_ins: None, name: str):
-    actions = description_of(repository / "launch" / name).args[0]
-    declared = {action.args[0] for action in actions if type(action).__name__ == "DeclareLaunchArgument"}
-    nodes = [action.kwargs for action in actions if type(action).__name__ == "Node"]
-    ours = [node for node in nodes if node["package"] == "tracker_node"]
-    assert ours
-    for node in ours:
-        executable = node["executable"]
-        assert (repository / "resource" / "executables" / executable).is_file()
-        given = []
-        for argument in node["arguments"]:
-            if isinstance(argument, str):
-                given.append(argument)
-            else:
-                assert argument.args[0] in declared
-                given.append(CHOICES.get(argument.args[0], "file"))
-        parser = argparse.ArgumentParser(exit_on_error=False)
-        importlib.import_module(f"tracker_node.cli.{executable}").add_arguments(parser)
-        parser.parse_args(given)
+def test_every_argument_is_described_and_used(stand_ins, name):
+    text = (ROOT / "launch" / name).read_text()
+    for argument, action in declared_by(name).items():
+        assert action.kwargs.get("description"), argument
+        assert len(re.findall(rf'"{argument}"', text)) >= 2, argument
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_examples_give_arguments_that_there_are(stand_ins, name):
+    examples = re.findall(rf"ros2 launch tracker_node {re.escape(name)}(.*)", (ROOT / "launch" / name).read_text())
+    assert examples
+    for example in examples:
+        given = dict(item.split(":=") for item in example.split())
+        started_by(name, **{key: HUMAN if key == "model" else value for key, value in given.items()})
+
+
+def test_link_frames_are_those_of_the_body_that_is_tracked(stand_ins):
+    """robot_state_publisher of Jazzy does not start without the description as a parameter."""
+    tracker, links = started_by("tracker.launch.py", **BODY, name="second")
+    description = links.parameters["robot_description"]
+    assert description.kwargs == {"value_type": str}  # or launch would read it as YAML
+    robot = ElementTree.fromstring(description.args[0])
+    assert robot.tag == "robot" and len(robot.findall("joint")) > 30
+    assert check_runs(tracker).model == HUMAN
+    assert dict(links.remappings)["joint_states"] == "second/joint_states"
+
+
+def test_a_replay_has_the_time_of_the_bag(stand_ins):
+    nodes = started_by("replay.launch.py", bag="b", track="true", rviz="true", **BODY)
+    assert {node.name: node.parameters.get("use_sim_time") for node in nodes} == {"again": True, "rviz2": "true", "player": None}
+
+
+def test_rviz_opens_a_layout_that_is_there(stand_ins):
+    (rviz,) = started_by("rviz.launch.py")
+    assert Path(rviz.arguments[1]).is_file()
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("name", FILES)
-def test_launch_itself_reads_them(repository: Path, name: str):
+def test_launch_itself_reads_them(name):
     pytest.importorskip("launch_ros", reason="launch is not installed")
-    assert description_of(repository / "launch" / name).entities
+    assert description_of(name).entities
