@@ -38,6 +38,9 @@ class HeldTracker:
     def set_state(self, state):
         pass
 
+    def look_anew(self):
+        pass
+
 
 class Bench:
     """A node with a `HeldTracker`, and publishers of its cameras' images."""
@@ -51,8 +54,8 @@ class Bench:
         self.states = probe.listen(TrackedState, "tracker/state")
         create = probe.node.create_publisher
         self.cameras = [create(Image, f"{name}/image_raw", images_published(50)) for name in rig.names]
+        assert self.node.start()
         probe.spin_until(lambda: all(c.get_subscription_count() for c in self.cameras), "subscriptions")
-        self.node.start()
 
     def send(self, i: int) -> None:
         """One image set, until the node has all of it."""

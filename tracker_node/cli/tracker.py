@@ -45,6 +45,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         " target_through_mask (of every camera)",
     )
     parser.add_argument("--compressed", action="store_true", help="subscribe to <cam>/image_raw/compressed")
+    parser.add_argument(
+        "--no-autostart", action="store_true", help="wait to be configured and activated by the services of a lifecycle node"
+    )
+    parser.add_argument(
+        "--end-on-failure", action="store_true", help="end where the automatic start fails, instead of waiting to be configured"
+    )
 
 
 def listeners(text: str) -> tuple[str, int]:
@@ -63,7 +69,9 @@ def run(args: argparse.Namespace) -> int:
     from ..loaders.state_yaml import load_state
     from ..ros.executor import ros_process, spin
     from ..ros.image_inbox import InboxOptions
-    from ..ros.tracker_node import TrackerNode, TrackerOptions
+    from ..ros.lifecycle import FINALIZED, INACTIVE
+    from ..ros.tracker_node import TrackerNode
+    from ..ros.tracker_options import TrackerOptions
     from ..tracking.config import TrackerConfig
 
     rig, model = load_rig(args.rig), load_model(args.model)
@@ -75,17 +83,23 @@ def run(args: argparse.Namespace) -> int:
         occluders=load_model(args.occluders) if args.occluders else None,
         inbox=InboxOptions(lossless=args.lossless, compressed=args.compressed),
         calibration_from_topics=args.calibration == "camera_info",
+        autostart=not args.no_autostart,
     )
     with ros_process(args.ros_args) as stop:
         node = TrackerNode(options)
+        failure: object = None
         try:
-            spin(node, stop, lambda: node.has_subscribers(dict(args.wait_for)))
-            node.start()
-            spin(node, stop, lambda: node.fatal is not None)
+            if node.autostart and node.configure():
+                spin(node, stop, lambda: node.state != INACTIVE or node.has_subscribers(dict(args.wait_for)))
+                node.activate()
+            if args.end_on_failure:
+                failure = node.failure
+            if not failure:
+                spin(node, stop, lambda: node.fatal is not None or node.state == FINALIZED)
         finally:
             node.close()
-            fatal = node.fatal
+            failure = failure or node.fatal
             node.destroy_node()
-    if fatal is not None:
-        print(f"tracker_node tracker: error: {fatal}", file=sys.stderr)
-    return 2 if fatal is not None else 0
+    if failure:
+        print(f"tracker_node tracker: error: {failure}", file=sys.stderr)
+    return 2 if failure else 0

@@ -8,6 +8,7 @@ import threading
 from collections.abc import Iterable, Mapping
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from ..tracking.camera_fault import TURNED, CameraFault
@@ -21,26 +22,37 @@ _TROUBLE = (WARN, ERROR)
 
 
 class Diagnostics:
-    """Statuses of the parts of one node, published under ``<node>: <part>``.
+    """Statuses of the parts of one node, published under ``<node>: <part>``, the node's name with its namespace.
 
     `report` may be called from any thread. A change of level or message is published at once, values alone with the next
-    second; trouble, and its end, is logged, though not again when only numbers in its message change.
+    second; trouble, and its end, is logged, though not again when only numbers in its message change. The seconds are those
+    of a steady clock: a simulated one that stands still is no reason to say nothing.
     """
 
     def __init__(self, node: Node, hardware_id: str = "", period_s: float = 1.0):
         self._node, self._hardware_id = node, hardware_id
+        self._name = node.get_fully_qualified_name().lstrip("/")
         self._lock = threading.Lock()
         self._statuses: dict[str, DiagnosticStatus] = {}
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", RESULT)
-        self._timer = node.create_timer(period_s, self.publish)
+        self._timer = node.create_timer(period_s, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def report(self, part: str, level: bytes, message: str, values: Mapping[str, object] | None = None) -> None:
-        """State of one part; ``values`` are shown as text, floats with three decimals."""
+    def report(
+        self,
+        part: str,
+        level: bytes,
+        message: str,
+        values: Mapping[str, object] | None = None,
+        *,
+        hardware_id: str = "",
+        logged: bool = True,
+    ) -> None:
+        """State of one part; ``values`` are shown as text, floats with three decimals. What is not ``logged`` is only published."""
         status = DiagnosticStatus(
             level=level,
-            name=f"{self._node.get_name()}: {part}",
+            name=f"{self._name}: {part}",
             message=message,
-            hardware_id=self._hardware_id,
+            hardware_id=hardware_id or self._hardware_id,
             values=[KeyValue(key=key, value=_text(value)) for key, value in (values or {}).items()],
         )
         with self._lock:
@@ -48,10 +60,15 @@ class Diagnostics:
             self._statuses[part] = status
         if before is None or (before.level, before.message) != (level, message):
             trouble = level in _TROUBLE or (before is not None and before.level in _TROUBLE)
-            if trouble and (before is None or (before.level, _gist(before.message)) != (level, _gist(message))):
+            if logged and trouble and (before is None or (before.level, _gist(before.message)) != (level, _gist(message))):
                 self._log(part, level, message)
             if before is not None or level != OK:
                 self.publish()
+
+    def rest(self, message: str) -> None:
+        """Every part is at rest, and no trouble: nothing is expected of it."""
+        for part in list(self._statuses):
+            self.report(part, OK, message)
 
     def publish(self) -> None:
         """Publish all statuses as they are."""

@@ -5,16 +5,17 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
+from rclpy.subscription import Subscription
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from ..observation.image_set import CameraImage
 from .conversions import bgr_of_compressed, decode_raw_image
-from .qos import images_subscribed
+from .qos import images_subscribed, overridable
+from .qos_mismatch import QosMismatches
 
 
 @dataclass(frozen=True)
@@ -52,31 +53,41 @@ class ImageInbox:
 
     Parameters
     ----------
-    on_problem : called with camera and text when a publisher offers what we cannot take.
+    mismatches : is told when a publisher offers what we cannot take.
 
     Attributes
     ----------
+    arrived : camera -> images received.
     overflowed : camera -> images thrown away because too many waited.
+    lost : camera -> images that were sent and did not arrive, as far as the transport knows.
     infos : camera -> its latest calibration message.
     last_arrival_s : camera -> steady time of its latest image.
     """
 
-    def __init__(self, node: Node, cameras: Sequence[str], options: InboxOptions, on_problem: Callable[[str, str], None]):
-        self._options, self._on_problem = options, on_problem
+    def __init__(self, node: Node, cameras: Sequence[str], options: InboxOptions, mismatches: QosMismatches):
+        self._node, self._options, self._mismatches = node, options, mismatches
         self._condition = threading.Condition()
         self._waiting: deque[Received] = deque()
         self._n_waiting = dict.fromkeys(cameras, 0)
-        self._subscriptions: list = []
+        self._subscriptions: dict[str, list[Subscription]] = {}
+        self.arrived = dict.fromkeys(cameras, 0)
         self.overflowed = dict.fromkeys(cameras, 0)
+        self.lost = dict.fromkeys(cameras, 0)
         self.infos: dict[str, CameraInfo] = {}
         self.last_arrival_s: dict[str, float] = {}
+
+    def subscribe(self, cameras: Collection[str]) -> None:
+        """Listen to these cameras and to no others."""
+        for camera in [name for name in self._subscriptions if name not in cameras]:
+            for subscription in self._subscriptions.pop(camera):
+                self._node.destroy_subscription(subscription)
+            self.last_arrival_s.pop(camera, None)
+            self.infos.pop(camera, None)
         for camera in cameras:
-            self._subscribe(node, camera)
+            if camera not in self._subscriptions:
+                self._subscriptions[camera] = self._subscribed(camera)
 
-    def _subscribe(self, node: Node, camera: str) -> None:
-        def refused(event) -> None:
-            self._on_problem(camera, f"a publisher's quality of service does not match ours (policy {event.last_policy_kind})")
-
+    def _subscribed(self, camera: str) -> list[Subscription]:
         def enqueue(content) -> None:
             self._enqueue(Received(camera, content))
 
@@ -85,20 +96,23 @@ class ImageInbox:
                 self.infos[camera] = info
                 self._condition.notify()
 
-        qos, events = images_subscribed(self._options.lossless), SubscriptionEventCallbacks(incompatible_qos=refused)
+        def count_lost(event) -> None:
+            self.lost[camera] = event.total_count
+
+        qos, create = images_subscribed(self._options.lossless), self._node.create_subscription
+        topic, kind = f"{camera}/image_raw", Image
         if self._options.compressed:
-            topic = f"{camera}/image_raw/compressed"
-            images = node.create_subscription(CompressedImage, topic, enqueue, qos, event_callbacks=events)
-        else:
-            topic = f"{camera}/image_raw"
-            images = node.create_subscription(Image, topic, enqueue, qos, event_callbacks=events, raw=True)
-        infos = node.create_subscription(CameraInfo, f"{camera}/camera_info", remember, qos)
-        self._subscriptions += [images, infos]
+            topic, kind = f"{topic}/compressed", CompressedImage
+        events = self._mismatches.of_subscription(camera, topic)
+        events.message_lost = count_lost
+        images = create(kind, topic, enqueue, **overridable(qos), event_callbacks=events, raw=kind is Image)
+        return [images, create(CameraInfo, f"{camera}/camera_info", remember, qos)]
 
     def _enqueue(self, received: Received) -> None:
         camera = received.camera
         with self._condition:
             self.last_arrival_s[camera] = time.monotonic()
+            self.arrived[camera] += 1
             if not self._options.lossless and self._n_waiting[camera] >= self._options.capacity:
                 self._drop_oldest(camera)
             self._waiting.append(received)

@@ -1,8 +1,9 @@
-"""ROS parameters of the tracker, made from the fields of the configuration dataclasses and from nothing else."""
+"""ROS parameters of the tracker: the fields of the configuration dataclasses, cameras in use, and what is fixed at the start."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -13,21 +14,33 @@ from ..errors import FileFormatError, TrackerError, UnknownNameError
 from ..tracking.config import TrackerConfig, describe, flatten, from_dict
 
 _INT_MAX = 2**63 - 1
+_CAMERAS = "cameras"
 # Parameters that rclpy gives every node.
 _ROS_OWN = ("use_sim_time", "start_type_description_service")
-_ROS_OWN_PREFIX = "qos_overrides."
+_QOS_PREFIX = "qos_overrides."
+
+
+@dataclass(frozen=True)
+class FixedParameter:
+    """A parameter that can be given at the start and not be changed; texts may be limited to ``choices``."""
+
+    default: bool | str
+    doc: str
+    choices: tuple[str, ...] = ()
 
 
 class ConfigParameters:
-    """The parameters of a node as one `TrackerConfig`.
+    """The parameters of a node as one `TrackerConfig`, and some that are not of the configuration.
 
-    ``config`` holds the current one; ``on_change`` is called with each new one after it has been accepted as a whole.
+    ``config``, ``cameras`` (in use) and ``fixed`` (name -> value) hold what is valid now. A change is accepted as a whole, after
+    ``check`` has raised no `TrackerError`, and then ``on_change`` is called, in the thread that runs callbacks.
 
     Parameters
     ----------
     node : its parameter overrides (``--params-file``, ``-p``) win over ``defaults``.
     defaults : usually from a configuration file.
-    on_change : called with the new configuration, in the thread that runs callbacks.
+    cameras : all that may be in use; without any there is no parameter of that name.
+    fixed : those that cannot be changed while the node runs.
 
     Raises
     ------
@@ -39,46 +52,101 @@ class ConfigParameters:
         node: Node,
         defaults: TrackerConfig | None = None,
         on_change: Callable[[TrackerConfig], None] = lambda config: None,
+        *,
+        cameras: Sequence[str] = (),
+        fixed: Mapping[str, FixedParameter] | None = None,
+        check: Callable[[TrackerConfig, tuple[str, ...]], None] = lambda config, cameras: None,
     ):
-        self._node, self._on_change = node, on_change
-        self._described = describe()
-        self._refuse_unknown_overrides()
-        values = {name: self._declare(name, default) for name, default in flatten(defaults or TrackerConfig()).items()}
-        self.config = from_dict(values, f"parameters of {node.get_name()}")
+        self._node, self._on_change, self._check = node, on_change, check
+        self._source = f"parameters of {node.get_name()}"
+        self._described, self._all_cameras = describe(), tuple(cameras)
+        fixed = fixed or {}
+        self._refuse_unknown_overrides({*self._described, *fixed, *([_CAMERAS] if cameras else []), *_ROS_OWN})
+        values = {name: self._declare_field(name, default) for name, default in flatten(defaults or TrackerConfig()).items()}
+        self.config = from_dict(values, self._source)
+        self.cameras = self._declare_cameras() if cameras else ()
+        self.fixed = {name: self._declare_fixed(name, parameter) for name, parameter in fixed.items()}
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._apply)
 
-    def _refuse_unknown_overrides(self) -> None:
-        for name in self._node._parameter_overrides:  # rclpy has no public way to see them before they are declared
-            if name not in self._described and name not in _ROS_OWN and not name.startswith(_ROS_OWN_PREFIX):
-                raise UnknownNameError("parameter", name, self._described)
+    def _overrides(self) -> dict[str, Parameter]:
+        return self._node._parameter_overrides  # rclpy has no public way to see them before they are declared
 
-    def _declare(self, name: str, default: Any) -> Any:
-        given = self._node._parameter_overrides.get(name)
-        if given is not None and isinstance(default, float) and isinstance(given.value, int) and type(given.value) is not bool:
+    def _refuse_unknown_overrides(self, known: set[str]) -> None:
+        for name in self._overrides():
+            if name not in known and not name.startswith(_QOS_PREFIX):
+                raise UnknownNameError("parameter", name, known)
+
+    def refuse_unknown_qos(self) -> None:
+        """To be called when all topics are there: each of them has declared the overrides that it takes.
+
+        Raises
+        ------
+        UnknownNameError : an override of a topic or policy that there is not.
+        """
+        for name in self._overrides():
+            if name.startswith(_QOS_PREFIX) and not self._node.has_parameter(name):
+                declared = self._node.get_parameters_by_prefix(_QOS_PREFIX[:-1])
+                raise UnknownNameError("parameter", name, [_QOS_PREFIX + other for other in declared])
+
+    def _declare_field(self, name: str, default: Any) -> Any:
+        given = self._overrides().get(name)
+        if given is not None and isinstance(default, float) and type(given.value) is int:
             # `-p optimizer.robust_scale_px:=8` is an integer to ROS; a user means 8.0.
-            self._node._parameter_overrides[name] = Parameter(name, Parameter.Type.DOUBLE, float(given.value))
-        try:
-            return self._node.declare_parameter(name, default, descriptor_of(name, self._described[name])).value
-        except Exception as error:  # rclpy has several kinds for wrong type and out of range
-            expected = f"a {type(default).__name__} ({descriptor_of(name, self._described[name]).additional_constraints})"
-            got = given.value if given is not None else default
-            raise FileFormatError(f"parameters of {self._node.get_name()}", name, expected, got) from error
+            self._overrides()[name] = Parameter(name, Parameter.Type.DOUBLE, float(given.value))
+        descriptor = descriptor_of(name, self._described[name])
+        expected = f"a {type(default).__name__} ({descriptor.additional_constraints})"
+        return self._declare(name, default, descriptor, expected)
 
-    def _merged(self, parameters: list[Parameter]) -> TrackerConfig:
+    def _declare(self, name: str, default: Any, descriptor: ParameterDescriptor, expected: str) -> Any:
+        try:
+            return self._node.declare_parameter(name, default, descriptor).value
+        except Exception as error:  # rclpy has several kinds for wrong type and out of range
+            given = self._overrides().get(name)
+            raise FileFormatError(self._source, name, expected, given.value if given is not None else default) from error
+
+    def _declare_cameras(self) -> tuple[str, ...]:
+        choices = f"some of {', '.join(self._all_cameras)}"
+        descriptor = ParameterDescriptor(name=_CAMERAS, description="cameras in use", additional_constraints=choices)
+        return self._in_use(self._declare(_CAMERAS, list(self._all_cameras), descriptor, f"a list, {choices}"))
+
+    def _declare_fixed(self, name: str, parameter: FixedParameter) -> bool | str:
+        descriptor = ParameterDescriptor(name=name, description=parameter.doc, read_only=True)
+        if parameter.choices:
+            descriptor.additional_constraints = _one_of(parameter.choices)
+        expected = f"a {type(parameter.default).__name__} {descriptor.additional_constraints}".rstrip()
+        value = self._declare(name, parameter.default, descriptor, expected)
+        if parameter.choices and value not in parameter.choices:
+            raise FileFormatError(self._source, name, expected, value)
+        return value
+
+    def _in_use(self, names: Sequence[str]) -> tuple[str, ...]:
+        """In the order of the rig."""
+        for name in names:
+            if name not in self._all_cameras:
+                raise UnknownNameError("camera", name, self._all_cameras)
+        if not names or len(set(names)) != len(names):
+            raise FileFormatError(self._source, _CAMERAS, "one or more names, each once", list(names))
+        return tuple(name for name in self._all_cameras if name in names)
+
+    def _merged(self, parameters: list[Parameter]) -> tuple[TrackerConfig, tuple[str, ...]]:
         own = {p.name: p.value for p in parameters if p.name in self._described}
-        return from_dict({**flatten(self.config), **own}, f"parameters of {self._node.get_name()}")
+        cameras = [self._in_use(p.value) for p in parameters if p.name == _CAMERAS and self._all_cameras]
+        return from_dict({**flatten(self.config), **own}, self._source), cameras[-1] if cameras else self.cameras
 
     def _validate(self, parameters: list[Parameter]) -> SetParametersResult:
         try:
-            self._merged(parameters)
+            config, cameras = self._merged(parameters)
+            if (config, cameras) != (self.config, self.cameras):
+                self._check(config, cameras)
         except TrackerError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _apply(self, parameters: list[Parameter]) -> None:
-        if any(p.name in self._described for p in parameters):
-            self.config = self._merged(parameters)
+        before = self.config, self.cameras
+        self.config, self.cameras = self._merged(parameters)
+        if (self.config, self.cameras) != before:
             self._on_change(self.config)
 
 
@@ -94,7 +162,11 @@ def descriptor_of(name: str, description: Mapping[str, Any]) -> ParameterDescrip
         top_int = _INT_MAX if high is None else int(high)
         descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=top_int, step=1)]
     if description["choices"]:
-        descriptor.additional_constraints = "one of " + ", ".join(description["choices"])
+        descriptor.additional_constraints = _one_of(description["choices"])
     elif low is not None or high is not None:
         descriptor.additional_constraints = f"in [{low}, {high}]"
     return descriptor
+
+
+def _one_of(choices: Sequence[str]) -> str:
+    return "one of " + ", ".join(choices)

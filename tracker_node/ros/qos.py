@@ -5,9 +5,12 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import MutableMapping
+from copy import copy
 from pathlib import Path
+from typing import Any
 
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from rclpy.qos_overriding_options import QoSOverridingOptions
 
 PROFILE_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
@@ -32,6 +35,19 @@ def images_published(depth: int = 10) -> QoSProfile:
 def images_subscribed(lossless: bool, depth: int = 100) -> QoSProfile:
     """Every image in order, or the newest as they come."""
     return images_published(depth) if lossless else SENSOR
+
+
+def overridable(qos: QoSProfile) -> dict[str, Any]:
+    """Arguments of ``create_publisher`` or ``create_subscription``: a profile that parameters ``qos_overrides.<topic>`` change.
+
+    rclpy writes what they say into the profile, so it is a copy.
+    """
+    return {"qos_profile": copy(qos), "qos_overriding_options": QoSOverridingOptions.with_default_policies()}
+
+
+def policy_name(kind: int) -> str:
+    """The name of a policy in an event of incompatible quality of service."""
+    return QoSPolicyKind(kind).name.lower()
 
 
 def config_file(name: str) -> Path:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.duration import Duration
-from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import CompressedImage, Image, JointState
@@ -31,7 +29,8 @@ from .conversions import (
     tracked_state_message,
     urdf_of,
 )
-from .qos import LATCHED, RESULT
+from .qos import LATCHED, RESULT, overridable
+from .qos_mismatch import QosMismatches
 
 try:
     from tf2_msgs.msg import TFMessage
@@ -43,11 +42,17 @@ class TrackerOutputs:
     """Publishers of a tracker node. Images and markers are made only while somebody listens.
 
     The state is published last: whoever has seen it may rely on the rest being on its way.
+
+    Parameters
+    ----------
+    mismatches : is told when a subscriber asks for what we do not offer.
+    frame_prefix : before the name of the root link on /tf, for several bodies in one graph.
     """
 
-    def __init__(self, node: Node, rig: CameraRig, model: ArticulatedModel, on_problem: Callable[[str, str], None]):
+    def __init__(self, node: Node, rig: CameraRig, model: ArticulatedModel, mismatches: QosMismatches, frame_prefix: str = ""):
         self._node, self._model, self._frame_id = node, model, rig.world_frame
-        self._on_problem = on_problem
+        self._mismatches, self._root_frame = mismatches, frame_prefix + model.chain.links[0]
+        self._publishers: list[Publisher] = []
         self._pose = self._publisher(PoseWithCovarianceStamped, "~/pose")
         self._joints = self._publisher(JointState, "~/joint_states")
         self._state = self._publisher(TrackedState, "~/state")
@@ -58,20 +63,27 @@ class TrackerOutputs:
         Configuration(model, State.neutral(model))  # compiled code is loaded now, not at the first image set
         self._marker_buffer = MarkerBuffer(model, self._frame_id)
         self._mask_buffers: dict[str, ImageBuffer] = {}
-        self._description = self._publisher(String, "robot_description", LATCHED)
+        self._description = self._created(String, "robot_description", qos_profile=LATCHED)
         self._description.publish(String(data=urdf_of(model)))
-        self._tf = node.create_publisher(TFMessage, "/tf", 100) if TFMessage is not None else None
+        self._tf: Publisher | None = None
         if TFMessage is not None:
-            self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
+            self._tf = self._created(TFMessage, "/tf", qos_profile=RESULT)
+            self._tf_static = self._created(TFMessage, "/tf_static", qos_profile=LATCHED)
             frames = [(self._frame_id, camera.frame_id, camera.T_world_cam) for camera in rig]
             self._tf_static.publish(TFMessage(transforms=tf_message(0, frames)))
 
-    def _publisher(self, message_type, topic: str, qos=RESULT) -> Publisher:
-        def refused(event) -> None:
-            self._on_problem(topic, f"a subscriber's quality of service does not match ours (policy {event.last_policy_kind})")
+    def _publisher(self, message_type, topic: str) -> Publisher:
+        events = self._mismatches.of_publisher(topic, topic)
+        return self._created(message_type, topic, **overridable(RESULT), event_callbacks=events)
 
-        events = PublisherEventCallbacks(incompatible_qos=refused)
-        return self._node.create_publisher(message_type, topic, qos, event_callbacks=events)
+    def _created(self, message_type, topic: str, **options) -> Publisher:
+        self._publishers.append(self._node.create_publisher(message_type, topic, **options))
+        return self._publishers[-1]
+
+    def close(self) -> None:
+        """The topics are offered no more."""
+        while self._publishers:
+            self._node.destroy_publisher(self._publishers.pop())
 
     def publish(self, estimate: TrackEstimate, image_set: ImageSet, rig: CameraRig) -> None:
         """Everything about one estimate; ``rig`` has the lenses of the images."""
@@ -81,7 +93,7 @@ class TrackerOutputs:
         if self._markers.get_subscription_count():
             self._markers.publish(self._marker_buffer.fill(estimate, configuration))
         if self._tf is not None and estimate.status != Status.LOST:
-            root = (self._frame_id, self._model.chain.links[0], estimate.state.T_world_root)
+            root = (self._frame_id, self._root_frame, estimate.state.T_world_root)
             self._tf.publish(TFMessage(transforms=tf_message(estimate.stamp_ns, [root])))
         self._pose.publish(pose_message(estimate, self._frame_id))
         self._joints.publish(joint_state_message(estimate, self._model, self._frame_id))

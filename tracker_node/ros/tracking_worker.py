@@ -6,8 +6,9 @@ import queue
 import threading
 import time
 import traceback
+from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -17,12 +18,13 @@ from ..errors import TrackerError
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from ..observation.image_set import CameraImage, ImageSet
-from ..observation.image_synchronizer import ImageSynchronizer
 from ..tracking.config import TrackerConfig
 from ..tracking.estimate import CameraReport, Status, Timings, TrackEstimate
 from .image_inbox import ImageInbox, Received
+from .set_formation import SetFormation
 
 _AT_ONCE = 2  # image sets that may wait in a graph that is watched live
+PAUSED, INACTIVE = "paused", "inactive"  # why images that have come are not used
 
 
 class Steppable(Protocol):
@@ -31,6 +33,20 @@ class Steppable(Protocol):
     def step(self, image_set: ImageSet) -> TrackEstimate: ...
     def reset(self) -> None: ...
     def set_state(self, state: State) -> None: ...
+    def look_anew(self) -> None: ...
+
+
+@dataclass(frozen=True, eq=False)
+class TrackingSetup:
+    """What is tracked with, from one change of parameters to the next.
+
+    ``cameras`` are those in use, and ``rig`` is of these alone; it and ``tracker`` are None where lenses are not known yet.
+    """
+
+    config: TrackerConfig
+    cameras: tuple[str, ...]
+    rig: CameraRig | None = None
+    tracker: Steppable | None = None
 
 
 @dataclass
@@ -41,101 +57,153 @@ class WorkerCounts:
     superseded: int = 0  # sets not tracked since a newer one was there
     lost: int = 0
     failed: int = 0  # sets at which the tracker raised an error
-    refused: dict[str, int] = field(default_factory=dict)  # camera -> images that could not be used
+    refused: Counter[str] = field(default_factory=Counter)  # camera -> images that could not be used
     problems: dict[str, str] = field(default_factory=dict)  # camera -> why
+    idle: dict[str, Counter[str]] = field(default_factory=lambda: {PAUSED: Counter(), INACTIVE: Counter()})
+    # reason -> camera -> images that came while nothing was to be tracked
 
 
-class TrackingWorker(threading.Thread):
-    """Tracks what the inbox receives until it is stopped.
+class TrackingWorker:
+    """Tracks what the inbox receives between `start` and `stop`; what it knows outlives a stop.
 
     Parameters
     ----------
-    make_tracker : builds the tracker for a rig, a configuration and a first state; called in this thread.
-    on_estimate : called in this thread with each estimate and its image set.
+    setup : as it is at first; images wait while it has no tracker. Later ones come by `use`.
+    on_estimate : called in the thread with each estimate and its image set.
     lossless : every image set is tracked, in order; otherwise only the newest two of those that wait, and the others are
         counted: one that came late is made up for, a tracker that is too slow does not fall behind.
-    rig : its lenses are those of the images, or None where they are not known yet (`set_rig`): images wait.
+
+    Attributes
+    ----------
+    formation : the image sets, and what became of the images.
+    latest : the latest estimate since the last reset.
+    busy : tracking, or getting ready to.
+    paused : images are counted, and not used.
+    fatal : why the thread has ended by itself.
     """
 
     def __init__(
         self,
         inbox: ImageInbox,
-        make_tracker: Callable[[CameraRig, TrackerConfig, State | None], Steppable],
+        setup: TrackingSetup,
         on_estimate: Callable[[TrackEstimate, ImageSet], None],
         *,
         model: ArticulatedModel,
-        config: TrackerConfig,
-        cameras: tuple[str, ...],
         lossless: bool = False,
         on_error: Callable[[str], None] = lambda text: None,
     ):
-        super().__init__(name="track", daemon=True)
-        self._inbox, self._make_tracker, self._on_estimate = inbox, make_tracker, on_estimate
-        self._model, self._config, self._lossless, self._on_error = model, config, lossless, on_error
-        self._rig: CameraRig | None = None
-        self._tracker: Steppable | None = None
+        self._inbox, self._setup, self._on_estimate = inbox, setup, on_estimate
+        self._model, self._lossless, self._on_error = model, lossless, on_error
+        self._thread: threading.Thread | None = None
         self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
-        self._stopping = threading.Event()
+        self._stopping, self._finishing = threading.Event(), False
+        self._asked_state: State | None = None  # to be taken by a tracker that is not there yet
         self._last_ns: int | None = None
         self._not_yet: list[Received] = []
-        self._synchronizer = ImageSynchronizer(cameras, **asdict(config.synchronizer))
+        self.formation = SetFormation(setup.cameras, setup.config.synchronizer)
         self.counts = WorkerCounts()
         self.latest: TrackEstimate | None = None
-        self.busy = True  # tracking, or getting ready to
+        self.busy, self.paused = True, False
         self.fatal: Exception | None = None
 
     @property
-    def synchronizer(self) -> ImageSynchronizer:
-        """For its counters."""
-        return self._synchronizer
+    def rig(self) -> CameraRig | None:
+        """The cameras in use, None while their lenses are not known."""
+        return self._setup.rig
 
-    def set_rig(self, rig: CameraRig) -> None:
-        """The cameras are known: tracking can begin."""
+    @property
+    def config(self) -> TrackerConfig:
+        """The parameters in use."""
+        return self._setup.config
 
-        def begin() -> None:
-            self._rig = rig
-            self._tracker = self._make_tracker(rig, self._config, None)
+    def use(self, setup: TrackingSetup) -> None:
+        """From the next image set on; the tracker goes on from where the old one is, what that has learnt is lost."""
 
-        self._command(begin)
+        def change() -> None:
+            self._setup = setup
+            self.formation.change(setup.cameras, setup.config.synchronizer)
+            known = self.latest is not None and self.latest.status is not Status.INITIALISING
+            state = self.latest.state if self.latest is not None and known else self._asked_state
+            if setup.tracker is not None and state is not None:
+                setup.tracker.set_state(state)
+                self._asked_state = None
+
+        self._command(change)
 
     def reset(self) -> None:
         """Forget everything, as after a backward jump of time."""
 
         def forget() -> None:
-            self._synchronizer.reset()
-            self._reset_tracker()
+            self.formation.reset()
+            self._asked_state = None
+            self._forget_time()
+            if self._setup.tracker is not None:
+                self._setup.tracker.reset()
 
         self._command(forget)
 
     def set_state(self, state: State) -> None:
         """Go on from a state at the next image set."""
-        self._command(lambda: self._tracker.set_state(state) if self._tracker is not None else None)
 
-    def reconfigure(self, config: TrackerConfig) -> None:
-        """Other parameters from the next image set on; the tracker goes on from where it is, what it has learnt is lost."""
+        def take() -> None:
+            if self._setup.tracker is None:
+                self._asked_state = state
+            else:
+                self._setup.tracker.set_state(state)
+
+        self._command(take)
+
+    def look_anew(self) -> None:
+        """Look for the body wherever it may be; what has been learnt stays."""
+
+        def look() -> None:
+            self._asked_state = self.latest = None
+            if self._setup.tracker is not None:
+                self._setup.tracker.look_anew()
+
+        self._command(look)
+
+    def pause(self, paused: bool) -> None:
+        """Count images instead of using them, or use them again."""
 
         def change() -> None:
-            if config.synchronizer != self._config.synchronizer:
-                self._synchronizer = ImageSynchronizer(self._synchronizer.cameras, **asdict(config.synchronizer))
-            self._config = config
-            if self._rig is not None:
-                self._tracker = self._make_tracker(self._rig, config, None if self.latest is None else self.latest.state)
+            if paused and not self.paused:
+                self.formation.reset()
+            self.paused = paused
 
         self._command(change)
 
-    def stop(self, timeout_s: float = 30.0) -> None:
-        """End; a lossless worker tracks what has come in before."""
+    def start(self) -> None:
+        """Begin to track, in a thread."""
+        self._stopping.clear()
+        self._thread = threading.Thread(target=self._run, name="track", daemon=True)
+        self._thread.start()
+
+    def stop(self, finish: bool = True, timeout_s: float = 30.0) -> None:
+        """End the thread. A lossless worker that is to ``finish`` tracks what has come in; otherwise that is counted.
+
+        Raises
+        ------
+        TrackerError : an image set takes longer than the timeout.
+        """
+        if self._thread is None:
+            return
+        self._finishing = finish and self._lossless
         self._stopping.set()
         self._inbox.wake()
-        if self.is_alive():
-            self.join(timeout=timeout_s)
+        self._thread.join(timeout=timeout_s)
+        if self._thread.is_alive():
+            raise TrackerError(f"the tracking thread has not ended within {timeout_s:g} s")
+        self._thread = None
+        self._leave([*self._not_yet, *self._inbox.take(timeout_s=0.0)], INACTIVE)
+        self._not_yet = []
+        self.formation.reset()
 
     def _command(self, action: Callable[[], None]) -> None:
         self._commands.put(action)
         self._inbox.wake()
 
-    def run(self) -> None:
-        """The thread's loop."""
+    def _run(self) -> None:
         try:
             while not self._stopping.is_set():
                 self.busy = False
@@ -143,9 +211,9 @@ class TrackingWorker(threading.Thread):
                 self.busy = True
                 self._obey()
                 self._handle(received)
-            if self._lossless and self._tracker is not None:
+            if self._finishing and self._setup.tracker is not None and not self.paused:
                 self._handle(self._inbox.take(timeout_s=0.0))
-                self._track(self._synchronizer.flush())
+                self._track(self.formation.flush())
         except Exception as error:  # the node must know, or it would idle for ever
             self.fatal = error
             self._on_error(f"the tracking thread has ended: {_described(error)}")
@@ -158,30 +226,40 @@ class TrackingWorker(threading.Thread):
                 return
             action()
 
+    def _leave(self, received: list[Received], reason: str) -> None:
+        self.counts.idle[reason].update(item.camera for item in received)
+
     def _handle(self, received: list[Received]) -> None:
-        if self._tracker is None:
+        if self.paused:
+            self._leave([*self._not_yet, *received], PAUSED)
+            self._not_yet = []
+            return
+        if self._setup.tracker is None:
             self._not_yet += received
-            del self._not_yet[: 0 if self._lossless else -len(self._synchronizer.cameras)]
+            del self._not_yet[: 0 if self._lossless else -len(self._setup.cameras)]
             return
         received, self._not_yet = self._not_yet + received, []
         sets: list[ImageSet] = []
         for item in received:
             image = self._usable(item)
             if image is not None:
-                sets += self._synchronizer.add(image)
+                sets += self.formation.add(image)
         self._track(sets)
 
     def _usable(self, received: Received) -> CameraImage | None:
-        assert self._rig is not None
+        assert self._setup.rig is not None
         camera, counts = received.camera, self.counts
+        if camera not in self._setup.cameras:  # it has been taken out of use since
+            self._leave([received], INACTIVE)
+            return None
         try:
             image = received.decode()
-            lens = self._rig[camera].model
+            lens = self._setup.rig[camera].model
             height, width = image.pixels.shape[:2]
             if (width, height) != (lens.width, lens.height):
                 raise TrackerError(f"expected images of {lens.width}x{lens.height} as calibrated, got {width}x{height}")
         except TrackerError as error:
-            counts.refused[camera] = counts.refused.get(camera, 0) + 1
+            counts.refused[camera] += 1
             counts.problems[camera] = str(error)
             return None
         counts.problems.pop(camera, None)
@@ -196,13 +274,16 @@ class TrackingWorker(threading.Thread):
             self._obey()
 
     def _step(self, image_set: ImageSet) -> None:
-        assert self._tracker is not None and self._rig is not None
+        tracker = self._setup.tracker
+        if tracker is None:  # a camera has been added since whose lens is not known
+            self.counts.superseded += 1
+            return
         if self._last_ns is not None and image_set.stamp_ns < self._last_ns:
-            self._tracker.reset()  # the clock went backward: a recording began again
+            tracker.reset()  # the clock went backward: a recording began again
         self._last_ns = image_set.stamp_ns
         began = time.perf_counter()
         try:
-            estimate = self._tracker.step(image_set)
+            estimate = tracker.step(image_set)
         except Exception as error:
             self.counts.failed += 1
             self._on_error(f"image set {image_set.stamp_ns}: {_described(error)}")
@@ -212,14 +293,11 @@ class TrackingWorker(threading.Thread):
         self.latest = estimate
         self._on_estimate(estimate, image_set)
 
-    def _reset_tracker(self) -> None:
+    def _forget_time(self) -> None:
         self._last_ns, self.latest = None, None
-        if self._tracker is not None:
-            self._tracker.reset()
 
     def _lost(self, image_set: ImageSet, reason: str, total_ms: float) -> TrackEstimate:
         """What is said when the tracker could not say anything: the last state, and that it is lost."""
-        assert self._rig is not None
         n = self._model.n_dof
         blank = TrackEstimate(
             stamp_ns=image_set.stamp_ns,
@@ -230,7 +308,7 @@ class TrackingWorker(threading.Thread):
             covariance=np.eye(n) * 1e6,
             score=0.0,
             residual_px=0.0,
-            cameras=tuple(CameraReport(name, 0, 0.0, 0) for name in self._rig.names),
+            cameras=tuple(CameraReport(name, 0, 0.0, 0) for name in self._setup.cameras),
             iterations=0,
             evaluations=0,
             timings=Timings(0.0, 0.0, total_ms),

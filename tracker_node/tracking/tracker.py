@@ -95,6 +95,10 @@ class Tracker:
         """Go on from ``state`` at the next image set, with what has been learnt so far."""
         self._restart(state)
 
+    def look_anew(self) -> None:
+        """Look for the body at the next image sets, wherever it was, with what has been learnt so far."""
+        self._restart(None)
+
     def _restart(self, state: State | None) -> None:
         self._motion = MotionModel(self.model.chain, self.config.motion)
         self._check.skip()  # how it got there is no velocity

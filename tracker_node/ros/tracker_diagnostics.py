@@ -1,0 +1,138 @@
+"""What /diagnostics says of the tracking itself: status, limbs, rate, times, image sets, and what the images do not tell."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..model.articulated_model import ArticulatedModel
+from ..observation.image_set import ImageSet
+from ..tracking.estimate import LimbStatus, Status, TrackEstimate
+from ..tracking.observability import unobservable
+from .diagnostics import ERROR, OK, WARN, Diagnostics
+from .tracking_worker import TrackingWorker, WorkerCounts
+
+_LEVELS = {Status.INITIALISING: WARN, Status.TRACKING: OK, Status.DEGRADED: WARN, Status.LOST: ERROR}
+_LIMB_LEVELS = {LimbStatus.TRACKING: OK, LimbStatus.UNSEEN: WARN, LimbStatus.DEGRADED: WARN, LimbStatus.LOST: ERROR}
+_REMEMBERED = 150  # image sets that percentiles are of
+_ENOUGH = 20  # of them, for a verdict
+_OTHER_CLOCK_MS = 6e4  # stamps that are farther from now are not of this clock
+
+
+class TrackerDiagnostics:
+    """Told of every estimate by the tracking thread, and asked for a report once a second by the event loop."""
+
+    def __init__(self, diagnostics: Diagnostics, model: ArticulatedModel):
+        self._diagnostics, self._model = diagnostics, model
+        self._latency_ms: deque[float] = deque(maxlen=_REMEMBERED)
+        self._processing_ms: deque[float] = deque(maxlen=_REMEMBERED)
+        self._spread_ms: deque[float] = deque(maxlen=_REMEMBERED)
+        self._before_s, self._tracked_before, self._superseded_before = time.monotonic(), 0, 0
+        self._sets_before: Mapping[str, int] = {}
+
+    def estimated(self, estimate: TrackEstimate, image_set: ImageSet, counts: WorkerCounts, now_ns: int) -> None:
+        """One image set has been tracked and published, at ``now_ns`` of the clock that stamps are of."""
+        stamps = [image.stamp_ns for image in image_set.images]
+        self._latency_ms.append(1e-6 * (now_ns - estimate.stamp_ns))
+        self._processing_ms.append(float(estimate.timings.total_ms))
+        self._spread_ms.append(1e-6 * (max(stamps) - min(stamps)))
+        values = {
+            "image sets tracked": counts.tracked,
+            "image sets superseded": counts.superseded,
+            "image sets lost": counts.lost,
+            "image sets failed": counts.failed,
+            "residual [px]": float(estimate.residual_px),
+            "total [ms]": float(estimate.timings.total_ms),
+        }
+        said = estimate.status.name + (f": {estimate.status_reason}" if estimate.status_reason else "")
+        self._diagnostics.report("status", _LEVELS[estimate.status], said, values)
+        for limb in estimate.limbs:
+            said = limb.status.name + (f": {limb.reason}" if limb.reason else "")
+            values = {"probability of being lost": float(limb.probability)}
+            self._diagnostics.report(f"limb {limb.name}", _LIMB_LEVELS[limb.status], said, values, logged=False)
+
+    def report(self, worker: TrackingWorker) -> None:
+        """Once a second, while the node is active."""
+        now, counts = time.monotonic(), worker.counts
+        elapsed_s = max(now - self._before_s, 1e-3)
+        tracked, superseded = counts.tracked - self._tracked_before, counts.superseded - self._superseded_before
+        self._before_s, self._tracked_before, self._superseded_before = now, counts.tracked, counts.superseded
+        values = {"image sets per second": tracked / elapsed_s, "superseded per second": superseded / elapsed_s}
+        self._diagnostics.report("rate", *_rate_verdict(worker, tracked, superseded), values)
+        self._report_sets(worker)
+        if worker.paused:
+            self._diagnostics.report("status", OK, "paused by request")
+        else:
+            self._report_times(worker)
+            self._report_untold(worker.latest)
+
+    def _report_times(self, worker: TrackingWorker) -> None:
+        config = worker.config.synchronizer
+        latency, processing = _percentiles(self._latency_ms), _percentiles(self._processing_ms)
+        if latency is None or processing is None:
+            return
+        values = {"processing p50 [ms]": processing[0], "processing p95 [ms]": processing[1]}
+        level, said = OK, "from an image's stamp to the state"
+        if abs(latency[0]) > _OTHER_CLOCK_MS:
+            said = "stamps are not of this clock"
+        else:
+            values |= {"latency p50 [ms]": latency[0], "latency p95 [ms]": latency[1]}
+            if len(self._latency_ms) >= _ENOUGH and latency[1] > 1e3 * config.queue_s:
+                level, said = WARN, f"results come more than {config.queue_s:g} s after their images"
+        if len(self._processing_ms) >= _ENOUGH and processing[0] > 1e3 * config.image_period_s:
+            level, said = WARN, f"an image set takes longer than the {1e3 * config.image_period_s:.0f} ms from one to the next"
+        self._diagnostics.report("latency", level, said, values)
+
+    def _report_sets(self, worker: TrackingWorker) -> None:
+        sets = worker.formation.sets
+        new = {name: n - self._sets_before.get(name, 0) for name, n in sets.items()}
+        self._sets_before = sets
+        values: dict[str, object] = dict(sets)
+        spread = _percentiles(self._spread_ms)
+        if spread is not None:
+            values |= {"spread of stamps p50 [ms]": spread[0], "spread of stamps p95 [ms]": spread[1]}
+        complete, fewer = new.pop("complete"), new.pop("of fewer cameras")
+        missed = {name.removeprefix("not formed, "): n for name, n in new.items() if n > 0}
+        level, said = OK, "formed from the images by their stamps"
+        if missed and not worker.paused:
+            reasons = ", ".join(f"{reason} {n}" for reason, n in missed.items())
+            level, said = WARN, f"some are not formed ({reasons})"
+        elif fewer:
+            level, said = WARN, f"{fewer} of {fewer + complete} are of fewer cameras than are in use"
+        self._diagnostics.report("image sets", level, said, values)
+
+    def _report_untold(self, latest: TrackEstimate | None) -> None:
+        """What the latest images do not tell of the body, by name; a warning where it is of the body as a whole."""
+        if latest is None:
+            return
+        if latest.information is None:
+            self._diagnostics.report("observability", OK, "not known: the images are not believed")
+            return
+        names = unobservable(latest.information, self._model)
+        said = f"the images do not tell: {'; '.join(names)}" if names else "the images tell every degree of freedom"
+        whole = any(name.startswith("root") for name in names)
+        self._diagnostics.report("observability", WARN if whole else OK, said)
+
+
+def _rate_verdict(worker: TrackingWorker, tracked: int, superseded: int) -> tuple[bytes, str]:
+    if worker.fatal is not None:
+        return ERROR, f"the tracking thread has ended: {worker.fatal}"
+    if worker.paused:
+        return OK, "paused by request"
+    if superseded > 0:
+        return WARN, f"too slow: {superseded} of {tracked + superseded} image sets are left out"
+    if tracked == 0:
+        return (OK, "at work") if worker.busy else (WARN, "no image sets")
+    return OK, "tracking"
+
+
+def _percentiles(values: deque[float]) -> tuple[float, float] | None:
+    """The 50th and the 95th; None without values."""
+    copied = list(values)
+    if not copied:
+        return None
+    p50, p95 = np.percentile(copied, [50, 95])
+    return float(p50), float(p95)

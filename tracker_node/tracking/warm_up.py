@@ -1,0 +1,83 @@
+"""Compiled code is made, or loaded, before the first image comes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..camera.camera_rig import CameraRig
+from ..geometry import se3
+from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import Configuration, State
+from ..observation.image_set import CameraImage, ImageSet
+from ..render.raycaster import render_view
+from .config import TrackerConfig
+from .tracker import Tracker
+
+_WIDTH_PX = 160
+_SCENE_BGR = (90, 110, 100)
+_SETS = 2  # the first image set of a body, and one with a prediction
+
+
+def warm_up(
+    rig: CameraRig,
+    model: ArticulatedModel,
+    config: TrackerConfig,
+    state: State | None = None,
+    occluders: ArticulatedModel | None = None,
+) -> None:
+    """Track a drawn body in small images with a tracker of this kind, and forget it.
+
+    What the tracker does later is the same with and without: only its code is in memory. How much is fitted and searched is
+    cut down, since only that it is counts.
+
+    Raises
+    ------
+    TrackerError : the configuration does not suit the body.
+    """
+    small = _small_rig(rig)
+    state = state or _in_the_middle(rig, model)
+    tracker = Tracker(small, model, _brief(config), _plates(small), state, occluders)
+    configuration = Configuration(model, state)
+    for i in range(_SETS):
+        stamp_ns = round(i * 1e9 * config.synchronizer.image_period_s)
+        images = tuple(CameraImage(camera.name, stamp_ns, _drawn(configuration, camera)) for camera in small)
+        tracker.step(ImageSet(stamp_ns, images))
+
+
+def _brief(config: TrackerConfig) -> TrackerConfig:
+    region = replace(config.region, first_scales="1", wide_scales="1", scales="1", samples_per_line=2)
+    status = replace(config.status, limb_tries=min(config.status.limb_tries, 1))
+    color = replace(config.color, first_passes=1, levels=min(config.color.levels, 2), search_states=0)
+    return replace(config, region=region, status=status, color=color, start=replace(config.start, enabled=False))
+
+
+def _small_rig(rig: CameraRig) -> CameraRig:
+    cameras = []
+    for camera in rig:
+        height = max(1, round(camera.model.height * _WIDTH_PX / camera.model.width))
+        cameras.append(replace(camera, model=camera.model.resized(_WIDTH_PX, height), plate=None))
+    return replace(rig, cameras=tuple(cameras))
+
+
+def _plates(rig: CameraRig) -> dict[str, np.ndarray]:
+    sizes = {camera.name: (camera.model.height, camera.model.width, 3) for camera in rig}
+    return {name: np.full(size, _SCENE_BGR, np.uint8) for name, size in sizes.items()}
+
+
+def _drawn(configuration: Configuration, camera) -> np.ndarray:
+    """(h, w, 3) BGR: the parts in their colors before a plain wall."""
+    colors = np.array([_SCENE_BGR, *(shape.color_rgb[::-1] for shape in configuration.model.shapes)], np.uint8)
+    return colors[render_view(configuration, camera).labels]
+
+
+def _in_the_middle(rig: CameraRig, model: ArticulatedModel) -> State:
+    """The neutral body where the optical axes come nearest to each other."""
+    A, b = 1e-6 * np.eye(3), np.zeros(3)
+    for camera in rig:
+        axis = camera.T_world_cam[:3, 2]
+        across = np.eye(3) - np.outer(axis, axis)
+        A, b = A + across, b + across @ camera.center
+    state = State.neutral(model)
+    return State(se3.from_rotation_translation(state.T_world_root[:3, :3], np.linalg.solve(A, b)), state.joint_positions)
