@@ -1,0 +1,83 @@
+"""The robot description that the tracker publishes, read by kinpy: joints, limits, and where the links are.
+
+robot_state_publisher is not here; it reads the same joints, and moves the links in the same way.
+"""
+
+from xml.etree import ElementTree
+
+import kinpy
+import numpy as np
+import pytest
+from bodies import crane, random_state
+from lxml import etree
+
+from tracker_node.loaders.model_yaml import load_model
+from tracker_node.loaders.urdf_writer import urdf_of
+from tracker_node.model.configuration import Configuration
+from tracker_node.model.human import human_model
+from tracker_node.model.kinematic_chain import N_ROOT_DOF
+
+
+def robot_arm(repository):
+    return load_model(repository / "config/models/robot_arm.urdf")
+
+
+def cross(repository):
+    return load_model(repository / "config/models/yellow_stick.yaml")
+
+
+BODIES = {"human": lambda repository: human_model(), "robot_arm": robot_arm, "crane": lambda repository: crane(), "cross": cross}
+
+
+@pytest.fixture(params=BODIES)
+def model(request, repository):
+    return BODIES[request.param](repository)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_links_are_where_a_third_party_reader_puts_them(model, seed):
+    if len(model.chain.links) == 1:
+        pytest.skip("kinpy reads no robot without joints; there is nothing to move either")
+    state = random_state(model, np.random.default_rng(seed))
+    chain = kinpy.build_chain_from_urdf(urdf_of(model))
+    names = model.chain.dof_names[N_ROOT_DOF:]
+    assert sorted(chain.get_joint_parameter_names()) == sorted(names)
+    theirs = chain.forward_kinematics(dict(zip(names, state.joint_positions, strict=True)))
+    configuration = Configuration(model, state)
+    T_root_world = np.linalg.inv(configuration.Ts_world_link[0])
+    for link, T_world_link in zip(model.chain.links, configuration.Ts_world_link, strict=True):
+        np.testing.assert_allclose(theirs[link].matrix(), T_root_world @ T_world_link, atol=1e-7)
+
+
+def test_names_and_limits_are_those_of_the_joint_states(model):
+    """robot_state_publisher leaves out joints that it does not know, without an error."""
+    robot = ElementTree.fromstring(urdf_of(model))
+    joints = {joint.get("name"): joint for joint in robot.findall("joint") if joint.get("type") != "fixed"}
+    assert list(joints) == list(model.chain.dof_names[N_ROOT_DOF:])
+    for axis in model.chain.axes:
+        joint, limit = joints[axis.name], joints[axis.name].find("limit")
+        assert {"effort", "velocity"} <= set(limit.attrib)  # urdfdom refuses a limit without them
+        if axis.endless:
+            assert joint.get("type") == "continuous"
+            continue
+        assert joint.get("type") == ("prismatic" if axis.prismatic else "revolute")
+        assert float(limit.get("lower")) == pytest.approx(axis.lower, abs=1e-8)
+        assert float(limit.get("upper")) == pytest.approx(axis.upper, abs=1e-8)
+
+
+def test_the_human_turns_within_limits_everywhere():
+    robot = ElementTree.fromstring(urdf_of(human_model()))
+    assert {joint.get("type") for joint in robot.findall("joint")} - {"fixed"} == {"revolute"}
+    for limit in robot.iter("limit"):
+        assert -7.0 < float(limit.get("lower")) < float(limit.get("upper")) < 7.0
+
+
+def test_it_is_a_tree_with_one_root(model):
+    """What urdfdom asks for: every link but one is a child once, every name is there once."""
+    robot = etree.fromstring(urdf_of(model).encode())
+    links = [link.get("name") for link in robot.findall("link")]
+    children = [child.get("link") for child in robot.iterfind("joint/child")]
+    parents = {parent.get("link") for parent in robot.iterfind("joint/parent")}
+    assert len(set(links)) == len(links) and len(set(children)) == len(children)
+    assert set(links) - set(children) == {model.chain.links[0]}
+    assert parents <= set(links) and set(children) <= set(links)
