@@ -29,6 +29,7 @@ def generate_launch_description() -> LaunchDescription:
         ),
         DeclareLaunchArgument("name", default_value="tracker", description="the node's name; one for each of several trackers"),
         DeclareLaunchArgument("namespace", default_value="", description="before every relative topic"),
+        DeclareLaunchArgument("frame_prefix", default_value="", description="before link frames; one for each of several bodies"),
         DeclareLaunchArgument("link_frames", default_value="true", choices=SWITCH, description="publish the body's links on /tf"),
         DeclareLaunchArgument("use_sim_time", default_value="false", choices=SWITCH, description="take the time from /clock"),
     ]
@@ -42,14 +43,14 @@ def _nodes(context) -> list:
     arguments = ["--rig", value("rig"), "--model", value("model"), "--calibration", value("calibration")]
     for option, name in (("--initial-state", "initial_state"), ("--occluders", "occluders"), ("--config", "params_file")):
         arguments += [option, value(name)] if value(name) else []
-    simulated = {"use_sim_time": value("use_sim_time") == "true"}
+    shared = {"use_sim_time": value("use_sim_time") == "true", "frame_prefix": value("frame_prefix")}
     tracker = Node(
         package="tracker_node",
         executable="tracker",
         name=value("name"),
         namespace=value("namespace"),
         arguments=arguments,
-        parameters=[simulated],
+        parameters=[shared],
         output="screen",
     )
     if value("link_frames") == "false":
@@ -59,7 +60,7 @@ def _nodes(context) -> list:
         executable="robot_state_publisher",
         name=f"{value('name')}_links",
         namespace=value("namespace"),
-        parameters=[{"robot_description": ParameterValue(_description(value("model")), value_type=str)}, simulated],
+        parameters=[{"robot_description": ParameterValue(_description(value("model")), value_type=str)}, shared],
         # The tracker publishes the description already, on robot_description.
         remappings=[("joint_states", f"{value('name')}/joint_states"), ("robot_description", "~/robot_description")],
     )
