@@ -1,18 +1,21 @@
-"""A motion as named numbers over time: those of the body model, or those of OpenSim's models of a person."""
+"""Motions as named numbers over time: those of the body model, or those of OpenSim's models of a person."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..errors import ModelError
+from ..errors import FileFormatError, ModelError
 from ..geometry import so3
 from ..loaders.bvh import AXES_Y_UP
+from ..loaders.opensim_table import load_table
+from ..model.articulated_model import ArticulatedModel
 from ..model.kinematic_chain import N_ROOT_DOF
-from ..model.pose_variables import ROOT_NAMES, angles_of
+from ..model.pose_variables import ROOT_NAMES, angles_of, variable_names
 from .isb_angles import LINK_FROM_ISB, cardan_angles
 from .run_motion import RunMotion
 
@@ -30,6 +33,11 @@ _LIMBS = {
     "arm_flex": "shoulder_flexion", "arm_add": "shoulder_adduction", "arm_rot": "shoulder_internal_rotation",
     "elbow_flex": "elbow_flexion",
 }  # fmt: skip
+# Of them those that are single axes of the human: theirs, ours, sign
+_SINGLE_AXES = (
+    ("hip_flexion", "hip_flexion", 1.0), ("hip_adduction", "hip_abduction", -1.0), ("hip_rotation", "hip_internal_rotation", 1.0),
+    ("knee_angle", "knee_flexion", 1.0), ("elbow_flex", "elbow_flexion", 1.0),
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,3 +90,52 @@ def opensim_coordinates(motion: RunMotion) -> Coordinates:
     found = {name: sign * column[source] for name, (source, sign) in wanted.items() if source in column}
     values = np.concatenate([pelvis, np.stack(list(found.values()), axis=1)], axis=1)
     return Coordinates((*PELVIS, *found), ("rad",) * 3 + ("m",) * 3 + ("rad",) * len(found), values)
+
+
+def load_coordinates(
+    path: str | Path, model: ArticulatedModel, y_up: bool = True
+) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, np.ndarray]:
+    """Variables of poses of ``model`` from a ``.mot`` or ``.sto`` file, as far as it has them; stamps count from its first row.
+
+    Parameters
+    ----------
+    y_up : axes of the root's position.
+
+    The file's columns may be those of `model_coordinates`, or those of OpenSim's models that are single axes of the human: hips,
+    knees and elbows. Others are left out.
+
+    Returns
+    -------
+    names (k) of `model.pose_variables.variable_names`, stamps (n,) ns, values (n, k) in metres and radians, valid (n, k).
+
+    Raises
+    ------
+    FileFormatError : what is wrong in the file, or no column of the model in it.
+    """
+    table = load_table(path)
+    units = dict(zip(variable_names(model), ("m",) * 3 + ("rad",) * 3 + model.chain.dof_units[N_ROOT_DOF:], strict=True))
+    found: dict[str, tuple[int, float]] = {}  # column and factor of each variable
+    for column, label in enumerate(table.names):
+        name, sign = _variable(label)
+        if name in units:
+            found.setdefault(name, (column, sign * (math.pi / 180.0 if table.in_degrees and units[name] == "rad" else 1.0)))
+    if not found:
+        raise FileFormatError(path, "column names", f"variables of '{model.name}' ({list(units)[-1]}...)", list(table.names[:4]))
+    columns, factors = [column for column, _ in found.values()], [factor for _, factor in found.values()]
+    values, valid = table.values[:, columns] * factors, table.valid[:, columns]
+    names = tuple(found)
+    if y_up and set(ROOT_NAMES[:3]) <= set(names):
+        place = [names.index(name) for name in ROOT_NAMES[:3]]
+        values[:, place] = values[:, place] @ AXES_Y_UP
+    stamps = np.round((table.times_s - table.times_s[0]) * 1e9).astype(np.int64)
+    return names, stamps, values, valid
+
+
+def _variable(label: str) -> tuple[str, float]:
+    """A pose variable, and with which sign, for a column of a table."""
+    for theirs, ours, sign in _SINGLE_AXES:
+        for side, letter in _SIDE_LETTERS:
+            if label == f"{theirs}_{letter}":
+                return f"{side}_{ours}", sign
+    root = label.removeprefix("root_")
+    return (root if root in ROOT_NAMES else label), 1.0

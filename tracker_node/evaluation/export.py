@@ -57,8 +57,10 @@ def _c3d(motion: RunMotion, path: Path, options: ExportOptions) -> list[str]:
 
 def _opensim_table(motion: RunMotion, path: Path, options: ExportOptions) -> list[str]:
     found = opensim_coordinates(motion) if options.opensim else model_coordinates(motion, options.y_up)
-    valid = np.repeat(motion.valid[:, None], len(found.names), axis=1)
-    dump_table(NumberTable(found.names, motion.times_s, found.scaled(options.degrees), valid, options.degrees), path)
+    # Rows of gaps are left out: OpenSim's older class Storage, which its window uses, stops reading at the first nan
+    values = found.scaled(options.degrees)[motion.valid]
+    valid = np.ones(values.shape, dtype=bool)
+    dump_table(NumberTable(found.names, motion.times_s[motion.valid], values, valid, options.degrees), path)
     return []
 
 

@@ -1,4 +1,4 @@
-"""Marker trajectories in C3D files, the binary format of motion capture (c3d.org), through ezc3d.
+"""Marker trajectories in C3D files, the binary format of motion capture (c3d.org).
 
 A point that was not seen has the residual -1. Angles, where there are any, stand among the points with their labels listed in
 ``POINT:ANGLES``, as Vicon writes them.
@@ -6,19 +6,21 @@ A point that was not seen has the residual -1. Angles, where there are any, stan
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import struct
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import ezc3d
 import numpy as np
 
 from ..errors import FileFormatError
+from .c3d_reader import read_c3d
 from .trc import METERS_PER_UNIT, MarkerTrajectories
 
 _BLOCK = 512  # bytes
 _MAGIC = 0x50  # second byte of every C3D file
+_PROCESSOR, _BIG_ENDIAN = 3, 86  # byte of the parameters that tells of the byte order, and its value on MIPS
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,45 +86,42 @@ def load_c3d(path: str | Path, y_up: bool | None = None) -> MarkerTrajectories:
     ------
     FileFormatError : no C3D file, one that cannot be read, no markers, a unit that is none, no rate.
     """
-    file = _read(path)
-    point = file["parameters"]["POINT"]
-    labels = [label.strip() for label in _values(point, "LABELS")]
-    other = {label.strip() for kind in ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS") for label in _values(point, kind)}
-    values = np.asarray(file["data"]["points"], dtype=np.float64)[:3].transpose(2, 1, 0)
+    n_stated = _stated_frames(path)
+    content = read_c3d(path)
+    values, labels = content["points"], content["labels"].tolist()
+    if len(values) < n_stated:
+        raise FileFormatError(path, "(end)", f"the {n_stated} frames of the header", len(values))
+    other = set(content["not_markers"].tolist())
     columns = [i for i, label in enumerate(labels[: values.shape[1]]) if label and label not in other]
     names = tuple(labels[i] for i in columns)
     if not names or not len(values):
         raise FileFormatError(path, "POINT:LABELS", "at least one marker and one frame", f"{len(names)} and {len(values)}")
     if len(set(names)) != len(names):
         raise FileFormatError(path, "POINT:LABELS", "each once", sorted({n for n in names if names.count(n) > 1}))
-    unit = (_values(point, "UNITS") or ["mm"])[0].strip() or "mm"
+    unit = next(iter(content["units"].tolist()), "") or "mm"
     if unit not in METERS_PER_UNIT:
         raise FileFormatError(path, "POINT:UNITS", f"one of {sorted(METERS_PER_UNIT)}", unit)
-    rate = float(file["header"]["points"]["frame_rate"])
+    rate = float(content["rate"])
     if not (np.isfinite(rate) and rate > 0.0):
         raise FileFormatError(path, "POINT:RATE", "a positive number", rate)
     positions = values[:, columns] * METERS_PER_UNIT[unit]
-    residuals = np.asarray(file["data"]["meta_points"]["residuals"])[0].T[:, columns]
-    valid = (residuals >= 0.0) & np.isfinite(positions).all(axis=2)
+    valid = (content["residuals"][:, columns] >= 0.0) & np.isfinite(positions).all(axis=2)
     positions[~valid] = 0.0
-    if y_up if y_up is not None else "Y" in "".join(_values(point, "Y_SCREEN")).upper():
+    if y_up if y_up is not None else "Y" in "".join(content["y_screen"].tolist()).upper():
         positions = positions[..., [2, 0, 1]]
     return MarkerTrajectories(names, np.arange(len(positions)) / rate, positions, rate, valid)
 
 
-def _read(path: str | Path) -> Any:
+def _stated_frames(path: str | Path) -> int:
+    """Number of frames by the header, whose 16 bits are at their end for long recordings."""
     try:
         with Path(path).open("rb") as stream:
-            start = stream.read(_BLOCK)
+            header = stream.read(_BLOCK)
+            stream.seek((header[0] - 1) * _BLOCK + _PROCESSOR if header[:1] > b"\0" else 0)
+            processor = stream.read(1)
     except OSError as error:
         raise FileFormatError(path, "(file)", "a readable C3D file", error.strerror or error) from None
-    if len(start) < _BLOCK or start[1] != _MAGIC:
-        raise FileFormatError(path, "(file)", "a C3D file", f"{len(start)} bytes that begin with {start[:4]!r}")
-    try:
-        return ezc3d.c3d(str(path))
-    except (RuntimeError, ValueError, OSError, IndexError, KeyError, MemoryError) as error:
-        raise FileFormatError(path, "(content)", "what a C3D file holds", str(error)) from None
-
-
-def _values(group: Mapping[str, Any], name: str) -> list[str]:
-    return [str(value) for value in group[name]["value"]] if name in group else []
+    if len(header) < _BLOCK or header[1] != _MAGIC or not processor:
+        raise FileFormatError(path, "(file)", "a C3D file", f"{len(header)} bytes that begin with {header[:4]!r}")
+    first, last = struct.unpack_from(">2H" if processor[0] == _BIG_ENDIAN else "<2H", header, 6)
+    return last - first + 1 if last < 0xFFFF else 0

@@ -1,0 +1,92 @@
+"""C3D files, written through ezc3d and read back by it and by another reader."""
+
+import warnings
+
+import c3d
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tracker_node.errors import FileFormatError
+from tracker_node.loaders.c3d_file import AnglesOverTime, dump_c3d, load_c3d
+from tracker_node.loaders.trc import MarkerTrajectories
+
+
+def trajectories(n=20, m=3, rate_hz=59.94, seed=0):
+    rng = np.random.default_rng(seed)
+    valid = rng.random((n, m)) > 0.3
+    positions = rng.normal(size=(n, m, 3)) * valid[..., None]
+    return MarkerTrajectories(tuple(f"left_marker_{i}" for i in range(m)), np.arange(n) / rate_hz, positions, rate_hz, valid)
+
+
+def read_by_another(path):
+    """Labels, rate, and (n, m, 5) x y z residual cameras, by py-c3d."""
+    with path.open("rb") as stream, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        reader = c3d.Reader(stream)
+        frames = np.array([points for _, points, _ in reader.read_frames()])
+        return [label.strip() for label in reader.point_labels], reader.point_rate, frames, reader
+
+
+def test_another_reader_sees_points_units_rate_and_gaps(tmp_path):
+    written = trajectories()
+    angles = AnglesOverTime(("LeftKneeAngles",), np.full((20, 1, 3), 0.5), np.ones((20, 1), dtype=bool))
+    dump_c3d(written, tmp_path / "a.c3d", unit="mm", descriptions=["one", "two", "three"], angles=angles)
+    labels, rate, frames, reader = read_by_another(tmp_path / "a.c3d")
+    assert labels == [*written.names, "LeftKneeAngles"]
+    assert rate == pytest.approx(59.94)
+    assert reader.get("POINT:UNITS").string_value.strip() == "mm"
+    assert [text.strip() for text in reader.get("POINT:DESCRIPTIONS").string_array[:3]] == ["one", "two", "three"]
+    assert [text.strip() for text in reader.get("POINT:ANGLES").string_array] == ["LeftKneeAngles"]
+    seen = frames[:, :3, 3] >= 0.0
+    assert np.array_equal(seen, written.valid)
+    assert np.all(frames[:, :3, 3][~seen] == -1.0)
+    assert frames[:, :3, :3][seen] == pytest.approx(1000.0 * written.positions_m[seen], abs=1e-3)
+    assert frames[:, 3, :3] == pytest.approx(np.full((20, 3), np.rad2deg(0.5)), abs=1e-4)
+
+
+def test_y_up_is_a_turn_of_the_axes(tmp_path):
+    written = trajectories()
+    dump_c3d(written, tmp_path / "a.c3d", y_up=True, unit="m")
+    frames = read_by_another(tmp_path / "a.c3d")[2]
+    assert frames[..., 1] == pytest.approx(written.positions_m[..., 2], abs=1e-6)  # the file's y is the world's z
+    read = load_c3d(tmp_path / "a.c3d")
+    assert read.positions_m == pytest.approx(written.positions_m, abs=1e-6)
+    assert load_c3d(tmp_path / "a.c3d", y_up=False).positions_m[..., 1] == pytest.approx(written.positions_m[..., 2], abs=1e-6)
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.integers(1, 12), st.integers(1, 6), st.sampled_from(["m", "cm", "mm"]), st.booleans(), st.integers(0, 999))
+def test_any_trajectories_come_back(tmp_path_factory, n, m, unit, y_up, seed):
+    path = tmp_path_factory.mktemp("c3d") / "a.c3d"
+    written = trajectories(n, m, 100.0, seed)
+    dump_c3d(written, path, y_up, unit)
+    read = load_c3d(path)
+    assert read.names == written.names and read.rate_hz == 100.0
+    assert np.array_equal(read.valid, written.valid)
+    assert read.positions_m == pytest.approx(written.positions_m, abs=1e-6)
+    assert read.times_s == pytest.approx(written.times_s, abs=1e-9)
+
+
+@pytest.mark.parametrize("damage", [
+    lambda content: b"",
+    lambda content: content[:300],
+    lambda content: b"\x00" * len(content),
+    lambda content: b"\x00" + content[1:],
+    lambda content: content[:1024],
+    lambda content: content[: len(content) - 700],
+    lambda content: content[:512] + bytes(reversed(content[512:1536])) + content[1536:],
+    lambda content: b"PathFileType\t4\t(X/Y/Z)" + content[22:],
+])  # fmt: skip
+def test_what_is_no_c3d_file_is_named(tmp_path, damage):
+    dump_c3d(trajectories(200, 5), tmp_path / "a.c3d")
+    content = (tmp_path / "a.c3d").read_bytes()
+    (tmp_path / "a.c3d").write_bytes(damage(content))
+    with pytest.raises(FileFormatError, match=r"a\.c3d"):
+        load_c3d(tmp_path / "a.c3d")
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(FileFormatError, match=r"nowhere\.c3d"):
+        load_c3d(tmp_path / "nowhere.c3d")
