@@ -59,6 +59,11 @@ class RecordedRunStream(ImageSetStream):
             self._options = replace(options, base_stamp_ns=self._base_stamp_ns(options))
 
     @property
+    def source_options(self) -> SourceOptions | None:
+        """By which the rig's sources give the recorded stamps; None where the images come from the bag."""
+        return self._options
+
+    @property
     def counters(self) -> dict[str, dict[str, int]]:
         return {camera: {"received": self._read[camera], "used": self._used[camera]} for camera in self.rig.names}
 

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
-from starlette.concurrency import run_in_threadpool
-from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
-from starlette.routing import BaseRoute, Route
+from starlette.responses import JSONResponse
+from starlette.routing import BaseRoute
 
 from ..errors import FileFormatError, UnknownNameError
-from ..loaders.yaml_file import FileModel, Number, numbers, validate
+from ..loaders.yaml_file import FileModel, Number, numbers
 from ..model.configuration import State
+from .endpoints import get, post
 from .outlines import OutlineDrawer
 from .pose_bench import PoseBench
 from .pose_drag import MODES, Grip, drag
@@ -129,50 +128,27 @@ class PoseDesk:
         """The pose of a file, drawn."""
         return self._shown(self._files.load(asked.name, self._session.needed_model()))
 
-    def save(self, asked: Saved) -> dict[str, Any]:
-        """Write the pose."""
+    def save(self, asked: Saved) -> Any:
+        """Write the pose, unless there is a file of that name and the page has not asked whether to replace it."""
         model = self._session.needed_model()
         comment = f"Set by hand in image set {asked.set}; the format is described in docs/formats.md."
-        path = self._files.save(asked.name, state_of(asked.values, model), model, comment, asked.overwrite)
+        try:
+            path = self._files.save(asked.name, state_of(asked.values, model), model, comment, asked.overwrite)
+        except ExistsError as error:
+            return JSONResponse({"error": str(error), "exists": True}, status_code=409)
         return {"path": str(path)}
-
-
-Asked = TypeVar("Asked", bound=FileModel)
 
 
 def routes(session: StudioSession) -> Sequence[BaseRoute]:
     """Below ``/api/pose/``: questions by GET, poses by POST."""
     desk = PoseDesk(session)
     return [
-        Route("/api/pose/body", _get(desk.body)),
-        Route("/api/pose/names", _get(desk.names)),
-        Route("/api/pose/show", _post(Pose, desk.show), methods=["POST"]),
-        Route("/api/pose/drag", _post(Drag, desk.drag), methods=["POST"]),
-        Route("/api/pose/score", _post(PoseInSet, desk.score), methods=["POST"]),
-        Route("/api/pose/fit", _post(PoseInSet, desk.fit), methods=["POST"]),
-        Route("/api/pose/load", _post(Loaded, desk.load), methods=["POST"]),
-        Route("/api/pose/save", _post(Saved, desk.save), methods=["POST"]),
+        get("/api/pose/body", desk.body),
+        get("/api/pose/names", desk.names),
+        post("/api/pose/show", Pose, desk.show),
+        post("/api/pose/drag", Drag, desk.drag),
+        post("/api/pose/score", PoseInSet, desk.score),
+        post("/api/pose/fit", PoseInSet, desk.fit),
+        post("/api/pose/load", Loaded, desk.load),
+        post("/api/pose/save", Saved, desk.save),
     ]
-
-
-def _get(answer: Callable[[], Any]) -> Callable:
-    async def endpoint(request: Request) -> Response:
-        return JSONResponse(await run_in_threadpool(answer))
-
-    return endpoint
-
-
-def _post(kind: type[Asked], answer: Callable[[Asked], Any]) -> Callable:
-    async def endpoint(request: Request) -> Response:
-        try:
-            body = await request.json()
-        except ValueError:
-            body = None
-        if not isinstance(body, dict):
-            raise FileFormatError("request", "(body)", "a JSON object", body)
-        try:
-            return JSONResponse(await run_in_threadpool(answer, validate(kind, body, "request")))
-        except ExistsError as error:
-            return JSONResponse({"error": str(error), "exists": True}, status_code=409)
-
-    return endpoint

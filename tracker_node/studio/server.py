@@ -9,19 +9,18 @@ from pathlib import Path
 from typing import Any
 
 from starlette.applications import Starlette
-from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
-from starlette.routing import BaseRoute, Mount, Route
+from starlette.routing import BaseRoute, Mount
 from starlette.staticfiles import StaticFiles
 
-from ..errors import FileFormatError, SourceError, TrackerError
+from ..errors import SourceError, TrackerError
+from .endpoints import get, image
 from .security import Access, OnlyOwnPages
 from .session import StudioSession
 
 WEB_FOLDER = Path(__file__).parent / "web"
-_MOST_SHRINK = 16
 
 Page = Callable[[StudioSession], Sequence[BaseRoute]]
 
@@ -34,8 +33,8 @@ def make_app(session: StudioSession, access: Access, pages: Sequence[Page] = ())
     pages : what the single pages add: each gives its routes, below ``/api/<page>/``, for a session.
     """
     routes: list[BaseRoute] = [
-        Route("/api/session", lambda request: JSONResponse(session_facts(session))),
-        Route("/images/{camera}/{number:int}", _image_endpoint(session)),
+        get("/api/session", lambda: session_facts(session)),
+        image("/images/{camera}/{number:int}", session.needed_images),
     ]
     for page in pages:
         routes += page(session)
@@ -49,9 +48,9 @@ def make_app(session: StudioSession, access: Access, pages: Sequence[Page] = ())
 
 def all_pages() -> tuple[Page, ...]:
     """Of all modules that are pages."""
-    from . import digitizing_page, pose_page
+    from . import digitizing_page, live_page, playback_page, pose_page
 
-    return (pose_page.routes, digitizing_page.routes)
+    return (pose_page.routes, digitizing_page.routes, playback_page.routes, live_page.routes)
 
 
 def listening_socket(port: int) -> tuple[socket.socket, Access]:
@@ -83,19 +82,6 @@ def session_facts(session: StudioSession) -> dict[str, Any]:
         "sets": [{"stamp_ns": s.stamp_ns, "numbers": dict(s.numbers)} for s in sets],
         "problems": list(images.problems) if images is not None else [],
     }
-
-
-def _image_endpoint(session: StudioSession) -> Callable:
-    async def image(request: Request) -> Response:
-        """A camera's image by its number in the source; ``?shrink=N`` makes it smaller."""
-        shrink = request.query_params.get("shrink", "1")
-        if not shrink.isdigit() or not 1 <= int(shrink) <= _MOST_SHRINK:
-            raise FileFormatError("request", "shrink", f"a whole number from 1 to {_MOST_SHRINK}", shrink)
-        camera, number = request.path_params["camera"], request.path_params["number"]
-        data = await run_in_threadpool(session.needed_images().jpeg, camera, number, int(shrink))
-        return Response(data, media_type="image/jpeg", headers={"Cache-Control": "private, max-age=3600"})
-
-    return image
 
 
 async def _told(request: Request, error: Exception) -> Response:

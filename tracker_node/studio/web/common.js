@@ -89,14 +89,14 @@ export function layoutViews(container, n, aspect) {
  *
  * view.overlays: functions (context, view), called with a context that draws in image pixels; view.px(n) is the length there of n
  * pixels of the screen. view.onpress(pixel, event) may return true to have the drag for itself: view.ondrag(pixel, event) and
- * view.onrelease(pixel, event) then follow; else it pans. view.onhover(pixel, event), view.onclick(pixel, event): a press that did
- * not move. Wheel and + - zoom, 0 fits, Alt with arrows pans, a double click fits.
+ * view.onrelease(pixel, event) then follow; else it pans. view.onhover(pixel, event), view.onleave(), view.onclick(pixel, event): a
+ * press that did not move. Wheel and + - zoom, 0 fits, Alt with arrows pans, a double click fits.
  */
 export class ImageView {
   constructor(container, { name, width, height }) {
     this.name = name; this.width = width; this.height = height;
     this.overlays = []; this.image = null; this.url = "";
-    this.onpress = this.ondrag = this.onrelease = this.onhover = this.onclick = null;
+    this.onpress = this.ondrag = this.onrelease = this.onhover = this.onleave = this.onclick = null;
     this.canvas = make("canvas", { tabindex: "0", "aria-label": `camera ${name}` });
     this.label = make("span", { class: "label" }, name);
     this.note = make("span", { class: "label right", hidden: true });
@@ -213,6 +213,7 @@ export class ImageView {
       press = null;
     });
     canvas.addEventListener("pointercancel", () => { press = null; });
+    canvas.addEventListener("pointerleave", () => this.onleave?.());
     canvas.addEventListener("keydown", (event) => {
       const middle = [this.u, this.v], step = 40 / this.scale;
       const pan = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, -step], ArrowDown: [0, step] }[event.key];

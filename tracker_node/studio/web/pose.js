@@ -91,8 +91,9 @@ function start() {
       if (held?.moved) history.settle(); else if (held) fields.reveal(body.handles[held.handle].link);
       held = null;
     };
-    view.onhover = (pixel) => {
-      const hot = look.skeleton ? nearestHandle(shown.cameras[view.name], pixel, view.px(HANDLE_PX)) : -1;
+    view.onleave = () => heat(-1);
+    view.onhover = (pixel) => heat(look.skeleton ? nearestHandle(shown.cameras[view.name], pixel, view.px(HANDLE_PX)) : -1);
+    const heat = (hot) => {
       view.canvas.style.cursor = hot < 0 ? "grab" : "move";
       view.setNote(hot < 0 ? "" : words(body.handles[hot].name));
       if (hot === shown.hot) return;

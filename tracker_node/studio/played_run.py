@@ -1,0 +1,116 @@
+"""A finished run with the images that each of its states was made from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ..camera.camera_rig import CameraRig
+from ..errors import FileFormatError, TrackerError
+from ..evaluation.image_sets import rig_of_bag
+from ..evaluation.recorded_sets import RecordedRunStream
+from ..evaluation.run_data import RunData, load_run
+from ..loaders.bag_images import image_topics
+from ..loaders.bag_reader import BagReader
+from ..loaders.image_source import SourceOptions
+from ..model.articulated_model import ArticulatedModel
+from .images import RecordedImages
+from .session import StudioSession
+
+
+@dataclass(frozen=True, eq=False)
+class PlayedRun:
+    """A run to be looked through.
+
+    Attributes
+    ----------
+    rig : cameras as their images are: those of a bag may have another size than those of the sources.
+    images : None where the images of the run cannot be had; ``problem`` says why.
+    numbers : for each state the number of its image by camera.
+    """
+
+    data: RunData
+    rig: CameraRig
+    model: ArticulatedModel
+    images: RecordedImages | None
+    numbers: tuple[Mapping[str, int], ...]
+    problem: str = ""
+
+
+def open_run(session: StudioSession) -> PlayedRun:
+    """The run that a session names.
+
+    Raises
+    ------
+    TrackerError : no run named, one that cannot be read, or one of another body.
+    """
+    path, rig, model = session.files.run, session.needed_rig(), session.needed_model()
+    if path is None:
+        raise TrackerError("this page needs a run: start with --run FOLDER")
+    data = load_run(path)
+    data.check_model(model, session.files.model or "--model")
+    try:
+        return _with_images(data, rig, model)
+    except TrackerError as error:
+        return PlayedRun(data, rig, model, None, tuple({} for _ in range(len(data))), str(error))
+
+
+def _with_images(data: RunData, rig: CameraRig, model: ArticulatedModel) -> PlayedRun:
+    options = _source_options(data, rig)
+    if data.bag is None:
+        images = RecordedImages(rig, options)
+        return PlayedRun(data, rig, model, images, _by_time(images, data.stamps_ns), "; ".join(images.problems))
+    with BagReader(data.bag) as reader:
+        recorded = set(image_topics(reader, rig.names).values())
+        stream = RecordedRunStream(rig, reader, None if recorded else options)
+        rig = rig_of_bag(rig, reader) if recorded else rig
+    sources = _from_bag(rig, data.bag, recorded) if recorded else rig
+    images = RecordedImages(sources, stream.source_options)
+    sets = {recorded_set.stamp_ns: recorded_set for recorded_set in stream.sets}
+    numbers = []
+    for stamp_ns in data.stamps_ns.tolist():
+        pairs = sets[stamp_ns].images if stamp_ns in sets else ()
+        found = {camera: images.number_at(camera, ns) for camera, ns in pairs}
+        numbers.append({camera: number for camera, number in found.items() if number is not None})
+    return PlayedRun(data, rig, model, images, tuple(numbers), "; ".join(images.problems))
+
+
+def _source_options(data: RunData, rig: CameraRig) -> SourceOptions:
+    """As the run was started."""
+    options = data.info.get("options") or {}
+    try:
+        return SourceOptions(
+            int(options.get("start") or 0), options.get("end"), rate_hz=options.get("rate"),
+            base_stamp_ns=int(options.get("base_stamp_ns") or 0),
+        )  # fmt: skip
+    except (TypeError, ValueError) as error:
+        raise FileFormatError(data.path, "run.json: options", "start, end and rate of the images", str(error)) from None
+
+
+def _from_bag(rig: CameraRig, bag: Path, recorded: set[str]) -> CameraRig:
+    """The cameras with the bag as their source, its stamps as they are; those that it has no images of have none."""
+    cameras = []
+    for camera in rig:
+        source = f"bag:{bag}" if camera.name in recorded else None
+        cameras.append(
+            replace(
+                camera, source=source, time_offset_ns=0, time_drift_ppm=0.0, stamps=None, stamp_file=None, interlaced=None
+            )
+        )
+    return CameraRig(tuple(cameras), rig.world_frame, rig.lights)
+
+
+def _by_time(images: RecordedImages, stamps_ns: np.ndarray) -> tuple[Mapping[str, int], ...]:
+    """The set nearest in time of each state, for a run that does not list its images."""
+    if not images.sets:
+        return tuple({} for _ in stamps_ns)
+    at = np.array([found.stamp_ns for found in images.sets])
+    apart = int(np.median(np.diff(at))) if len(at) > 1 else 0
+    nearest = [int(np.abs(at - stamp_ns).argmin()) for stamp_ns in stamps_ns]
+    return tuple(
+        images.sets[i].numbers if abs(int(at[i]) - int(stamp_ns)) <= apart // 2 else {}
+        for i, stamp_ns in zip(nearest, stamps_ns, strict=True)
+    )
