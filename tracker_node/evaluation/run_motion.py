@@ -86,10 +86,10 @@ def motion_of_run(run: RunData, model: ArticulatedModel, keep_lost: bool = False
     if not valid.any():
         raise FileFormatError(run.path, "(states)", "at least one that is not lost", f"{len(run)} lost ones")
     values = np.where(valid[:, None], run.values, 0.0)
-    return RunMotion(model, run.stamps_ns, values, valid, _period_ns(run.stamps_ns))
+    return RunMotion(model, run.stamps_ns, values, valid, steady_period_ns(run.stamps_ns))
 
 
-def _period_ns(stamps_ns: np.ndarray) -> float:
+def steady_period_ns(stamps_ns: np.ndarray) -> float:
     """From one image set to the next; a second where there is only one.
 
     The slope of the straight line through stamps over image numbers, which are counted by the median of the differences: jitter

@@ -6,6 +6,7 @@ A point that was not seen has the residual -1. Angles, where there are any, stan
 
 from __future__ import annotations
 
+import os
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -20,6 +21,7 @@ from .trc import METERS_PER_UNIT, MarkerTrajectories
 
 _BLOCK = 512  # bytes
 _MAGIC = 0x50  # second byte of every C3D file
+_LEAST_BYTES = 8  # of a point: four numbers of 16 bits
 _PROCESSOR, _BIG_ENDIAN = 3, 86  # byte of the parameters that tells of the byte order, and its value on MIPS
 
 
@@ -118,10 +120,14 @@ def _stated_frames(path: str | Path) -> int:
         with Path(path).open("rb") as stream:
             header = stream.read(_BLOCK)
             stream.seek((header[0] - 1) * _BLOCK + _PROCESSOR if header[:1] > b"\0" else 0)
-            processor = stream.read(1)
+            processor, size = stream.read(1), stream.seek(0, os.SEEK_END)
     except OSError as error:
         raise FileFormatError(path, "(file)", "a readable C3D file", error.strerror or error) from None
     if len(header) < _BLOCK or header[1] != _MAGIC or not processor:
         raise FileFormatError(path, "(file)", "a C3D file", f"{len(header)} bytes that begin with {header[:4]!r}")
-    first, last = struct.unpack_from(">2H" if processor[0] == _BIG_ENDIAN else "<2H", header, 6)
-    return last - first + 1 if last < 0xFFFF else 0
+    order = ">" if processor[0] == _BIG_ENDIAN else "<"
+    n_points, _, first, last = struct.unpack_from(f"{order}4H", header, 2)
+    n = last - first + 1 if last < 0xFFFF else 0
+    if n * n_points * _LEAST_BYTES > size:
+        raise FileFormatError(path, "(end)", f"{n} frames of {n_points} points, as the header says", f"{size} bytes in all")
+    return n

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..errors import FileFormatError
 
-_TIMEOUT_S = 300.0
+_TIMEOUT_S = 120.0
 _MEMORY_BYTES = 8 << 30
 _NOT_MARKERS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")  # lists of the points that are something else
 
