@@ -25,9 +25,12 @@ MSGS := $(VENV)/.msgs-installed
 PACKAGE := $(VENV)/.package-installed
 MSGS_SOURCES := $(shell find msgs -type f -not -path '*/build/*')
 PACKAGE_SOURCES := setup.py setup.cfg pyproject.toml package.xml $(shell find config launch resource -type f 2>/dev/null)
+FULL_PYTHON ?= python3
+# Nodes and commands have their own documentation, and nodes need ROS.
+DOCUMENTED := tracker_node '!tracker_node.ros' '!tracker_node.cli'
 BENCHMARKS := $(filter-out benchmark/_%,$(sort $(wildcard benchmark/*.py)))
 
-.PHONY: help setup check-system system demo test lint benchmark benchmark-full clean
+.PHONY: help setup check-system system demo test test-full lint docs benchmark benchmark-full clean
 
 help:  ## show this list
 	@grep -hE '^[a-z-]+:.*  ## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*  ## (.*)/  make \1\t\2/' | expand -t 24
@@ -68,10 +71,19 @@ test: setup check-system  ## import contract, ruff, mypy and all tests
 	@$(VENV)/bin/mypy
 	@$(RUN) -m pytest $(PYTEST_ARGS)
 
+# With the Python of the ROS installation, not ours: the wheels have neither the ros2 command, nor launch, nor RViz.
+test-full:  ## what needs a full ROS 2 installation, sourced, with this package built in it
+	@command -v ros2 >/dev/null || { echo "test-full: no ros2 command: source /opt/ros/jazzy/setup.bash and install/local_setup.bash"; exit 2; }
+	@$(FULL_PYTHON) -m pytest -m full $(PYTEST_ARGS)
+
 lint: setup  ## import contract, ruff and mypy
 	@$(VENV)/bin/lint-imports
 	@$(VENV)/bin/ruff check .
 	@$(VENV)/bin/mypy
+
+docs: setup  ## the reference of all modules, as pages in out/docs
+	@$(RUN) -m pdoc $(DOCUMENTED) --docformat numpy --no-show-source -o $(OUT)/docs
+	@echo "$(OUT)/docs/index.html"
 
 benchmark: setup check-system  ## quick run of every benchmark; JSON in out/benchmark
 	@mkdir -p $(OUT)/benchmark

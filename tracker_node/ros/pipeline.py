@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 
 from rclpy.node import Node
@@ -68,6 +69,8 @@ class PipelineOptions:
             "robot_description",  # latched: recorded when its publisher is there and has said so
             "/diagnostics:diagnostic_msgs/msg/DiagnosticArray",
         ]
+        if find_spec("tf2_msgs") is not None:
+            topics += ["/tf:tf2_msgs/msg/TFMessage", "/tf_static:tf2_msgs/msg/TFMessage"]
         if self.markers:
             topics.append("tracker/markers:visualization_msgs/msg/MarkerArray")
         for camera in self.cameras:
@@ -140,7 +143,8 @@ class Pipeline:
             listeners += ["pose=1", "joint_states=1", *["mask=1"] * options.masks, *["overlay=1"] * options.overlays]
             listeners += ["target_through_mask=1"] * options.through_masks + ["markers=1"] * options.markers
         lossless = ["--lossless"] if options.lossless else []
-        self._children["tracker"] = Child(["tracker", *options.body, *lossless, "--wait-for", *listeners, *options.ros_args])
+        tracker = ["tracker", *options.body, *lossless, "--end-on-failure", "--wait-for", *listeners]
+        self._children["tracker"] = Child([*tracker, *options.ros_args])
         if not self._wait_for("the tracker", lambda: self._subscription.get_publisher_count() > 0):
             return False
         recorded = options.bag is not None
