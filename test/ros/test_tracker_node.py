@@ -5,11 +5,11 @@ import signal
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from ros_cameras import PERIOD_NS, Cameras, N, image_set_of, options_of, tracker_of
 from ros_graph import Probe, stamps
 from ros_samples import moving_state, placed
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, JointState
@@ -19,13 +19,8 @@ from tracker_msgs.msg import TrackedState
 from tracker_msgs.srv import SetState
 from visualization_msgs.msg import MarkerArray
 
-from tracker_node.camera.camera_rig import CameraRig
-from tracker_node.loaders.model_yaml import load_model
-from tracker_node.loaders.plate_file import load_plates
 from tracker_node.loaders.rig_yaml import load_rig
-from tracker_node.loaders.state_yaml import load_state
 from tracker_node.model.configuration import Configuration
-from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.render.raycaster import render_mask
 from tracker_node.ros.conversions import (
     camera_image_of,
@@ -36,48 +31,9 @@ from tracker_node.ros.conversions import (
     transform_of_pose,
     urdf_of,
 )
-from tracker_node.ros.image_inbox import InboxOptions
-from tracker_node.ros.qos import LATCHED, images_published
-from tracker_node.ros.tracker_node import TrackerNode, TrackerOptions
+from tracker_node.ros.qos import LATCHED
+from tracker_node.ros.tracker_node import TrackerNode
 from tracker_node.tracking.estimate import Status
-from tracker_node.tracking.tracker import Tracker
-
-N = 12
-PERIOD_NS = round(1e9 / 30.0)
-
-
-def options_of(recording: Path, **changes) -> TrackerOptions:
-    rig, model = load_rig(recording / "rig.yaml"), load_model(recording / "model.yaml")
-    state = load_state(recording / "state.yaml", model)
-    return TrackerOptions(rig, model, initial_state=state, inbox=InboxOptions(lossless=True), **changes)
-
-
-def image_set_of(recording: Path, i: int) -> ImageSet:
-    rig = load_rig(recording / "rig.yaml")
-    stamp_ns = round(i * 1e9 / 30.0)
-    read = {name: cv2.imread(str(recording / name / f"{i:04}.png")) for name in rig.names}
-    return ImageSet(stamp_ns, tuple(CameraImage(name, stamp_ns, bgr) for name, bgr in read.items()))
-
-
-class Cameras:
-    """Publishes the recording's images from the probe."""
-
-    def __init__(self, probe: Probe, recording: Path, rig: CameraRig):
-        self._recording, self._rig = recording, rig
-        create = probe.node.create_publisher
-        self.images = {name: create(Image, f"{name}/image_raw", images_published(50)) for name in rig.names}
-        self.infos = {name: create(CameraInfo, f"{name}/camera_info", images_published(50)) for name in rig.names}
-        publishers = [*self.images.values(), *self.infos.values()]
-        probe.spin_until(lambda: all(p.get_subscription_count() for p in publishers), "subscriptions of the tracker")
-
-    def send(self, i: int, cameras: tuple[str, ...] | None = None, stamp_ns: int | None = None) -> int:
-        image_set = image_set_of(self._recording, i)
-        stamp_ns = image_set.stamp_ns if stamp_ns is None else stamp_ns
-        for image in image_set.images:
-            if cameras is None or image.camera in cameras:
-                frame_id = self._rig[image.camera].frame_id
-                self.images[image.camera].publish(image_message(stamp_ns, frame_id, image.pixels))
-        return stamp_ns
 
 
 @pytest.fixture
@@ -119,7 +75,7 @@ def test_two_processes_say_what_the_tracker_says(probe, launch, recording, check
     tracker.interrupt()
     assert tracker.wait() == 0 and "Traceback" not in tracker.err
     options = options_of(recording)
-    tracker_here = Tracker(options.rig, options.model, options.config, load_plates(options.rig), options.initial_state)
+    tracker_here = tracker_of(recording)
     for i, message in enumerate(states):
         expected = tracker_here.step(image_set_of(recording, i))
         assert np.array_equal(np.array(message.values), expected.state.to_values())

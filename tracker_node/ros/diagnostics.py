@@ -47,7 +47,7 @@ class Diagnostics:
         hardware_id: str = "",
         logged: bool = True,
     ) -> None:
-        """State of one part; ``values`` are shown as text, floats with three decimals. What is not ``logged`` is only published."""
+        """State of one part; ``values`` are shown as text, floats with three decimals. Not ``logged``: only published."""
         status = DiagnosticStatus(
             level=level,
             name=f"{self._name}: {part}",

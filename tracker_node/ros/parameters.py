@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -18,6 +19,7 @@ _CAMERAS = "cameras"
 # Parameters that rclpy gives every node.
 _ROS_OWN = ("use_sim_time", "start_type_description_service")
 _QOS_PREFIX = "qos_overrides."
+_QOS_CHOICES = {"history": ("keep_last", "keep_all"), "reliability": ("reliable", "best_effort")}
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,18 @@ class ConfigParameters:
         for name in self._overrides():
             if name not in known and not name.startswith(_QOS_PREFIX):
                 raise UnknownNameError("parameter", name, known)
+            if name.startswith(_QOS_PREFIX):
+                self._check_qos(name, self._overrides()[name].value)
+
+    def _check_qos(self, name: str, value: Any) -> None:
+        policy = name.rpartition(".")[2]
+        choices = _QOS_CHOICES.get(policy)
+        if policy != "depth" and choices is None:
+            raise UnknownNameError("policy of quality of service", policy, ["depth", *_QOS_CHOICES])
+        if choices is not None and value not in choices:
+            raise FileFormatError(self._source, name, _one_of(choices), value)
+        if policy == "depth" and not (type(value) is int and value > 0):
+            raise FileFormatError(self._source, name, "a positive int", value)
 
     def refuse_unknown_qos(self) -> None:
         """To be called when all topics are there: each of them has declared the overrides that it takes.
@@ -148,6 +162,16 @@ class ConfigParameters:
         self.config, self.cameras = self._merged(parameters)
         if (self.config, self.cameras) != before:
             self._on_change(self.config)
+
+
+def unknown_parameters(node: Node, parameters: Sequence[Parameter]) -> SetParametersResult | None:
+    """A refusal that names the first parameter which the node does not have (rclpy's does not); None where it has all."""
+    for parameter in parameters:
+        if not node.has_parameter(parameter.name):
+            known = list(node._parameters)
+            error = UnknownNameError("parameter", parameter.name, get_close_matches(parameter.name, known, 5) or known)
+            return SetParametersResult(successful=False, reason=str(error))
+    return None
 
 
 def descriptor_of(name: str, description: Mapping[str, Any]) -> ParameterDescriptor:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
 from rclpy.duration import Duration
+from rclpy.parameter import Parameter
 
 from ..camera.camera_model import CameraModel
 from ..errors import TrackerError
@@ -19,7 +21,7 @@ from .conversions import camera_model_of
 from .diagnostics import ERROR, OK, WARN, Diagnostics
 from .image_inbox import ImageInbox, InboxOptions
 from .lifecycle import ACTIVE, FINALIZED, ManagedNode
-from .parameters import ConfigParameters, FixedParameter
+from .parameters import ConfigParameters, FixedParameter, unknown_parameters
 from .qos_mismatch import QosMismatches
 from .tracker_diagnostics import TrackerDiagnostics
 from .tracker_options import TrackerMaker, TrackerOptions
@@ -165,6 +167,10 @@ class TrackerNode(ManagedNode):
         return 0 if self._worker is None else self._worker.counts.superseded
 
     # Parameters and calibration
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """As rclpy has it, but unknown parameters are named."""
+        return unknown_parameters(self, parameter_list) or super().set_parameters_atomically(parameter_list)
 
     def _setup(self, config: TrackerConfig, cameras: tuple[str, ...]) -> TrackingSetup:
         rig = self._maker.rig(cameras, self._lenses)

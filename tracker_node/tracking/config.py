@@ -93,7 +93,7 @@ class RegionConfig:
     least_sigma_px: float = parameter(0.2, "the least that is believed of it", "px", 0.0, 100)
     sigma_rate: float = parameter(0.3, "share of the newest image set in what it is taken for; 0 keeps it", "1", 0.0, 1.0)
     robust_sigmas: float = parameter(3.0, "scale of the robust kernel, in standard deviations of a line", "1", 0.1, 1000)
-    correlation: float = parameter(4.0, "how many neighbouring lines share one error, for the covariance", "", 1, 1000)
+    correlation: float = parameter(4.0, "how many neighbouring lines share one error, for the covariance", "lines", 1, 1000)
     color_rate: float = parameter(0.05, "share of the newest image in the color histograms", "1", 0, 1)
     color_prior: float = parameter(
         0.3, "share of the model's stated color in a part's, where the images bear it out; 0: learnt colors only", "1", 0, 1
@@ -180,7 +180,7 @@ class StatusConfig:
     residual_sigma_px: float = parameter(
         1.5, "least standard deviation of one contour sample, for the covariance", "px", 0.01, 100
     )
-    correlation: float = parameter(8.0, "how many neighbouring samples share one error, for the covariance", "", 1, 1000)
+    correlation: float = parameter(8.0, "how many neighbouring samples share one error, for the covariance", "samples", 1, 1000)
     covariance_scale: float = parameter(
         0.31, "times region.correlation: how much of the spread of correspondence lines (its square) is an error of the state",
         "1", 1e-3, 1e3,
@@ -309,7 +309,7 @@ class ColorConfig:
     search_states: int = parameter(1000, "states tried a round of that search; 0: a lost body is not looked for", "", 0, 10**6)
     seed: int = parameter(0, "of that search", "", 0, 2**31 - 1)
     residual_sigma: float = parameter(3.0, "least standard deviation of a color, for the covariance", "grey levels", 0.01, 255)
-    correlation: float = parameter(30.0, "how many neighbouring pixels share one error, for the covariance", "", 1, 10000)
+    correlation: float = parameter(30.0, "how many neighbouring pixels share one error, for the covariance", "pixels", 1, 10000)
 
 
 @dataclass(frozen=True)
