@@ -49,6 +49,7 @@ class Handles:
 
 
 _SAME_PLACE_M = 0.01
+_STRAIGHT_PX = 0.7  # by how much a line may leave out corners of the pixels' border
 
 
 def handles_of(model: ArticulatedModel) -> Handles:
@@ -102,7 +103,8 @@ class OutlineDrawer:
         lines: list[tuple[int, list[float]]] = []
         for label in np.flatnonzero(np.bincount(labels.ravel(), minlength=1)[1:]) + 1:
             mask = (labels == label).view(np.uint8)
-            for contour in cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_TC89_L1)[0]:
+            for contour in cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)[0]:
+                contour = cv2.approxPolyDP(contour, _STRAIGHT_PX, True)
                 pixels = (contour[:, 0] + (u0 + 0.5, v0 + 0.5)) * self._factor - 0.5
                 lines.append((int(label) - 1, np.round(pixels, 1).ravel().tolist()))
         return lines

@@ -18,7 +18,7 @@ from ..tracking.limbs import limbs_of
 
 MODES = ("limb", "joint", "body", "turn")
 _OPTIONS = LevenbergMarquardtOptions(max_iterations=30, damping=1e-2, tolerance=1e-6, step_tolerance=1e-5)
-_DAMPING = 0.05  # of the joints, as a share of how far a radian moves the point in the image
+_DAMPING = 0.01  # of the joints, as a share of how far a radian moves the point in the image
 _STILL_PX = 1.0  # a point that a radian moves less than this is not moved by a joint at all
 
 

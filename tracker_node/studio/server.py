@@ -64,6 +64,7 @@ def listening_socket(port: int) -> tuple[socket.socket, Access]:
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind(("127.0.0.1", port))
+        listener.listen()  # whoever is told the address may come at once
     except OSError as error:
         listener.close()
         raise SourceError(f"port {port}", f"cannot be served: {error.strerror}") from None
