@@ -13,17 +13,22 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+import zstandard
 from rosbags.interfaces import Connection, Qos
 from rosbags.rosbag2 import Reader, ReaderError
 from rosbags.rosbag2.metadata import parse_qos
 from rosbags.serde import SerdeError
 
 from ..errors import FileFormatError, UnknownNameError
+from .bag_contents import FileContents, one_text
 from .bag_metadata import METADATA_FILE, OfferedQos
-from .mcap_recovery import FileContents, scan, survey
+from .bag_scan import scan, survey
+from .mcap_recovery import ZSTD_MAGIC, unpacked_zstd
 from .message_types import typestore_of
 
 STORAGE_SUFFIXES = (".mcap", ".db3")
+PACKED = ".zstd"  # after the suffix, of files that are compressed as a whole
+REPAIR = "`tracker_node bag repair` copies what can be read"
 
 
 @dataclass(frozen=True)
@@ -51,9 +56,16 @@ class BagMessage:
 class BagReader:
     """Reads one bag; use it in a ``with`` statement.
 
+    Parameters
+    ----------
+    path : bag folder, or a file of one.
+    scanned : read the files from their beginning even if they are finished, so that damage costs no more than what is damaged;
+        messages come in the order of writing.
+
     Attributes
     ----------
     topics : `BagTopic` by name.
+    files : that hold its messages, in the order of recording.
     problem : why the bag had to be recovered; empty for a finished bag.
     start_ns, end_ns : stamps of the first and the last message, 0 for an empty bag.
 
@@ -62,17 +74,21 @@ class BagReader:
     FileFormatError : no bag, or nothing in it can be read.
     """
 
-    def __init__(self, path: str | Path):
+    def __init__(self, path: str | Path, scanned: bool = False):
         self.path = Path(path)
         self.problem = ""
         self.custom: dict[str, str] = {}
         self._reader: Reader | None = None
         self._unfinished: list[tuple[Path, FileContents]] = []
-        self._damaged = _storage_files(self.path)
+        self.files = storage_files(self.path)
         try:
             self._open_finished()
         except Exception as error:  # what rosbags raises for damaged files has no common base
-            self._open_unfinished(error)
+            self._open_unfinished(f"{METADATA_FILE} is missing or wrong ({error})")
+        else:
+            if scanned:
+                self.close()
+                self._open_unfinished("")
         self._store = typestore_of({t.type_name: t.definition for t in self.topics.values()})
 
     @property
@@ -131,6 +147,7 @@ class BagReader:
     def close(self) -> None:
         if self._reader is not None and self._reader.is_open:
             self._reader.close()
+        self._reader = None
 
     def __enter__(self) -> BagReader:
         return self
@@ -140,9 +157,9 @@ class BagReader:
 
     def _open_finished(self) -> None:
         has_metadata = self.path.is_dir() and (self.path / METADATA_FILE).exists()
-        if self.path.is_dir() and not has_metadata and len(self._damaged) > 1:
-            raise ValueError(f"there is no {METADATA_FILE}")
-        reader = Reader(self.path if has_metadata or self.path.is_file() else self._damaged[0])
+        if self.path.is_dir() and not has_metadata and len(self.files) > 1:
+            raise ValueError("no such file")
+        reader = Reader(self.path if has_metadata or self.path.is_file() else self.files[0])
         reader.open()
         self.topics = {}
         for name, info in reader.topics.items():
@@ -155,32 +172,36 @@ class BagReader:
         self.custom = dict(reader.storage.metadata.custom or {})
         self._reader = reader
 
-    def _open_unfinished(self, error: Exception) -> None:
-        files = [path for path in self._damaged if path.suffix == ".mcap"]
+    def _open_unfinished(self, why: str) -> None:
+        """``why`` stands in where nothing is wrong with the files themselves."""
+        files = [path for path in self.files if path.suffix in STORAGE_SUFFIXES]
         if not files:
-            raise FileFormatError(self.path, "(content)", "a bag that can be read", str(error)) from None
+            raise FileFormatError(self.path, "(content)", "a bag that can be read", why)
         self.topics = {}
-        problems = []
+        problems: list[str] = []
         for path in files:
             contents = survey(path)
             self._unfinished.append((path, contents))
-            problems.append(contents.problem or f"{METADATA_FILE} is missing or wrong ({error})")
-            for number, channel in contents.channels.items():
-                schema = contents.schemas.get(channel.schema_id)
-                known = self.topics.get(channel.topic)
-                count = contents.counts.get(number, 0) + (known.message_count if known else 0)
-                self.topics[channel.topic] = BagTopic(
-                    channel.topic,
-                    schema.name if schema else "",
-                    count,
-                    _qos_of_text(channel.metadata.get("offered_qos_profiles", "")),
-                    schema.data.decode(errors="replace") if schema else "",
-                    channel.metadata.get("topic_type_hash", ""),
-                )
+            problems += contents.problems or [why] * bool(why)
+            for number in contents.channels:
+                self._add_topic(contents, number)
         found = [contents for _, contents in self._unfinished if contents.message_count]
         self.start_ns = min((contents.start_ns for contents in found), default=0)
         self.end_ns = max((contents.end_ns for contents in found), default=0)
-        self.problem = "; ".join(dict.fromkeys(problems))
+        self.problem = one_text(problems)
+
+    def _add_topic(self, contents: FileContents, number: int) -> None:
+        channel = contents.channels[number]
+        schema = contents.schemas.get(channel.schema_id)
+        known = self.topics.get(channel.topic)
+        self.topics[channel.topic] = BagTopic(
+            channel.topic,
+            schema.name if schema else "",
+            contents.counts.get(number, 0) + (known.message_count if known else 0),
+            _qos_of_text(channel.metadata.get("offered_qos_profiles", "")),
+            schema.data.decode(errors="replace") if schema else "",
+            channel.metadata.get("topic_type_hash", ""),
+        )
 
     def _finished(self, wanted: set[str], start_ns: int | None, stop_ns: int | None) -> Iterator[BagMessage]:
         assert self._reader is not None
@@ -191,7 +212,7 @@ class BagReader:
             for connection, stamp_ns, data in self._reader.messages(chosen, start_ns, stop_ns):
                 yield BagMessage(connection.topic, connection.msgtype, stamp_ns, data)
         except (ReaderError, ValueError, IndexError, TypeError, MemoryError, struct.error) as error:
-            raise FileFormatError(self.path, "(messages)", "an undamaged bag", str(error)) from None
+            raise FileFormatError(self.path, "(messages)", f"an undamaged bag ({REPAIR})", str(error)) from None
 
     def _recovered(self, wanted: set[str], start_ns: int | None, stop_ns: int | None) -> Iterator[BagMessage]:
         for path, contents in self._unfinished:
@@ -201,12 +222,27 @@ class BagReader:
                 early = start_ns is not None and message.stamp_ns < start_ns
                 late = stop_ns is not None and message.stamp_ns >= stop_ns
                 if topic.name in wanted and not early and not late:
-                    yield BagMessage(topic.name, topic.type_name, message.stamp_ns, message.data)
+                    yield BagMessage(topic.name, topic.type_name, message.stamp_ns, self._unpacked(message.data))
+
+    def _unpacked(self, data: bytes) -> bytes:
+        """A message of a bag in which each was compressed: serialized ones do not begin like this."""
+        if data[:4] != ZSTD_MAGIC:
+            return data
+        try:
+            return unpacked_zstd(data)
+        except (ValueError, zstandard.ZstdError) as error:
+            raise FileFormatError(self.path, "(messages)", "undamaged compressed messages", str(error)) from None
 
 
-def _storage_files(path: Path) -> list[Path]:
+def storage_files(path: Path) -> list[Path]:
+    """Files of a bag, in the order of recording.
+
+    Raises
+    ------
+    FileFormatError : there are none.
+    """
     if path.is_dir():
-        files = sorted((file for file in path.iterdir() if file.suffix in STORAGE_SUFFIXES), key=_in_order)
+        files = sorted((file for file in path.iterdir() if _is_storage(file)), key=_in_order)
         if not files:
             raise FileFormatError(path, "(folder)", f"a bag: a folder with {' or '.join(STORAGE_SUFFIXES)} files", "none")
         return files
@@ -217,9 +253,13 @@ def _storage_files(path: Path) -> list[Path]:
     return [path]
 
 
+def _is_storage(file: Path) -> bool:
+    return file.is_file() and Path(file.name.removesuffix(PACKED)).suffix in STORAGE_SUFFIXES
+
+
 def _in_order(file: Path) -> tuple[int, str]:
     """Split bags are numbered: ``run_2.mcap`` comes before ``run_10.mcap``."""
-    number = re.search(r"_(\d+)$", file.stem)
+    number = re.search(r"_(\d+)\.", file.name)
     return (int(number[1]) if number else 0, file.name)
 
 

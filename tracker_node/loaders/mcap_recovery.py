@@ -1,7 +1,8 @@
-"""What can be read from an unfinished MCAP file: its writer was killed, the disk was full, a copy broke off.
+"""What can be read from an MCAP file, whatever its condition: its writer was killed, the disk was full, bytes are damaged.
 
-Such a file has no index at its end, so it is read from its beginning up to where it breaks off; of an unfinished chunk the
-messages that are there in full are read too.
+An unfinished file has no index at its end, so it is read from its beginning up to where it breaks off; of an unfinished chunk the
+messages that are there in full are read too. Where a record in the middle is damaged, reading goes on at the next chunk that the
+index names.
 """
 
 from __future__ import annotations
@@ -9,142 +10,183 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
+import lz4.frame
+import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Message, Schema
-from mcap.stream_reader import breakup_chunk
+from mcap.records import Channel, Schema
 
 from ..errors import FileFormatError
+from .bag_contents import MOST_BYTES, FileContents, RawMessage
 
 MAGIC = b"\x89MCAP0\r\n"
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+
 _RECORD_HEAD = struct.Struct("<BQ")  # opcode, length
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _CHUNK_HEAD = struct.Struct("<QQQI")  # start, end, uncompressed size, crc
-_DAMAGED_CHUNK = "a damaged chunk was left out"
-_NO_COMPRESSION = b"\0\0\0\0"  # length of its name
+_FOOTER = struct.Struct("<BQQQI")  # opcode, length, start of the summary, of its offsets, crc
+_PIECE = 4 * 2**20
+_FIRST_PRIVATE = 0x80  # opcodes from here on are other programs' own
 
 
-@dataclass(frozen=True)
-class RawMessage:
-    """A message as it stands in the file."""
-
-    channel: int
-    stamp_ns: int
-    publish_ns: int
-    data: bytes
-
-
-@dataclass
-class FileContents:
-    """What a file holds; ``problem`` says how it ends when it is not finished, empty if it is."""
-
-    schemas: dict[int, Schema] = field(default_factory=dict)
-    channels: dict[int, Channel] = field(default_factory=dict)
-    counts: dict[int, int] = field(default_factory=dict)
-    start_ns: int = 0
-    end_ns: int = 0
-    problem: str = ""
-
-    @property
-    def message_count(self) -> int:
-        return sum(self.counts.values())
-
-
-def survey(path: str | Path) -> FileContents:
-    """Topics and numbers of messages, found by reading the whole file.
+def scan_mcap(path: Path, contents: FileContents) -> Iterator[RawMessage]:
+    """All messages in the order of the file; schemas, channels and the problems found go to ``contents`` as they come.
 
     Raises
     ------
     FileFormatError : not an MCAP file, or not readable.
     """
-    contents = FileContents()
-    for message in scan(path, contents):
-        count = contents.counts.get(message.channel, 0)
-        if contents.message_count == 0:
-            contents.start_ns = contents.end_ns = message.stamp_ns
-        contents.counts[message.channel] = count + 1
-        contents.start_ns = min(contents.start_ns, message.stamp_ns)
-        contents.end_ns = max(contents.end_ns, message.stamp_ns)
-    return contents
-
-
-def scan(path: str | Path, contents: FileContents | None = None) -> Iterator[RawMessage]:
-    """All messages in the order of the file; schemas, channels and the problem found go to ``contents`` as they come.
-
-    Raises
-    ------
-    FileFormatError : not an MCAP file, or not readable.
-    """
-    contents = FileContents() if contents is None else contents
     try:
-        with Path(path).open("rb") as stream:
+        with path.open("rb") as stream:
             if stream.read(len(MAGIC)) != MAGIC:
                 raise FileFormatError(path, "(start)", "the magic bytes of an MCAP file", "something else")
-            yield from _scan_records(stream, Path(path).stat().st_size, contents)
+            yield from _scan_records(stream, path.stat().st_size, contents)
     except OSError as error:
         raise FileFormatError(path, "(file)", "a readable MCAP file", str(error)) from None
 
 
 def _scan_records(stream: BinaryIO, size: int, contents: FileContents) -> Iterator[RawMessage]:
+    chunks = _indexed_chunks(stream, size, contents)
     while True:
+        at = stream.tell()
         head = stream.read(_RECORD_HEAD.size)
+        opcode, length = _RECORD_HEAD.unpack(head) if len(head) == _RECORD_HEAD.size else (0, 0)
+        known = 0 < opcode <= Opcode.DATA_END or opcode >= _FIRST_PRIVATE
+        if contents.indexed and (not known or length > size - stream.tell()):
+            contents.problems.append(f"the record at byte {at} is damaged and was left out")
+            at = next((chunk for chunk in chunks if chunk > at), size)
+            if at == size:
+                return
+            stream.seek(at)
+            continue
         if len(head) < _RECORD_HEAD.size:
-            contents.problem = "the file breaks off between two records, without an index"
+            contents.problems.append("the file breaks off between two records, without an index")
             return
-        opcode, length = _RECORD_HEAD.unpack(head)
+        if not known:
+            contents.problems.append(f"nothing can be read from byte {at} on")
+            return
         body = stream.read(min(length, size - stream.tell()))
         whole = len(body) == length
         if opcode == Opcode.CHUNK:
-            yield from _scan_chunk(body, whole, contents)
+            yield from _scan_chunk(body, whole, at, contents)
         if not whole:
-            contents.problem = f"the file breaks off in the middle of a record of {length} bytes"
+            contents.problems.append(f"the file breaks off in the middle of a record of {length} bytes")
             return
         if opcode == Opcode.FOOTER:
             return
         yield from _take(opcode, memoryview(body), contents)
 
 
-def _scan_chunk(body: bytes, whole: bool, contents: FileContents) -> Iterator[RawMessage]:
-    if len(body) < _CHUNK_HEAD.size + len(_NO_COMPRESSION) + 8:
-        return
-    if body[_CHUNK_HEAD.size : _CHUNK_HEAD.size + 4] != _NO_COMPRESSION:
+def _indexed_chunks(stream: BinaryIO, size: int, contents: FileContents) -> list[int]:
+    """Where the chunks begin, in order; none where there is no index, or a damaged one. The stream stays where it is."""
+    before, end = stream.tell(), _FOOTER.size + len(MAGIC)
+    found: list[int] = []
+    try:
+        if size < before + end:
+            return []
+        stream.seek(size - end)
+        opcode, length, start, _, crc = _FOOTER.unpack(stream.read(_FOOTER.size))
+        complete = stream.read(len(MAGIC)) == MAGIC and (opcode, length) == (Opcode.FOOTER, _FOOTER.size - 9)
+        if not complete or not before <= start <= size - end:
+            return []
+        contents.indexed = True
+        stream.seek(start)
+        summary = stream.read(size - end - start)
+        stream.seek(size - end)
+        if crc and zlib.crc32(summary + stream.read(_FOOTER.size - 4)) != crc:
+            contents.problems.append("the index is damaged")
+        found = _chunk_offsets(summary)
+    finally:
+        stream.seek(before)
+    return sorted(found)
+
+
+def _chunk_offsets(summary: bytes) -> list[int]:
+    found, at = [], 0
+    while at + _RECORD_HEAD.size <= len(summary):
+        opcode, length = _RECORD_HEAD.unpack_from(summary, at)
+        at += _RECORD_HEAD.size
+        if opcode == Opcode.CHUNK_INDEX and length >= 24 and at + 24 <= len(summary):
+            found.append(struct.unpack_from("<Q", summary, at + 16)[0])
+        at += length
+    return found
+
+
+def _scan_chunk(body: bytes, whole: bool, offset: int, contents: FileContents) -> Iterator[RawMessage]:
+    """Messages of a chunk; of one that breaks off, or has no checksum, as far as it goes."""
+    try:
+        crc, compression, content = _chunk_parts(body)
+        if compression and not whole:
+            return
+        records = memoryview(_unpacked(compression, content))
+        if whole and crc and zlib.crc32(records) != crc:
+            raise ValueError("checksum")
+    except Exception:  # decompressors have their own kinds of errors
         if whole:
-            yield from _scan_compressed(body, contents)
-        return
-    records = memoryview(body)[_CHUNK_HEAD.size + len(_NO_COMPRESSION) + 8 :]
-    crc = _CHUNK_HEAD.unpack_from(body)[3]
-    if whole and crc and zlib.crc32(records) != crc:
-        contents.problem = _DAMAGED_CHUNK
+            contents.problems.append(f"the chunk at byte {offset} is damaged and was left out")
         return
     at = 0
     while at + _RECORD_HEAD.size <= len(records):
         opcode, length = _RECORD_HEAD.unpack_from(records, at)
         at += _RECORD_HEAD.size
         if at + length > len(records):
+            if whole:
+                contents.problems.append(f"the chunk at byte {offset} is damaged and was read in part")
             return
         yield from _take(opcode, records[at : at + length], contents)
         at += length
 
 
-def _scan_compressed(body: bytes, contents: FileContents) -> Iterator[RawMessage]:
-    try:
-        records = breakup_chunk(Chunk.read(ReadDataStream(BytesIO(body))), validate_crc=True)
-    except Exception:  # decompressors have their own kinds of errors
-        contents.problem = _DAMAGED_CHUNK
-        return
-    for record in records:
-        if isinstance(record, Schema):
-            contents.schemas[record.id] = record
-        elif isinstance(record, Channel):
-            contents.channels[record.id] = record
-        elif isinstance(record, Message):
-            yield RawMessage(record.channel_id, record.log_time, record.publish_time, record.data)
+def _chunk_parts(body: bytes) -> tuple[int, str, memoryview]:
+    """Checksum, compression and content."""
+    crc = _CHUNK_HEAD.unpack_from(body)[3]
+    (length,) = struct.unpack_from("<I", body, _CHUNK_HEAD.size)
+    at = _CHUNK_HEAD.size + 4
+    compression = body[at : at + length].decode()
+    return crc, compression, memoryview(body)[at + length + 8 :]
+
+
+def _unpacked(compression: str, content: memoryview) -> bytes | memoryview:
+    """The records of a chunk.
+
+    Raises
+    ------
+    ValueError, or what the decompressor raises : damaged, unknown, or too large.
+    """
+    if not compression:
+        return content
+    if compression == "zstd":
+        return unpacked_zstd(content)
+    if compression != "lz4":
+        raise ValueError(compression)
+    decompressor = lz4.frame.LZ4FrameDecompressor()
+    data = decompressor.decompress(content, max_length=MOST_BYTES)
+    if not decompressor.eof:
+        raise ValueError("too large, or not whole")
+    return data
+
+
+def unpacked_zstd(data: bytes | memoryview) -> bytes:
+    """The content of a zstd frame, whatever size it claims.
+
+    Raises
+    ------
+    ValueError, zstandard.ZstdError : damaged, or larger than `MOST_BYTES`.
+    """
+    pieces, size = [], 0
+    with zstandard.ZstdDecompressor().stream_reader(data) as stream:
+        while piece := stream.read(_PIECE):
+            pieces.append(piece)
+            size += len(piece)
+            if size > MOST_BYTES:
+                raise ValueError("too large")
+    return b"".join(pieces)
 
 
 def _take(opcode: int, body: memoryview, contents: FileContents) -> Iterator[RawMessage]:
@@ -156,7 +198,7 @@ def _take(opcode: int, body: memoryview, contents: FileContents) -> Iterator[Raw
             channel = Channel.read(ReadDataStream(BytesIO(body)))
             contents.channels[channel.id] = channel
     except (McapError, UnicodeDecodeError, struct.error):
-        contents.problem = "a damaged record was left out"
+        contents.problems.append("a damaged record was left out")
     if opcode == Opcode.MESSAGE and len(body) >= _MESSAGE_HEAD.size:
         channel_id, _, stamp_ns, publish_ns = _MESSAGE_HEAD.unpack_from(body)
         if channel_id in contents.channels:

@@ -15,7 +15,7 @@ def test_the_recovered_bag_has_everything_that_could_be_read(tmp_path: Path, cap
     file = bag / "run_0.mcap"
     file.write_bytes(file.read_bytes()[: int(file.stat().st_size * 0.6)])
     (bag / "metadata.yaml").unlink()
-    assert main(["recover_bag", str(bag), "--output", str(tmp_path / "new")]) == 0
+    assert main(["bag", "repair", str(bag), "--output", str(tmp_path / "new")]) == 0
     assert "breaks off" in capsys.readouterr().out
     with BagReader(bag) as old, BagReader(tmp_path / "new") as new, AnyReader([tmp_path / "new"]) as others:
         assert (new.recovered, new.message_count) == (False, old.message_count)
@@ -29,7 +29,7 @@ def test_the_recovered_bag_has_everything_that_could_be_read(tmp_path: Path, cap
 
 def test_nothing_is_written_over(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     bag = bag_samples.write_bag(tmp_path / "run", 2)
-    assert main(["recover_bag", str(bag), "--output", str(bag)]) == 2
+    assert main(["bag", "repair", str(bag), "--output", str(bag)]) == 2
     assert "exists already" in capsys.readouterr().err
-    assert main(["recover_bag", str(tmp_path / "missing"), "--output", str(tmp_path / "new")]) == 2
+    assert main(["bag", "repair", str(tmp_path / "missing"), "--output", str(tmp_path / "new")]) == 2
     assert not (tmp_path / "new").exists()
