@@ -19,6 +19,7 @@ _LEVELS = {Status.INITIALISING: WARN, Status.TRACKING: OK, Status.DEGRADED: WARN
 _LIMB_LEVELS = {LimbStatus.TRACKING: OK, LimbStatus.UNSEEN: WARN, LimbStatus.DEGRADED: WARN, LimbStatus.LOST: ERROR}
 _REMEMBERED = 150  # image sets that percentiles are of
 _ENOUGH = 20  # of them, for a verdict
+_SILENT_REPORTS = 2  # without an image set, until that is said to be wrong
 _OTHER_CLOCK_MS = 6e4  # stamps that are farther from now are not of this clock
 
 
@@ -32,6 +33,7 @@ class TrackerDiagnostics:
         self._spread_ms: deque[float] = deque(maxlen=_REMEMBERED)
         self._before_s, self._tracked_before, self._superseded_before = time.monotonic(), 0, 0
         self._sets_before: Mapping[str, int] = {}
+        self._silent = 0
 
     def estimated(self, estimate: TrackEstimate, image_set: ImageSet, counts: WorkerCounts, now_ns: int) -> None:
         """One image set has been tracked and published, at ``now_ns`` of the clock that stamps are of."""
@@ -61,7 +63,8 @@ class TrackerDiagnostics:
         tracked, superseded = counts.tracked - self._tracked_before, counts.superseded - self._superseded_before
         self._before_s, self._tracked_before, self._superseded_before = now, counts.tracked, counts.superseded
         values = {"image sets per second": tracked / elapsed_s, "superseded per second": superseded / elapsed_s}
-        self._diagnostics.report("rate", *_rate_verdict(worker, tracked, superseded), values)
+        self._silent = 0 if tracked or worker.busy else self._silent + 1
+        self._diagnostics.report("rate", *_rate_verdict(worker, tracked, superseded, self._silent), values)
         self._report_sets(worker)
         if worker.paused:
             self._diagnostics.report("status", OK, "paused by request")
@@ -117,7 +120,7 @@ class TrackerDiagnostics:
         self._diagnostics.report("observability", WARN if whole else OK, said)
 
 
-def _rate_verdict(worker: TrackingWorker, tracked: int, superseded: int) -> tuple[bytes, str]:
+def _rate_verdict(worker: TrackingWorker, tracked: int, superseded: int, silent: int) -> tuple[bytes, str]:
     if worker.fatal is not None:
         return ERROR, f"the tracking thread has ended: {worker.fatal}"
     if worker.paused:
@@ -125,7 +128,7 @@ def _rate_verdict(worker: TrackingWorker, tracked: int, superseded: int) -> tupl
     if superseded > 0:
         return WARN, f"too slow: {superseded} of {tracked + superseded} image sets are left out"
     if tracked == 0:
-        return (OK, "at work") if worker.busy else (WARN, "no image sets")
+        return (WARN, "no image sets") if silent >= _SILENT_REPORTS else (OK, "waiting for image sets")
     return OK, "tracking"
 
 

@@ -1,0 +1,203 @@
+"""What a running tracker is asked for: look anew, pause, a state; and what it says on /diagnostics meanwhile."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.qos import qos_profile_sensor_data
+from ros_cameras import PERIOD_NS, Cameras, N, files_of, options_of
+from ros_graph import stamps
+from ros_samples import moving_state, placed
+from sensor_msgs.msg import CameraInfo, Image
+from std_srvs.srv import SetBool, Trigger
+from tracker_msgs.msg import TrackedState
+from tracker_msgs.srv import SetState
+
+from tracker_node.model.configuration import State
+from tracker_node.ros.conversions import camera_info_message, estimate_of
+from tracker_node.ros.tracker_node import TrackerNode
+from tracker_node.tracking.estimate import Status
+
+
+@pytest.fixture
+def start(probe, recording):
+    """An active tracker in this process, its states, and cameras to feed it."""
+    nodes = []
+
+    def build(**changes):
+        options = options_of(recording, **changes)
+        node = TrackerNode(options)
+        nodes.append(node)
+        probe.add_node(node)
+        states = probe.listen(TrackedState, "tracker/state")
+        assert node.start()
+        return node, states, Cameras(probe, recording, options.rig)
+
+    yield build
+    for node in nodes:
+        node.close()
+        node.destroy_node()
+
+
+def values_of(probe, name: str) -> dict[str, str]:
+    status = probe.diagnostics.get(name)
+    return {value.key: value.value for value in status.values} if status else {}
+
+
+def told(probe, name: str, level: bytes, said: str = "") -> Callable[[], bool]:
+    def predicate() -> bool:
+        status = probe.diagnostics.get(name)
+        return status is not None and status.level == level and said in status.message
+
+    return predicate
+
+
+def test_paused_images_are_counted_and_not_used(probe, start):
+    node, states, cameras = start()
+    cameras.send(0)
+    probe.spin_until(lambda: len(states) == 1, "a state")
+    answer = probe.ask(SetBool, "tracker/enable", SetBool.Request(data=False))
+    assert answer.success and "not used" in answer.message
+    probe.spin_until(told(probe, "tracker: rate", DiagnosticStatus.OK, "paused by request"), "said so")
+    for i in (1, 2):
+        cameras.send(i)
+    probe.spin_until(lambda: values_of(probe, "tracker: cam1").get("paused") == "2", "two images of cam1 left out")
+    assert len(states) == 1 and node.fatal is None
+    assert probe.ask(SetBool, "tracker/enable", SetBool.Request(data=True)).success
+    stamp_ns = cameras.send(3)
+    probe.spin_until(lambda: len(states) == 2, "a state after the pause")
+    assert stamps(states) == [0, stamp_ns] and states[1].status == Status.TRACKING
+    probe.spin_until(lambda: values_of(probe, "tracker: cam1").get("used") == "2", "the accounts")
+    counts = values_of(probe, "tracker: cam1")
+    assert (counts["received"], counts["paused"], counts["refused"]) == ("2", "2", "0")
+
+
+def test_the_body_is_looked_for_anew(probe, recording, start):
+    """Put far away, it is found without a word about where it is."""
+    options = options_of(recording)
+    _, states, cameras = start(config=replace(options.config, start=replace(options.config.start, after_lost=10**6)))
+    far = State(placed(0.05, 3.0, 0.2), np.zeros(options.model.chain.n_axes)).to_values()
+    names = list(options.model.chain.dof_names)
+    assert probe.ask(SetState, "tracker/set_state", SetState.Request(dof_names=names, values=far.tolist())).success
+    cameras.send(0)
+    probe.spin_until(lambda: len(states) == 1, "a state")
+    assert states[0].status != Status.TRACKING
+    assert probe.ask(Trigger, "tracker/reinitialize", Trigger.Request()).success
+    for i in range(1, N):
+        cameras.send(i)
+    probe.spin_until(lambda: len(states) == N, "the other states")
+    truth = moving_state(options.model, N - 1).T_world_root[:3, 3]
+    assert np.linalg.norm(estimate_of(states[-1]).state.T_world_root[:3, 3] - truth) < 0.05, states[-1].status_reason
+
+
+def test_looking_anew_is_refused_where_the_body_is_not_looked_for(probe, recording, start):
+    config = options_of(recording).config
+    start(config=replace(config, start=replace(config.start, enabled=False)))
+    answer = probe.ask(Trigger, "tracker/reinitialize", Trigger.Request())
+    assert not answer.success and "start.enabled" in answer.message
+
+
+def test_limbs_times_and_spread_are_told(probe, start):
+    _, states, cameras = start()
+    for i in range(4):
+        for k, camera in enumerate(("cam1", "cam2", "cam3")):
+            cameras.send(i, (camera,), stamp_ns=i * PERIOD_NS + k * 2_000_000)
+    probe.spin_until(lambda: len(states) == 4, "four states")
+    probe.spin_until(told(probe, "tracker: latency", DiagnosticStatus.OK, "not of this clock"), "times")
+    assert float(values_of(probe, "tracker: latency")["processing p50 [ms]"]) > 0.0
+    probe.spin_until(lambda: values_of(probe, "tracker: image sets").get("spread of stamps p95 [ms]") == "4.000", "the spread")
+    assert probe.diagnostics["tracker: lifecycle"].message == "active"
+    for limb, status in zip(states[-1].limbs, states[-1].limb_status, strict=True):
+        part = probe.diagnostics[f"tracker: limb {limb}"]
+        assert part.message.startswith(("UNSEEN", "TRACKING", "DEGRADED", "LOST")[status])
+        assert (part.level == DiagnosticStatus.OK) == (status == Status.TRACKING)
+    assert probe.diagnostics["tracker: cam1"].hardware_id == "cam1"
+
+
+def test_latency_is_from_the_stamp_to_the_state(probe, start):
+    _, states, cameras = start()
+    first_ns = probe.node.get_clock().now().nanoseconds - 5_000_000_000
+    for i in range(3):
+        cameras.send(i, stamp_ns=first_ns + i * PERIOD_NS)
+    probe.spin_until(lambda: "latency p50 [ms]" in values_of(probe, "tracker: latency"), "latency")
+    assert 4900.0 < float(values_of(probe, "tracker: latency")["latency p50 [ms]"]) < 60000.0 and len(states) == 3
+
+
+def test_a_calibration_that_disagrees_with_the_rig_is_named(probe, recording, start):
+    _, _, cameras = start()
+    rig = options_of(recording).rig
+    lens = rig["cam2"].model
+    turned = replace(lens, K=lens.K * np.array([[1.05, 1.0, 1.0], [1.0, 1.05, 1.0], [1.0, 1.0, 1.0]]))
+    cameras.infos["cam1"].publish(camera_info_message(0, "f", rig["cam1"].model))
+    cameras.infos["cam2"].publish(camera_info_message(0, "f", turned))
+    cameras.infos["cam3"].publish(CameraInfo(width=160, height=120))
+    part = "tracker: calibration of cam{}".format
+    probe.spin_until(told(probe, part(2), DiagnosticStatus.WARN, "px apart"), "cam2 named")
+    probe.spin_until(told(probe, part(1), DiagnosticStatus.OK, "agree"), "cam1 agrees")
+    probe.spin_until(told(probe, part(3), DiagnosticStatus.OK, "uncalibrated"), "cam3 said to be uncalibrated")
+    corner = np.array([0.0, 0.0]) - lens.K[:2, 2]  # the corner's ray moves by 5 % of its distance from the middle
+    expected = 0.05 * np.linalg.norm(corner)
+    assert f"{expected:.1f} px" in probe.diagnostics[part(2)].message
+
+
+def test_a_mismatch_of_quality_is_over_when_its_end_has_left(probe, start):
+    start()  # lossless: asks for reliable images
+    name = "tracker: quality of service of cam2"
+    unreliable = probe.node.create_publisher(Image, "cam2/image_raw", qos_profile_sensor_data)
+    probe.spin_until(told(probe, name, DiagnosticStatus.WARN, "reliability"), "the mismatch")
+    probe.node.destroy_publisher(unreliable)
+    probe.spin_until(told(probe, name, DiagnosticStatus.OK), "its end")
+
+
+def test_simulated_time_that_stands_still_keeps_nobody_silent(probe, launch, recording):
+    """Images are tracked and /diagnostics go out before the first /clock, and time may go back."""
+    from rosgraph_msgs.msg import Clock
+
+    states = probe.listen(TrackedState, "tracker/state")
+    tracker = launch("tracker", *files_of(recording), "--lossless", "--ros-args", "-p", "use_sim_time:=true")
+    clock = probe.node.create_publisher(Clock, "/clock", 10)
+    cameras = Cameras(probe, recording, options_of(recording).rig)
+    cameras.send(0)
+    probe.spin_until(lambda: len(states) == 1, "a state")
+    probe.spin_until(told(probe, "tracker: lifecycle", DiagnosticStatus.OK, "active"), "diagnostics")
+    probe.spin_until(lambda: clock.get_subscription_count() > 0, "the clock's subscriber")
+    for second in (50, 10):
+        message = Clock()
+        message.clock.sec = second
+        clock.publish(message)
+        clock.wait_for_all_acked()
+    probe.spin_until(lambda: "time went back by 40.000 s" in tracker.err, "the jump is noticed")
+    cameras.send(0)
+    probe.spin_until(lambda: len(states) == 2, "a state after the jump")
+    assert np.array_equal(states[1].values, states[0].values)
+    tracker.interrupt()
+    assert tracker.wait() == 0
+
+
+def test_two_subjects_in_one_graph(probe, launch, recording):
+    """A namespace with the cameras remapped into it, and another name: each has its own pose, topics and services."""
+    files = [*files_of(recording), "--lossless"]
+    shared = [arg for i in (1, 2, 3) for arg in ("-r", f"cam{i}/image_raw:=/cam{i}/image_raw")]
+    infos = [arg for i in (1, 2, 3) for arg in ("-r", f"cam{i}/camera_info:=/cam{i}/camera_info")]
+    launch("tracker", *files, "--ros-args", "-r", "__ns:=/anna", *shared, *infos)
+    launch("tracker", *files, "--ros-args", "-r", "__node:=bert", "-r", "robot_description:=bert/robot_description")
+    anna, bert = probe.listen(TrackedState, "/anna/tracker/state"), probe.listen(TrackedState, "/bert/state")
+    rig = options_of(recording).rig
+    cameras = Cameras(probe, recording, rig)
+    images = list(cameras.images.values())
+    probe.spin_until(lambda: all(p.get_subscription_count() == 2 for p in images), "both listen")
+    assert probe.ask(Trigger, "/anna/tracker/reset", Trigger.Request()).success
+    assert probe.ask(SetState, "/bert/set_state", SetState.Request(dof_names=["elbow_flexion"], values=[0.7])).success
+    cameras.send(0)
+    probe.spin_until(lambda: len(anna) == len(bert) == 1, "a state of each")
+    assert not np.array_equal(anna[0].values, bert[0].values)  # they began from different states
+    assert probe.ask(SetBool, "/bert/enable", SetBool.Request(data=False)).success
+    cameras.send(1)
+    probe.spin_until(lambda: len(anna) == 2, "one goes on")
+    assert len(bert) == 1
+    wanted = {"anna/tracker: status", "bert: status", "anna/tracker: cam1", "bert: cam1"}
+    probe.spin_until(lambda: wanted <= set(probe.diagnostics), "each under its own name")
+    probe.spin_until(told(probe, "bert: status", DiagnosticStatus.OK, "paused"), "one is paused")
+    assert "paused" not in probe.diagnostics["anna/tracker: status"].message
