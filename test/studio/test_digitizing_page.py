@@ -42,7 +42,7 @@ class Hands:
     def open(self, url):
         self.page.goto(url)
         self.page.wait_for_selector("main:not([hidden]) .view canvas")
-        self.page.wait_for_function("document.querySelector('#time').textContent !== ''")
+        self.page.wait_for_function("() => document.querySelector('#time').textContent !== ''")
 
     def text(self, selector):
         return self.page.inner_text(selector)
@@ -165,7 +165,7 @@ def test_the_second_time_begins_without_the_first_and_tells_how_well_one_repeats
     hands.click_all(PLACE)
     hands.wait_for("#points tr[aria-selected=true]", "3")
     tab.page.select_option("#sheet", "second")
-    tab.page.wait_for_function("!document.querySelector('#points tr[aria-selected=true]').innerText.includes('3')")
+    tab.page.wait_for_function("() => !document.querySelector('#points tr[aria-selected=true]').innerText.includes('3')")
     for camera in hands.rig:
         hands.click(camera.name, camera.project(PLACE)[0] + [2.0, 0.0])
     hands.wait_for("#repeatability", "rms along u and v (6 degrees of freedom)")

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
-from starlette.concurrency import run_in_threadpool
-from starlette.requests import Request
-from starlette.responses import JSONResponse
-from starlette.routing import BaseRoute, Route
+from starlette.routing import BaseRoute
 
 from ..calibration.dlt import CONSTRAINTS
 from ..calibration.point_reconstruction import METHODS
@@ -20,9 +17,10 @@ from ..camera.camera_rig import CameraRig
 from ..camera.epipolar import epipolar_curve
 from ..errors import CalibrationError, FileFormatError, UnknownNameError
 from ..loaders.control_points import load_places
-from ..loaders.yaml_file import FileModel, PositiveNumber, numbers, validate
+from ..loaders.yaml_file import FileModel, PositiveNumber, numbers
 from . import digitizing
 from .click_store import PASSES, Clicked, ClickStore
+from .endpoints import get, post
 from .session import StudioSession
 
 CONTROL = "control"
@@ -55,30 +53,14 @@ class AskedName(FileModel):
 def routes(session: StudioSession) -> Sequence[BaseRoute]:
     """Below ``/api/digitizing/``."""
     desk = Desk(session)
-    actions: dict[str, tuple[type[FileModel], Callable[[Any], Any]]] = {
-        "sheet": (Asked, desk.sheet),
-        "click": (AskedClick, desk.click),
-        "point": (AskedName, desk.add_point),
-        "repeatability": (Asked, desk.repeatability),
-        "save": (Asked, desk.save),
-    }
-    posted = [Route(f"/api/digitizing/{name}", _endpoint(*action), methods=["POST"]) for name, action in actions.items()]
-
-    async def facts(request: Request) -> JSONResponse:
-        return JSONResponse(await run_in_threadpool(desk.facts))
-
-    return [Route("/api/digitizing", facts), *posted]
-
-
-def _endpoint(kind: type[FileModel], action: Callable[[Any], Any]) -> Callable:
-    async def answer(request: Request) -> JSONResponse:
-        try:
-            values = await request.json()
-        except ValueError as error:
-            raise FileFormatError("request", "(body)", "JSON", str(error)) from None
-        return JSONResponse(await run_in_threadpool(action, validate(kind, values, "request")))
-
-    return answer
+    return [
+        get("/api/digitizing", desk.facts),
+        post("/api/digitizing/sheet", Asked, desk.sheet),
+        post("/api/digitizing/click", AskedClick, desk.click),
+        post("/api/digitizing/point", AskedName, desk.add_point),
+        post("/api/digitizing/repeatability", Asked, desk.repeatability),
+        post("/api/digitizing/save", Asked, desk.save),
+    ]
 
 
 class Desk:

@@ -110,7 +110,8 @@ class OnlyOwnPages:
         By a page, not by a redirect: a browser that comes from another site would not send a strict cookie along with that.
         """
         path = escape("/" + connection.url.path.lstrip("/"), quote=True)
-        response = HTMLResponse(f'<!doctype html><meta http-equiv="refresh" content="0;url={path}"><title>studio</title>')
+        head = f'<meta http-equiv="refresh" content="0;url={path}"><link rel="icon" href="data:,"><title>studio</title>'
+        response = HTMLResponse(f"<!doctype html>{head}")
         response.set_cookie(self._access.cookie, self._access.token, httponly=True, samesite="strict", path="/")
         return response
 
