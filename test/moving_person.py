@@ -37,7 +37,7 @@ def moving(n: int = 40, model: ArticulatedModel | None = None, gaps: tuple[int, 
 
 
 def write_run(folder: Path, motion: RunMotion, missing: tuple[int, ...] = ()) -> Path:
-    """The folder of a run with ``model.yaml`` and ``states.csv``: LOST in the gaps of the motion, no row for those ``missing``."""
+    """The folder of a run: ``model.yaml`` and ``states.csv``, LOST in the gaps of the motion, no row for those ``missing``."""
     folder.mkdir(parents=True)
     dump_model(motion.model, folder / "model.yaml")
     rows = [

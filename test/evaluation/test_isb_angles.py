@@ -43,8 +43,10 @@ def angles_deg(motion):
     ({"clavicle_protraction": 10}, {"clavicle_elevation": 0, "clavicle_protraction": 10}),
     ({"clavicle_axial_rotation": 10}, {"clavicle_backward_rotation": -10}),
     # T-pose, and arms forward (docs/conventions.md)
-    ({"shoulder_elevation_front": 90, "shoulder_elevation_back": 45}, {"shoulder_plane_of_elevation": 0, "shoulder_elevation": 90}),
-    ({"shoulder_elevation_front": 90, "shoulder_elevation_back": -45}, {"shoulder_plane_of_elevation": 90, "shoulder_elevation": 90}),
+    ({"shoulder_elevation_front": 90, "shoulder_elevation_back": 45},
+     {"shoulder_plane_of_elevation": 0, "shoulder_elevation": 90}),
+    ({"shoulder_elevation_front": 90, "shoulder_elevation_back": -45},
+     {"shoulder_plane_of_elevation": 90, "shoulder_elevation": 90}),
     ({"shoulder_elevation_front": 180}, {"shoulder_elevation": 180}),
     ({"shoulder_internal_rotation": 35}, {"shoulder_elevation": 0, "shoulder_plane_of_elevation": 0,
                                           "shoulder_internal_rotation": 35}),
@@ -93,13 +95,15 @@ def test_elevation_and_its_plane_are_those_of_the_humerus_in_the_thorax():
             humerus = -Ts[links.index(f"{side.lower()}_upper_arm"), :3, 2]  # from shoulder to elbow
             thorax = Ts[links.index("torso"), :3, :3]
             assert np.cos(arm[i, 1]) == pytest.approx(-humerus @ thorax[:, 2], abs=1e-9)
-            plane = np.arctan2(humerus @ thorax[:, 0], out * humerus @ thorax[:, 1])  # from the side (0) to the front (90 degrees)
+            plane = np.arctan2(humerus @ thorax[:, 0], out * humerus @ thorax[:, 1])  # 0: to the side
             assert np.cos(arm[i, 0] - plane) == pytest.approx(1.0, abs=1e-9)
 
 
 def test_both_sides_of_a_symmetric_pose_agree():
-    pose = {"hip_flexion": 35, "hip_abduction": 12, "hip_internal_rotation": -20, "shoulder_elevation_front": 70,
-            "shoulder_elevation_back": 20, "shoulder_internal_rotation": 30, "elbow_flexion": 50, "clavicle_elevation": 8}  # fmt: skip
+    pose = {
+        "hip_flexion": 35, "hip_abduction": 12, "hip_internal_rotation": -20, "elbow_flexion": 50, "clavicle_elevation": 8,
+        "shoulder_elevation_front": 70, "shoulder_elevation_back": 20, "shoulder_internal_rotation": 30,
+    }  # fmt: skip
     found = angles_deg(posed(**{f"{side}_{name}": angle for side in ("left", "right") for name, angle in pose.items()}))
     for name in found:
         if name.startswith("left_"):

@@ -69,7 +69,8 @@ def test_nothing_is_interpolated_across_a_gap():
     found, _ = at_constant_rate(motion, 45.0)
     seconds = np.flatnonzero(~found.valid) / 45.0
     assert len(seconds) > 0 and seconds.min() > 9 / 60.0 and seconds.max() < 11 / 60.0
-    missing = replace(motion, **{name: np.delete(getattr(motion, name), (10,), axis=0) for name in ("stamps_ns", "values", "valid")})
+    per_set = ("stamps_ns", "values", "valid")
+    missing = replace(motion, **{name: np.delete(getattr(motion, name), (10,), axis=0) for name in per_set})
     assert np.array_equal(at_constant_rate(missing, 45.0)[0].valid, found.valid)
 
 

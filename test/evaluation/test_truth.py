@@ -28,7 +28,8 @@ def test_c3d_says_itself_which_axis_is_up(tmp_path, file_y_up):
     positions = np.random.default_rng(0).normal(size=(4, 2, 3))
     valid = np.array([[True, True], [True, False], [True, True], [True, True]])
     positions[~valid] = 0.0
-    dump_c3d(MarkerTrajectories(("RShoulder", "Neck"), np.arange(4) / 60.0, positions, 60.0, valid), tmp_path / "a.c3d", file_y_up)
+    markers = MarkerTrajectories(("RShoulder", "Neck"), np.arange(4) / 60.0, positions, 60.0, valid)
+    dump_c3d(markers, tmp_path / "a.c3d", file_y_up)
     truth = load_truth(tmp_path / "a.c3d")
     assert truth.names == ("right_shoulder", "neck")
     assert truth.positions_m == pytest.approx(positions, abs=1e-6)  # single precision

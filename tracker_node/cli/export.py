@@ -22,6 +22,15 @@ EXAMPLE = (
 FORMATS = ("trc", "mot", "sto", "c3d", "bvh", "tum", "csv")
 _Y_UP = ("trc", "mot", "sto", "bvh")  # formats whose readers expect y up
 _MILLIMETRES = ("c3d",)
+_USED_BY = {  # option -> formats that it says something about
+    "landmarks": ("trc", "c3d", "csv"),
+    "marker_names": ("trc", "c3d", "csv"),
+    "coordinates": ("mot", "sto", "csv"),
+    "isb_angles": ("c3d", "csv"),
+    "link": ("tum",),
+    "length": ("trc", "c3d", "bvh", "csv"),
+    "angle": ("mot", "sto", "c3d", "csv"),
+}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,17 +42,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--topic", help="topic of the states, where a bag has several")
     add("--force", action="store_true", help="overwrite the output")
     what = parser.add_argument_group("what goes in")
-    what.add_argument("--landmarks", nargs="+", default=[], metavar="NAME", help="only these landmarks (default: all)")
+    what.add_argument("--landmarks", nargs="+", metavar="NAME", help="trc, c3d, csv: only these landmarks (default: all)")
     what.add_argument(
-        "--marker-names", choices=("model", "openpose"), default="model",
-        help="landmarks under the model's names (right_knee), or those of OpenPose and Pose2Sim (RKnee) where they have one",
+        "--marker-names", choices=("model", "openpose"),
+        help="trc, c3d, csv: landmarks under the model's names (right_knee), or those of OpenPose and Pose2Sim (RKnee) where they have one",
     )  # fmt: skip
     what.add_argument(
-        "--coordinates", choices=("model", "opensim"), default="model",
+        "--coordinates", choices=("model", "opensim"),
         help="mot, sto, csv: the model's degrees of freedom, or coordinates of OpenSim's models of a person (hip_flexion_r)",
     )  # fmt: skip
     what.add_argument("--isb-angles", action="store_true", help="c3d, csv: also joint angles after the ISB recommendations")
-    what.add_argument("--link", default="", metavar="NAME", help="tum: the link whose pose is written (default: the root)")
+    what.add_argument("--link", metavar="NAME", help="tum: the link whose pose is written (default: the root)")
     what.add_argument(
         "--lost", choices=("gap", "keep"), default="gap",
         help="states that are lost or still being looked for: a gap (default), or kept as they stand",
@@ -51,9 +60,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     how = parser.add_argument_group("axes, units, rate")
     how.add_argument("--up", choices=("y", "z"), help="axis that points up (default: y for trc, mot, sto and bvh, else z)")
     how.add_argument(
-        "--length", choices=("m", "cm", "mm"), help="unit of lengths (default: mm for c3d, else m; mot, sto, tum: m only)"
+        "--length", choices=("m", "cm", "mm"), help="trc, c3d, bvh, csv: unit of lengths (default: mm for c3d, else m)"
     )
-    how.add_argument("--angle", choices=("deg", "rad"), default="deg", help="unit of angles (default: deg; bvh: always deg)")
+    how.add_argument("--angle", choices=("deg", "rad"), help="mot, sto, c3d, csv: unit of angles (default: deg)")
     how.add_argument("--rate", type=float, metavar="HZ", help="resample to this rate (default: the run's)")
     how.add_argument(
         "--filter", metavar="HZ|auto", dest="cutoff",
@@ -94,19 +103,18 @@ def _options(args: argparse.Namespace) -> ExportOptions:
     from ..evaluation.export_options import ExportOptions
 
     y_up = (args.up or ("y" if args.to in _Y_UP or args.coordinates == "opensim" else "z")) == "y"
-    if args.to in ("mot", "sto", "tum") and args.length not in (None, "m"):
-        raise _wrong("--length", f"m, the unit of lengths in {args.to} files", args.length)
-    if args.to == "bvh" and args.angle == "rad":
-        raise _wrong("--angle", "deg, the unit of angles in bvh files", args.angle)
-    if args.coordinates == "opensim" and args.to in ("mot", "sto", "csv") and not y_up:
+    for name, formats in _USED_BY.items():
+        if getattr(args, name) and args.to not in formats:
+            raise _wrong(f"--{name.replace('_', '-')}", f"{' or '.join(formats)} where it is given", f"--to {args.to}")
+    if args.coordinates == "opensim" and not y_up:
         raise _wrong("--up", "y, as OpenSim's coordinates have it", "z")
     return ExportOptions(
         y_up=y_up,
         unit=args.length or ("mm" if args.to in _MILLIMETRES else "m"),
-        degrees=args.angle == "deg",
-        landmarks=tuple(args.landmarks),
+        degrees=args.angle != "rad",
+        landmarks=tuple(args.landmarks or ()),
         openpose_names=args.marker_names == "openpose",
-        link=args.link,
+        link=args.link or "",
         opensim=args.coordinates == "opensim",
         isb_angles=args.isb_angles,
     )
@@ -150,7 +158,8 @@ def _write(
 def _say(args: argparse.Namespace, motion: RunMotion, options: ExportOptions, notes: list[str]) -> None:
     missing = int((~motion.valid).sum())
     up, gaps = "y" if options.y_up else "z", f"{missing} of them without a state" if missing else "none without a state"
-    print(f"wrote {args.output}: {len(motion)} instants, {gaps}; {up} up, {options.unit}, {options.angle_unit}")
+    units = [options.unit, *([options.angle_unit] if args.to in (*_USED_BY["angle"], "bvh") else [])]
+    print(f"wrote {args.output}: {len(motion)} instants, {gaps}; {up} up, {', '.join(units)}")
     for note in notes:
         print(f"  {note}", file=sys.stderr)
 

@@ -83,7 +83,7 @@ def load_trc(path: str | Path, y_up: bool = True) -> MarkerTrajectories:
 
 
 def dump_trc(markers: MarkerTrajectories, path: str | Path, y_up: bool = True, unit: str = "m") -> None:
-    """Write a TRC file in ``unit`` (m, cm, mm); invalid markers become empty cells."""
+    """Write a TRC file in ``unit`` (m, cm, mm); invalid markers become empty cells (``nan`` in a row's last)."""
     positions = markers.positions_m[..., [1, 2, 0]] if y_up else markers.positions_m
     if unit != "m":
         positions = positions / METERS_PER_UNIT[unit]
@@ -101,6 +101,7 @@ def dump_trc(markers: MarkerTrajectories, path: str | Path, y_up: bool = True, u
         cells = [str(i + 1), repr(float(markers.times_s[i]))]
         for j in range(m):
             cells += [repr(float(v)) for v in positions[i, j]] if markers.valid[i, j] else ["", "", ""]
+        cells[-1] = cells[-1] or "nan"  # OpenSim takes no notice of an empty cell at the end of a row, and misses it
         lines.append("\t".join(cells))
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
