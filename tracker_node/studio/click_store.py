@@ -54,6 +54,11 @@ class ClickStore:
         """Instants of which any pass has clicks, in order."""
         return sorted({stamp_ns for of_pass in self._passes.values() for stamp_ns, clicks in of_pass.items() if clicks})
 
+    def clicked_names(self) -> list[str]:
+        """Points that were clicked on anywhere, those of one's own first."""
+        clicked = (points for of_pass in self._passes.values() for cameras in of_pass.values() for points in cameras.values())
+        return list(dict.fromkeys([*self.names, *(name for points in clicked for name in points)]))
+
     def count(self, stamp_ns: int) -> int:
         """Clicks on the images of an instant, of all passes."""
         return sum(len(points) for name in PASSES for points in self.clicked(name, stamp_ns).values())

@@ -103,9 +103,8 @@ class Desk:
     def _points(self) -> list[str]:
         """Landmarks of the model, names of one's own, and whatever else was ever clicked on."""
         model = self._session.model
-        known = [*(() if model is None else model.landmark_names), *self._store.names]
-        clicked = [self._store.repeated(stamp_ns) for stamp_ns in self._store.stamps_ns()]
-        return list(dict.fromkeys([*known, *(name for cameras in clicked for points in cameras.values() for name in points)]))
+        landmarks = () if model is None else model.landmark_names
+        return list(dict.fromkeys([*landmarks, *self._store.clicked_names()]))
 
     def sheet(self, asked: Asked) -> dict[str, Any]:
         """Clicks, and what comes of them."""

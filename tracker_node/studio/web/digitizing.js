@@ -12,6 +12,7 @@ const views = [];
 let active = null; // the view that keys mean
 let under = null; // what the magnifier shows: [view, pixel]
 const waiting = []; // clicks that are not saved yet
+const undone = []; // clicks as they were before the latest changes
 let sending = false;
 
 const session = await attempt(() => openPage("digitizing.html"));
@@ -59,11 +60,12 @@ function asked() {
 }
 
 /** Put the chosen point at a pixel of a view, or take it out of it. */
-function put(view, pixel) {
+function put(view, pixel, remember = true) {
   if (!state.point) { say("name a point first", "bad"); return; }
   const inside = pixel && [clamp(pixel[0], -0.49, view.width - 0.51), clamp(pixel[1], -0.49, view.height - 0.51)];
   state.answer ??= { clicks: {}, curves: [], points: {}, cameras: {}, expected: {} }; // the sheet is still on its way
   const clicks = (state.answer.clicks[view.name] ??= {});
+  if (remember) undone.push({ view, pixel: clicks[state.point] ?? null, set: state.set, sheet: state.sheet, point: state.point });
   if (inside) clicks[state.point] = inside;
   else delete clicks[state.point];
   redraw();
@@ -184,7 +186,18 @@ function nudge(key, step) {
   magnify(active, pixel);
 }
 
+/** Take back the latest change, where it was made. */
+async function undo() {
+  const change = undone.pop();
+  if (!change) { say("nothing to take back"); return; }
+  if (change.sheet !== state.sheet) { byId("sheet").value = change.sheet; chooseSheet(change.sheet); }
+  if (change.set !== state.set) await showSet(change.set);
+  if (change.point !== state.point) choosePoint(change.point);
+  put(change.view, change.pixel, false);
+}
+
 function onKey(event) {
+  if (event.ctrlKey && event.key === "z" && !isTyping(event)) { event.preventDefault(); undo(); return; }
   if (isTyping(event) || event.ctrlKey || event.metaKey || event.altKey || event.target.type === "range") return;
   const { key } = event;
   if (key.startsWith("Arrow")) nudge(key, event.shiftKey ? 0.1 : 1);

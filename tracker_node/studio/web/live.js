@@ -83,12 +83,13 @@ const chosen = () => byId("tracker").value;
 
 /** Camera -> the topic of its images that is to be shown. */
 function wantedTopics() {
-  const kind = byId("kind").value, found = new Map();
-  for (const topic of Object.keys(news?.topics ?? {})) {
+  const kind = byId("kind").value, found = new Map(), topics = Object.keys(news?.topics ?? {});
+  const namespace = chosen().slice(0, chosen().lastIndexOf("/") + 1);
+  const own = topics.filter((topic) => topic.startsWith(namespace) && /^[^/]+\/image_raw/.test(topic.slice(namespace.length)));
+  for (const topic of kind === "camera" && own.length ? own : topics) {
     if (kind === "camera") {
-      const camera = topic.match(/^(?:.*\/)?([^/]+)\/image_raw(\/compressed)?$/);
-      if (camera && !topic.endsWith("/image_raw/compressed") || camera && !found.has(camera[1])) found.set(camera[1], topic);
-      if (camera && topic.endsWith("/compressed")) found.set(camera[1], topic);
+      const camera = topic.match(/([^/]+)\/image_raw(\/compressed)?$/); // in the order of names a compressed topic comes later, and wins
+      if (camera) found.set(camera[1], topic);
     } else if (topic.startsWith(`${chosen()}/`) && topic.endsWith(`/${kind}`)) {
       found.set(topic.slice(chosen().length + 1, -kind.length - 1), topic);
     }
