@@ -45,7 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--landmarks", nargs="+", metavar="NAME", help="trc, c3d, csv: only these landmarks (default: all)")
     what.add_argument(
         "--marker-names", choices=("model", "openpose"),
-        help="trc, c3d, csv: landmarks under the model's names (right_knee), or those of OpenPose and Pose2Sim (RKnee) where they have one",
+        help="trc, c3d, csv: landmarks under the model's names (right_knee), or those of OpenPose and Pose2Sim (RKnee) where they"
+        " have one",
     )  # fmt: skip
     what.add_argument(
         "--coordinates", choices=("model", "opensim"),
