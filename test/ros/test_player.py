@@ -1,5 +1,6 @@
 """The player: what was recorded comes out again, at its times, on a real graph."""
 
+import itertools
 import signal
 import time
 from collections.abc import Iterator
@@ -8,22 +9,27 @@ from pathlib import Path
 import bag_samples
 import pytest
 from ros_processes import wait_until
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 rclpy = pytest.importorskip("rclpy", reason="ROS is not installed")
 
+from rcl_interfaces.srv import SetParameters  # noqa: E402
 from rclpy.context import Context  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
-from std_srvs.srv import SetBool  # noqa: E402
+from std_srvs.srv import SetBool, Trigger  # noqa: E402
 
 from tracker_node.cli.main import main  # noqa: E402
+from tracker_node.loaders.bag_metadata import OfferedQos  # noqa: E402
 from tracker_node.loaders.bag_reader import BagReader  # noqa: E402
 from tracker_node.loaders.bag_writer import BagWriter  # noqa: E402
+from tracker_node.loaders.message_types import typestore  # noqa: E402
+from tracker_node.ros.bag_time import BagTime  # noqa: E402
 from tracker_node.ros.conversions import stamp_ns_of  # noqa: E402
-from tracker_node.ros.player_node import BagTime  # noqa: E402
 
 RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -126,6 +132,103 @@ def test_pause(listener: Listener, tmp_path: Path, start) -> None:
     assert player.process.wait(20) == 0
 
 
+def test_steps_and_seeking_while_it_is_paused(listener: Listener, tmp_path: Path, start) -> None:
+    """Each step is one message with its time on /clock; seeking goes back as well, and playing goes on from there."""
+    listener.listen("/a", String)
+    listener.listen("/clock", Clock)
+    player = start("player", str(text_bag(tmp_path / "bag")), "--topics", "a", "--paused", "--wait-for-subscribers", "1")
+    step = listener.node.create_client(Trigger, "/player/play_next")
+    pause = listener.node.create_client(SetBool, "/player/pause")
+    parameters = listener.node.create_client(SetParameters, "/player/set_parameters")
+    listener.until(lambda: step.service_is_ready() and parameters.service_is_ready() and pause.service_is_ready())
+
+    def call(client, request):
+        answer = client.call_async(request)
+        listener.until(answer.done)
+        return answer.result()
+
+    def set_parameter(name: str, value: float):
+        return call(parameters, SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])).results[0]
+
+    def clock_s() -> float:
+        return 1e-9 * (stamp_ns_of(listener.heard["/clock"][-1][1].clock) - bag_samples.START_NS)
+
+    listener.until(lambda: len(listener.heard["/clock"]) > 3)
+    assert listener.texts("/a") == []
+    for i in range(3):
+        assert call(step, Trigger.Request()).success
+        listener.until(lambda: len(listener.heard["/a"]) == i + 1)  # noqa: B023
+    assert listener.texts("/a") == ["a0", "a1", "a2"]
+    listener.until(lambda: abs(clock_s() - 0.1) < 1e-6)
+    assert set_parameter("position", 0.9).successful
+    listener.until(lambda: abs(clock_s() - 0.9) < 1e-6)
+    assert call(step, Trigger.Request()).success
+    listener.until(lambda: listener.texts("/a")[3:] == ["a18"])
+    refused = set_parameter("position", 5.0)
+    assert not refused.successful
+    assert "position" in refused.reason
+    assert set_parameter("position", 0.5).successful
+    assert set_parameter("rate", 5.0).successful
+    assert call(pause, SetBool.Request(data=False)).success
+    listener.until(lambda: len(listener.heard["/a"]) == 15)
+    assert listener.texts("/a")[4:] == [f"a{i}" for i in range(10, 21)]
+    assert player.process.wait(20) == 0
+
+
+def test_what_was_latched_before_the_start_is_told_first(listener: Listener, tmp_path: Path, start) -> None:
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/latched", "std_msgs/msg/String", OfferedQos("reliable", "transient_local", depth=1))
+        writer.write_message("/latched", bag_samples.START_NS, bag_samples.text("old"))
+        writer.write_message("/latched", bag_samples.START_NS + 10, bag_samples.text("description"))
+        for i in range(20):
+            writer.write_message("/a", bag_samples.START_NS + i * 10**8, bag_samples.text(f"a{i}"))
+    listener.listen("/latched", String, LATCHED)
+    listener.listen("/a", String)
+    start("player", str(tmp_path / "bag"), "--start", "1.75", "--wait-for-subscribers", "1")
+    listener.until(lambda: len(listener.heard["/a"]) == 2)
+    assert listener.texts("/latched") == ["description"]
+    assert listener.texts("/a") == ["a18", "a19"]
+
+
+def test_a_loop_sets_the_clock_back(listener: Listener, tmp_path: Path, start) -> None:
+    listener.listen("/clock", Clock)
+    player = start("player", str(text_bag(tmp_path / "bag", 5)), "--topics", "a", "--loop")
+
+    def jumps() -> int:
+        times = [stamp_ns_of(message.clock) for _, message in listener.heard["/clock"]]
+        return sum(after < before for before, after in itertools.pairwise(times))
+
+    listener.until(lambda: jumps() >= 2)
+    assert player.end(signal.SIGINT) == 0
+
+
+@pytest.mark.parametrize(
+    ("storage", "mode"),
+    [
+        (StoragePlugin.SQLITE3, CompressionMode.NONE),
+        (StoragePlugin.SQLITE3, CompressionMode.FILE),
+        (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
+        (StoragePlugin.MCAP, CompressionMode.FILE),
+        (StoragePlugin.MCAP, CompressionMode.MESSAGE),
+        (StoragePlugin.MCAP, CompressionMode.STORAGE),
+    ],
+)
+def test_bags_of_others_are_played(listener: Listener, tmp_path: Path, start, storage, mode) -> None:
+    writer = Writer(tmp_path / "theirs", version=9, storage_plugin=storage)
+    if mode != CompressionMode.NONE:
+        writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        connection = writer.add_connection("/a", "std_msgs/msg/String", typestore=typestore())
+        for i in range(10):
+            data = typestore().serialize_cdr(bag_samples.text(f"a{i}"), "std_msgs/msg/String")
+            writer.write(connection, bag_samples.START_NS + i * 10**7, data)
+    listener.listen("/a", String)
+    player = start("player", str(tmp_path / "theirs"), "--wait-for-subscribers", "1")
+    listener.until(lambda: len(listener.heard["/a"]) == 10)
+    assert listener.texts("/a") == [f"a{i}" for i in range(10)]
+    assert player.process.wait(20) == 0
+
+
 def test_recording_what_is_played_gives_the_same_bytes(tmp_path: Path, start) -> None:
     """Player to recorder: topics, types, bytes and quality of service survive, also those of an unfinished bag."""
     bag = bag_samples.write_bag(tmp_path / "bag", 20)
@@ -158,6 +261,10 @@ def test_mistakes_are_named(tmp_path: Path, capsys: pytest.CaptureFixture) -> No
     assert "valid: /a, /b" in capsys.readouterr().err
     assert main(["player", str(bag), "--rate", "0"]) == 2
     assert "positive" in capsys.readouterr().err
+    assert main(["player", str(bag), "--start", "7"]) == 2
+    assert "start: expected 0 to 0.050 s, the length of the bag, got 7.0" in capsys.readouterr().err
+    assert main(["player", str(bag), "--duration", "-1"]) == 2
+    assert "duration: expected a positive number" in capsys.readouterr().err
 
 
 def test_bag_time_runs_at_its_rate_and_stands_still_when_paused() -> None:

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import Counter
 from dataclasses import dataclass
 
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
-from std_srvs.srv import SetBool
+from std_srvs.srv import SetBool, Trigger
 
 from ..errors import TrackerError
 from ..loaders.bag_metadata import OfferedQos
 from ..loaders.bag_reader import BagMessage, BagReader
+from .bag_time import MAX_RATE, MIN_RATE, BagTime
 from .conversions import stamp_message
 from .message_classes import message_class, qos_profile
 from .qos import images_published
@@ -24,6 +28,7 @@ CLOCK = "/clock"
 DEPTH = 100  # a player may run ahead of slow subscribers by so many messages
 _SETTLE_S = 0.3  # between the discovery of a subscriber here and ours there
 _ACKNOWLEDGE_S = 5.0
+_BETWEEN_LOOPS_S = 0.01
 
 
 @dataclass(frozen=True)
@@ -34,7 +39,7 @@ class PlayerOptions:
     ----------
     topics : only these; empty for all.
     exclude : but not these.
-    rate : speed; 2.0 plays twice as fast.
+    rate : speed; 2.0 plays twice as fast; from `bag_time.MIN_RATE` to `bag_time.MAX_RATE`.
     start_s : seconds from the beginning of the bag to leave out.
     duration_s : seconds of the bag to play; None to its end.
     loop : begin again at the end, for ever.
@@ -58,7 +63,9 @@ class PlayerNode(Node):
     """Publishes the messages of a bag at the times of their recording.
 
     The topics have the types and the quality of service that were recorded. The service ``~/pause`` (std_srvs/SetBool) stops
-    the bag's time and lets it go on.
+    the bag's time and lets it go on, ``~/play_next`` (std_srvs/Trigger) publishes one message while it stands still. The
+    parameter ``rate`` is the speed; setting ``position`` goes to so many seconds from the beginning of the bag. Wherever
+    playing begins, the last message before of every latched topic is published first.
 
     Attributes
     ----------
@@ -83,7 +90,12 @@ class PlayerNode(Node):
         self._clock_outlet = self.create_publisher(Clock, CLOCK, images_published()) if clock_hz > 0 else None
         self._stopped = threading.Event()
         self._bag_time = BagTime(self._how.rate, self._how.paused)
+        self._check_part()
+        self._sought_ns: int | None = None
+        self._steps = threading.Semaphore(0)
         self._pause_service = self.create_service(SetBool, "~/pause", self._on_pause)
+        self._next_service = self.create_service(Trigger, "~/play_next", self._on_play_next)
+        self._declare_parameters()
         self._player = threading.Thread(target=self._run, name="play bag", daemon=True)
 
     def start(self) -> None:
@@ -118,17 +130,52 @@ class PlayerNode(Node):
             raise TrackerError(f"bag {self._bag.path}: no topic can be played: {why}")
         return publishers
 
+    def _check_part(self) -> None:
+        seconds = (self._bag.end_ns - self._bag.start_ns) * 1e-9
+        if not 0.0 <= self._how.start_s <= seconds:
+            raise TrackerError(f"start: expected 0 to {seconds:.3f} s, the length of the bag, got {self._how.start_s}")
+        if self._how.duration_s is not None and not 0.0 < self._how.duration_s < math.inf:
+            raise TrackerError(f"duration: expected a positive number, got {self._how.duration_s}")
+        self._begin_ns = self._bag.start_ns + round(self._how.start_s * 1e9)
+        self._end_ns = None if self._how.duration_s is None else self._begin_ns + round(self._how.duration_s * 1e9)
+
+    def _declare_parameters(self) -> None:
+        seconds = (self._bag.end_ns - self._bag.start_ns) * 1e-9
+        for name, value, low, high, text in (
+            ("rate", self._how.rate, MIN_RATE, MAX_RATE, "speed; 2.0 plays twice as fast"),
+            ("position", self._how.start_s, 0.0, seconds, "set it to go to so many seconds from the beginning of the bag"),
+        ):
+            bounds = FloatingPointRange(from_value=low, to_value=high)
+            self.declare_parameter(name, value, ParameterDescriptor(description=text, floating_point_range=[bounds]))
+        self._bag_time.set_rate(self.get_parameter("rate").value)  # the command line may say otherwise
+        self.add_post_set_parameters_callback(self._on_parameters)
+
+    def _on_parameters(self, parameters: list[Parameter]) -> None:
+        for parameter in parameters:
+            if parameter.name == "rate":
+                self._bag_time.set_rate(parameter.value)
+            elif parameter.name == "position":
+                self._sought_ns = self._bag.start_ns + round(parameter.value * 1e9)
+                self._bag_time.wake()
+
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._bag_time.pause(request.data)
         response.success = True
         response.message = "paused" if request.data else "playing"
         return response
 
+    def _on_play_next(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = self._bag_time.paused and not self.finished.is_set()
+        if response.success:
+            self._steps.release()
+            self._bag_time.wake()
+        response.message = "one message" if response.success else "only while it is paused"
+        return response
+
     def _run(self) -> None:
         try:
             if self._wait_for_subscribers():
-                while self._play_once() and self._how.loop:
-                    pass
+                self._play()
             for publisher in self._outlets.values():
                 publisher.wait_for_all_acked(Duration(seconds=_ACKNOWLEDGE_S))
         except Exception as error:  # a thread must not end in silence
@@ -148,82 +195,59 @@ class PlayerNode(Node):
             self._stopped.wait(0.02)
         return not self._stopped.is_set()
 
-    def _play_once(self) -> bool:
-        """The bag from start to end; False if it was stopped."""
-        begin_ns = self._bag.start_ns + round(self._how.start_s * 1e9)
-        duration_s = self._how.duration_s
-        end_ns = None if duration_s is None else begin_ns + round(duration_s * 1e9)
+    def _play(self) -> None:
+        """To the end, in a loop if asked for, and wherever somebody seeks."""
+        self._sought_ns, begin_ns = None, self._begin_ns
+        while not self._stopped.is_set():
+            count = self._play_from(begin_ns)
+            if self._sought_ns is not None:
+                begin_ns, self._sought_ns = self._sought_ns, None
+                continue
+            if not self._how.loop or not count:
+                return
+            begin_ns = self._begin_ns
+            self._stopped.wait(_BETWEEN_LOOPS_S)
+
+    def _play_from(self, begin_ns: int) -> int:
+        """To the end, or until it is stopped or sent elsewhere; returns how many messages were due."""
+        self._publish_latched(begin_ns)
         self._bag_time.begin(begin_ns)
-        for message in self._bag.messages(self._outlets, begin_ns, end_ns):
+        count = 0
+        for message in self._bag.messages(self._outlets, begin_ns, self._end_ns):
             if not self._wait_until(message.stamp_ns):
-                return False
+                break
             self._publish(message)
-        return True
+            count += 1
+        return count
+
+    def _publish_latched(self, before_ns: int) -> None:
+        """What a late subscriber of the recorded graph would have been told."""
+        latched = [name for name in self._outlets if self._bag.topics[name].qos.durability == "transient_local"]
+        if latched and before_ns > self._bag.start_ns:
+            last = {message.topic: message for message in self._bag.messages(latched, None, before_ns)}
+            for message in last.values():
+                self._publish(message)
 
     def _wait_until(self, stamp_ns: int) -> bool:
-        """Until the bag's time is there, with the clock ticking; False when stopped."""
+        """Until the bag's time is there, with the clock ticking; False when stopped, or sent elsewhere."""
         period_s = 1.0 / self._how.clock_hz if self._clock_outlet is not None else 0.1
-        while not self._stopped.is_set():
+        while not self._stopped.is_set() and self._sought_ns is None:
+            if self._bag_time.paused and self._steps.acquire(blocking=False):
+                self._bag_time.begin(stamp_ns)
+                self._tick(stamp_ns)
+                return True
             now_ns = self._bag_time.now_ns()
-            if self._clock_outlet is not None and self._bag_time.tick_is_due(period_s):
-                self._clock_outlet.publish(Clock(clock=stamp_message(min(now_ns, stamp_ns))))
-            if now_ns >= stamp_ns:
+            if self._bag_time.tick_is_due(period_s):
+                self._tick(min(now_ns, stamp_ns))
+            if now_ns >= stamp_ns and not self._bag_time.paused:
                 return True
             self._bag_time.sleep(stamp_ns, period_s)
         return False
 
+    def _tick(self, now_ns: int) -> None:
+        if self._clock_outlet is not None:
+            self._clock_outlet.publish(Clock(clock=stamp_message(now_ns)))
+
     def _publish(self, message: BagMessage) -> None:
         self._outlets[message.topic].publish(message.data)
         self.published[message.topic] += 1
-
-
-class BagTime:
-    """The time of a bag that is played: runs at a rate, and can be paused from another thread."""
-
-    def __init__(self, rate: float = 1.0, paused: bool = False):
-        if not rate > 0.0:
-            raise TrackerError(f"rate: expected a positive number, got {rate}")
-        self._rate, self._paused = rate, paused
-        self._condition = threading.Condition()
-        self._bag_ns, self._wall_s, self._tick_s = 0, time.monotonic(), 0.0
-
-    def begin(self, bag_ns: int) -> None:
-        """It is ``bag_ns`` now."""
-        with self._condition:
-            self._bag_ns, self._wall_s = bag_ns, time.monotonic()
-            self._tick_s = 0.0
-
-    def now_ns(self) -> int:
-        """The bag's time now."""
-        with self._condition:
-            return self._now_ns()
-
-    def _now_ns(self) -> int:
-        return self._bag_ns if self._paused else self._bag_ns + round((time.monotonic() - self._wall_s) * self._rate * 1e9)
-
-    def pause(self, paused: bool) -> None:
-        """Stop, or go on from where it stopped."""
-        with self._condition:
-            self._bag_ns, self._wall_s = self._now_ns(), time.monotonic()
-            self._paused = paused
-            self._condition.notify_all()
-
-    def wake(self) -> None:
-        """End every `sleep`."""
-        with self._condition:
-            self._condition.notify_all()
-
-    def tick_is_due(self, period_s: float) -> bool:
-        """True once every ``period_s`` of wall time."""
-        now = time.monotonic()
-        if now < self._tick_s:
-            return False
-        self._tick_s = now + period_s
-        return True
-
-    def sleep(self, until_ns: int, at_most_s: float) -> None:
-        """Until the bag's time is there, but not longer than ``at_most_s`` of wall time."""
-        with self._condition:
-            left_s = at_most_s if self._paused else (until_ns - self._now_ns()) * 1e-9 / self._rate
-            if left_s > 0.0:
-                self._condition.wait(min(left_s, at_most_s))
