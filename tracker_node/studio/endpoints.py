@@ -29,7 +29,7 @@ def get(path: str, answer: Callable[[], Any]) -> Route:
 
 
 def post(path: str, kind: type[Asked], answer: Callable[[Asked], Any]) -> Route:
-    """What a function says to a JSON object of this kind; its answer is made JSON, unless it is a response already."""
+    """What a function says to a JSON object of this kind."""
 
     async def endpoint(request: Request) -> Response:
         try:
@@ -38,8 +38,7 @@ def post(path: str, kind: type[Asked], answer: Callable[[Asked], Any]) -> Route:
             body = None
         if not isinstance(body, dict):
             raise FileFormatError("request", "(body)", "a JSON object", body)
-        said = await run_in_threadpool(answer, validate(kind, body, "request"))
-        return said if isinstance(said, Response) else JSONResponse(said)
+        return JSONResponse(await run_in_threadpool(answer, validate(kind, body, "request")))
 
     return Route(path, endpoint, methods=["POST"])
 

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from starlette.responses import JSONResponse
 from starlette.routing import BaseRoute
 
 from ..errors import FileFormatError, UnknownNameError
@@ -128,14 +127,14 @@ class PoseDesk:
         """The pose of a file, drawn."""
         return self._shown(self._files.load(asked.name, self._session.needed_model()))
 
-    def save(self, asked: Saved) -> Any:
-        """Write the pose, unless there is a file of that name and the page has not asked whether to replace it."""
+    def save(self, asked: Saved) -> dict[str, Any]:
+        """Write the pose: ``path``; ``exists`` where a file of that name is there, and nobody has said to replace it."""
         model = self._session.needed_model()
         comment = f"Set by hand in image set {asked.set}; the format is described in docs/formats.md."
         try:
             path = self._files.save(asked.name, state_of(asked.values, model), model, comment, asked.overwrite)
         except ExistsError as error:
-            return JSONResponse({"error": str(error), "exists": True}, status_code=409)
+            return {"exists": str(error)}
         return {"path": str(path)}
 
 

@@ -30,8 +30,19 @@ export function make(tag, attributes = {}, ...children) {
   return element;
 }
 
+let asked = 0; // requests on their way; the page says so, to people and to tests
+
 /** JSON of the server: GET, or POST where there is a body; what it refuses is an Error in its words. */
 export async function request(path, body = undefined) {
+  document.body.setAttribute("aria-busy", String(++asked > 0));
+  try {
+    return await answered(path, body);
+  } finally {
+    document.body.setAttribute("aria-busy", String(--asked > 0));
+  }
+}
+
+async function answered(path, body) {
   const options = body === undefined ? {} : { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) };
   let response;
   try {
@@ -42,7 +53,7 @@ export async function request(path, body = undefined) {
   const text = await response.text();
   let answer;
   try { answer = JSON.parse(text); } catch { answer = { error: text }; }
-  if (!response.ok) throw Object.assign(new Error(answer.error || response.statusText), { answer });
+  if (!response.ok) throw new Error(answer.error || response.statusText);
   return answer;
 }
 

@@ -6,6 +6,7 @@ export class History {
   constructor(first) {
     this._past = []; this._future = []; this._now = first;
     this._open = null; // the gesture that goes on: its name, and when it last moved
+    this.changes = 0; // how often it has gone to other values, forth or back
   }
 
   get now() { return this._now; }
@@ -19,11 +20,9 @@ export class History {
     if (!goesOn) this._past.push(this._now);
     this._future = [];
     this._now = values;
+    this.changes++;
     this._open = { gesture, done, time };
   }
-
-  /** The gesture is over, whatever comes next. */
-  settle() { this._open = null; }
 
   /** The same step as the server has limited it. */
   adjust(values) { this._now = values; }
@@ -36,6 +35,7 @@ export class History {
     to.push(this._now);
     this._now = from.pop();
     this._open = null;
+    this.changes++;
     return true;
   }
 }

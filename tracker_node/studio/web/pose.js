@@ -34,19 +34,30 @@ function start() {
     if (score) showScore(score);
   });
   const ask = latestOnly(async ({ path, asked, then }) => {
+    const changes = history.changes;
     const answer = await attempt(() => request(path, asked));
-    if (answer) { take(answer); then?.(answer); }
+    if (!answer) return;
+    if (history.changes === changes) {
+      then?.(answer);
+      take(answer);
+    } else { // somebody has gone on meanwhile, and is drawn next
+      draw(answer);
+    }
   });
-  const show = (values, then) => ask({ path: "/api/pose/show", asked: { values }, then });
+  const show = (values) => ask({ path: "/api/pose/show", asked: { values } });
 
-  function take({ values, cameras }) {
+  function draw({ cameras }) {
     shown.cameras = cameras;
-    history.adjust(values);
-    fields.set(values);
+    views.forEach((view) => view.redraw());
+  }
+
+  function take(answer) {
+    draw(answer);
+    history.adjust(answer.values);
+    fields.set(answer.values);
     $("undo").disabled = !history.canUndo;
     $("redo").disabled = !history.canRedo;
-    views.forEach((view) => view.redraw());
-    scoreNow(values);
+    scoreNow(answer.values);
   }
 
   function showScore(score) {
@@ -70,6 +81,7 @@ function start() {
 
   // --- views and the mouse
 
+  let drags = 0;
   for (const view of views) {
     view.overlays.push(bodyOverlay(() => ({ ...body, drawn: shown.cameras[view.name], scores: shown.scores, hot: shown.hot })));
     let held = null;
@@ -78,17 +90,17 @@ function start() {
       if (handle < 0) return false;
       const mode = event.shiftKey ? "joint" : event.altKey ? "body" : event.ctrlKey ? "turn" : "limb";
       const at = shown.cameras[view.name].handles[handle];
-      held = { handle, mode, values: [...history.now], off: [at[0] - pixel[0], at[1] - pixel[1]], moved: false };
+      held = { handle, mode, values: [...history.now], off: [at[0] - pixel[0], at[1] - pixel[1]], moved: false, name: `drag ${++drags}` };
       return true;
     };
     view.ondrag = (pixel) => {
-      const { handle, mode, values, off } = held;
+      const { handle, mode, values, off, name } = held;
       held.moved = true;
       const asked = { values, handle, camera: view.name, pixel: [pixel[0] + off[0], pixel[1] + off[1]], mode };
-      ask({ path: "/api/pose/drag", asked, then: (answer) => history.set(answer.values, false, "drag") });
+      ask({ path: "/api/pose/drag", asked, then: (answer) => history.set(answer.values, false, name) });
     };
     view.onrelease = () => {
-      if (held?.moved) history.settle(); else if (held) fields.reveal(body.handles[held.handle].link);
+      if (held && !held.moved) fields.reveal(body.handles[held.handle].link);
       held = null;
     };
     view.onleave = () => heat(-1);
@@ -168,17 +180,17 @@ function start() {
   }
   async function save(overwrite) {
     const asked = { values: history.now, set: shown.set, name: $("name").value, overwrite };
-    try {
-      const { path } = await request("/api/pose/save", asked);
-      say(`saved as ${path}`);
+    const answer = await request("/api/pose/save", asked).catch((error) => ({ error: error.message }));
+    if (answer.path) {
+      say(`saved as ${answer.path}`);
       $("saving").close();
       listNames();
-    } catch (error) {
-      $("exists").textContent = error.message + (error.answer?.exists ? ": replace it?" : "");
-      $("exists").hidden = false;
-      $("write").textContent = error.answer?.exists ? "Replace" : "Save";
-      $("write").dataset.replace = error.answer?.exists ? $("name").value : "";
+      return;
     }
+    $("exists").textContent = answer.exists ? `${answer.exists}: replace it?` : answer.error;
+    $("exists").hidden = false;
+    $("write").textContent = answer.exists ? "Replace" : "Save";
+    $("write").dataset.replace = answer.exists ? $("name").value : "";
   }
   const openSaving = () => { $("exists").hidden = true; $("write").textContent = "Save"; $("write").dataset.replace = ""; $("saving").showModal(); };
 
@@ -227,6 +239,6 @@ function start() {
 
   syncLook();
   listNames();
-  show(body.values, zoomAll);
+  ask({ path: "/api/pose/show", asked: { values: body.values }, then: (answer) => { draw(answer); zoomAll(); } });
   goTo(0);
 }
