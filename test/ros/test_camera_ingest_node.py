@@ -15,6 +15,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from tracker_node.loaders.image_source import open_source
 from tracker_node.loaders.rig_yaml import load_rig
 from tracker_node.ros.conversions import bgr_of_compressed, camera_image_of, camera_model_of
+from tracker_node.ros.qos import LATCHED
 
 PACED = ("--rate", "50", "--no-frame-skip", "--stamps", "file", "--wait-for-subscribers", "1", "--wait-for-info-subscribers", "1")
 
@@ -98,6 +99,24 @@ def test_a_loop_ends_cleanly_on_a_signal(probe, launch, recording, number):
     assert process.wait() == 0
     assert "Traceback" not in process.err
     assert stamps(images) == sorted(stamps(images))
+
+
+def test_rates_and_subscribers_that_do_not_match_are_told(probe, launch, recording):
+    launch("camera_ingest", "--rig", recording / "rig.yaml", "--loop", "--rate", "20")
+    status = probe.diagnostics
+
+    def rate() -> float:
+        part = status.get("camera_ingest: cam1")
+        return float({v.key: v.value for v in part.values}["images per second"]) if part else 0.0
+
+    probe.spin_until(lambda: rate() > 1.0, "a rate")
+    assert rate() < 25.0 and status["camera_ingest: cam1"].hardware_id == "cam1"
+    late = probe.node.create_subscription(Image, "cam1/image_raw", lambda _: None, LATCHED)  # nobody keeps images for latecomers
+    name = "camera_ingest: quality of service of cam1/image_raw"
+    probe.spin_until(lambda: name in status and status[name].level == DiagnosticStatus.WARN, "the mismatch")
+    assert "durability" in status[name].message
+    probe.node.destroy_subscription(late)
+    probe.spin_until(lambda: status[name].level == DiagnosticStatus.OK, "its end")
 
 
 def test_mistakes_are_one_line(launch, recording, tmp_path):

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import TwistWithCovarianceStamped
 from rclpy.qos import qos_profile_sensor_data
 from ros_cameras import PERIOD_NS, Cameras, N, files_of, options_of
 from ros_graph import stamps
@@ -114,6 +115,21 @@ def test_limbs_times_and_spread_are_told(probe, start):
         assert part.message.startswith(("UNSEEN", "TRACKING", "DEGRADED", "LOST")[status])
         assert (part.level == DiagnosticStatus.OK) == (status == Status.TRACKING)
     assert probe.diagnostics["tracker: cam1"].hardware_id == "cam1"
+
+
+def test_velocity_with_covariance(probe, start):
+    """The root's, as in the state; both are the world's axes."""
+    _, states, cameras = start()
+    twists = probe.listen(TwistWithCovarianceStamped, "tracker/twist")
+    probe.spin_until(lambda: probe.node.count_subscribers("/tracker/twist") == 1, "the subscription")
+    for i in range(3):
+        cameras.send(i)
+    probe.spin_until(lambda: len(states) == 3 and twists and stamps(twists)[-1] == stamps(states)[-1], "velocities")
+    twist, n = twists[-1].twist, len(states[-1].values)
+    linear, angular = twist.twist.linear, twist.twist.angular
+    assert [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z] == states[-1].velocities[:6].tolist()
+    covariance = np.reshape(states[-1].velocity_covariance, (n, n))[:6, :6]
+    assert np.array_equal(np.reshape(twist.covariance, (6, 6)), covariance) and np.linalg.eigvalsh(covariance).min() > 0.0
 
 
 def test_latency_is_from_the_stamp_to_the_state(probe, start):

@@ -11,6 +11,7 @@ import time
 from dataclasses import dataclass, field
 
 import numpy as np
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from ..errors import SourceError
@@ -28,6 +29,7 @@ from .ingest_cameras import IngestCamera, OpenedCameras
 from .input_recorder import InputRecorder
 from .live_camera import LiveCamera, LiveImages
 from .pace import Pace
+from .qos_mismatch import QosMismatches
 from .topic_source import TopicSource
 
 _LIVE_DEPTH, _LOSSLESS_DEPTH = 10, 50  # images of a camera that may wait for a slow subscriber
@@ -93,14 +95,19 @@ class CameraIngestNode(Node):
         self._recorder = recorder
         self._diagnostics = Diagnostics(self, "camera rig")
         depth = _LOSSLESS_DEPTH if options.as_fast_as_consumed else _LIVE_DEPTH
-        self._outlets = {name: CameraOutlet(self, c, depth, options.compressed) for name, c in opened.cameras.items()}
+        self._mismatches = QosMismatches(self, self._diagnostics)
+        self._outlets = {
+            name: CameraOutlet(self, c, depth, options.compressed, self._mismatches) for name, c in opened.cameras.items()
+        }
         self._live = {name: self._live_camera(opened.cameras[name]) for name in opened.live}
         self._dropped_before = dict.fromkeys(self._live, 0)  # at the last report
         self._recorded = {name: CameraCounts() for name in opened.recorded}
         self._window = ConsumerWindow(self, f"{options.consumer}/state") if options.as_fast_as_consumed else None
         self._stop = threading.Event()
         self._feed: ImageFeed | None = None
-        self._timer = self.create_timer(1.0, self._report)
+        self._published_before = dict.fromkeys(opened.cameras, 0)
+        self._reported_s = time.monotonic()
+        self._timer = self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._thread = threading.Thread(target=self._run, name="publish images", daemon=True)
         self.finished = threading.Event()
         self._report()
@@ -212,6 +219,9 @@ class CameraIngestNode(Node):
             counts.duplicated += fed.repeats
 
     def _report(self) -> None:
+        self._mismatches.recheck()
+        now_s = time.monotonic()
+        self._elapsed_s, self._reported_s = max(now_s - self._reported_s, 1e-3), now_s
         for name, problem in self._opened.problems.items():
             self._diagnostics.report(name, ERROR, problem)
         for name in self._recorded:
@@ -226,7 +236,13 @@ class CameraIngestNode(Node):
             counts.missing, counts.skipped = report.missing, report.skipped
             if report.problem:
                 self.problems[name] = report.problem
-        self._diagnostics.report(name, *self._verdict(name, counts, report), counts.values())
+        self._report_camera(name, *self._verdict(name, counts, report), counts.values())
+
+    def _report_camera(self, name: str, level: bytes, message: str, values: dict[str, int]) -> None:
+        published = values["published"] - self._published_before[name]
+        self._published_before[name] = values["published"]
+        rated = {"images per second": published / self._elapsed_s, **values}
+        self._diagnostics.report(name, level, message, rated, hardware_id=name)
 
     def _verdict(self, name: str, counts: CameraCounts, report: SourceReport | None) -> tuple[bytes, str]:
         if name in self.problems:
@@ -252,7 +268,7 @@ class CameraIngestNode(Node):
         else:
             level, message = OK, "publishing" if camera.counts.published else "connecting"
         self._dropped_before[name] = camera.counts.dropped
-        self._diagnostics.report(name, level, message, camera.counts.values() | {"received": connection.received})
+        self._report_camera(name, level, message, camera.counts.values() | {"received": connection.received})
 
     def _report_bag(self) -> None:
         bag = self._recorder

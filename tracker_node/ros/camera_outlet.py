@@ -7,6 +7,8 @@ from pathlib import Path
 
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from sensor_msgs.srv import SetCameraInfo
 
@@ -16,7 +18,8 @@ from ..loaders.camera_info_url import save_lens
 from ..loaders.source_image import JPEG, SourceImage
 from .conversions import ImageBuffer, camera_info_message, camera_model_of, compressed_message, jpeg_message, stamp_message
 from .ingest_cameras import IngestCamera
-from .qos import RESULT, images_published
+from .qos import RESULT, images_published, overridable
+from .qos_mismatch import QosMismatches
 
 
 class CameraOutlet:
@@ -29,15 +32,20 @@ class CameraOutlet:
     camera : with the lens that holds now.
     """
 
-    def __init__(self, node: Node, camera: IngestCamera, depth: int, compressed: bool):
+    def __init__(self, node: Node, camera: IngestCamera, depth: int, compressed: bool, mismatches: QosMismatches):
         self.camera = camera
         name = camera.name
-        self.infos = node.create_publisher(CameraInfo, f"{name}/camera_info", RESULT)
+
+        def create(message_type, topic: str, qos: QoSProfile) -> Publisher:
+            events = mismatches.of_publisher(topic, topic)
+            return node.create_publisher(message_type, topic, **overridable(qos), event_callbacks=events)
+
+        self.infos = create(CameraInfo, f"{name}/camera_info", RESULT)
         self.images = self.compressed = None
         if camera.capture.publish != JPEG:
-            self.images = node.create_publisher(Image, f"{name}/image_raw", images_published(depth))
+            self.images = create(Image, f"{name}/image_raw", images_published(depth))
         if compressed or self.images is None:
-            self.compressed = node.create_publisher(CompressedImage, f"{name}/image_raw/compressed", images_published(depth))
+            self.compressed = create(CompressedImage, f"{name}/image_raw/compressed", images_published(depth))
         self._service = node.create_service(SetCameraInfo, f"{name}/set_camera_info", self._on_set_camera_info)
         self._logger = node.get_logger()
         self._published: tuple[CameraModel | None, tuple[int, int], str] | None = None

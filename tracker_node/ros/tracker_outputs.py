@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from geometry_msgs.msg import PoseWithCovarianceStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, TwistWithCovarianceStamped
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -27,6 +27,7 @@ from .conversions import (
     pose_message,
     tf_message,
     tracked_state_message,
+    twist_message,
     urdf_of,
 )
 from .qos import LATCHED, RESULT, overridable
@@ -54,6 +55,7 @@ class TrackerOutputs:
         self._mismatches, self._root_frame = mismatches, frame_prefix + model.chain.links[0]
         self._publishers: list[Publisher] = []
         self._pose = self._publisher(PoseWithCovarianceStamped, "~/pose")
+        self._twist = self._publisher(TwistWithCovarianceStamped, "~/twist")
         self._joints = self._publisher(JointState, "~/joint_states")
         self._state = self._publisher(TrackedState, "~/state")
         self._markers = self._publisher(MarkerArray, "~/markers")
@@ -95,6 +97,8 @@ class TrackerOutputs:
         if self._tf is not None and estimate.status != Status.LOST:
             root = (self._frame_id, self._root_frame, estimate.state.T_world_root)
             self._tf.publish(TFMessage(transforms=tf_message(estimate.stamp_ns, [root])))
+        if self._twist.get_subscription_count():
+            self._twist.publish(twist_message(estimate, self._frame_id))
         self._pose.publish(pose_message(estimate, self._frame_id))
         self._joints.publish(joint_state_message(estimate, self._model, self._frame_id))
         self._state.publish(tracked_state_message(estimate, self._model, self._frame_id))

@@ -193,6 +193,7 @@ class TrackingWorker:
         self._inbox.wake()
         self._thread.join(timeout=timeout_s)
         if self._thread.is_alive():
+            self._stopping.clear()  # it goes on
             raise TrackerError(f"the tracking thread has not ended within {timeout_s:g} s")
         self._thread = None
         self._leave([*self._not_yet, *self._inbox.take(timeout_s=0.0)], INACTIVE)

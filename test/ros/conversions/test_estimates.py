@@ -21,6 +21,7 @@ from tracker_node.ros.conversions import (
     stamp_ns_of,
     tracked_state_message,
     transform_of_pose,
+    twist_message,
     values_with_changes,
 )
 
@@ -101,3 +102,13 @@ def test_changes_of_named_values(model):
         values_with_changes(model, values, ["elbow_flexion"], [float("nan")])
     with pytest.raises(TrackerError, match="once"):
         values_with_changes(model, values, ["elbow_flexion"] * 2, [0.5, 1.0])
+
+
+def test_twist_of_the_root():
+    estimate = some_estimate(arm())
+    message = sent(twist_message(estimate, "world"))
+    linear, angular = message.twist.twist.linear, message.twist.twist.angular
+    assert [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z] == estimate.velocity[:6].tolist()
+    assert np.array_equal(np.reshape(message.twist.covariance, (6, 6)), estimate.velocity_covariance[:6, :6])
+    unknown = sent(twist_message(replace(estimate, velocity_covariance=None), "world"))
+    assert unknown.twist.covariance[0] == -1.0

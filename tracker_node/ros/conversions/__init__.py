@@ -14,6 +14,7 @@ from .estimates import (
     state_of_pose,
     tracked_state_message,
     transform_of_pose,
+    twist_message,
     values_with_changes,
 )
 from .images import (
@@ -49,6 +50,7 @@ __all__ = [
     "tf_message",
     "tracked_state_message",
     "transform_of_pose",
+    "twist_message",
     "urdf_of",
     "values_with_changes",
 ]

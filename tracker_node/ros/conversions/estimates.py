@@ -6,7 +6,7 @@ import array
 from collections.abc import Sequence
 
 import numpy as np
-from geometry_msgs.msg import Pose, PoseWithCovarianceStamped
+from geometry_msgs.msg import Pose, PoseWithCovarianceStamped, TwistWithCovarianceStamped, Vector3
 from tracker_msgs.msg import TrackedState
 
 from ...errors import TrackerError, UnknownNameError
@@ -51,6 +51,25 @@ def pose_message(estimate: TrackEstimate, frame_id: str) -> PoseWithCovarianceSt
     message.header.frame_id = frame_id
     message.pose.pose = pose_of(estimate.state.T_world_root)
     message.pose.covariance = np.ascontiguousarray(estimate.covariance[:6, :6], dtype=np.float64).ravel()
+    return message
+
+
+def twist_message(estimate: TrackEstimate, frame_id: str) -> TwistWithCovarianceStamped:
+    """Velocity of the root's origin, then angular velocity, about the axes of ``frame_id``, per second, with the 6x6 covariance.
+
+    Where nothing is known of the covariance its first element is -1, as sensor_msgs/Imu marks that.
+    """
+    message = TwistWithCovarianceStamped()
+    message.header.stamp = stamp_message(estimate.stamp_ns)
+    message.header.frame_id = frame_id
+    message.twist.twist.linear, message.twist.twist.angular = (
+        Vector3(x=float(x), y=float(y), z=float(z)) for x, y, z in (estimate.velocity[:3], estimate.velocity[3:6])
+    )
+    covariance = np.zeros((6, 6))
+    covariance[0, 0] = -1.0
+    if estimate.velocity_covariance is not None:
+        covariance = np.ascontiguousarray(estimate.velocity_covariance[:6, :6], dtype=np.float64)
+    message.twist.covariance = covariance.ravel()
     return message
 
 
