@@ -1,13 +1,14 @@
-"""``tracker_node evaluate``: hold a run against truth."""
+"""``tracker_node evaluate``: one run or several, against truth and against each other."""
 
 from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-SUMMARY = "compare a run with true joint positions: report.json and one self-contained report.html"
+SUMMARY = "report on one run or several, against truth and each other: report.json, report.html and report.pdf"
 EXAMPLE = (
     "tracker_node evaluate out/run --truth markers.trc --model person.yaml --rig rig.yaml --name walk --output out/evaluation"
 )
@@ -15,13 +16,16 @@ EXAMPLE = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add("run", help="folder written by track_offline, or a bag with tracked states (live recordings too)")
-    add("--truth", required=True, metavar="FILE", help=".trc, .c3d, or .csv with the columns stamp_ns,landmark,x,y,z in metres")
-    add("--y-up", action=argparse.BooleanOptionalAction,
-        help="axes of a .trc or .c3d: y up, as OpenSim and Pose2Sim write it, or those of the world (default: a .trc has y up, a"
-        " .c3d says it itself)")  # fmt: skip
-    add("--model", metavar="FILE", help="body model; default: what run.json names")
-    add("--rig", metavar="FILE", help="camera rig; default: what run.json names; needed for silhouettes and pictures")
+    add("runs", nargs="+", metavar="run",
+        help="folder written by track_offline, or a bag with tracked states (live ones too); several are compared")  # fmt: skip
+    add("--truth", action="append", default=[], metavar="FILE",
+        help=".trc, or .csv like joints.csv (positions) or states.csv (degrees of freedom); one of each, or none")  # fmt: skip
+    add("--y-up", action=argparse.BooleanOptionalAction, default=True,
+        help="axes of a .trc: y up, as OpenSim and Pose2Sim write it (default), or those of the world")  # fmt: skip
+    add("--model", action="append", default=[], metavar="FILE",
+        help="body model, one for all runs or one for each; default: what run.json names")  # fmt: skip
+    add("--rig", action="append", default=[], metavar="FILE",
+        help="camera rig, one for all or one for each (default: what run.json names), for silhouettes and pictures")  # fmt: skip
     add("--masks", metavar="FILE", help="reference masks (masks.json) to compare silhouettes with")
     add("--lag", default="auto", metavar="auto|IMAGES", help="constant lag of the images behind the truth (default: estimated)")
     add("--align", choices=("auto", "first", "stamp"), default="auto",
@@ -29,66 +33,127 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--image-sets", type=int, default=0, metavar="N", help="number of sets that there should be, to count missing ones")
     add("--first-image", type=int, metavar="N",
         help="number, in sources and truth, of the image that the first set shows (default: run.json, or 0)")  # fmt: skip
-    add("--pictures", type=int, default=6, metavar="N", help="instants on the contact sheet (default 6; 0: none)")
+    add("--pictures", type=int, default=6, metavar="N", help="instants on the contact sheets (default 6; 0: none)")
     add("--target", action="append", default=[], metavar="KEY<=X", help="light for a figure, for example mpjpe_mm<=60; repeat")
     add("--topic", help="topic of the states, where a bag has several")
-    add("--name", default="run", help="prefix of the figures' keys (default: run)")
-    add("--output", metavar="DIR", help="where report.json and report.html go (default: DIR of the run)")
+    add("--name", action="append", default=[], metavar="NAME",
+        help="prefix of the figures' keys; repeat for several runs (default: run, or the names of their folders)")  # fmt: skip
+    add("--csv", action="store_true", help="also write every table and chart as CSV and JSON, into figures/")
+    add("--no-pdf", action="store_true", help="without report.pdf, which takes the longest to write")
+    add("--output", metavar="DIR", help="where the report goes (default: the folder of the run; needed for several)")
 
 
 def run(args: argparse.Namespace) -> int:
     from ..evaluation import report
-    from ..evaluation.evaluate import EvaluationOptions, evaluate
     from ..evaluation.metrics_file import print_metrics
-    from ..evaluation.run_data import load_run
-    from ..evaluation.truth import OWN_TIME, load_truth
-    from ..loaders.model_yaml import load_model
 
-    targets = _targets(args.target)
-    lag = _lag(args.lag)
-    tracked = load_run(args.run, args.topic)
-    first_image = _first_image(tracked.info) if args.first_image is None else args.first_image
-    options = EvaluationOptions(args.name, lag, args.align, args.image_sets, first_image)
-    model_path = args.model or _named(tracked.info, "model")
-    if not model_path:
-        return _complain("the run does not name its body model; give --model FILE")
-    model = load_model(model_path)
-    tracked.check_model(model, model_path)
-    truth = load_truth(args.truth, args.y_up)
-    _say(f"{len(tracked)} states of {args.run}, {len(truth.stamps_ns)} rows of truth")
-    evaluation = evaluate(tracked, model, truth, options, truth_is_trc=Path(args.truth).suffix.lower() in OWN_TIME)
-    rig_path = args.rig or _named(tracked.info, "rig")
-    evaluation, pictures, problems = _look_at_images(args, tracked, model, rig_path, evaluation, first_image)
-    problems = [*_contradicted(tracked.info), *_untold(tracked.info), *problems]
-    folder = Path(args.output or (args.run if Path(args.run).is_dir() else Path(args.run).parent))
-    sources = {"run": args.run, "truth": args.truth, "model": str(model_path), "rig": str(rig_path or "not given")}
-    figures = report.write_report(folder, evaluation, pictures, report.ReportContext(sources, problems, targets))
+    targets, lag = _targets(args.target), _lag(args.lag)
+    names = _names(args.runs, args.name)
+    models, rigs = (_one_each(args.runs, given, option) for given, option in ((args.model, "--model"), (args.rig, "--rig")))
+    if len(args.runs) > 1 and not args.output:
+        return _complain("several runs have no folder in common; give --output DIR")
+    truth = _truth(args.truth, args.y_up)
+    reviews = []
+    for path, name, model, rig in zip(args.runs, names, models, rigs, strict=True):
+        reviews.append(_review(args, path, name, model, rig, truth, lag))
+    folder = Path(args.output or (args.runs[0] if Path(args.runs[0]).is_dir() else Path(args.runs[0]).parent))
+    options = report.ReportOptions(targets, args.csv, not args.no_pdf)
+    figures = report.write_report(folder, reviews, options, _say)
     print_metrics(figures)
-    _say(f"wrote {folder / report.REPORT_JSON} and {folder / report.REPORT_HTML}")
+    written = [report.REPORT_JSON, report.REPORT_HTML, *([] if args.no_pdf else [report.REPORT_PDF])]
+    _say(f"wrote {', '.join(str(folder / name) for name in written)}")
     return 0
 
 
-def _look_at_images(
-    args: argparse.Namespace, tracked: Any, model: Any, rig_path: str | None, evaluation: Any, first_image: int
-):
-    """The evaluation with silhouettes, pictures for the contact sheet, and what could not be shown."""
+def _review(args: argparse.Namespace, path: str, name: str, model_path: str | None, rig_path: str | None, truth: Any, lag: Any):
+    """One run held against truth, and its images looked at."""
     from dataclasses import replace
 
+    from ..errors import TrackerError
+    from ..evaluation.evaluate import EvaluationOptions
+    from ..evaluation.review import review
+    from ..evaluation.run_data import load_run
+    from ..loaders.model_yaml import load_model
+
+    tracked = load_run(path, args.topic)
+    first_image = _first_image(tracked.info) if args.first_image is None else args.first_image
+    model_path, rig_path = model_path or _named(tracked.info, "model"), rig_path or _named(tracked.info, "rig")
+    if not model_path:
+        raise TrackerError(f"{path} does not name its body model; give --model FILE")
+    model = load_model(model_path)
+    tracked.check_model(model, model_path)
+    _say(f"{name}: {len(tracked)} states of {path}")
+    sources = {"run": path, "truth": ", ".join(args.truth) or "none", "model": model_path, "rig": rig_path or "not given"}
+    options = EvaluationOptions(name, lag, args.align, args.image_sets, first_image)
+    found = review(tracked, model, truth, options, sources)
+    images = _look_at_images(args, tracked, model, rig_path, found.period_s * 1e9, first_image)
+    problems = [*_contradicted(tracked.info), *_untold(tracked.info), *images.problems]
+    joints = None if found.joints is None else replace(found.joints, silhouettes=images.scores)
+    return replace(found, joints=joints, silhouettes=images.scores, pictures=images.pictures, problems=problems)
+
+
+def _look_at_images(args: argparse.Namespace, tracked: Any, model: Any, rig_path: str | None, period_ns: float, first_image: int):
+    """Silhouettes, pictures for the contact sheets, and what could not be shown."""
     from ..evaluation.reference_masks import load_reference_masks
-    from ..evaluation.silhouettes import ReviewOptions, review_images
+    from ..evaluation.silhouettes import ImageReview, ReviewOptions, review_images
     from ..loaders.rig_yaml import load_rig
 
     if not rig_path:
-        return evaluation, [], ["Without a rig there are no silhouettes and no pictures (--rig FILE)."]
+        return ImageReview(problems=["Without a rig there are no silhouettes and no pictures (--rig FILE)."])
     masks = load_reference_masks(args.masks) if args.masks else {}
     options = ReviewOptions(pictures=args.pictures, first_image=first_image)
-    review = review_images(tracked, model, load_rig(rig_path), masks, evaluation.period_s * 1e9, options, _say)
-    return replace(evaluation, silhouettes=review.scores), review.pictures, review.problems
+    return review_images(tracked, model, load_rig(rig_path), masks, period_ns, options, _say)
+
+
+def _truth(paths: Sequence[str], y_up: bool):
+    """Joints, states, both or nothing.
+
+    Raises
+    ------
+    TrackerError : two files of one kind.
+    """
+    from ..errors import TrackerError
+    from ..evaluation.review import Truth
+    from ..evaluation.true_states import holds_states, load_true_states
+    from ..evaluation.truth import load_truth
+
+    states = [path for path in paths if holds_states(path)]
+    joints = [path for path in paths if path not in states]
+    for of, what in ((states, "states"), (joints, "joints")):
+        if len(of) > 1:
+            raise TrackerError(f"--truth: expected one file with {what}, got {', '.join(of)}")
+    return Truth(
+        load_truth(joints[0], y_up) if joints else None,
+        load_true_states(states[0]) if states else None,
+        bool(joints) and Path(joints[0]).suffix.lower() == ".trc",
+    )
+
+
+def _names(runs: Sequence[str], given: Sequence[str]) -> list[str]:
+    """The names as given, "run" for a single one, or the names of the folders with a number where they are alike."""
+    from ..errors import TrackerError
+
+    given = given[-1:] if len(runs) == 1 else given
+    if given and (len(given) != len(runs) or len(set(given)) != len(given)):
+        raise TrackerError(f"--name: expected {len(runs)} different names, got {', '.join(given)}")
+    if given or len(runs) == 1:
+        return list(given) or ["run"]
+    names = [Path(run).resolve().stem for run in runs]
+    return [name if names.count(name) == 1 else f"{name}{i}" for i, name in enumerate(names, start=1)]
+
+
+def _one_each(runs: Sequence[str], given: Sequence[str], option: str) -> list[str | None]:
+    """A file per run: one for all, one for each, or none."""
+    from ..errors import TrackerError
+
+    if len(runs) > 1 and len(given) not in (0, 1, len(runs)):
+        raise TrackerError(f"{option}: expected one file for all runs or {len(runs)}, got {len(given)}")
+    return list(given) if len(given) == len(runs) else [given[-1] if given else None] * len(runs)
 
 
 def _targets(texts: list[str]) -> dict[str, Any]:
     from ..errors import TrackerError
-    from ..evaluation.report import parse_target
+    from ..evaluation.report_tables import parse_target
 
     try:
         return dict(parse_target(text) for text in texts)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -15,6 +16,15 @@ from .metrics import mean_error, offset_free_errors
 
 LAG_RANGE_IMAGES = (-2.0, 2.0)
 LAG_STEP_IMAGES = 0.01
+
+
+class OnAClock(Protocol):
+    """What has stamps that can be moved."""
+
+    @property
+    def stamps_ns(self) -> np.ndarray: ...
+
+    def shifted(self, shift_ns: int) -> Self: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,14 +66,8 @@ class Trajectories:
 
         Nothing is extrapolated: an instant outside the time covered, or next to a point that was not seen, is not valid.
         """
-        query = (stamps_ns - self.stamps_ns[0]).astype(np.float64) - earlier_ns
-        own = (self.stamps_ns - self.stamps_ns[0]).astype(np.float64)
-        after = np.clip(np.searchsorted(own, query, side="left"), 0, len(own) - 1)
-        hit = own[after] == query
-        before = np.where(hit, after, np.maximum(after - 1, 0))
-        inside = hit | ((query > own[0]) & (query < own[-1]))
-        span = np.where(after == before, 1.0, own[after] - own[before])
-        weight = np.where(hit, 0.0, (query - own[before]) / span)[:, None, None]
+        before, after, weight, inside = between(self.stamps_ns, stamps_ns, earlier_ns)
+        weight = weight[:, None, None]
         positions = (1.0 - weight) * self.positions_m[before] + weight * self.positions_m[after]
         valid = self.valid[before] & self.valid[after] & inside[:, None]
         return np.where(valid[..., None], positions, 0.0), valid
@@ -71,6 +75,24 @@ class Trajectories:
     def shifted(self, shift_ns: int) -> Trajectories:
         """The same points, ``shift_ns`` later."""
         return Trajectories(self.names, self.stamps_ns + shift_ns, self.positions_m, self.valid)
+
+
+def between(own_ns: np.ndarray, stamps_ns: np.ndarray, earlier_ns: float = 0.0) -> tuple[np.ndarray, ...]:
+    """Between which rows of ``own_ns`` (n,), increasing, the instants ``stamps_ns`` (k,) less ``earlier_ns`` lie.
+
+    Returns
+    -------
+    (k,) each: the row before, the row after (the same one where it is hit), the weight of the latter, and whether the rows cover
+    the instant.
+    """
+    query = (stamps_ns - own_ns[0]).astype(np.float64) - earlier_ns
+    own = (own_ns - own_ns[0]).astype(np.float64)
+    after = np.clip(np.searchsorted(own, query, side="left"), 0, len(own) - 1)
+    hit = own[after] == query
+    before = np.where(hit, after, np.maximum(after - 1, 0))
+    inside = hit | ((query > own[0]) & (query < own[-1]))
+    span = np.where(after == before, 1.0, own[after] - own[before])
+    return before, after, np.where(hit, 0.0, (query - own[before]) / span), inside
 
 
 def image_period_ns(stamps_ns: np.ndarray) -> float:

@@ -16,7 +16,7 @@ from ..camera.camera_rig import Camera, CameraRig
 from ..model.configuration import Configuration
 from ..render.raycaster import render_color
 from ..render.renderer import ColoredView
-from .plots import CYCLE, GREY
+from .palette import CYCLE, GREY
 
 _BACKGROUND = 255
 

@@ -13,7 +13,7 @@ from ..model.configuration import Configuration, State
 from ..model.pose_variables import N_ROOT, ROOT_NAMES, to_variables
 from ..render.through_mask import target_through_mask
 from .color_experiments import UNITS, VARIABLES
-from .plots import BLUE, GREEN, GREY, ORANGE, PURPLE
+from .palette import BLUE, GREEN, GREY, ORANGE, PURPLE
 
 _STYLES = ((GREY, "-", 3.5), (BLUE, "-", 1.4), (GREEN, "--", 1.4), (ORANGE, ".", 1.0), (PURPLE, ":", 1.4))
 _MARGIN = 14  # pixels around what a picture shows

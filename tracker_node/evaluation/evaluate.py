@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 
@@ -10,10 +11,11 @@ from ..errors import FileFormatError
 from ..model.articulated_model import ArticulatedModel
 from ..tracking.estimate import Status
 from . import metrics
-from .association import Trajectories, estimate_lag, image_period_ns, truth_at
+from .association import OnAClock, Trajectories, estimate_lag, image_period_ns, truth_at
 from .landmarks import LIMBS, common_bones, common_joints, offset_links
 from .run_data import RunData
 
+OnOneClock = TypeVar("OnOneClock", bound=OnAClock)
 ALIGNMENTS = ("auto", "first", "stamp")
 
 
@@ -94,6 +96,9 @@ class Evaluation:
     offset_free_world: ErrorSeries
     offsets_m: np.ndarray  # (m, 3) in the frame of the segment
     offset_frames: tuple[str, ...]  # (m,) the segments
+    estimate_m: np.ndarray  # (n, m, 3) joints as tracked
+    corrected_m: np.ndarray  # (n, m, 3) the same without the offsets of ``offset_free``
+    truth_m: np.ndarray  # (n, m, 3) where ``raw.valid``
     bones: BoneLengths
     lost: np.ndarray  # (n,) bool
     lost_limbs: tuple[str, ...]
@@ -180,6 +185,9 @@ def evaluate(
         offset_free_world=ErrorSeries(in_world, valid),
         offsets_m=offsets,
         offset_frames=frames,
+        estimate_m=estimate.positions_m,
+        corrected_m=estimate.positions_m - np.einsum("nmij,mj->nmi", rotations, offsets),
+        truth_m=at_sets.positions_m,
         bones=_bone_lengths(estimate, at_sets),
         lost=metrics.lost_sets(np.ones(len(run), dtype=bool), said_lost, errors, valid),
         lost_limbs=_lost_limbs(joints, errors, valid),
@@ -191,9 +199,7 @@ def evaluate(
     )
 
 
-def aligned(
-    truth: Trajectories, stamps_ns: np.ndarray, image_0_ns: int, align: str, truth_is_trc: bool
-) -> Trajectories:
+def aligned(truth: OnOneClock, stamps_ns: np.ndarray, image_0_ns: int, align: str, truth_is_trc: bool) -> OnOneClock:
     """Truth on the clock of the run's stamps (see `EvaluationOptions`); ``image_0_ns`` is the stamp of image 0."""
     if align not in ALIGNMENTS:
         raise ValueError(f"expected an alignment of {ALIGNMENTS}, got {align!r}")

@@ -1,183 +1,134 @@
-"""``report.json`` and one ``report.html`` that needs nothing beside it."""
+"""The report of one or many runs: ``report.json``, ``report.html`` that needs nothing beside it, ``report.pdf``, CSV files."""
 
 from __future__ import annotations
 
-import base64
-import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from importlib.resources import files
 from pathlib import Path
 
-import cv2
-import jinja2
-import numpy as np
-
-from .evaluate import Evaluation
+from . import report_charts as charts
+from . import report_tables as tables
+from .document import Block, Document, Section
+from .figure_files import write_figure_files
 from .metrics_file import command_line, cpu, versions, write_metrics
-from .plots import all_plots
-from .silhouettes import Picture, contact_sheet
+from .report_html import render_html
+from .report_pdf import write_pdf
+from .report_tables import Target
+from .review import Review
 
-REPORT_JSON, REPORT_HTML = "report.json", "report.html"
+REPORT_JSON, REPORT_HTML, REPORT_PDF = "report.json", "report.html", "report.pdf"
 
-
-@dataclass(frozen=True)
-class Figure:
-    """How a figure of the summary reads: ``key`` may end in ``*`` for a family; ``unit`` is shown behind the value."""
-
-    key: str
-    title: str
-    unit: str
-    meaning: str
-    digits: int = 1
-
-
-FIGURES = (
-    Figure("image_sets", "Image sets", "", "instants that there should be a state for", 0),
-    Figure("judged_sets", "Judged sets", "", "of these, with truth at their instant", 0),
-    Figure("lost_sets", "Lost sets", "", "no state, status LOST, or any joint more than 200 mm from truth", 0),
-    Figure("lost_limbs", "Lost limbs", "", "end joint more than 150 mm off for 5 sets running, or at the end", 0),
-    Figure("mpjpe_mm", "Joint error (MPJPE)", "mm", "mean distance of all joints, lag taken out"),
-    Figure("mpjpe_offset_free_mm", "… offset-free, segment", "mm", "one constant offset per landmark in its segment removed"),
-    Figure("mpjpe_offset_free_world_mm", "… offset-free, world", "mm", "the same with offsets constant in the world"),
-    Figure("mpjpe_no_lag_correction_mm", "… lag left in", "mm", "rows of the truth taken at the stamps as they are"),
-    Figure("lag_images", "Lag", "images", "constant delay of the images behind the truth", 2),
-    Figure("iou_*", "Silhouette IoU", "", "overlap of model mask and reference mask, 1 is perfect", 3),
-    Figure("residual_px", "Residual", "px", "rms distance of predicted and seen contours, all cameras", 2),
-    Figure("residual_px_*", "Residual", "px", "of one camera", 2),
-    Figure("iterations", "Iterations", "", "steps of the optimizer per set, mean", 2),
-    Figure("bone_length_std_mm", "Bone lengths, spread", "mm", "standard deviation over the run, mean of the bones"),
-    Figure("truth_bone_length_std_mm", "… of the truth", "mm", "the truth's own inconstancy"),
-)
+MEANINGS = (
+    ("Joint error (MPJPE)", "distance between tracked and true joint centre, averaged over all joints and sets. The truth is"
+     " interpolated linearly at the instant of every set; sets outside its time are not judged."),
+    ("Offset-free", "two ways of finding a joint centre differ by an offset that is fixed in the body. The mean difference of"
+     " every landmark is subtracted, in the axes of its own segment (of the parent for a landmark on a last segment, whose own"
+     " turning is hardly observed). The same in world axes stands beside it: there an offset cannot turn with the body."),
+    ("PA-MPJPE", "the joint error after every set has been moved, turned and resized onto its truth: posture alone."),
+    ("PCK", "share of the joints within a distance of truth."),
+    ("Lost", "is judged from truth: a tracker that takes itself to be well is not believed. One that says it is lost is."),
+    ("NEES", "error squared over what the covariance says. Far above 1 the covariance is too small, far below too large."),
+    ("IoU", "area common to both masks over area covered by either. The reference masks were made from the images alone."),
+    ("Residual", "says how well the model explains the images, not how near it is to the truth."),
+    ("Triangulated 2D detections", "where they serve as truth, are themselves off by 3 to 5 cm, and their bones change length:"
+     " an error of that size says no more about the tracker."),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Target:
-    """A bound for a figure: ``at_most`` or at least ``value``."""
+class ReportOptions:
+    """``targets`` by key without the run's name; ``figure_files``: also write every table and chart as CSV and JSON."""
 
-    value: float
-    at_most: bool
-
-    def met_by(self, figure: float) -> bool:
-        return figure <= self.value if self.at_most else figure >= self.value
-
-    def __str__(self) -> str:
-        return f"{'≤' if self.at_most else '≥'} {self.value:g}"
-
-
-def parse_target(text: str) -> tuple[str, Target]:
-    """``mpjpe_mm<=60`` or ``iou_cam03>=0.8``. Raises ValueError for anything else."""
-    for sign, at_most in (("<=", True), (">=", False)):
-        key, found, value = text.partition(sign)
-        if found:
-            return key.strip(), Target(float(value), at_most)
-    raise ValueError(f"expected KEY<=NUMBER or KEY>=NUMBER, got {text!r}")
-
-
-@dataclass(frozen=True)
-class ReportContext:
-    """What stands around the figures: sources by label, and what could not be shown."""
-
-    sources: Mapping[str, str]
-    problems: Sequence[str] = ()
-    targets: Mapping[str, Target] | None = None  # by key without the name
+    targets: Mapping[str, Target] = field(default_factory=dict)
+    figure_files: bool = False
+    pdf: bool = True
 
 
 def write_report(
-    output: str | Path, evaluation: Evaluation, pictures: Sequence[Picture], context: ReportContext
+    output: str | Path,
+    reviews: Sequence[Review],
+    options: ReportOptions | None = None,
+    progress: Callable[[str], None] = lambda text: None,
 ) -> dict[str, float | int]:
-    """Write ``report.json`` and ``report.html`` into the folder ``output``, and return the figures."""
+    """Write the report of one or many runs into the folder ``output``, and return all figures."""
+    options = options or ReportOptions()
     output = Path(output)
     output.mkdir(parents=True, exist_ok=True)
-    figures = evaluation.metrics()
+    figures = {key: value for review in reviews for key, value in review.figures().items()}
     write_metrics(output / REPORT_JSON, figures)
-    (output / REPORT_HTML).write_text(render_html(evaluation, pictures, context), encoding="utf-8")
+    document = document_of(reviews, options.targets)
+    progress("writing the page")
+    (output / REPORT_HTML).write_text(render_html(document), encoding="utf-8")
+    if options.figure_files:
+        progress("writing figures")
+        write_figure_files(output, document)
+    if options.pdf:
+        write_pdf(output / REPORT_PDF, document, progress)
     return figures
 
 
-def render_html(evaluation: Evaluation, pictures: Sequence[Picture], context: ReportContext) -> str:
-    """The page, with every plot and picture inside."""
-    source = files(__package__).joinpath("templates/report.html.j2").read_text(encoding="utf-8")
-    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined)
-    return environment.from_string(source).render(
-        name=evaluation.name,
-        summary=summary_rows(evaluation, context.targets or {}),
-        plots=[(title, text, _data_uri("image/svg+xml", svg.encode())) for title, text, svg in all_plots(evaluation)],
-        offsets=_offset_rows(evaluation),
-        sheet=_sheet(pictures),
-        lost_limbs=evaluation.lost_limbs,
-        lag=evaluation.lag_images,
-        lag_was_estimated=evaluation.lag_was_estimated,
-        sources=context.sources,
-        problems=context.problems,
-        command=command_line(),
-        versions=versions(),
-        cpu=cpu(),
-        made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-    )
+def document_of(reviews: Sequence[Review], targets: Mapping[str, Target]) -> Document:
+    """Everything that is told about the runs."""
+    names = ", ".join(review.name for review in reviews)
+    title = f"Comparison of {names}" if len(reviews) > 1 else f"Evaluation of {names}"
+    sections = [
+        Section(key, heading, kept) for key, heading, blocks in _sections(reviews, targets) if (kept := [b for b in blocks if b])
+    ]
+    problems = [f"{review.name}: {said}" if len(reviews) > 1 else said for review in reviews for said in review.problems]
+    made = {"command": command_line(), "versions": ", ".join(f"{key} {value}" for key, value in versions().items())}
+    made["cpu"] = "{model}, {cores} cores, {simd}".format(**cpu())
+    when = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    return Document(title, when, _facts(reviews), list(dict.fromkeys(problems)), sections, MEANINGS, list(made.items()))
 
 
-@dataclass(frozen=True)
-class SummaryRow:
-    """One line of the summary; ``light`` is good, bad or none (no target)."""
-
-    title: str
-    key: str
-    value: str
-    unit: str
-    target: str
-    light: str
-    meaning: str
-
-
-def summary_rows(evaluation: Evaluation, targets: Mapping[str, Target]) -> list[SummaryRow]:
-    """The figures that `FIGURES` describes, in its order, then targets for others."""
-    values = {key.removeprefix(f"{evaluation.name}."): value for key, value in evaluation.metrics().items()}
-    rows = []
-    for figure in FIGURES:
-        family = figure.key.endswith("*")
-        stem = figure.key.rstrip("*")
-        for key in [k for k in values if (k.startswith(stem) if family else k == figure.key)]:
-            title = f"{figure.title} {key.removeprefix(stem)}" if family else figure.title
-            rows.append(_summary_row(figure, f"{evaluation.name}.{key}", title, values[key], targets.get(key)))
-    shown = {row.key for row in rows}
-    for key, target in targets.items():  # a target that nothing was measured for is missed
-        if f"{evaluation.name}.{key}" not in shown:
-            other = Figure(key, key, "", "" if key in values else "was not measured", 3)
-            rows.append(_summary_row(other, f"{evaluation.name}.{key}", key, values.get(key, math.nan), target))
-    return rows
+def _facts(reviews: Sequence[Review]) -> list[tuple[str, str]]:
+    facts = []
+    for review in reviews:
+        before = f"{review.name}, " if len(reviews) > 1 else ""
+        facts += [(f"{before}{label}", value) for label, value in review.sources.items()]
+        if review.joints is not None:
+            lag, estimated = review.joints.lag_images, review.joints.lag_was_estimated
+            how = "estimated: of all between -2 and 2 it leaves the least offset-free error" if estimated else "as stated"
+            facts.append((f"{before}lag", f"row i of the truth belongs to image i {lag:+.2f}, one constant for the run, {how}"))
+            if review.joints.lost_limbs:
+                facts.append((f"{before}lost limbs", ", ".join(review.joints.lost_limbs)))
+    return facts
 
 
-def _summary_row(figure: Figure, key: str, title: str, value: float, target: Target | None) -> SummaryRow:
-    known = math.isfinite(value)
-    light = "none" if target is None else "good" if known and target.met_by(value) else "bad"
-    text = f"{value:.{figure.digits}f}" if known else "–"
-    return SummaryRow(title, key, text, figure.unit, str(target or ""), light, figure.meaning)
+def _sections(reviews: Sequence[Review], targets: Mapping[str, Target]) -> Iterator[tuple[str, str, list[Block | None]]]:
+    """(key, heading, blocks) in their order; what could not be measured is None."""
+    yield "summary", "Summary", [tables.summary_table(reviews, targets), tables.parameter_table(reviews)]
+    yield "losses", "Status and losses", [
+        charts.status_strips(reviews), tables.loss_table(reviews), *_each(reviews, charts.limb_strips),
+    ]  # fmt: skip
+    yield "joints", "Joints", [
+        charts.error_chart(reviews), charts.joint_bars(reviews), tables.comparison_table(reviews),
+        *_each(reviews, tables.joint_table), *_each(reviews, charts.joint_map), charts.pck_chart(reviews),
+    ]  # fmt: skip
+    yield "dofs", "Degrees of freedom", [tables.dof_comparison_table(reviews), *_each(reviews, tables.dof_table)]
+    yield "segments", "Segments", [
+        *_each(reviews, tables.direction_table), *_each(reviews, tables.segment_table), *_each(reviews, tables.bone_table),
+        *_each(reviews, charts.rigid_chart),
+    ]  # fmt: skip
+    yield "curves", "Curves", [charts.curves(reviews)]
+    yield "fit", "Residuals and effort", [
+        *charts.residual_charts(reviews), *charts.effort_charts(reviews), tables.timing_table(reviews),
+    ]  # fmt: skip
+    yield "consistency", "Covariance consistency", [*_each(reviews, charts.nees_chart), *_each(reviews, tables.nees_table)]
+    yield "silhouettes", "Silhouettes", [*_each(reviews, charts.silhouette_chart)]
+    yield "offsets", "Constant offsets", [*_each(reviews, tables.offset_table)]
+    yield "pictures", "Pictures", _titled(reviews, [list(charts.contact_sheets(review)) for review in reviews])
 
 
-def _offset_rows(e: Evaluation) -> list[tuple[str, str, list[str], str]]:
-    """(joint, segment, x y z, length) in millimetres."""
-    rows = []
-    for joint, frame, offset in zip(e.joints, e.offset_frames, 1e3 * e.offsets_m, strict=True):
-        rows.append((joint, frame, [f"{v:z.0f}" for v in offset], f"{np.linalg.norm(offset):.0f}"))
-    return rows
+def _each(reviews: Sequence[Review], make: Callable[[Review], Block | None]) -> list[Block | None]:
+    """A block per run, the run's name in its title where there are several."""
+    return _titled(reviews, [[make(review)] for review in reviews])
 
 
-def _sheet(pictures: Sequence[Picture]) -> list[list[tuple[str, str, str]]]:
-    """(caption, data URI, width over height) in rows."""
-    rows = []
-    for row in contact_sheet(pictures):
-        cells = []
-        for picture in row:
-            ok, data = cv2.imencode(".jpg", picture.bgr, [cv2.IMWRITE_JPEG_QUALITY, 80])
-            if ok:
-                aspect = f"{picture.bgr.shape[1] / picture.bgr.shape[0]:.4f}"
-                uri = _data_uri("image/jpeg", data.tobytes())
-                cells.append((f"{picture.camera}, image {picture.number}", uri, aspect))
-        rows.append(cells)
-    return rows
-
-
-def _data_uri(kind: str, data: bytes) -> str:
-    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
+def _titled(reviews: Sequence[Review], made: Sequence[Sequence[Block | None]]) -> list[Block | None]:
+    found: list[Block | None] = []
+    for review, blocks in zip(reviews, made, strict=True):
+        several = len(reviews) > 1
+        found += [replace(b, title=f"{b.title}: {review.name}") if several and b is not None else b for b in blocks]
+    return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,9 +16,39 @@ from ..loaders.message_types import TRACKED_STATE
 from ..loaders.trajectory_file import read_states
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..tracking.estimate import Status
+from ..tracking.estimate import LimbStatus, Status
 
 STATES_FILE, INFO_FILE, BAG_FOLDER = "states.csv", "run.json", "bag"
+
+
+@dataclass(frozen=True, eq=False)
+class RunDetails:
+    """What a tracker says beside its n states; only bags hold it.
+
+    Parameters
+    ----------
+    limb_status : (n, l) numbers of `tracking.estimate.LimbStatus`, per name of ``limbs``; l = 0 when limbs are not judged.
+    timings_ms : (n, 3) to observe, to optimize, in all; NaN for a set that the bag does not hold.
+    covariances : (n, n_dof, n_dof) float32 in the tangent of `model.configuration.State`; zero where nothing is known.
+    """
+
+    limbs: tuple[str, ...]
+    limb_status: np.ndarray
+    timings_ms: np.ndarray
+    covariances: np.ndarray
+
+    @classmethod
+    def unknown(cls, n: int, n_dof: int, limbs: tuple[str, ...] = ()) -> RunDetails:
+        """Nothing is known of any set."""
+        unseen = np.full((n, len(limbs)), int(LimbStatus.UNSEEN))
+        return cls(limbs, unseen, np.full((n, 3), np.nan), np.zeros((n, n_dof, n_dof), dtype=np.float32))
+
+    def at(self, rows: np.ndarray) -> RunDetails:
+        """Those of some sets; nothing is known where a row is -1."""
+        found = RunDetails.unknown(len(rows), self.covariances.shape[1], self.limbs)
+        for name in ("limb_status", "timings_ms", "covariances"):
+            getattr(found, name)[rows >= 0] = getattr(self, name)[rows[rows >= 0]]
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +63,7 @@ class RunData:
     residual_px : (n,) rms over all cameras. iterations : (n,).
     camera_residuals_px, camera_samples : (n, c), per name of ``cameras``; c = 0 when the run does not tell.
     info : content of ``run.json``, empty without one.
+    details : None for a run without a bag.
     """
 
     path: Path
@@ -47,6 +78,7 @@ class RunData:
     camera_samples: np.ndarray
     bag: Path | None = None
     info: Mapping[str, Any] = field(default_factory=dict)
+    details: RunDetails | None = None
 
     def __len__(self) -> int:
         return len(self.stamps_ns)
@@ -162,8 +194,22 @@ def _from_bag(path: Path, topic: str | None) -> RunData:
         cameras=cameras,
         camera_residuals_px=np.array([m.camera_residuals_px for m in messages], dtype=np.float64).reshape(n, len(cameras)),
         camera_samples=np.array([m.camera_samples for m in messages], dtype=int).reshape(n, len(cameras)),
+        details=_details(path, messages, len(dof_names)),
     )
     return _in_order(run)
+
+
+def _details(path: Path, messages: Sequence[Any], n_dof: int) -> RunDetails:
+    n, limbs = len(messages), tuple(getattr(messages[0], "limbs", ())) if messages else ()  # version 0.1 judged none
+    if any(tuple(getattr(m, "limbs", ())) not in (limbs, ()) for m in messages):
+        raise FileFormatError(path, "limbs", "the same limbs throughout", "a change within the bag")
+    details = RunDetails.unknown(n, n_dof, limbs)
+    for i, m in enumerate(messages):
+        if len(getattr(m, "limb_status", ())):
+            details.limb_status[i] = m.limb_status
+        details.timings_ms[i] = m.observe_ms, m.optimize_ms, m.total_ms
+        details.covariances[i] = np.reshape(m.covariance, (n_dof, n_dof))
+    return details
 
 
 def _nanoseconds(stamp: Any) -> int:
@@ -175,16 +221,15 @@ def _in_order(run: RunData) -> RunData:
     latest = {int(stamp): i for i, stamp in enumerate(run.stamps_ns)}
     rows = np.array([latest[stamp] for stamp in sorted(latest)], dtype=int)
     per_set = ("stamps_ns", "status", "values", "residual_px", "iterations", "camera_residuals_px", "camera_samples")
-    return replace(run, **{name: getattr(run, name)[rows] for name in per_set})
+    details = None if run.details is None else run.details.at(rows)
+    return replace(run, details=details, **{name: getattr(run, name)[rows] for name in per_set})
 
 
 def _with_cameras_of(run: RunData, bag: RunData) -> RunData:
-    """``run`` with the per-camera figures, which the CSV does not hold, of the states of the same stamps in the bag."""
+    """``run`` with what the CSV does not hold, cameras and details, of the states of the same stamps in the bag."""
     row_of = {int(stamp): i for i, stamp in enumerate(bag.stamps_ns)}
-    residuals = np.zeros((len(run), len(bag.cameras)))
-    samples = np.zeros((len(run), len(bag.cameras)), dtype=int)
-    for i, stamp in enumerate(run.stamps_ns):
-        if int(stamp) in row_of:
-            residuals[i] = bag.camera_residuals_px[row_of[int(stamp)]]
-            samples[i] = bag.camera_samples[row_of[int(stamp)]]
-    return replace(run, cameras=bag.cameras, camera_residuals_px=residuals, camera_samples=samples)
+    rows = np.array([row_of.get(int(stamp), -1) for stamp in run.stamps_ns], dtype=int)
+    residuals = np.where(rows[:, None] >= 0, bag.camera_residuals_px[rows], 0.0)
+    samples = np.where(rows[:, None] >= 0, bag.camera_samples[rows], 0)
+    details = bag.details.at(rows) if bag.details is not None and bag.dof_names == run.dof_names else None
+    return replace(run, cameras=bag.cameras, camera_residuals_px=residuals, camera_samples=samples, details=details)

@@ -17,6 +17,7 @@ from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration
 from ..render.overlay import draw_overlay
 from ..render.raycaster import render_mask
+from ..render.through_mask import target_through_mask
 from .evaluate import SilhouetteScores, image_numbers
 from .metrics import intersection_over_union
 from .reference_masks import CameraMasks, read_still
@@ -27,11 +28,13 @@ SAME_INSTANT = 0.45  # images: how far an image's stamp may be from that of its 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """The part of an image that the body is in, with the body drawn over it, (h, w, 3) BGR."""
+    """The part of an image that the body is in, (h, w, 3) BGR; ``kind``: ``overlay``, with the body drawn over it, or ``mask``,
+    black where the body is not."""
 
     camera: str
     number: int
     bgr: np.ndarray
+    kind: str = "overlay"
 
 
 @dataclass(eq=False)
@@ -113,15 +116,19 @@ def _review_camera(task: _Task, camera: Camera, masks: CameraMasks | None, revie
             numbers.append(number)
             ious.append(intersection_over_union(render_mask(configuration, camera), reference))
         if number in task.shown:
-            picture = draw_overlay(image, configuration, camera)[box]
-            height = task.options.height_px
-            width = max(round(picture.shape[1] * height / picture.shape[0]), 1)
-            small = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
-            review.pictures.append(Picture(camera.name, number, small))
+            overlay, seen = draw_overlay(image, configuration, camera), target_through_mask(image, configuration, camera)
+            for kind, picture in (("overlay", overlay), ("mask", seen)):
+                small = _of_height(picture[box], task.options.height_px)
+                review.pictures.append(Picture(camera.name, number, small, kind))
     if masks is not None and numbers:
         review.scores.kind[camera.name] = "drawn by hand" if masks.still is None else "difference to a still image"
         review.scores.numbers[camera.name] = numbers
         review.scores.ious[camera.name] = ious
+
+
+def _of_height(picture: np.ndarray, height: int) -> np.ndarray:
+    width = max(round(picture.shape[1] * height / picture.shape[0]), 1)
+    return cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
 
 
 def _box(configurations: Sequence[Configuration], camera: Camera) -> tuple[slice, slice]:

@@ -1,0 +1,190 @@
+"""What a report consists of: tables, charts, pictures. A page, a PDF and CSV files are made from it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .palette import BLUE
+
+
+@dataclass(frozen=True)
+class Column:
+    """Of a table; ``group`` stands above neighbors that share it, ``digits`` behind the point of numbers."""
+
+    title: str
+    digits: int = 1
+    group: str = ""
+    is_text: bool = False
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A value with a mark: ``good`` and ``bad`` for targets, ``better`` and ``worse`` for differences, ``code`` for keys."""
+
+    value: str | float | int | None
+    mark: str = ""
+    digits: int | None = None
+
+
+Value = str | float | int | None | Cell
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """What all parts of a report have: ``key`` names files and anchors."""
+
+    key: str
+    title: str
+    note: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Table(Block):
+    columns: Sequence[Column] = ()
+    rows: Sequence[Sequence[Value]] = ()
+
+    def texts(self) -> list[list[str]]:
+        """Rows of text, numbers rounded as their columns say."""
+        return [[cell_text(cell, column) for cell, column in zip(row, self.columns, strict=True)] for row in self.rows]
+
+
+def cell_text(cell: Value, column: Column) -> str:
+    """A value as people read it; a dash for what is not known."""
+    digits, value = column.digits, cell
+    if isinstance(cell, Cell):
+        value, digits = cell.value, column.digits if cell.digits is None else cell.digits
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        return "–"
+    return f"{value:z.{digits}f}" if isinstance(value, (float, np.floating)) else str(value)
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """Points (k,) over (k,); NaN breaks a line."""
+
+    label: str
+    x: np.ndarray
+    y: np.ndarray
+    color: str = BLUE
+    width: float = 1.6
+    dashed: bool = False
+    points: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Chart(Block):
+    """Lines; ``bands`` (start, end) on the x axis are shaded, ``levels`` (y, label) drawn across."""
+
+    x_label: str = "time since the first image set [s]"
+    y_label: str = ""
+    lines: Sequence[Line] = ()
+    bands: Sequence[tuple[float, float]] = ()
+    levels: Sequence[tuple[float, str]] = ()
+    y_min: float | None = 0.0
+    y_max: float | None = None
+    log_y: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Bars(Block):
+    """A group of bars for each category, one of each series (label, values, color)."""
+
+    categories: Sequence[str] = ()
+    series: Sequence[tuple[str, np.ndarray, str]] = ()
+    y_label: str = ""
+
+
+@dataclass(frozen=True)
+class Strip:
+    """A stretch of time in one row; ``label`` is what holds in it."""
+
+    row: str
+    start: float
+    end: float
+    label: str
+    color: str
+
+
+@dataclass(frozen=True, eq=False)
+class Strips(Block):
+    """What holds when: rows from top to bottom, strips along time."""
+
+    rows: Sequence[str] = ()
+    strips: Sequence[Strip] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class HeatMap(Block):
+    """Values (n, m) over times (n,) for m rows."""
+
+    times: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    rows: Sequence[str] = ()
+    values: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    label: str = ""
+    top: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One quantity over time: lines of the runs and of the truth, one list of them per panel (x, y, z; or a single one)."""
+
+    group: str
+    name: str
+    unit: str
+    panels: Sequence[tuple[str, Sequence[Line]]]
+
+
+@dataclass(frozen=True, eq=False)
+class Curves(Block):
+    """Many quantities, of which a page shows one at a time."""
+
+    curves: Sequence[Curve] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Pictures(Block):
+    """Rows of (caption, image (h, w, 3) BGR)."""
+
+    rows: Sequence[Sequence[tuple[str, np.ndarray]]] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """A heading with what stands below it."""
+
+    key: str
+    title: str
+    blocks: Sequence[Block]
+
+
+@dataclass(frozen=True, eq=False)
+class Document:
+    """A whole report: ``facts`` (label, text) stand at its top, ``problems`` below, ``footnotes`` and ``made`` at its end."""
+
+    title: str
+    date: str
+    facts: Sequence[tuple[str, str]]
+    problems: Sequence[str]
+    sections: Sequence[Section]
+    meanings: Sequence[tuple[str, str]] = ()
+    made: Sequence[tuple[str, str]] = ()
+
+    @property
+    def blocks(self) -> list[Block]:
+        return [block for section in self.sections for block in section.blocks]
+
+
+def strips_of(row: str, labels: Sequence[str], times: np.ndarray, period: float, colors: dict[str, str]) -> list[Strip]:
+    """A strip for every series of equal labels (n,) at ``times`` (n,); none between sets that are further apart."""
+    strips: list[Strip] = []
+    for label, time in zip(labels, times, strict=True):
+        last = strips[-1] if strips else None
+        if last is not None and last.label == label and time - last.end < period:
+            strips[-1] = Strip(row, last.start, time + period / 2, label, last.color)
+        else:
+            strips.append(Strip(row, time - period / 2, time + period / 2, label, colors[label]))
+    return strips

@@ -1,0 +1,258 @@
+"""All that is measured on one run: against truth, where there is any, and what the run says of itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..model.articulated_model import ArticulatedModel
+from ..tracking.estimate import Status
+from . import pose_metrics
+from .association import Trajectories, image_period_ns
+from .evaluate import Evaluation, EvaluationOptions, SilhouetteScores, aligned, evaluate, expected_sets
+from .intervals import intervals, reacquisition_times
+from .landmarks import common_bones
+from .run_consistency import NeesSeries, landmark_nees, state_nees
+from .run_data import RunData
+from .silhouettes import Picture
+from .spread import Spread, spread_of
+from .state_errors import RigidErrors, SegmentErrors, StateErrors, link_poses, rigid_errors, segment_errors, state_errors
+from .true_states import TrueStates
+
+STAGES = ("observe", "optimize", "total")
+PERCENTILES = (50, 95, 99)
+_LENGTHS_MM = {"mpjpe": "raw", "mpjpe_offset_free": "offset_free"}
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What a run is held against; ``joints_are_trc``: their stamps count from their own first row."""
+
+    joints: Trajectories | None = None
+    states: TrueStates | None = None
+    joints_are_trc: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentDirections:
+    """Segments between two joints: errors of their direction (n, b) in degrees and of their middle in mm, where ``valid``.
+
+    ``free_...``: from joints without their constant offsets.
+    """
+
+    bones: tuple[tuple[str, str], ...]
+    valid: np.ndarray
+    angle_deg: np.ndarray
+    middle_mm: np.ndarray
+    free_angle_deg: np.ndarray
+    free_middle_mm: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Review:
+    """One run, n image sets; what is None or empty could not be measured."""
+
+    name: str
+    run: RunData
+    model: ArticulatedModel
+    period_s: float
+    image_sets: int  # that there should be
+    joints: Evaluation | None = None
+    directions: SegmentDirections | None = None
+    states: StateErrors | None = None
+    segments: SegmentErrors | None = None
+    rigid: RigidErrors | None = None
+    axes_deg: np.ndarray | None = None  # (n, 3) between the root's axes and where they are; NaN without truth
+    landmark_nees: NeesSeries | None = None
+    landmark_nees_free: NeesSeries | None = None
+    state_nees: NeesSeries | None = None
+    silhouettes: SilhouetteScores = field(default_factory=SilhouetteScores)
+    pictures: Sequence[Picture] = ()
+    problems: Sequence[str] = ()
+    sources: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def times_s(self) -> np.ndarray:
+        """(n,) since the first set."""
+        return (self.run.stamps_ns - self.run.stamps_ns[0]) * 1e-9
+
+    @property
+    def said_lost(self) -> np.ndarray:
+        """(n,) what the tracker says."""
+        return self.run.status == Status.LOST
+
+    @property
+    def timings(self) -> dict[str, np.ndarray]:
+        """Stage -> milliseconds of the sets that tell."""
+        if self.run.details is None:
+            return {}
+        known = np.isfinite(self.run.details.timings_ms).all(axis=1)
+        return {stage: self.run.details.timings_ms[known, i] for i, stage in enumerate(STAGES) if known.any()}
+
+    def figures(self) -> dict[str, float | int]:
+        """Figures under their keys, the run's name before each."""
+        if self.joints is not None:
+            figures = {key.removeprefix(f"{self.name}."): value for key, value in self.joints.metrics().items()}
+        else:
+            figures = {"image_sets": self.image_sets, **_own(self.run)}
+        for part in (self._joint_figures, self._loss_figures, self._state_figures, self._nees_figures, self._own_figures):
+            figures |= part()
+        landmarks = {key: figures.pop(key) for key in list(figures) if key.startswith("landmark_mm.")}
+        return {f"{self.name}.{key}": value for key, value in {**figures, **landmarks}.items()}
+
+    def joint_spreads(self, j: int | None = None) -> tuple[Spread, Spread]:
+        """Of one joint's errors, or all joints', in mm: as they are and without their constant offset in the segment."""
+        assert self.joints is not None
+        columns = slice(None) if j is None else j
+        both = (self.joints.raw, self.joints.offset_free)
+        raw, free = (spread_of(1e3 * e.errors_m[:, columns], e.valid[:, columns]) for e in both)
+        return raw, free
+
+    def _joint_figures(self) -> dict[str, float | int]:
+        e = self.joints
+        if e is None:
+            return {}
+        figures: dict[str, float | int] = {}
+        for key, spread in zip(_LENGTHS_MM, self.joint_spreads(), strict=True):
+            figures |= {f"{key}_rms_mm": spread.rms, f"{key}_p95_mm": spread.p95, f"{key}_max_mm": spread.max}
+        figures["pa_mpjpe_mm"] = 1e3 * pose_metrics.pa_mpjpe(e.estimate_m, e.truth_m, e.raw.valid)
+        shares = pose_metrics.pck(e.raw.errors_m, e.raw.valid, np.array(pose_metrics.PCK_THRESHOLDS_M))
+        figures |= {f"pck_{1e3 * m:.0f}mm": float(share) for m, share in zip(pose_metrics.PCK_THRESHOLDS_M, shares, strict=True)}
+        figures["pck_auc_150mm"] = pose_metrics.pck_auc(e.raw.errors_m, e.raw.valid)
+        if self.directions is not None:
+            figures["segment_direction_deg"] = spread_of(self.directions.angle_deg, self.directions.valid).mean
+            figures["segment_direction_offset_free_deg"] = spread_of(self.directions.free_angle_deg, self.directions.valid).mean
+        return figures
+
+    def _loss_figures(self) -> dict[str, float | int]:
+        if self.joints is None:
+            return {}
+        judged = np.any(self.joints.raw.valid, axis=1)
+        return _losses(self.joints.lost, self.times_s, judged)
+
+    def _state_figures(self) -> dict[str, float | int]:
+        figures: dict[str, float | int] = {}
+        if self.states is not None:
+            for k, (name, unit) in enumerate(zip(self.states.names, self.states.units, strict=True)):
+                raw, free = self.states.spreads(k)
+                figures |= {f"dof_rms.{name}_{unit}": raw.rms, f"dof_max.{name}_{unit}": raw.max}
+                figures[f"dof_offset_free_rms.{name}_{unit}"] = free.rms
+        if self.segments is not None:
+            ok = self.segments.valid
+            figures["segment_position_mm"] = spread_of(self.segments.position_mm[ok]).mean
+            figures["segment_angle_deg"] = spread_of(self.segments.angle_deg[ok]).mean
+            root = 1e-3 * self.segments.position_mm[ok, 0], np.deg2rad(self.segments.angle_deg[ok, 0])
+            figures["root_5cm_5deg"] = pose_metrics.share_near(*root)
+        if self.axes_deg is not None:
+            figures |= {f"root_axis_{axis}_deg": spread_of(self.axes_deg[:, i]).mean for i, axis in enumerate("xyz")}
+        if self.rigid is not None:
+            figures |= {"add_mm": spread_of(self.rigid.add_mm).mean, "add_s_mm": spread_of(self.rigid.add_s_mm).mean}
+        return figures
+
+    def _nees_figures(self) -> dict[str, float | int]:
+        figures: dict[str, float | int] = {}
+        for key, series in (("landmark_nees", self.landmark_nees), ("landmark_nees_offset_free", self.landmark_nees_free)):
+            if series is not None:
+                figures[key] = float(np.nanmean(series.values))
+                figures[f"{key}_in_bounds"] = float(series.in_bounds.mean())
+        if self.state_nees is not None:
+            low, high = self.state_nees.bounds[0]
+            figures |= {"state_nees": float(self.state_nees.means[0]), "state_nees_low": low, "state_nees_high": high}
+        return figures
+
+    def _own_figures(self) -> dict[str, float | int]:
+        figures: dict[str, float | int] = {
+            "said_lost_sets": int(self.said_lost.sum()),
+            "said_degraded_sets": int((self.run.status == Status.DEGRADED).sum()),
+        }
+        figures |= {f"said_{key}": value for key, value in _losses(self.said_lost, self.times_s).items()}
+        for stage, values in self.timings.items():
+            at = np.percentile(values, PERCENTILES)
+            figures |= {f"{stage}_ms_p{p}": float(value) for p, value in zip(PERCENTILES, at, strict=True)}
+        return figures
+
+
+def review(
+    run: RunData, model: ArticulatedModel, truth: Truth, options: EvaluationOptions, sources: Mapping[str, str] | None = None
+) -> Review:
+    """Hold a run against whatever truth there is. Pictures and silhouettes are added by the caller, who has the images.
+
+    Raises
+    ------
+    FileFormatError : run and truth have no joint, or no instant, in common.
+    """
+    period_ns = image_period_ns(run.stamps_ns) if len(run) > 1 else 1e9
+    expected = expected_sets(run, period_ns, options.image_sets)
+    found = Review(options.name, run, model, period_ns * 1e-9, expected, sources=sources or {})
+    joints = truth.joints
+    if joints is None and truth.states is not None:
+        joints = truth.states.joints(model)
+        joints = joints if joints.valid.any() else None
+    evaluation = None if joints is None else evaluate(run, model, joints, options, truth.joints_are_trc)
+    if evaluation is not None:
+        found = replace(found, joints=evaluation, directions=segment_directions(evaluation), period_s=evaluation.period_s)
+        raw, free = (landmark_nees(run, model, evaluation, offset_free) for offset_free in (False, True))
+        found = replace(found, landmark_nees=raw, landmark_nees_free=free)
+    if truth.states is not None:
+        lag = evaluation.lag_images if evaluation is not None else options.lag_images or 0.0
+        found = replace(found, **_against_states(run, model, _at_sets(truth.states, run, options, lag, period_ns)))
+    return found
+
+
+def segment_directions(e: Evaluation) -> SegmentDirections | None:
+    """Directions and middles of the segments between judged joints; None where there is no such segment."""
+    bones = common_bones(e.joints)
+    if not bones:
+        return None
+    a, b = ([e.joints.index(bone[end]) for bone in bones] for end in (0, 1))
+    found = []
+    for points in (e.estimate_m, e.corrected_m):
+        true = e.truth_m[:, b] - e.truth_m[:, a]
+        found.append(np.degrees(pose_metrics.direction_errors(points[:, b] - points[:, a], true)))
+        middles = 0.5 * (points[:, a] + points[:, b] - e.truth_m[:, a] - e.truth_m[:, b])
+        found.append(1e3 * np.linalg.norm(middles, axis=-1))
+    return SegmentDirections(bones, e.raw.valid[:, a] & e.raw.valid[:, b], *found)
+
+
+def _at_sets(states: TrueStates, run: RunData, options: EvaluationOptions, lag: float, period_ns: float) -> TrueStates:
+    """True states at the run's instants, matched in time as joints are."""
+    image_0_ns = int(run.stamps_ns[0]) - round(options.first_image * period_ns)
+    moved = aligned(states, run.stamps_ns, image_0_ns, options.align, False)
+    return moved.at(run.stamps_ns, lag * period_ns)
+
+
+def _against_states(run: RunData, model: ArticulatedModel, truth: TrueStates) -> dict:
+    whole = truth.states(model)
+    found: dict = {"states": state_errors(run, model, truth)}
+    if any(state is not None for state in whole):
+        segments = segment_errors(run, model, whole)
+        found |= {"segments": segments, "rigid": rigid_errors(run, model, whole), "state_nees": state_nees(run, whole)}
+        tracked, true = link_poses(run, model, whole)
+        axes = np.full((len(run), 3), np.nan)
+        mine, theirs = (np.swapaxes(poses[:, 0, :3, :3], 1, 2) for poses in (tracked, true))
+        axes[segments.valid] = np.degrees(pose_metrics.direction_errors(mine, theirs))
+        found["axes_deg"] = axes
+    return found
+
+
+def _own(run: RunData) -> dict[str, float | int]:
+    """What stands in `Evaluation.metrics` too, of a run without truth."""
+    figures: dict[str, float | int] = {"residual_px": float(np.mean(run.residual_px))}
+    for i, camera in enumerate(run.cameras):
+        seen = run.camera_residuals_px[run.camera_residuals_px[:, i] > 0, i]
+        figures[f"residual_px_{camera}"] = float(seen.mean()) if len(seen) else float("nan")
+    return figures | {"iterations": float(np.mean(run.iterations))}
+
+
+def _losses(lost: np.ndarray, times_s: np.ndarray, known: np.ndarray | None = None) -> dict[str, float | int]:
+    """How often it was lost, and how long until it was found again."""
+    found = reacquisition_times(lost, times_s, known)
+    losses = intervals(lost, known)
+    return {
+        "losses": len(losses),
+        "not_reacquired": sum(not loss.ended for loss in losses),
+        "reacquisition_s_median": float(np.median(found)) if len(found) else float("nan"),
+        "reacquisition_s_max": float(found.max()) if len(found) else float("nan"),
+    }
