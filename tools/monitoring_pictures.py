@@ -34,12 +34,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("bag", type=Path)
     parser.add_argument("--output", type=Path, default=ROOT / "docs/images")
+    parser.add_argument("--layout", type=Path, default=LAYOUT, help="of PlotJuggler, whose curves are drawn")
     parser.add_argument("--instant", type=float, default=0.5, help="share of the recording that is shown (default: %(default)s)")
     args = parser.parse_args()
     with BagReader(args.bag) as reader:
         draw_body(reader, args.instant, args.output / "monitoring_markers.jpg")
         draw_overlays(reader, args.instant, args.output / "monitoring_overlays.jpg")
-        draw_curves(reader, args.output / "monitoring_curves.png")
+        draw_curves(reader, args.layout, args.output / "monitoring_curves.png")
 
 
 def at(reader: BagReader, topic: str, share: float):
@@ -95,9 +96,9 @@ def draw_overlays(reader: BagReader, share: float, path: Path) -> None:
     cv2.imwrite(str(path), np.concatenate(row, axis=1), [cv2.IMWRITE_JPEG_QUALITY, 82])
 
 
-def draw_curves(reader: BagReader, path: Path) -> None:
-    """Two tabs of the shipped layout of PlotJuggler, with the curves that it names."""
-    root = ElementTree.parse(LAYOUT).getroot()
+def draw_curves(reader: BagReader, layout: Path, path: Path) -> None:
+    """Two tabs of a layout of PlotJuggler, with the curves that it names."""
+    root = ElementTree.parse(layout).getroot()
     tabs = {tab.get("tab_name"): tab for tab in root.iter("Tab")}
     plots = [(name, plot) for name in TABS for plot in tabs[name].iter("plot")]
     columns = [[plot for tab, plot in plots if tab == name] for name in TABS]

@@ -7,11 +7,14 @@ settings, as its own SDK types them.
 import dataclasses
 import json
 import re
+import subprocess
+import sys
 import types
 import typing
 from pathlib import Path
 from xml.etree import ElementTree
 
+import cv2
 import foxglove.layouts as fl
 import pytest
 import yaml
@@ -42,6 +45,7 @@ class Recording:
     """Types and last messages of a bag's topics."""
 
     def __init__(self, bag: Path):
+        self.bag = bag
         with BagReader(bag) as reader:
             self.types = {name: topic.type_name for name, topic in reader.topics.items()}
             self.last = {}
@@ -237,3 +241,13 @@ def test_plotjuggler_finds_every_curve(layouts, recorded):
     assert set(curves) <= there, set(curves) - there
     for splitter in root.iter("DockSplitter"):
         assert int(splitter.get("count")) == len(splitter) == len(splitter.get("sizes").split(";"))
+
+
+def test_the_pictures_of_the_documentation_can_be_made_again(repository, layouts, recorded, tmp_path):
+    tool, layout = repository / "tools/monitoring_pictures.py", layouts / "plotjuggler/tracker.xml"
+    run = [sys.executable, tool, recorded.bag, "--output", tmp_path, "--layout", layout]
+    subprocess.run(list(map(str, run)), check=True)
+    for name in ("monitoring_markers.jpg", "monitoring_overlays.jpg", "monitoring_curves.png"):
+        assert f"images/{name}" in (repository / "docs/monitoring.md").read_text()
+        picture = cv2.imread(str(tmp_path / name))
+        assert picture.std() > 5.0 and picture.shape[1] > 300
