@@ -72,8 +72,11 @@ def test_a_recorded_run_is_reproduced_bit_for_bit(clip: Clip, live: Path, tmp_pa
             assert (old.type_name, old.type_hash, old.definition) == (new.type_name, new.type_hash, new.definition)
             assert old.message_count == new.message_count
             assert (old.qos.reliability, old.qos.durability) == (new.qos.reliability, new.qos.durability)
-        extra = set(before.topics) - set(after.topics) - {"/robot_description", "/diagnostics"}
+        extra = set(before.topics) - set(after.topics) - {"/diagnostics"}
         assert {name.rpartition("/")[2] for name in extra} == {"image_raw"}
+    described = [[message.data for message in decoded(bag, "/robot_description")] for bag in (live, offline)]
+    assert described[0] == described[1]
+    assert "<robot" in described[0][0]
     ends = ("pose", "joint_states", "cam02/mask", "cam02/target_through_mask")
     for topic in (*(f"/tracker/{end}" for end in ends), "/cam01/camera_info"):
         for old, new in zip(decoded(live, topic), decoded(offline, topic), strict=True):

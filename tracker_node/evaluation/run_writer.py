@@ -11,8 +11,9 @@ from typing import Any
 from ..camera.camera_rig import CameraRig
 from ..loaders.bag_metadata import OfferedQos
 from ..loaders.bag_writer import BagExistsError, BagWriter
-from ..loaders.message_types import TRACKED_STATE
+from ..loaders.message_types import TRACKED_STATE, typestore
 from ..loaders.trajectory_file import JointsWriter, PosesWriter, StateRow, StatesWriter
+from ..loaders.urdf_writer import urdf_of
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration
 from ..observation.image_set import ImageSet
@@ -22,6 +23,7 @@ from ..tracking.estimate import TrackEstimate
 from . import estimate_messages as messages
 
 BAG, STATES, JOINTS, POSES, SUMMARY = "bag", "states.csv", "joints.csv", "poses.csv", "run.json"
+DESCRIPTION, STRING = "/robot_description", "std_msgs/msg/String"
 FLUSH_EVERY = 30  # image sets
 
 
@@ -68,6 +70,7 @@ class RunWriter:
 
     def _announce(self) -> None:
         """All topics, also when not a single set comes."""
+        self.bag.add_topic(DESCRIPTION, STRING, OfferedQos(durability="transient_local", depth=1))
         for end, type_name in (
             ("state", TRACKED_STATE),
             ("pose", "geometry_msgs/msg/PoseWithCovarianceStamped"),
@@ -85,6 +88,9 @@ class RunWriter:
     def append(self, estimate: TrackEstimate, image_set: ImageSet) -> None:
         """One instant to all files."""
         configuration = Configuration(self._model, estimate.state)
+        if not self._count:
+            description = typestore().types[STRING](data=urdf_of(self._model))
+            self.bag.write_message(DESCRIPTION, estimate.stamp_ns, description)
         self._write_messages(estimate, image_set, configuration)
         self._states.append(
             StateRow(
