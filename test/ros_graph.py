@@ -147,20 +147,32 @@ def shared_memory_files() -> set[Path]:
     return {path for pattern in ("fastrtps_*", "sem.fastrtps_*") for path in Path("/dev/shm").glob(pattern)}
 
 
-def mapped_files() -> set[Path]:
-    """Files in /dev/shm that some process has mapped."""
+def files_in_use() -> set[Path]:
+    """Files in /dev/shm that some process has mapped or open (locks are only open)."""
     found = set()
-    for maps in Path("/proc").glob("[0-9]*/maps"):
+    for process in Path("/proc").glob("[0-9]*"):
         try:
-            text = maps.read_text()
+            text = (process / "maps").read_text()
+            opened = [os.readlink(link) for link in (process / "fd").iterdir()]
         except OSError:  # ended, or somebody else's
             continue
         found |= {Path(line[line.index("/dev/shm/") :]) for line in text.splitlines() if "/dev/shm/" in line}
+        found |= {Path(target) for target in opened if target.startswith("/dev/shm/")}
     return found
 
 
+def _segment(path: Path) -> str:
+    """Name of the segment or port that a file belongs to: itself, its lock or its semaphore."""
+    return path.name.removeprefix("sem.").removesuffix("_mutex").removesuffix("_el").removesuffix("_sl")
+
+
 def remove_left_segments(before: set[Path]) -> None:
-    """Killed processes leave their segments: remove those that are new and in nobody's use."""
+    """Killed processes leave their segments: remove those that are new and in nobody's use.
+
+    A segment without its lock file counts as left by Fast DDS, which then delivers nothing through it any more.
+    """
     new = shared_memory_files() - before
-    for path in new - mapped_files():
-        path.unlink(missing_ok=True)
+    used = {_segment(path) for path in files_in_use()}
+    for path in new:
+        if _segment(path) not in used:
+            path.unlink(missing_ok=True)
