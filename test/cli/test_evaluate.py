@@ -211,7 +211,8 @@ def test_states_and_joints_as_truth(files, tmp_path):
     ],
 )
 def test_what_does_not_fit_several_runs_is_one_line(files, tmp_path, capsys, more, message):
-    assert main(["evaluate", str(files / "run"), str(files / "live"), "--output", str(tmp_path), *more]) == 2
+    runs = ["evaluate", str(files / "run"), str(files / "live"), "--model", str(files / "model.yaml")]
+    assert main([*runs, "--output", str(tmp_path), *more]) == 2
     assert message in capsys.readouterr().err.strip().splitlines()[-1]
 
 

@@ -19,9 +19,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("runs", nargs="+", metavar="run",
         help="folder written by track_offline, or a bag with tracked states (live ones too); several are compared")  # fmt: skip
     add("--truth", action="append", default=[], metavar="FILE",
-        help=".trc, or .csv like joints.csv (positions) or states.csv (degrees of freedom); one of each, or none")  # fmt: skip
-    add("--y-up", action=argparse.BooleanOptionalAction, default=True,
-        help="axes of a .trc: y up, as OpenSim and Pose2Sim write it (default), or those of the world")  # fmt: skip
+        help=".trc, .c3d or .csv like joints.csv (positions); .csv like states.csv, .mot or .sto (degrees of freedom);"
+        " one of each kind, or none")  # fmt: skip
+    add("--y-up", action=argparse.BooleanOptionalAction,
+        help="axes of a .trc, .c3d or .mot: y up, as OpenSim and Pose2Sim write it, or those of the world (default:"
+        " a .c3d as it says itself, the others have y up)")  # fmt: skip
     add("--model", action="append", default=[], metavar="FILE",
         help="body model, one for all runs or one for each; default: what run.json names")  # fmt: skip
     add("--rig", action="append", default=[], metavar="FILE",
@@ -52,10 +54,9 @@ def run(args: argparse.Namespace) -> int:
     models, rigs = (_one_each(args.runs, given, option) for given, option in ((args.model, "--model"), (args.rig, "--rig")))
     if len(args.runs) > 1 and not args.output:
         return _complain("several runs have no folder in common; give --output DIR")
-    truth = _truth(args.truth, args.y_up)
     reviews = []
     for path, name, model, rig in zip(args.runs, names, models, rigs, strict=True):
-        reviews.append(_review(args, path, name, model, rig, truth, lag))
+        reviews.append(_review(args, path, name, model, rig, lag))
     folder = Path(args.output or (args.runs[0] if Path(args.runs[0]).is_dir() else Path(args.runs[0]).parent))
     options = report.ReportOptions(targets, args.csv, not args.no_pdf)
     figures = report.write_report(folder, reviews, options, _say)
@@ -65,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _review(args: argparse.Namespace, path: str, name: str, model_path: str | None, rig_path: str | None, truth: Any, lag: Any):
+def _review(args: argparse.Namespace, path: str, name: str, model_path: str | None, rig_path: str | None, lag: Any):
     """One run held against truth, and its images looked at."""
     from dataclasses import replace
 
@@ -85,7 +86,7 @@ def _review(args: argparse.Namespace, path: str, name: str, model_path: str | No
     _say(f"{name}: {len(tracked)} states of {path}")
     sources = {"run": path, "truth": ", ".join(args.truth) or "none", "model": model_path, "rig": rig_path or "not given"}
     options = EvaluationOptions(name, lag, args.align, args.image_sets, first_image)
-    found = review(tracked, model, truth, options, sources)
+    found = review(tracked, model, _truth(args.truth, args.y_up, model), options, sources)
     images = _look_at_images(args, tracked, model, rig_path, found.period_s * 1e9, first_image)
     problems = [*_contradicted(tracked.info), *_untold(tracked.info), *images.problems]
     joints = None if found.joints is None else replace(found.joints, silhouettes=images.scores)
@@ -105,7 +106,7 @@ def _look_at_images(args: argparse.Namespace, tracked: Any, model: Any, rig_path
     return review_images(tracked, model, load_rig(rig_path), masks, period_ns, options, _say)
 
 
-def _truth(paths: Sequence[str], y_up: bool):
+def _truth(paths: Sequence[str], y_up: bool | None, model: Any):
     """Joints, states, both or nothing.
 
     Raises
@@ -115,7 +116,7 @@ def _truth(paths: Sequence[str], y_up: bool):
     from ..errors import TrackerError
     from ..evaluation.review import Truth
     from ..evaluation.true_states import holds_states, load_true_states
-    from ..evaluation.truth import load_truth
+    from ..evaluation.truth import OWN_TIME, load_truth
 
     states = [path for path in paths if holds_states(path)]
     joints = [path for path in paths if path not in states]
@@ -124,8 +125,8 @@ def _truth(paths: Sequence[str], y_up: bool):
             raise TrackerError(f"--truth: expected one file with {what}, got {', '.join(of)}")
     return Truth(
         load_truth(joints[0], y_up) if joints else None,
-        load_true_states(states[0]) if states else None,
-        bool(joints) and Path(joints[0]).suffix.lower() == ".trc",
+        load_true_states(states[0], model, y_up) if states else None,
+        *(bool(of) and Path(of[0]).suffix.lower() in OWN_TIME for of in (joints, states)),
     )
 
 

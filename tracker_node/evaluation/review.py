@@ -28,11 +28,12 @@ _LENGTHS_MM = {"mpjpe": "raw", "mpjpe_offset_free": "offset_free"}
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """What a run is held against; ``joints_are_trc``: their stamps count from their own first row."""
+    """What a run is held against; ``..._own_time``: their stamps count from their own first row."""
 
     joints: Trajectories | None = None
     states: TrueStates | None = None
-    joints_are_trc: bool = False
+    joints_own_time: bool = False
+    states_own_time: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,14 +191,14 @@ def review(
     if joints is None and truth.states is not None:
         joints = truth.states.joints(model)
         joints = joints if joints.valid.any() else None
-    evaluation = None if joints is None else evaluate(run, model, joints, options, truth.joints_are_trc)
+    evaluation = None if joints is None else evaluate(run, model, joints, options, truth.joints_own_time)
     if evaluation is not None:
         found = replace(found, joints=evaluation, directions=segment_directions(evaluation), period_s=evaluation.period_s)
         raw, free = (landmark_nees(run, model, evaluation, offset_free) for offset_free in (False, True))
         found = replace(found, landmark_nees=raw, landmark_nees_free=free)
     if truth.states is not None:
         lag = evaluation.lag_images if evaluation is not None else options.lag_images or 0.0
-        found = replace(found, **_against_states(run, model, _at_sets(truth.states, run, options, lag, period_ns)))
+        found = replace(found, **_against_states(run, model, _at_sets(truth, run, options, lag, period_ns)))
     return found
 
 
@@ -216,10 +217,11 @@ def segment_directions(e: Evaluation) -> SegmentDirections | None:
     return SegmentDirections(bones, e.raw.valid[:, a] & e.raw.valid[:, b], *found)
 
 
-def _at_sets(states: TrueStates, run: RunData, options: EvaluationOptions, lag: float, period_ns: float) -> TrueStates:
+def _at_sets(truth: Truth, run: RunData, options: EvaluationOptions, lag: float, period_ns: float) -> TrueStates:
     """True states at the run's instants, matched in time as joints are."""
+    assert truth.states is not None
     image_0_ns = int(run.stamps_ns[0]) - round(options.first_image * period_ns)
-    moved = aligned(states, run.stamps_ns, image_0_ns, options.align, False)
+    moved = aligned(truth.states, run.stamps_ns, image_0_ns, options.align, truth.states_own_time)
     return moved.at(run.stamps_ns, lag * period_ns)
 
 

@@ -1,4 +1,4 @@
-"""Truth that holds degrees of freedom: states over time, from a file in the format of ``states.csv``."""
+"""Truth that holds degrees of freedom: states over time, from ``states.csv``, or coordinates of OpenSim."""
 
 from __future__ import annotations
 
@@ -16,6 +16,9 @@ from ..model.configuration import Configuration, State
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..model.pose_variables import ROOT_NAMES, from_variables, to_variables, variable_names
 from .association import Trajectories, between
+from .coordinates import load_coordinates
+
+COORDINATES = (".mot", ".sto")
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,17 +68,26 @@ class TrueStates:
 
 
 def holds_states(path: str | Path) -> bool:
-    """Whether a file is a CSV of states, by its header."""
+    """Whether a file is a CSV of states, by its header, or of coordinates, by its name."""
+    if Path(path).suffix.lower() in COORDINATES:
+        return True
     return Path(path).suffix.lower() == ".csv" and CsvTable(path).header[: len(LEADING_COLUMNS)] == LEADING_COLUMNS
 
 
-def load_true_states(path: str | Path) -> TrueStates:
-    """States from a file in the format of ``states.csv``; rows whose status is LOST do not count.
+def load_true_states(path: str | Path, model: ArticulatedModel | None = None, y_up: bool | None = None) -> TrueStates:
+    """States from a file in the format of ``states.csv``, whose rows with status LOST do not count, or a ``.mot`` or ``.sto``.
+
+    Parameters
+    ----------
+    model : whose variables a file of coordinates has; needed for these.
+    y_up : of a file of coordinates, True if None.
 
     Raises
     ------
     FileFormatError : whatever is wrong in it, or no row.
     """
+    if model is not None and Path(path).suffix.lower() in COORDINATES:
+        return TrueStates(*load_coordinates(path, model, y_up is not False))
     trajectory = read_states(path)
     if not trajectory.rows:
         raise FileFormatError(path, "(content)", "at least one row", "none")
