@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.c3d_file import AnglesOverTime, dump_c3d, load_c3d
+from tracker_node.loaders.c3d_file import MOST_FRAMES, AnglesOverTime, dump_c3d, load_c3d
 from tracker_node.loaders.trc import MarkerTrajectories
 
 
@@ -84,6 +84,21 @@ def test_what_is_no_c3d_file_is_named(tmp_path, damage):
     content = (tmp_path / "a.c3d").read_bytes()
     (tmp_path / "a.c3d").write_bytes(damage(content))
     with pytest.raises(FileFormatError, match=r"a\.c3d"):
+        load_c3d(tmp_path / "a.c3d")
+
+
+def test_more_frames_than_the_header_counts(tmp_path):
+    n = MOST_FRAMES + 5
+    positions = np.ones((n, 1, 3)) * (1.0 + np.arange(n)[:, None, None] % 100)
+    markers = MarkerTrajectories(("a",), np.arange(n) / 100.0, positions, 100.0, np.ones((n, 1), dtype=bool))
+    dump_c3d(markers, tmp_path / "a.c3d", unit="m")
+    with (tmp_path / "a.c3d").open("rb") as stream, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        reader = c3d.Reader(stream)
+        assert (reader.first_frame, reader.last_frame) == (1, n)
+        last = [points for _, points, _ in reader.read_frames()][-1]
+    assert last[0, 0] == positions[-1, 0, 0]
+    with pytest.raises(FileFormatError, match=f"{n} frames"):
         load_c3d(tmp_path / "a.c3d")
 
 

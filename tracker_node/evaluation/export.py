@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import FileFormatError
 from ..geometry import quaternion
 from ..loaders.bvh import dump_bvh
-from ..loaders.c3d_file import AnglesOverTime, dump_c3d
+from ..loaders.c3d_file import MOST_FRAMES, AnglesOverTime, dump_c3d
 from ..loaders.opensim_table import NumberTable, dump_table
 from ..loaders.trajectory_file import PoseTrajectory
 from ..loaders.trc import MarkerTrajectories, dump_trc
@@ -52,7 +52,8 @@ def _c3d(motion: RunMotion, path: Path, options: ExportOptions) -> list[str]:
         valid = np.repeat(motion.valid[:, None], len(found.joints), axis=1)
         angles = AnglesOverTime(tuple(f"{joint}Angles" for joint in found.joints), found.radians, valid)
     dump_c3d(markers_of(motion, options), path, options.y_up, options.unit, described, angles, options.degrees)
-    return []
+    long = f"{len(motion)} frames: programs that do not know TRIAL:ACTUAL_END_FIELD see the first {MOST_FRAMES}"
+    return [long] if len(motion) > MOST_FRAMES else []
 
 
 def _opensim_table(motion: RunMotion, path: Path, options: ExportOptions) -> list[str]:

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import ezc3d
 import numpy as np
@@ -19,6 +20,7 @@ from ..errors import FileFormatError
 from .c3d_reader import read_c3d
 from .trc import METERS_PER_UNIT, MarkerTrajectories
 
+MOST_FRAMES = 65535  # that the header can count; of longer recordings TRIAL:ACTUAL_END_FIELD tells, to programs that look for it
 _BLOCK = 512  # bytes
 _MAGIC = 0x50  # second byte of every C3D file
 _LEAST_BYTES = 8  # of a point: four numbers of 16 bits
@@ -67,6 +69,8 @@ def dump_c3d(
     if turned.names:
         set_("POINT", "ANGLES", list(turned.names))
         set_("POINT", "ANGLE_UNITS", ["deg" if degrees else "rad"])
+    if n > MOST_FRAMES:
+        _state_frames(file, n)
     points = np.ones((4, values.shape[1], n))
     points[:3] = np.where(valid[..., None], values, 0.0).transpose(2, 1, 0)
     file["data"]["points"] = points
@@ -75,6 +79,14 @@ def dump_c3d(
         "camera_masks": np.zeros((7, values.shape[1], n), dtype=bool),
     }
     file.write(str(path))
+
+
+def _state_frames(file: Any, n: int) -> None:
+    """First and last frame as two words of 16 bits each, the lower one first."""
+    for name, frame in (("ACTUAL_START_FIELD", 1), ("ACTUAL_END_FIELD", n)):
+        file.add_parameter("TRIAL", name, [0, 0])
+        parameter = file["parameters"]["TRIAL"][name]
+        parameter["type"], parameter["value"] = ezc3d.ezc3d.INT, np.array([frame & 0xFFFF, frame >> 16])
 
 
 def load_c3d(path: str | Path, y_up: bool | None = None) -> MarkerTrajectories:
@@ -90,16 +102,14 @@ def load_c3d(path: str | Path, y_up: bool | None = None) -> MarkerTrajectories:
     """
     n_stated = _stated_frames(path)
     content = read_c3d(path)
-    values, labels = content["points"], content["labels"].tolist()
+    values = content["points"]
+    n_stated = n_stated or int(content["actual_frames"])
     if len(values) < n_stated:
-        raise FileFormatError(path, "(end)", f"the {n_stated} frames of the header", len(values))
-    other = set(content["not_markers"].tolist())
-    columns = [i for i, label in enumerate(labels[: values.shape[1]]) if label and label not in other]
-    names = tuple(labels[i] for i in columns)
-    if not names or not len(values):
-        raise FileFormatError(path, "POINT:LABELS", "at least one marker and one frame", f"{len(names)} and {len(values)}")
-    if len(set(names)) != len(names):
-        raise FileFormatError(path, "POINT:LABELS", "each once", sorted({n for n in names if names.count(n) > 1}))
+        problem = f"{len(values)}; ezc3d reads {MOST_FRAMES} at most"
+        raise FileFormatError(path, "(end)", f"the {n_stated} frames that it states", problem)
+    names, columns = _markers(path, content, values.shape[1])
+    if not len(values):
+        raise FileFormatError(path, "(end)", "at least one frame", "none")
     unit = next(iter(content["units"].tolist()), "") or "mm"
     if unit not in METERS_PER_UNIT:
         raise FileFormatError(path, "POINT:UNITS", f"one of {sorted(METERS_PER_UNIT)}", unit)
@@ -114,8 +124,19 @@ def load_c3d(path: str | Path, y_up: bool | None = None) -> MarkerTrajectories:
     return MarkerTrajectories(names, np.arange(len(positions)) / rate, positions, rate, valid)
 
 
+def _markers(path: str | Path, content: Mapping[str, np.ndarray], n: int) -> tuple[tuple[str, ...], list[int]]:
+    """Names and columns of the points that are markers, of ``n``."""
+    labels, other = content["labels"].tolist(), set(content["not_markers"].tolist())
+    columns = [i for i, label in enumerate(labels[:n]) if label and label not in other]
+    names = tuple(labels[i] for i in columns)
+    if not names or len(set(names)) != len(names):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        raise FileFormatError(path, "POINT:LABELS", "at least one marker, each with a name of its own", twice or "none")
+    return names, columns
+
+
 def _stated_frames(path: str | Path) -> int:
-    """Number of frames by the header, whose 16 bits are at their end for long recordings."""
+    """Number of frames by the header; 0 where it is at its end."""
     try:
         with Path(path).open("rb") as stream:
             header = stream.read(_BLOCK)
@@ -127,7 +148,7 @@ def _stated_frames(path: str | Path) -> int:
         raise FileFormatError(path, "(file)", "a C3D file", f"{len(header)} bytes that begin with {header[:4]!r}")
     order = ">" if processor[0] == _BIG_ENDIAN else "<"
     n_points, _, first, last = struct.unpack_from(f"{order}4H", header, 2)
-    n = last - first + 1 if last < 0xFFFF else 0
+    n = last - first + 1 if last < MOST_FRAMES else 0
     if n * n_points * _LEAST_BYTES > size:
         raise FileFormatError(path, "(end)", f"{n} frames of {n_points} points, as the header says", f"{size} bytes in all")
     return n

@@ -13,6 +13,7 @@ import sys
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +30,7 @@ def read_c3d(path: str | Path) -> Mapping[str, np.ndarray]:
     Returns
     -------
     ``points`` (n, m, 3) in the file's unit, ``residuals`` (n, m), ``rate`` (), and texts: ``labels`` (m), ``not_markers``,
-    ``units``, ``y_screen``.
+    ``units``, ``y_screen``; ``actual_frames`` (), how many ``TRIAL`` states, 0 where it does not.
 
     Raises
     ------
@@ -71,7 +72,17 @@ def main(path: str) -> None:
         not_markers=np.array([label for kind in _NOT_MARKERS for label in texts(kind)], dtype=np.str_),
         units=np.array(texts("UNITS"), dtype=np.str_),
         y_screen=np.array(texts("Y_SCREEN"), dtype=np.str_),
+        actual_frames=_actual_frames(file["parameters"].get("TRIAL", {})),
     )
+
+
+def _actual_frames(trial: Mapping[str, Any]) -> int:
+    """From the numbers of the first and last frame, each two words of 16 bits, the lower one first."""
+    numbers = []
+    for name in ("ACTUAL_START_FIELD", "ACTUAL_END_FIELD"):
+        words = [int(word) & 0xFFFF for word in np.ravel(trial[name]["value"])] if name in trial else []
+        numbers.append(words[0] + (words[1] << 16) if len(words) == 2 else 0)
+    return numbers[1] - numbers[0] + 1 if 0 < numbers[0] <= numbers[1] else 0
 
 
 if __name__ == "__main__":
