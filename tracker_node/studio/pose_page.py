@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from functools import cached_property
@@ -116,7 +117,8 @@ class PoseDesk:
         began = time.perf_counter()
         found = self._bench.fit(state_of(asked.values, self._session.needed_model()), asked.set)
         limbs = [{"name": limb.name, "status": limb.status.name, "reason": limb.reason} for limb in found.limbs]
-        told = {"status": found.status.name, "reason": found.status_reason, "residual_px": found.residual_px, "limbs": limbs}
+        residual_px = found.residual_px if math.isfinite(found.residual_px) else None
+        told = {"status": found.status.name, "reason": found.status_reason, "residual_px": residual_px, "limbs": limbs}
         return {**self._shown(found.state), **told, "seconds": time.perf_counter() - began}
 
     def names(self) -> dict[str, Any]:

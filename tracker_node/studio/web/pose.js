@@ -150,19 +150,20 @@ function start() {
   async function fit() {
     if ($("fit").disabled) return;
     $("fit").disabled = true;
+    $("fitted").hidden = false;
     $("fitted").textContent = "fitting…";
     const asked = { values: history.now, set: shown.set };
     const answer = await attempt(() => request("/api/pose/fit", asked));
     $("fit").disabled = false;
-    $("fitted").textContent = "";
+    $("fitted").hidden = !answer;
     if (!answer) return;
     history.set(answer.values, true, "fit");
     take(answer);
     const kind = { TRACKING: "good", DEGRADED: "fair" }[answer.status] ?? "bad";
     const limbs = answer.limbs.map((limb) => `${words(limb.name)}: ${limb.status.toLowerCase()} ${limb.reason}`).join("\n");
-    const reason = answer.reason ? `: ${answer.reason}` : "";
-    $("fitted").replaceChildren(
-      make("b", { class: kind }, answer.status.toLowerCase()), `${reason}, residual ${answer.residual_px.toFixed(1)} px, ${answer.seconds.toFixed(1)} s`);
+    const residual = answer.residual_px === null ? "" : `residual ${answer.residual_px.toFixed(1)} px, `;
+    const said = make("div", { class: "soft" }, `${residual}fitted in ${answer.seconds.toFixed(1)} s`);
+    $("fitted").replaceChildren(make("b", { class: kind }, answer.status.toLowerCase()), answer.reason ? `: ${answer.reason}` : "", said);
     $("fitted").title = limbs;
   }
   async function listNames() {
