@@ -66,9 +66,11 @@ def _add_file_arguments(how) -> None:
 def run(args: argparse.Namespace) -> int:
     from ..errors import TrackerError
     from ..ros.executor import ros_process, spin
+    from ..ros.heap import keep_freed_memory
     from ..ros.recorder_node import RecorderNode
 
     selection = selection_of(args)
+    keep_freed_memory()
     bag = _open_bag(args)
     failed = False
     try:
