@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
@@ -52,15 +55,39 @@ def draw(block: Block, ax: Axes) -> None:
         raise ValueError(f"expected a chart, got {type(block).__name__}")
 
 
-def draw_curve(curve: Curve, panel: int, ax: Axes) -> None:
-    """One panel of a curve, small, with its title inside the axes."""
+def draw_curve(curve: Curve, panel: int, figure: Figure, box: tuple[float, float, float, float]) -> None:
+    """One panel of a curve, small, into a part of a page: the ends of both axes are its labels.
+
+    Pages hold some dozens of these, and axes with all that belongs to them would take a second each dozen.
+
+    Parameters
+    ----------
+    box : left, bottom, width, height in shares of the page.
+    """
     title, lines = curve.panels[panel]
-    _style(ax)
+    left, bottom, width, height = box
+    (x0, x1), (y0, y1) = _span([line.x for line in lines]), _span([line.y for line in lines])
+    frame = Line2D([left, left, left + width], [bottom + height, bottom, bottom], color="#9aa5ad", lw=0.5)
+    figure.add_artist(frame)
     for line in lines:
-        _draw_line(line, ax, 0.6)
-    ax.set_title(f"{curve.name} {title} [{curve.unit}]".replace("  ", " "), fontsize=6, pad=2, loc="left")
-    ax.tick_params(labelsize=5, length=2, pad=1)
-    ax.margins(x=0.01)
+        x, y = left + width * (line.x - x0) / (x1 - x0), bottom + height * (line.y - y0) / (y1 - y0)
+        figure.add_artist(Line2D(x, y, color=line.color, lw=0.6 * line.width, ls="--" if line.dashed else "-"))
+    name = f"{curve.name} {title} [{curve.unit}]".replace("  ", " ")
+    figure.text(left, bottom + 1.06 * height, name, size=6, ha="left", va="bottom", parse_math=False)
+    for text, x, y, align in (
+        (f"{y1:.4g}", left - 0.004, bottom + height, ("right", "center")),
+        (f"{y0:.4g}", left - 0.004, bottom, ("right", "center")),
+        (f"{x0:.3g}", left, bottom - 0.002, ("left", "top")),
+        (f"{x1:.3g} s", left + width, bottom - 0.002, ("right", "top")),
+    ):
+        figure.text(x, y, text, size=4.5, color=GREY, ha=align[0], va=align[1], parse_math=False)
+
+
+def _span(values: Sequence[np.ndarray]) -> tuple[float, float]:
+    """Least and greatest finite value, apart by something."""
+    found = np.concatenate([v[np.isfinite(v)] for v in values]) if len(values) else np.zeros(0)
+    low, high = (float(found.min()), float(found.max())) if len(found) else (0.0, 1.0)
+    return (low, high) if high - low > 1e-9 else (low - 0.5, high + 0.5)
 
 
 def _draw_chart(chart: Chart, ax: Axes) -> None:
@@ -84,10 +111,10 @@ def _draw_chart(chart: Chart, ax: Axes) -> None:
     _legend(ax)
 
 
-def _draw_line(line: Line, ax: Axes, thin: float = 0.75) -> None:
+def _draw_line(line: Line, ax: Axes) -> None:
     style = "--" if line.dashed else "-"
     marker = "o" if line.points else ""
-    ax.plot(line.x, line.y, style, marker=marker, ms=3, color=line.color, lw=thin * line.width, label=line.label)
+    ax.plot(line.x, line.y, style, marker=marker, ms=3, color=line.color, lw=0.75 * line.width, label=line.label)
 
 
 def _draw_bars(bars: Bars, ax: Axes) -> None:

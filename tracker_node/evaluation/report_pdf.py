@@ -145,8 +145,8 @@ class PrintedPages:
         for first in range(0, len(panels), _CURVES_ACROSS):
             self._room(_CURVE_IN)
             for place, (curve, panel) in enumerate(panels[first : first + _CURVES_ACROSS]):
-                ax = self._axes(place * width + 0.28, width - 0.34, _CURVE_IN, above=0.17, below=0.14, keep=True)
-                plots.draw_curve(curve, panel, ax)
+                box = self._box(place * width + 0.28, width - 0.34, _CURVE_IN, above=0.2, below=0.16)
+                plots.draw_curve(curve, panel, self._on(), box)
             self._y_in -= _CURVE_IN
         lines = {line.label: line.color for curve in block.curves for _, of in curve.panels for line in of}
         self._y_in -= 0.05
@@ -167,12 +167,16 @@ class PrintedPages:
             self._y_in -= height + 0.14
 
     def _axes(self, left: float, width: float, height: float, *, above: float, below: float, keep: bool = False) -> Axes:
-        """Axes below the point reached; ``above`` and ``below`` are left free for labels."""
-        bottom = MARGIN_IN + self._y_in - height + below
-        place = ((MARGIN_IN + left) / PAGE_IN[0], bottom / PAGE_IN[1], width / PAGE_IN[0], (height - above - below) / PAGE_IN[1])
+        """Axes below the point reached, which moves on unless it is to be kept."""
+        box = self._box(left, width, height, above, below)
         if not keep:
             self._y_in -= height
-        return self._on().add_axes(place)
+        return self._on().add_axes(box)
+
+    def _box(self, left: float, width: float, height: float, above: float, below: float) -> tuple[float, float, float, float]:
+        """Shares of the page, for inches below the point reached; ``above`` and ``below`` are left free for labels."""
+        bottom = MARGIN_IN + self._y_in - height + below
+        return ((MARGIN_IN + left) / PAGE_IN[0], bottom / PAGE_IN[1], width / PAGE_IN[0], (height - above - below) / PAGE_IN[1])
 
     def _write(
         self, left: float, text: str, size: float, color: str, bold: bool = False, align: str = "left", below: float = 0.0
