@@ -23,9 +23,9 @@ from tracker_node.model.kinematic_chain import N_ROOT_DOF
 ROOT = Path(__file__).resolve().parents[1]
 
 
-def example(repository, tmp_path, section: str, language: str):
-    """The code block of a section of formats.md, as a file."""
-    text = (repository / "docs" / "formats.md").read_text()
+def example(repository, tmp_path, section: str, language: str, page: str = "formats.md"):
+    """The code block of a section of a page, as a file."""
+    text = (repository / "docs" / page).read_text()
     body = re.search(rf"^## {re.escape(section)}\n(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL)[1]
     block = re.search(rf"```{language}\n(.*?)```", body, re.DOTALL)[1]
     path = tmp_path / section
@@ -39,6 +39,7 @@ def test_examples_of_the_formats_are_valid(repository, tmp_path):
     assert read_rig_file(rig).lights[0].kind == "spot"
     model = load_model(example(repository, tmp_path, "model.yaml", "yaml"))
     assert model.chain.dof_names[N_ROOT_DOF:] == ("swivel", "lift", "nod")
+    assert load_model(example(repository, tmp_path, "A thing", "yaml", "own_body.md")).n_dof == N_ROOT_DOF
     human = human_model()
     state = load_state(example(repository, tmp_path, "state.yaml", "yaml"), human)
     assert state.joint_positions[human.chain.axis_index("left_knee_flexion")] > 0.3

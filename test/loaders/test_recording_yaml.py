@@ -42,7 +42,7 @@ def test_paths_begin_at_the_file(folder, monkeypatch):
     assert Path(recording.initial_state).samefile(folder.parent / "start.yaml")
     assert Path(recording.output) == folder / "run"
     assert Path(recording.sources) == folder / "videos/{name}.mp4"
-    assert Path(recording.evaluate.truth) == folder / "truth.trc"
+    assert list(map(Path, recording.evaluate.truth)) == [folder / "truth.trc"]
     assert (recording.images.resize, recording.images.end, recording.cameras) == ((320, 240), 20, ("left", "right"))
     assert (recording.record.masks, recording.record.images, recording.evaluate.targets) == (True, False, ("mpjpe_mm<=60",))
     monkeypatch.chdir(folder.parent)
@@ -75,7 +75,7 @@ MISTAKES = {
     "masks: true": ("masks: yes please", "record.masks", "true or false"),
     "overlays: true": ("video: true", "record.video", "one of"),
     "real_time: false": ("loop: true", "loop", "no loop"),
-    "truth: truth.trc, ": ("", "evaluate.truth", "a value"),
+    "truth: truth.trc, ": ("truth: [1], ", "evaluate.truth", "a file"),
     "truth.trc": ("else.trc", "evaluate.truth", "an existing file"),
     "image_sets: 17": ("image_sets: -1", "evaluate.image_sets", "a whole number"),
     "cameras: [left, right]": ("cameras: []", "cameras", "at least 1"),

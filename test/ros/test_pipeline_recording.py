@@ -22,6 +22,9 @@ evaluate: {truth: truth.csv, name: arm, image_sets: 8, align: stamp, targets: [l
 """
 
 
+PATIENCE_S = 300.0  # the evaluation draws its report
+
+
 @pytest.fixture(scope="module")
 def described(recording, tmp_path_factory):
     """The recording with a description, its true fingertip, and a rig that names no sources that are there."""
@@ -47,8 +50,8 @@ def states_of(bag) -> list:
 def test_live_and_offline_give_the_same_states_of_it(launch, described, tmp_path):
     live = launch("pipeline", described / "recording.yaml")
     offline = launch("track_offline", described / "recording.yaml", "--output", tmp_path / "offline")
-    assert live.wait() == 0, live.err
-    assert offline.wait() == 0, offline.err
+    assert live.wait(PATIENCE_S) == 0, live.err
+    assert offline.wait(PATIENCE_S) == 0, offline.err
     assert "8 image sets: 8 TRACKING" in live.out and "8 image sets: 8 TRACKING" in offline.out
     ours, theirs = states_of(described / "run" / "bag"), states_of(tmp_path / "offline" / "bag")
     assert len(ours) == len(theirs) == 8

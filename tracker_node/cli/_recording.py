@@ -82,9 +82,13 @@ def evaluate_recording(recording: RecordingFile, args: argparse.Namespace, run: 
     entry = recording.evaluate
     if entry is None:
         return 0
-    arguments: list[str | Path] = [run, "--truth", entry.truth, "--model", args.model, "--rig", args.rig, "--name", entry.name]
-    arguments += ["--y-up" if entry.y_up else "--no-y-up", "--align", entry.align, "--lag", str(entry.lag)]
+    arguments: list[str | Path] = [run, "--model", args.model, "--rig", args.rig, "--name", entry.name]
+    arguments += ["--align", entry.align, "--lag", str(entry.lag)]
     arguments += ["--image-sets", str(entry.image_sets), "--first-image", str(args.start), "--output", output]
+    for truth in entry.truth:
+        arguments += ["--truth", truth]
+    if entry.y_up is not None:
+        arguments += ["--y-up" if entry.y_up else "--no-y-up"]
     if entry.masks is not None:
         arguments += ["--masks", entry.masks]
     for target in entry.targets:

@@ -60,6 +60,15 @@ def _switch(value: Any) -> bool:
     return value
 
 
+def _files(value: Any) -> tuple[str, ...]:
+    """One file, or several."""
+    names = [value] if isinstance(value, str) else value
+    if not isinstance(names, (list, tuple)) or not all(isinstance(name, str) for name in names):
+        raise problem("a file, or a list of files", value)
+    return tuple(names)
+
+
+Files = Annotated[tuple[str, ...], BeforeValidator(_files)]
 Whole = Annotated[int, BeforeValidator(_whole)]
 Positive = Annotated[int, BeforeValidator(_at_least_one)]
 Sources = Annotated[str | dict[str, str], BeforeValidator(_sources)]
@@ -95,10 +104,10 @@ class RecordEntry(FileModel):
 
 
 class EvaluateEntry(FileModel):
-    """What the run is held against when it is over; see docs/evaluation.md."""
+    """How the run is reported on when it is over, and what it is held against; see docs/evaluation.md."""
 
-    truth: str
-    y_up: Switch = True
+    truth: Files = ()
+    y_up: Switch | None = None
     align: Literal["auto", "first", "stamp"] = "auto"
     lag: Literal["auto"] | Number = "auto"
     masks: str | None = None
@@ -147,8 +156,10 @@ def load_recording(path: str | Path) -> RecordingFile:
     else:
         changes["sources"] = {name: relocated(source, base) for name, source in recording.sources.items()}
     if recording.evaluate is not None:
-        files = {name: _existing(path, f"evaluate.{name}", getattr(recording.evaluate, name)) for name in ("truth", "masks")}
-        changes["evaluate"] = recording.evaluate.model_copy(update=files)
+        entry = recording.evaluate
+        truth = tuple(_existing(path, "evaluate.truth", name) for name in entry.truth)
+        masks = _existing(path, "evaluate.masks", entry.masks)
+        changes["evaluate"] = entry.model_copy(update={"truth": truth, "masks": masks})
     return recording.model_copy(update=changes)
 
 
