@@ -1,5 +1,6 @@
 """The bag that a thread writes: nothing waits, nothing is lost in silence."""
 
+import shutil
 import threading
 import time
 from pathlib import Path
@@ -78,6 +79,45 @@ def test_old_messages_are_on_disk_before_the_bag_is_closed(tmp_path: Path) -> No
     with BagReader(tmp_path / "run") as reader:
         assert reader.message_count == 1
     bag.close()
+
+
+def test_what_a_kill_would_cost_is_known(tmp_path: Path) -> None:
+    writer = SlowWriter(tmp_path / "run")
+    bag = queue_of(writer, flush_s=0.05)
+    assert bag.unsaved_s == 0.0
+    bag.put("/a", 0, bytes(1000))
+    time.sleep(0.3)
+    assert bag.unsaved_s > 0.25
+    writer.released.set()
+    deadline = time.monotonic() + 10.0
+    while bag.unsaved_s and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert bag.unsaved_s == 0.0
+    assert bag.size > 1000
+    bag.close()
+
+
+def test_everything_is_synced_if_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    synced: list[int] = []
+    monkeypatch.setattr("os.fdatasync", synced.append)
+    bag = queue_of(BagWriter(tmp_path / "run"), flush_s=0.01, to_disk=True)
+    bag.put("/a", 0, bytes(1000))
+    deadline = time.monotonic() + 10.0
+    while not synced and time.monotonic() < deadline:
+        time.sleep(0.01)
+    bag.close()
+    assert synced
+
+
+def test_a_bag_whose_folder_is_removed_says_so(tmp_path: Path) -> None:
+    bag = queue_of(BagWriter(tmp_path / "run"), flush_s=0.01)
+    shutil.rmtree(tmp_path / "run")
+    deadline = time.monotonic() + 10.0
+    while not bag.problem and time.monotonic() < deadline:
+        time.sleep(0.01)
+    with pytest.raises(TrackerError, match="stopped: its folder has been removed"):
+        bag.close()
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_full_disk_is_reported(tmp_path: Path) -> None:

@@ -1,5 +1,8 @@
 """Bags of several files, and compressed ones."""
 
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import bag_samples
@@ -99,3 +102,43 @@ def test_an_unknown_compression_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match="valid: lz4, none, zstd"):
         BagWriter(tmp_path / "run", compression="zip")
     assert not (tmp_path / "run").exists()
+
+
+RECORDING = """
+import sys, time
+from tracker_node.loaders.bag_metadata import OfferedQos
+from tracker_node.loaders.bag_queue import BagQueue
+from tracker_node.loaders.bag_writer import BagWriter
+from tracker_node.loaders.message_types import message_type
+bag = BagQueue(BagWriter(sys.argv[1], split_bytes=3_000_000, compression=sys.argv[2]), flush_s=0.05)
+for topic in ("/a", "/b"):
+    bag.add_topic(topic, "std_msgs/msg/String", OfferedQos(), message_type("std_msgs/msg/String"))
+for i in range(10**9):
+    for topic in ("/a", "/b"):
+        bag.put(topic, time.time_ns(), bytes([0, 1, 0, 0]) + i.to_bytes(4, "little") + bytes(50_000))
+    time.sleep(0.001)
+"""
+
+
+@pytest.mark.parametrize(("compression", "megabytes"), [("none", 1), ("none", 10), ("zstd", 0.02)])
+def test_a_process_killed_while_it_writes_leaves_all_but_the_last_moment(
+    tmp_path: Path, compression: str, megabytes: float
+) -> None:
+    """Whatever the file was in the middle of: messages are there from the first to some last one, without a gap."""
+    process = subprocess.Popen([sys.executable, "-c", RECORDING, str(tmp_path / "run"), compression])
+    deadline = time.monotonic() + 60.0
+    while sum(file.stat().st_size for file in (tmp_path / "run").glob("*.mcap")) < megabytes * 1e6:
+        assert time.monotonic() < deadline
+        assert process.poll() is None
+        time.sleep(0.005)
+    process.kill()
+    process.wait()
+    found: dict[str, list[int]] = {"/a": [], "/b": []}
+    with BagReader(tmp_path / "run") as reader:
+        assert reader.recovered
+        for message in reader.messages():
+            found[message.topic].append(int.from_bytes(message.data[4:8], "little"))
+    for numbers in found.values():
+        assert numbers == list(range(len(numbers)))
+    assert len(found["/b"]) <= len(found["/a"]) <= len(found["/b"]) + 1
+    assert len(found["/a"]) > 5 * megabytes

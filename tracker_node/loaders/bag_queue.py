@@ -41,6 +41,7 @@ class _Topic:
 
 
 _SPLIT = "split"
+_REMOVED = "its folder has been removed"
 
 
 class BagQueue:
@@ -166,7 +167,10 @@ class BagQueue:
         try:
             self._writer.close()
         except Exception as error:
-            self._stop(f"has no index: {_reason(error)}; `tracker_node bag repair` makes one")
+            if self.path.is_dir():
+                self._stop(f"has no index: {_reason(error)}; `tracker_node bag repair` makes one")
+            elif not self.problem:
+                self._stop(_REMOVED)
         self._oldest_s = None
         in_bag = self._writer.topics
         for topic, count in self.written.items():
@@ -201,7 +205,7 @@ class BagQueue:
 
     def _shortage(self) -> str:
         if not self.path.is_dir():
-            return "its folder has been removed"
+            return _REMOVED
         few = self.min_free_bytes and self.free_bytes < self.min_free_bytes
         return f"less than {self.min_free_bytes // 2**20} MB are free on the disk" if few else ""
 
