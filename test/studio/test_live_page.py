@@ -43,6 +43,7 @@ class FakeTracker:
         self.images = 0
         self._state = self.node.create_publisher(TrackedState, "~/state", RESULT)
         self._overlay = self.node.create_publisher(CompressedImage, "~/left/overlay", RESULT)
+        self._other_overlay = self.node.create_publisher(CompressedImage, "~/right/overlay", RESULT)
         self._raw = self.node.create_publisher(Image, "/left/image_raw", RESULT)
         self._diagnostics = self.node.create_publisher(DiagnosticArray, "/diagnostics", RESULT)
         self.node.create_service(Trigger, "~/reset", self._on_reset)
@@ -87,6 +88,7 @@ class FakeTracker:
         self._state.publish(state)
         picture = np.full((48, 64, 3), GREEN_BGR, np.uint8)
         self._overlay.publish(compressed_message(0, "left", picture))
+        self._other_overlay.publish(compressed_message(0, "right", picture))
         self._raw.publish(image_message(0, "left", np.full((48, 64, 3), BLUE_BGR, np.uint8)))
         self.images += 1
         bad = DiagnosticStatus(level=DiagnosticStatus.ERROR, name="recorder: bag", message="the disk is full")
@@ -172,6 +174,24 @@ def test_images_are_asked_for_only_while_somebody_looks(fake):
         wait_until(lambda: fake.overlay_listeners == 1)
         tab.page.goto("about:blank")
         wait_until(lambda: fake.overlay_listeners == 0)
+
+
+def test_the_page_asks_again_only_when_it_has_drawn_what_it_got(fake):
+    sent, received = [], []
+
+    def listen(socket):
+        socket.on("framesent", lambda content: sent.append(len(sent) - sum(isinstance(c, str) for c in received)))
+        socket.on("framereceived", lambda content: received.append(content))
+
+    with running_studio() as studio, browser_tab() as tab:
+        tab.page.on("websocket", listen)
+        tab.page.goto(studio.page("live.html"))
+        deadline = time.monotonic() + 60.0
+        while sum(isinstance(content, bytes) for content in received) < 20:
+            assert time.monotonic() < deadline
+            tab.page.wait_for_timeout(100)
+        assert tab.page.locator(".view").count() == 2 and tab.errors == []
+    assert max(sent) == 0  # answers that were still due when it asked
 
 
 def test_a_real_tracker_is_seen_and_reset(ros_domain_id, tmp_path):

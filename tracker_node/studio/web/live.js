@@ -6,7 +6,7 @@ import { drawCurve, format, percentile, SHADES } from "/live_curves.js";
 const KEPT = 4000; // states
 const SILENT_S = 3;
 const BUTTONS = [
-  ["reset", "Reset", {}, "back to the initial state, nothing learnt"], ["reinitialize", "Look for the body", {}, "begin anew without a state"],
+  ["reset", "Reset", {}, "back to the initial state, nothing learnt"], ["reinitialize", "Reinitialize", {}, "begin anew without a state"],
   ["enable", "Enable", { on: true }, "track"], ["enable", "Disable", { on: false }, "let images pass"],
 ];
 const CURVES = { residual: 3, total: 4, latency: 5 }; // places in a point
@@ -37,15 +37,21 @@ async function begin() {
 function connect() {
   const socket = new WebSocket(`ws://${location.host}/api/live/stream`);
   socket.binaryType = "blob";
-  let coming = []; // images announced by the last text
+  let coming = [], left = 0; // images announced by the last text; those that are not drawn yet
   socket.onopen = () => { byId("connection").textContent = "joining the graph"; next(socket); };
   socket.onmessage = async ({ data }) => {
-    if (typeof data !== "string") { await showImage(...coming.shift(), data); if (!coming.length) next(socket); return; }
+    if (typeof data !== "string") {
+      await showImage(...coming.shift(), data);
+      left -= 1;
+      if (!left) next(socket);
+      return;
+    }
     const answer = JSON.parse(data);
     if (answer.problem) { giveUp(answer.problem); socket.onclose = null; return; }
     coming = answer.images;
+    left = coming.length;
     take(answer);
-    if (!coming.length) next(socket);
+    if (!left) next(socket);
   };
   socket.onclose = () => {
     byId("connection").textContent = "the studio does not answer";
@@ -159,7 +165,7 @@ function showStatus(tracker) {
   const recent = (points[chosen()] ?? []).filter((point) => news.now_s - point[1] < 10);
   const of = (name, share) => percentile(recent.map((point) => point[CURVES[name]]), share);
   const rows = !state ? [] : [
-    ["body", state.model], ["image sets per second", tracker.rate_hz.toFixed(1)], ["residual", `${format(state.residual_px)} px`],
+    ["body", state.model], ["sets per second", tracker.rate_hz.toFixed(1)], ["residual", `${format(state.residual_px)} px`],
     ["for a set, p50 / p95", `${format(of("total", 0.5))} / ${format(of("total", 0.95))} ms`],
     ["latency, p50 / p95", `${format(of("latency", 0.5))} / ${format(of("latency", 0.95))} ms`],
     ...state.cameras.map(([name, residual, samples]) => [name, samples ? `${format(residual)} px of ${samples} samples` : "no part in the fit"]),
