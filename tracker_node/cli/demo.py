@@ -27,7 +27,7 @@ def run(args: argparse.Namespace) -> int:
             print(f"tracker_node demo: stopped at '{title}' with status {status}", file=sys.stderr)
             return status
     print(f"\nDone in {time.monotonic() - began:.0f} s.")
-    print(f"  {folder / 'report.html'}: open it in a browser")
+    print(f"  {folder / 'report.html'}: open it in a browser; {folder / 'report.pdf'}: the same for print")
     print(f"  {folder / 'report.json'}: the figures")
     print(f"  {folder / 'bag'}: for ros2 bag, PlotJuggler or Foxglove")
     return 0
