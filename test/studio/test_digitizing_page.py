@@ -133,9 +133,12 @@ def test_keys_nudge_delete_and_step(desk):
     tab.page.wait_for_selector('#points tr[aria-selected=true]:has(td[title="knee"])')
     tab.page.keyboard.press("2")
     hands.wait_for("#views-of-point", "4")
+    assert tab.page.locator(".view:visible").count() == 1
     tab.page.keyboard.press("Delete")
     hands.saved()
     assert not saved.exists()
+    tab.page.keyboard.press("2")
+    tab.page.wait_for_function("() => [...document.querySelectorAll('.view')].every((view) => !view.hidden)")
 
 
 def test_trajectories_of_all_images_are_truth(desk):

@@ -24,7 +24,6 @@ async function begin() {
   Object.assign(state, { cameras: session.cameras, sets: session.sets, facts });
   document.querySelector("main").hidden = false;
   for (const camera of state.cameras) views.push(makeView(camera));
-  const arrange = () => layoutViews(byId("views"), views.length, state.cameras[0].width / state.cameras[0].height);
   new ResizeObserver(arrange).observe(byId("views"));
   active = views[0];
   byId("set").max = state.sets.length - 1;
@@ -49,6 +48,20 @@ function makeView(camera) {
   };
   view.ondrag = (pixel) => { magnify(view, pixel); put(view, pixel); };
   return view;
+}
+
+function arrange() {
+  const shown = views.filter((view) => !view.element.hidden);
+  layoutViews(byId("views"), shown.length, shown[0].width / shown[0].height);
+}
+
+/** Show one view alone, or, where it is alone already, all. */
+function alone(view) {
+  const others = views.filter((other) => other !== view && !other.element.hidden);
+  for (const other of views) other.element.hidden = others.length > 0 && other !== view;
+  view.element.hidden = false;
+  arrange();
+  view.canvas.focus();
 }
 
 function asked() {
@@ -203,9 +216,9 @@ function onKey(event) {
   if (key.startsWith("Arrow")) nudge(key, event.shiftKey ? 0.1 : 1);
   else if (key === "Delete" || key === "Backspace") { if (state.answer?.clicks[active.name]?.[state.point]) put(active, null); }
   else if (key === "n" || key === "p") stepPoint(key === "n" ? 1 : -1);
-  else if (key === "." || key === ",") showSet(state.set + (key === "." ? 1 : -1));
-  else if (key === ">" || key === "<" || key === ":" || key === ";") showSet(state.set + (key === ">" || key === ":" ? 10 : -10));
-  else if (/^[1-9]$/.test(key)) views[Number(key) - 1]?.canvas.focus();
+  else if (".>:".includes(key)) showSet(state.set + (event.shiftKey ? 10 : 1)); // the same keys with Shift, as layouts have them
+  else if (",<;".includes(key)) showSet(state.set - (event.shiftKey ? 10 : 1));
+  else if (/^[1-9]$/.test(key) && key <= views.length) alone(views[key - 1]);
   else if (key === "z") zoomToPoint();
   else if (key === "e") byId("lines").click();
   else if (key === "?") byId("keys").showModal();
