@@ -1,5 +1,7 @@
 """``tracker_node export`` as people call it: what comes out, what is said, what is refused."""
 
+import json
+
 import numpy as np
 import pytest
 from moving_person import moving, write_run
@@ -47,6 +49,18 @@ def test_what_is_exported_serves_as_truth(run, tmp_path):
     for truth in found:
         assert truth.positions_m[5] == pytest.approx(expected, abs=1e-6)
         assert truth.stamps_ns == pytest.approx(found[0].stamps_ns, abs=50)
+
+
+def test_a_run_agrees_with_its_own_exports(run, tmp_path):
+    truths = []
+    for to in ("mot", "c3d"):
+        main(["export", str(run), "--to", to, "-o", str(tmp_path / f"a.{to}")])
+        truths += ["--truth", str(tmp_path / f"a.{to}")]
+    options = ("--pictures", "0", "--name", "own", "--lag", "0", "--no-pdf")
+    assert main(["evaluate", str(run), *truths, *options, "--output", str(tmp_path / "report")]) == 0
+    figures = json.loads((tmp_path / "report" / "report.json").read_text())["metrics"]
+    assert figures["own.judged_sets"] >= 27 and figures["own.mpjpe_mm"] < 1e-3
+    assert figures["own.dof_max.left_knee_flexion_deg"] < 1e-4 and figures["own.dof_max.vertical_mm"] < 1e-3
 
 
 def test_rate_units_names_and_filter(run, tmp_path, capsys):

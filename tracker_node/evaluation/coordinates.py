@@ -20,6 +20,7 @@ from .isb_angles import LINK_FROM_ISB, cardan_angles
 from .run_motion import RunMotion
 
 PELVIS = ("pelvis_tilt", "pelvis_list", "pelvis_rotation", "pelvis_tx", "pelvis_ty", "pelvis_tz")
+_GAP = 1.5  # median steps from one row to the next: further apart, some are left out between them
 _SIDE_LETTERS = (("right", "r"), ("left", "l"))
 # Coordinates of Rajagopal et al. (IEEE Trans. Biomed. Eng. 63 (2016) 2068-2079) -> angle of `cardan_angles`, sign
 _TRUNK = {
@@ -102,7 +103,7 @@ def load_coordinates(
     y_up : axes of the root's position.
 
     The file's columns may be those of `model_coordinates`, or those of OpenSim's models that are single axes of the human: hips,
-    knees and elbows. Others are left out.
+    knees and elbows. Others are left out. Where rows are missing, an invalid one marks the gap.
 
     Returns
     -------
@@ -128,7 +129,15 @@ def load_coordinates(
         place = [names.index(name) for name in ROOT_NAMES[:3]]
         values[:, place] = values[:, place] @ AXES_Y_UP
     stamps = np.round((table.times_s - table.times_s[0]) * 1e9).astype(np.int64)
-    return names, stamps, values, valid
+    return names, *_with_gaps(stamps, values, valid)
+
+
+def _with_gaps(stamps_ns: np.ndarray, values: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """With a row that is not valid amid every gap, so that nobody interpolates across."""
+    steps = np.diff(stamps_ns)
+    after = np.flatnonzero(steps > _GAP * np.median(steps)) + 1 if len(steps) else np.zeros(0, dtype=int)
+    amid = stamps_ns[after] - steps[after - 1] // 2
+    return np.insert(stamps_ns, after, amid), np.insert(values, after, 0.0, axis=0), np.insert(valid, after, False, axis=0)
 
 
 def _variable(label: str) -> tuple[str, float]:
