@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tracker_node.cli import main
+from tracker_node.cli._subverbs import subverbs
 from tracker_node.cli.main import verbs
 from tracker_node.evaluation.config_file import load_config
 from tracker_node.evaluation.reference_masks import load_reference_masks
@@ -198,6 +199,21 @@ def test_help_of_every_verb_has_a_description_and_examples_that_parse(verb, caps
     assert module.SUMMARY in printed and "\nexample:\n" in printed
     lines = [line.split() for line in module.EXAMPLE.strip().splitlines()]
     assert any(line[:2] == ["tracker_node", verb] for line in lines)
+    for line in module.EXAMPLE.strip().splitlines():
+        check_parses(shlex.split(line)[1:])
+
+
+@pytest.mark.parametrize(("verb", "what"), [(verb, what) for verb in verbs() for what in subverbs(verb)])
+def test_help_of_every_subverb_has_a_description_and_examples_that_parse(verb, what, capsys):
+    module = importlib.import_module(f"tracker_node.cli._{verb}_{what}")
+    with pytest.raises(SystemExit) as leaving:
+        main.main([verb, what, "--help"])
+    assert leaving.value.code == 0
+    printed = capsys.readouterr().out
+    assert "\nexample:\n" in printed
+    assert " ".join(module.SUMMARY.split())[:60] in " ".join(printed.split())
+    lines = [line.split() for line in module.EXAMPLE.strip().splitlines()]
+    assert any(line[:3] == ["tracker_node", verb, what] for line in lines)
     for line in module.EXAMPLE.strip().splitlines():
         check_parses(shlex.split(line)[1:])
 

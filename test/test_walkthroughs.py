@@ -92,8 +92,11 @@ def test_the_tutorial(repository, sample, tmp_path):
             n_run += 1
         if rig is not None and re.match(r" +(pixel_map|plate):", block):
             edited(rig, block)
-    assert n_run >= 7
-    assert (tmp_path / "run1/report.html").is_file() and (tmp_path / "live/bag/metadata.yaml").is_file()
+        if block.startswith("rig: "):
+            (tmp_path / "recording.yaml").write_text(block)
+    assert n_run >= 9
+    assert all((tmp_path / run / "report.html").is_file() for run in ("run1", "run2", "run3"))
+    assert (tmp_path / "live/bag/metadata.yaml").is_file()
 
 
 def test_the_readme(repository, sample, tmp_path):

@@ -211,6 +211,16 @@ def test_examples_give_arguments_that_there_are(stand_ins, name):
         started_by(name, **{key: HUMAN if key == "model" else value for key, value in given.items()})
 
 
+PAGES = ["README.md", *sorted(f"docs/{page.name}" for page in (ROOT / "docs").glob("*.md"))]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_launch_commands_of_the_pages_give_arguments_that_there_are(stand_ins, page):
+    for name, rest in re.findall(r"ros2 launch tracker_node (\w+\.launch\.py)([^`\n#]*)", (ROOT / page).read_text()):
+        given = dict(item.split(":=") for item in rest.split() if ":=" in item)
+        assert set(given) <= set(declared_by(name)), (name, given)
+
+
 def test_link_frames_are_those_of_the_body_that_is_tracked(stand_ins):
     """robot_state_publisher of Jazzy does not start without the description as a parameter."""
     tracker, links = started_by("tracker.launch.py", **BODY, name="second")

@@ -3,9 +3,12 @@
 from pathlib import Path
 
 import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.recording_yaml import load_recording
+from tracker_node.loaders.recording_yaml import RecordingFile, load_recording
 
 WHOLE = """
 rig: rig.yaml
@@ -91,3 +94,28 @@ def test_mistakes_name_file_and_field(folder, right):
         load_recording(path)
     assert (caught.value.file, caught.value.field) == (str(path), field)
     assert expected in str(caught.value)
+
+
+VALUES = st.recursive(
+    st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=8), st.sampled_from(["rig.yaml", ".", ""])),
+    lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(st.text(max_size=6), inner, max_size=3)),
+    max_leaves=4,
+)
+INNER = ("images.end", "images.resize", "record.masks", "evaluate.truth", "evaluate.lag")
+FIELDS = st.sampled_from([*RecordingFile.model_fields, *INNER])
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(field=FIELDS, value=VALUES)
+def test_anything_in_a_field_is_read_or_refused(folder, field, value):
+    contents = yaml.safe_load(WHOLE)
+    here = contents
+    *groups, last = field.split(".")
+    for group in groups:
+        here = here[group]
+    here[last] = value
+    path = written(folder, yaml.safe_dump(contents))
+    try:
+        load_recording(path)
+    except FileFormatError as error:
+        assert error.file == str(path) and "\n" not in str(error)
