@@ -10,7 +10,7 @@ from ..camera.camera_rig import CameraRig
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..objective import line_table as table
-from ..objective.region_objective import RegionObjective, RegionOptions, View
+from ..objective.region_objective import RegionObjective, View
 from ..objective.shape_jacobian import ContourLines, normalized
 from ..observation.empty_room import EmptyRoom
 from ..observation.image_set import ImageSet
@@ -19,6 +19,7 @@ from ..render.contour_samples import SHAPE
 from ..render.raycaster import render_labels
 from ..render.shape_arrays import ShapeArrays
 from ..tracking.config import TrackerConfig
+from ..tracking.region_engine import region_options
 from .body_fit_lines import joined, serial
 
 _LEAST_REGION_PX = 8  # a body of which less is in view is not looked for
@@ -88,15 +89,8 @@ class RegionEvidence:
         return joined([self._lines(i, model, objective) for i in objective.active])
 
     def _make(self, model: ArticulatedModel, rig: CameraRig) -> RegionObjective:
-        region = self._region
-        options = RegionOptions(
-            samples_per_line=region.samples_per_line, half_length=region.half_length, clamp=region.clamp,
-            sharpness=region.sharpness, model_sigma_px=region.model_sigma_px, robust_sigmas=region.robust_sigmas,
-            correlation=region.correlation, shadow=self._config.evidence.shadow,
-        )  # fmt: skip
-        return RegionObjective(
-            rig, model, ShapeArrays.from_model(model, caps=False), color_classes(model), options, self._parallel
-        )
+        arrays, options = ShapeArrays.from_model(model, caps=False), region_options(self._config)
+        return RegionObjective(rig, model, arrays, color_classes(model), options, self._parallel)
 
     def _lines(self, camera: int, model: ArticulatedModel, objective: RegionObjective) -> ContourLines:
         slot = objective.slots[camera]

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import html
 import signal
 import sys
+import tempfile
 import webbrowser
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 SUMMARY = "serve a local web page: set a pose by hand, digitize points, play a run back, watch a running graph"
@@ -44,19 +48,27 @@ def run(args: argparse.Namespace) -> int:
     for problem in session.images.problems if session.images is not None else ():
         print(f"studio: {problem}", file=sys.stderr)
     listener, access = listening_socket(args.port)
-    config = uvicorn.Config(
-        make_app(session, access, all_pages()), log_level="warning", access_log=False, server_header=False,
-        timeout_graceful_shutdown=2,
+    server = uvicorn.Server(
+        uvicorn.Config(
+            make_app(session, access, all_pages()), log_level="warning", access_log=False, server_header=False,
+            timeout_graceful_shutdown=2,
+        )
     )  # fmt: skip
-    print(f"studio: {access.start_url}\nstudio: Ctrl-C ends it", flush=True)
-    if not args.no_browser:
-        webbrowser.open(access.start_url)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        with session.closing:
-            uvicorn.Server(config).run(sockets=[listener])
-    except KeyboardInterrupt:  # uvicorn has ended cleanly, and hands the signal on
-        pass
-    finally:
-        listener.close()
+    for number in (signal.SIGINT, signal.SIGTERM):  # uvicorn's own handlers come later than somebody may
+        signal.signal(number, lambda *_: setattr(server, "should_exit", True))
+    with session.closing, closing(listener):
+        print(f"studio: {access.start_url}\nstudio: Ctrl-C ends it", flush=True)
+        if not args.no_browser:
+            session.closing.enter_context(_opened_in_browser(access.start_url))
+        server.run(sockets=[listener])
     return 0
+
+
+@contextmanager
+def _opened_in_browser(url: str) -> Iterator[None]:
+    """By a page that only this user can read: everybody on the machine sees a browser's arguments, and so would see the token."""
+    with tempfile.TemporaryDirectory(prefix="tracker_node_studio_") as folder:
+        page = Path(folder) / "studio.html"
+        page.write_text(f'<!doctype html><meta http-equiv="refresh" content="0;url={html.escape(url)}"><title>studio</title>')
+        webbrowser.open(page.as_uri())
+        yield

@@ -9,13 +9,14 @@ import numpy as np
 from ..camera.camera_rig import CameraRig
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..objective.region_objective import PartEvidence, RegionObjective, RegionOptions, View
+from ..objective.region_objective import PartEvidence, RegionObjective, View
 from ..observation.empty_room import EmptyRoom
 from ..observation.observer import checked_plates
 from ..observation.region_colors import RegionColors, color_classes, stated_densities, trust_stated_colors
 from ..render.raycaster import render_labels
 from ..render.shape_arrays import ShapeArrays
 from ..tracking.config import TrackerConfig
+from ..tracking.region_engine import region_options
 from ..tracking.workers import Workers
 from .pose_score import CameraScore, PoseScore
 
@@ -37,17 +38,14 @@ class ContourScore:
     meaning = "share of the body's outline that lies on a change of colors, as the engine of contours looks for it"
 
     def __init__(self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, plates: Mapping[str, np.ndarray]):
-        region, evidence = config.region, config.evidence
+        evidence = config.evidence
         self._rig, self._model, self._config = rig, model, config
         self._classes = color_classes(model)
         self._stated = stated_densities(model, self._classes)
         self._parallel = Workers(config.threads).map
-        options = RegionOptions(
-            samples_per_line=region.samples_per_line, half_length=region.half_length, clamp=region.clamp,
-            sharpness=region.sharpness, model_sigma_px=region.model_sigma_px, robust_sigmas=region.robust_sigmas,
-            correlation=region.correlation, shadow=evidence.shadow,
-        )  # fmt: skip
-        self._objective = RegionObjective(rig, model, ShapeArrays.from_model(model), self._classes, options, self._parallel)
+        self._objective = RegionObjective(
+            rig, model, ShapeArrays.from_model(model), self._classes, region_options(config), self._parallel
+        )
         self._rooms = []
         for camera in rig:
             known = checked_plates(camera.name, camera.model.width, camera.model.height, plates.get(camera.name))

@@ -39,6 +39,21 @@ from .motion_model import Passage
 from .region_searches import Fits, Kept, RegionSearches
 
 
+def region_options(config: TrackerConfig) -> RegionOptions:
+    """How lines are drawn, by the parameters."""
+    region = config.region
+    return RegionOptions(
+        samples_per_line=region.samples_per_line,
+        half_length=region.half_length,
+        clamp=region.clamp,
+        sharpness=region.sharpness,
+        model_sigma_px=region.model_sigma_px,
+        robust_sigmas=region.robust_sigmas,
+        correlation=region.correlation,
+        shadow=config.evidence.shadow,
+    )
+
+
 class RegionEngine:
     """The `Engine` of correspondence lines.
 
@@ -69,20 +84,12 @@ class RegionEngine:
         region = config.region
         self._classes = color_classes(model)
         self._stated = stated_densities(model, self._classes)
-        options = RegionOptions(
-            samples_per_line=region.samples_per_line,
-            half_length=region.half_length,
-            clamp=region.clamp,
-            sharpness=region.sharpness,
-            model_sigma_px=region.model_sigma_px,
-            robust_sigmas=region.robust_sigmas,
-            correlation=region.correlation,
-            shadow=config.evidence.shadow,
-        )
         self._scales = numbers(region.scales)
         self._constraints = constraints_of(model, config)
         self._arrays = ShapeArrays.from_model(model)
-        self._objective = RegionObjective(rig, model, self._arrays, self._classes, options, parallel, self._occluders.depths)
+        self._objective = RegionObjective(
+            rig, model, self._arrays, self._classes, region_options(config), parallel, self._occluders.depths
+        )
         self._areas = LimbScore(rig, model, self._classes, config.evidence.shadow, region.clamp, parallel)
         self._limbs = LimbJudge(model, config.status)
         self._errors = LineErrors(rig, model, config.status)

@@ -139,12 +139,13 @@ function start() {
 
   async function choose(box, swatch, { name, unit }) {
     if (!box.checked) { curves.delete(name); swatch.style.background = ""; showTimeline(); return; }
-    const answer = await attempt(() => request("/api/playback/curve", { name }));
-    if (!answer) return;
     const used = new Set([...curves.values()].map(({ color }) => color));
     const color = CURVE_COLORS.find((free) => !used.has(free)) ?? CURVE_COLORS[curves.size % CURVE_COLORS.length];
-    curves.set(name, { values: answer.values, unit, color });
+    const curve = { values: [], unit, color };
+    curves.set(name, curve);
     swatch.style.background = color;
+    const answer = await attempt(() => request("/api/playback/curve", { name }));
+    if (answer) curve.values = answer.values; else curves.delete(name);
     showTimeline();
   }
 
