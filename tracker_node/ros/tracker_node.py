@@ -127,7 +127,8 @@ class TrackerNode(ManagedNode):
         """Say so on /diagnostics."""
         if self.state != ACTIVE:
             self._diagnostics.rest(self.state)
-        self._diagnostics.report("lifecycle", ERROR if self.failure else OK, self.failure or self.state, {"state": self.state})
+        level, said = (ERROR, self.failure) if self.failure else (OK, self.state)
+        self._diagnostics.report("lifecycle", level, said, {"state": self.state}, logged=False)  # it is in the log already
 
     def close(self) -> None:
         """End; what has come in is tracked where nothing may be lost, and what has been said is delivered first."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import queue
 import threading
 import time
@@ -127,6 +128,7 @@ class TrackingWorker:
             if setup.tracker is not None and state is not None:
                 setup.tracker.set_state(state)
                 self._asked_state = None
+            gc.collect()  # the old tracker: it is in reference cycles, and large
 
         self._command(change)
 
