@@ -35,6 +35,7 @@ ROS_REQUIREMENTS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"]
 TEST_REQUIREMENTS = [
     "bvhio",
     "c3d",
+    "cmeel-urdfdom",
     "foxglove-sdk",
     "geomdl",
     "hypothesis",
