@@ -1,5 +1,6 @@
 """Hierarchies of animation programs, put together again by a reader of theirs."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import bvhio
@@ -50,6 +51,17 @@ def test_frames_ends_and_landmarks(tmp_path):
     assert list(joints["left_foot"].EndSite) == pytest.approx(toe, abs=1e-6)
     knees = places(tmp_path / "a.bvh", 3)["left_shank"]
     assert knees == pytest.approx(motion.landmarks_m()[:, model.landmark_index("left_knee")], abs=2e-6)
+
+
+def test_landmarks_become_joints_where_asked_for(tmp_path):
+    model = human_model()
+    moved = tuple(replace(mark, position=tuple(np.add(mark.position, 0.01))) for mark in model.landmarks)  # as a person's are
+    model = replace(model, landmarks=moved)
+    motion = moving(4, model)
+    dump_bvh(model, motion.Ts_world_link(), 0.02, tmp_path / "a.bvh", landmarks=model.landmark_names)
+    found = places(tmp_path / "a.bvh", 4)
+    for i, name in enumerate(model.landmark_names):
+        assert found[f"landmark_{name}"][:, [2, 0, 1]] == pytest.approx(motion.landmarks_m()[:, i], abs=2e-6), name
 
 
 def test_the_pose_of_zeros_stands_upright_and_looks_along_z(tmp_path):

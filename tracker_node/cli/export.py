@@ -23,7 +23,7 @@ FORMATS = ("trc", "mot", "sto", "c3d", "bvh", "tum", "csv")
 _Y_UP = ("trc", "mot", "sto", "bvh")  # formats whose readers expect y up
 _MILLIMETRES = ("c3d",)
 _USED_BY = {  # option -> formats that it says something about
-    "landmarks": ("trc", "c3d", "csv"),
+    "landmarks": ("trc", "c3d", "bvh", "csv"),
     "marker_names": ("trc", "c3d", "csv"),
     "coordinates": ("mot", "sto", "csv"),
     "isb_angles": ("c3d", "csv"),
@@ -42,7 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--topic", help="topic of the states, where a bag has several")
     add("--force", action="store_true", help="overwrite the output")
     what = parser.add_argument_group("what goes in")
-    what.add_argument("--landmarks", nargs="+", metavar="NAME", help="trc, c3d, csv: only these landmarks (default: all)")
+    what.add_argument("--landmarks", nargs="+", metavar="NAME", help="trc, c3d, csv: only these landmarks (default: all);"
+        " bvh: joints of their own for these (default: none)")  # fmt: skip
     what.add_argument(
         "--marker-names", choices=("model", "openpose"),
         help="trc, c3d, csv: landmarks under the model's names (right_knee), or those of OpenPose and Pose2Sim (RKnee) where they"

@@ -67,7 +67,7 @@ def _opensim_table(motion: RunMotion, path: Path, options: ExportOptions) -> lis
 
 def _bvh(motion: RunMotion, path: Path, options: ExportOptions) -> list[str]:
     whole = without_gaps(motion)
-    dump_bvh(motion.model, whole.Ts_world_link(), motion.period_ns * 1e-9, path, options.y_up, options.unit)
+    dump_bvh(motion.model, whole.Ts_world_link(), motion.period_ns * 1e-9, path, options.y_up, options.unit, options.landmarks)
     missing = int(np.count_nonzero(~motion.valid))
     return [f"BVH cannot mark gaps: {missing} frames are interpolated"] if missing else []
 

@@ -19,7 +19,7 @@ class ExportOptions:
     ----------
     y_up : the file's axes are (x, y, z) = (y, z, x) of the world, as OpenSim and Pose2Sim have them; otherwise the world's.
     unit : of lengths: m, cm, mm. degrees : of angles; otherwise radians. Where the format leaves a choice.
-    landmarks : names, in the order of the file; empty: all of the model.
+    landmarks : names, in the order of the file; empty: all of the model (BVH: none).
     openpose_names : landmarks under the names of OpenPose and Pose2Sim (``RKnee``), where they have one.
     link : whose pose is written to TUM files; empty: the root.
     opensim : coordinates of OpenSim's models of a person instead of the model's own, in MOT, STO and CSV.

@@ -3,12 +3,13 @@
 A BVH joint is a link of the model, placed by ``OFFSET`` and turned by three Euler angles; the format knows no turned offsets. So
 the frames of all joints are those of the file's world where the body stands with the root unturned and all joint angles zero,
 and what turns them are rotations against that pose. A joint of any axes becomes one rotation; one that slides gets position
-channels, which hold its whole place in its parent and so stand in for the offset.
+channels, which hold its whole place in its parent and so stand in for the offset. Landmarks, where asked for, are joints
+``landmark_NAME`` that never turn, since a joint has one end only.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,7 +38,13 @@ class _Bone:
 
 
 def dump_bvh(
-    model: ArticulatedModel, Ts_world_link: np.ndarray, period_s: float, path: str | Path, y_up: bool = True, unit: str = "m"
+    model: ArticulatedModel,
+    Ts_world_link: np.ndarray,
+    period_s: float,
+    path: str | Path,
+    y_up: bool = True,
+    unit: str = "m",
+    landmarks: Sequence[str] = (),
 ) -> None:
     """Write a motion at a constant rate.
 
@@ -45,8 +52,9 @@ def dump_bvh(
     ----------
     Ts_world_link : (n, n_links, 4, 4); the format has no way to leave one out.
     y_up : turn the world's axes to those of `trc.dump_trc`; the body then looks along z in the pose of zeros.
+    landmarks : names of those that become joints.
     """
-    bones = _bones(model, Ts_world_link, AXES_Y_UP if y_up else np.eye(3), 1.0 / METERS_PER_UNIT[unit])
+    bones = _bones(model, Ts_world_link, AXES_Y_UP if y_up else np.eye(3), 1.0 / METERS_PER_UNIT[unit], landmarks)
     lines = ["HIERARCHY", *_hierarchy(bones, 0, ""), "MOTION"]
     lines += [f"Frames: {len(Ts_world_link)}", f"Frame Time: {period_s:.10g}"]
     channels = np.concatenate([bones[i].channels for i in _depth_first(bones, 0)], axis=1)
@@ -54,28 +62,42 @@ def dump_bvh(
     Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _bones(model: ArticulatedModel, Ts_world_link: np.ndarray, axes: np.ndarray, scale: float) -> list[_Bone]:
+def _bones(
+    model: ArticulatedModel, Ts_world_link: np.ndarray, axes: np.ndarray, scale: float, landmarks: Sequence[str]
+) -> list[_Bone]:
+    """Links, then landmarks."""
     chain = model.chain
     zeros = Configuration(model, State(np.eye(4), np.zeros(chain.n_axes)))
     still = axes @ zeros.Ts_world_link[:, :3, :3]
-    turned = axes @ Ts_world_link[..., :3, :3] @ np.swapaxes(still, -1, -2)
-    places = scale * Ts_world_link[..., :3, 3] @ axes.T
+    marked = [model.landmark_index(name) for name in landmarks]
+    hangs_on = np.concatenate([chain.parents, model.landmark_links[marked]]).astype(int)
+    turned, places = axes @ Ts_world_link[..., :3, :3] @ np.swapaxes(still, -1, -2), scale * Ts_world_link[..., :3, 3] @ axes.T
+    channels = _channels(model, turned, places)
     bones = []
     for i, (name, parent) in enumerate(zip(chain.links, chain.parents, strict=True)):
-        children = tuple(int(j) for j in np.flatnonzero(chain.parents == i))
-        offset, local, place = np.zeros(3), turned[:, i], places[:, i]
+        children = tuple(int(child) for child in np.flatnonzero(hangs_on == i))
+        offset = scale * still[parent] @ chain.offsets[i, :3, 3] if parent >= 0 else np.zeros(3)
+        bones.append(_Bone("_".join(name.split()), children, offset, scale * still[i] @ _end(model, i), channels[i]))
+    for name, mark in zip(landmarks, marked, strict=True):
+        offset = scale * still[model.landmark_links[mark]] @ model.landmark_positions[mark]
+        unturned = np.zeros((len(Ts_world_link), 3))
+        bones.append(_Bone("landmark_" + "_".join(name.split()), (), offset, np.zeros(3), unturned))
+    return bones
+
+
+def _channels(model: ArticulatedModel, turned: np.ndarray, places: np.ndarray) -> list[np.ndarray]:
+    """Of every link (n, 3 or 6), of links ``turned`` (n, n_links, 3, 3) from where they stand still, at ``places``."""
+    chain, channels = model.chain, []
+    for i, parent in enumerate(chain.parents):
+        local, place = turned[:, i], places[:, i]
         if parent >= 0:
             to_parent = np.swapaxes(turned[:, parent], -1, -2)
-            offset = scale * still[parent] @ chain.offsets[i, :3, 3]
-            local = to_parent @ local
-            place = np.einsum("nij,nj->ni", to_parent, place - places[:, parent])
+            local, place = to_parent @ local, np.einsum("nij,nj->ni", to_parent, place - places[:, parent])
         angles = np.unwrap(Rotation.from_matrix(local).as_euler(ORDER, degrees=True), axis=0, period=360.0)
-        own = slice(chain.axis_start[i], chain.axis_start[i] + chain.axis_count[i])
-        moves = parent < 0 or any(axis.prismatic for axis in chain.axes[own])
-        channels = np.concatenate([place, angles], axis=1) if moves else angles
-        end = scale * still[i] @ _end(model, i)
-        bones.append(_Bone("_".join(name.split()), children, offset, end, channels))
-    return bones
+        own = chain.axes[chain.axis_start[i] : chain.axis_start[i] + chain.axis_count[i]]
+        moves = parent < 0 or any(axis.prismatic for axis in own)
+        channels.append(np.concatenate([place, angles], axis=1) if moves else angles)
+    return channels
 
 
 def _end(model: ArticulatedModel, link: int) -> np.ndarray:
