@@ -1,8 +1,12 @@
-"""The robot description that the tracker publishes, read by kinpy: joints, limits, and where the links are.
+"""The robot description that the tracker publishes, read by urdfdom and by kinpy: joints, limits, and where the links are.
 
-robot_state_publisher is not here; it reads the same joints, and moves the links in the same way.
+robot_state_publisher is not here; urdfdom is its parser, and kinpy moves the links as it does.
 """
 
+import re
+import subprocess
+import sys
+from pathlib import Path
 from xml.etree import ElementTree
 
 import kinpy
@@ -81,3 +85,26 @@ def test_it_is_a_tree_with_one_root(model):
     assert len(set(links)) == len(links) and len(set(children)) == len(children)
     assert set(links) - set(children) == {model.chain.links[0]}
     assert parents <= set(links) and set(children) <= set(links)
+
+
+def outline_of(model) -> list[str]:
+    """The tree as urdfdom prints it, a line for each child link by its place: ``left_hand child(2)``."""
+    children: dict[str, list[str]] = {}
+    for joint in ElementTree.fromstring(urdf_of(model)).findall("joint"):
+        children.setdefault(joint.find("parent").get("link"), []).append(joint.find("child").get("link"))
+
+    def below(link: str) -> list[str]:
+        return [name for child in children.get(link, []) for name in (child, *below(child))]
+
+    return below(model.chain.links[0])
+
+
+def test_the_parser_of_robot_state_publisher_takes_it(model, tmp_path):
+    """urdfdom itself, by its own program."""
+    program = Path(sys.executable).parent / "check_urdf"
+    (tmp_path / "robot.urdf").write_text(urdf_of(model))
+    done = subprocess.run([program, tmp_path / "robot.urdf"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "Successfully Parsed XML" in done.stdout and "Error" not in done.stdout + done.stderr
+    assert f"root Link: {model.chain.links[0]}" in done.stdout
+    assert sorted(re.findall(r"child\(\d+\): +(\S+)", done.stdout)) == sorted(outline_of(model))
