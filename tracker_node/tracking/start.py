@@ -35,6 +35,7 @@ _HEADINGS = 12
 _PRIOR = 3e-4  # cost of a joint one sigma from neutral, as a share of all evidence
 _RANDOM_POSTURES = 16
 _PLACES = 3
+_SHAKES = 3
 _LIMB_SAMPLES = 48
 _ROUNDS = ((False, False), (False, False), (True, True), (False, True), (False, True), (False, True))
 # of search and learning: how thorough a search, and whether only what it finds goes on
@@ -217,6 +218,9 @@ class StartFinder:
             poses, scores = search.best_of(poses, scores, drawn(search.varied(poses, _LIMB_SAMPLES, rng)))
         poses, scores = search.shaken(poses, scores, _LIMB_SAMPLES, rng)
         poses, scores = search.better(poses, scores, drawn(poses))
+        keep(2 * config.keep, 0.1, 0.6)
+        for _ in range(_SHAKES if thorough else 0):
+            poses, scores = search.shaken(poses, scores, 2 * _LIMB_SAMPLES, rng)
         keep(config.keep, 0.1, 0.6)
         return [Start(poses.state(i), float(scores[i]) / total) for i in range(len(poses))]
 

@@ -22,6 +22,7 @@ _ELSEWHERE = 4  # places that are tried for it
 _ROUNDS = 2
 _BETTER = 0.01  # share of the standing that another place of a limb must add
 _RIVAL = 0.85  # of the best one's standing: with less, a start is out
+HOPEFUL = 0.5  # the same before doubtful limbs have been looked for elsewhere
 _SAME = 0.05  # of the body's size: states whose landmarks differ less, on average, are the same
 
 
@@ -128,14 +129,14 @@ class Contest:
         return (winner, estimate) if sure or self.sets >= self._most_sets else None
 
 
-def rivals(model: ArticulatedModel, trials: Sequence[Trial], size_m: float, n: int) -> list[Trial]:
-    """At most ``n`` of ``trials``, the best first, that come near to it and are not the same as a better one."""
+def rivals(model: ArticulatedModel, trials: Sequence[Trial], size_m: float, n: int, share: float = _RIVAL) -> list[Trial]:
+    """At most ``n`` of ``trials``, the best first, that have ``share`` of its standing and are not the same as a better one."""
     kept: list[Trial] = []
     points: list[np.ndarray] = []
     for trial in sorted(trials, key=lambda trial: -trial.standing):
         own = Configuration(model, trial.state).landmarks_world
         same = any(len(own) and np.linalg.norm(own - other, axis=1).mean() < _SAME * size_m for other in points)
-        if not same and (not kept or trial.standing > _RIVAL * kept[0].standing) and len(kept) < n:
+        if not same and (not kept or trial.standing > share * kept[0].standing) and len(kept) < n:
             kept.append(trial)
             points.append(own)
     return kept

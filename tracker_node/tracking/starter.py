@@ -14,7 +14,7 @@ from .config import StartConfig
 from .engine import Engine, Images
 from .estimate import Status, TrackEstimate
 from .start import Start, StartFinder
-from .start_trials import Contest, Follower, LimbRepair, Trial, rivals, tried
+from .start_trials import HOPEFUL, Contest, Follower, LimbRepair, Trial, rivals, tried
 
 NOT_GIVEN = "no initial state has been given"
 _SURE = 0.6  # a start that covers so much of the evidence is taken whatever the engine says
@@ -118,12 +118,10 @@ class Starter:
         trials = [tried(engine, images, image_set, start.state) for start in starts]
         if any(trial.verdict.surety is None for trial in trials):
             return self._by_share(starts, trials)
-        trials.sort(key=lambda trial: -trial.standing)
-        for i, trial in enumerate(trials[: self._config.repair]):
-            if i and not rivals(self._model, trials[: i + 1], self._finder.size_m, i + 1)[i:]:
-                break  # too far behind, or the same as a better one
-            trials[i] = self._mended(trial, lambda state: tried(engine, images, image_set, state))
-        best = rivals(self._model, trials, self._finder.size_m, self._config.hold)
+        # With a limb elsewhere, the right one can stand far behind another whose limbs happen to be hidden.
+        hopeful = rivals(self._model, trials, self._finder.size_m, self._config.repair, HOPEFUL)
+        mended = [self._mended(trial, lambda state: tried(engine, images, image_set, state)) for trial in hopeful]
+        best = rivals(self._model, mended + trials, self._finder.size_m, self._config.hold)
         return [trial.state for trial in best if trial.standing > 0.0]
 
     def _by_share(self, starts: Sequence[Start], trials: Sequence[Trial]) -> list[State]:
