@@ -29,5 +29,15 @@ def _use_one_blas_thread() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
+def _refuse_huge_images() -> None:
+    """Let OpenCV refuse images of more than 134 megapixels; OPENCV_IO_MAX_IMAGE_PIXELS overrides it.
+
+    By default it decodes up to 1074, and a damaged header of a JPEG image that came by the network costs gigabytes and
+    half a minute. To be done before it is loaded.
+    """
+    os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(2**27))
+
+
 _use_whole_vectors()
 _use_one_blas_thread()
+_refuse_huge_images()

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
 
-import cv2
 import numpy as np
 
 from ..errors import SourceError
 from ..observation.image_set import ENCODINGS, CameraImage
 from .bag_reader import BagMessage, BagReader
-from .source_image import bayer_pattern
+from .source_image import bayer_pattern, decoded
 
 RAW = "sensor_msgs/msg/Image"
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
@@ -62,7 +61,7 @@ def image_of(reader: BagReader, message: BagMessage, camera: str) -> CameraImage
     content = reader.decode(message)
     stamp_ns = stamp_ns_of(content.header.stamp)
     if message.type_name == COMPRESSED:
-        pixels = cv2.imdecode(np.frombuffer(content.data, np.uint8), cv2.IMREAD_COLOR)
+        pixels = decoded(content.data)
         if pixels is None:
             raise SourceError(camera, f"compressed image at {stamp_ns} ns cannot be decoded (format '{content.format}')")
         return CameraImage(camera, stamp_ns, pixels, "bgr8")

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from ..errors import FileFormatError
+from .source_image import decoded
 
 
 def read_picture(file: str | Path, referrer: str | Path, field: str) -> np.ndarray:
@@ -21,7 +22,7 @@ def read_picture(file: str | Path, referrer: str | Path, field: str) -> np.ndarr
     file = Path(file)
     if not os.path.isfile(file):  # Path.is_file raises for a name that is too long
         raise FileFormatError(referrer, field, "an existing picture", str(file))
-    picture = cv2.imdecode(np.frombuffer(file.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED) if file.stat().st_size else None
+    picture = decoded(file.read_bytes(), cv2.IMREAD_UNCHANGED)
     if picture is None:
         raise FileFormatError(referrer, field, "a readable picture (PNG, JPEG, ...)", str(file))
     if picture.ndim == 2:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import array
 from dataclasses import dataclass
 
 import cv2
@@ -131,6 +132,15 @@ def resampled(pixels: np.ndarray, size: tuple[int, int] | None) -> np.ndarray:
     return cv2.resize(pixels, size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
 
 
+def decoded(data: bytes | array.array | np.ndarray, flags: int = cv2.IMREAD_COLOR) -> np.ndarray | None:
+    """Pixels of an encoded image (JPEG, PNG, ...); None where it is damaged, or larger than OpenCV may read."""
+    content = np.frombuffer(data, np.uint8)
+    try:
+        return cv2.imdecode(content, flags) if content.size else None
+    except cv2.error:
+        return None
+
+
 def decode_jpeg(data: bytes, size: tuple[int, int] | None = None) -> np.ndarray:
     """Pixels (h, w, 3) BGR; where ``size`` is a half, a quarter or an eighth, they are never computed at full size.
 
@@ -142,7 +152,7 @@ def decode_jpeg(data: bytes, size: tuple[int, int] | None = None) -> np.ndarray:
     factor = width // size[0] if size else 1
     exact = size is not None and (factor * size[0], factor * size[1]) == (width, height)
     flags = _REDUCED.get(factor, cv2.IMREAD_COLOR) if exact else cv2.IMREAD_COLOR
-    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags | cv2.IMREAD_IGNORE_ORIENTATION)
+    pixels = decoded(data, flags | cv2.IMREAD_IGNORE_ORIENTATION)
     if pixels is None:
         raise SourceError("JPEG image", "cannot be decoded")
     return resampled(pixels, size)

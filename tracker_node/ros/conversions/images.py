@@ -10,7 +10,7 @@ import numpy as np
 from sensor_msgs.msg import CompressedImage, Image
 
 from ...errors import SourceError
-from ...loaders.source_image import bayer_pattern
+from ...loaders.source_image import bayer_pattern, decoded
 from ...observation.image_set import ENCODINGS, CameraImage
 from .stamps import NS_PER_S, stamp_message, stamp_ns_of
 
@@ -147,7 +147,7 @@ def bgr_of_compressed(camera: str, message: CompressedImage) -> CameraImage:
     ------
     SourceError : naming the camera, when it cannot be decoded.
     """
-    bgr = cv2.imdecode(np.frombuffer(message.data, np.uint8), cv2.IMREAD_COLOR) if len(message.data) else None
+    bgr = decoded(message.data)
     if bgr is None:
         raise SourceError(camera, f"cannot decode a compressed image of format '{message.format}'")
     return CameraImage(camera, stamp_ns_of(message.header.stamp), bgr)
