@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Iterable, Mapping
 
 import numpy as np
@@ -20,6 +21,8 @@ from .tracking_worker import TrackingWorker
 SILENT_S = 2.0  # a camera without an image for so long is reported
 _SAME_PX = 1.0  # lenses agree that put no ray farther apart than this
 _GRID = 5  # rays a side
+_UNUSED = ("late", "duplicate", "incomplete", "too_old", "ahead")  # what one camera alone may be to blame for
+_FEW = 4  # images, of which nothing is said
 
 
 class CameraDiagnostics:
@@ -35,6 +38,7 @@ class CameraDiagnostics:
         self._diagnostics, self._rig, self._inbox, self._from_topics = diagnostics, rig, inbox, from_topics
         self._contradicted: set[str] = set()
         self._received_before: dict[str, int] = {}
+        self._unused_before: dict[str, Counter[str]] = {}
         self.restart()
 
     def restart(self) -> None:
@@ -58,12 +62,23 @@ class CameraDiagnostics:
             values = self._counts(name, worker, counters.get(name, {}))
             arrived = self._inbox.arrived[name]
             rate = (arrived - self._received_before.get(name, 0)) / elapsed_s
-            self._received_before[name] = arrived
+            n_new, self._received_before[name] = arrived - self._received_before.get(name, 0), arrived
+            unused = self._newly_unused(name, counters.get(name, {}))
             level, said = self._verdict(name, worker, now) if name in cameras else (OK, "not in use")
+            if level == OK and 2 * unused.total() > max(n_new, _FEW):
+                reasons = ", ".join(f"{reason} {n}" for reason, n in unused.items())
+                level, said = WARN, f"most of its images are in no set ({reasons})"
             self._diagnostics.report(name, level, said, {"images per second": rate, **values}, hardware_id=name)
         self._before_s = now
         if not self._from_topics:
             self._report_calibration(cameras)
+
+    def _newly_unused(self, name: str, counter: Mapping[str, int]) -> Counter[str]:
+        """Images since the last report that came and are in no set, by the reason."""
+        unused = Counter({reason: counter.get(reason, 0) for reason in _UNUSED})
+        new = unused - self._unused_before.get(name, Counter())
+        self._unused_before[name] = unused
+        return new
 
     def _counts(self, name: str, worker: TrackingWorker, counter: Mapping[str, int]) -> dict[str, object]:
         counts = worker.counts
