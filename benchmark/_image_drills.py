@@ -1,0 +1,202 @@
+"""Faults of images and calibrations: late, doubled, in another order, damaged, of another size, with wrong clocks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+from _fault_graph import ERROR, OK, PERIOD_NS, WARN, Drill, Graph, N, Outcome, Sender, image_set_of, load_rig
+from ros_graph import stamps
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+
+from tracker_node.ros.conversions import camera_info_message, compressed_message
+from tracker_node.ros.qos import images_published
+
+CAMERA = "tracker: cam2"
+FATES = ("used", "late", "duplicate", "incomplete", "too_old", "ahead", "clock_jump", "reset", "waiting")
+
+
+def _begun(graph: Graph, *options: str) -> Sender:
+    """A tracker that takes everything, tracking."""
+    graph.tracker("--lossless", *options)
+    sender = graph.sender()
+    sender.tracked(5)
+    return sender
+
+
+def _sound_again(graph: Graph, sender: Sender, n_expected: int) -> None:
+    """More sound sets; all sets so far have a state, and the camera is fine."""
+    sender.sets(12)
+    graph.until(lambda: len(graph.states) >= n_expected, f"{n_expected} states, of {len(graph.states)}")
+    said = len(graph.said)
+    graph.wait_said(CAMERA, OK, "receiving", since=said)
+
+
+def _refused(damage: Callable[[Image], Image], *texts: str) -> Callable[[Graph], Outcome]:
+    def inject(graph: Graph) -> Outcome:
+        sender = _begun(graph)
+        sender.sets(3, {"cam2": lambda image: [damage(image)]})
+        said = graph.wait_said(CAMERA, ERROR, *texts)
+        _sound_again(graph, sender, 20)
+        refused = graph.count(CAMERA, "refused")
+        return Outcome(f"ERROR cam2: {said}; then OK; {len(graph.states)} of 20 sets tracked", f"{refused} images", refused == 3)
+
+    return inject
+
+
+def truncated(image: Image) -> Image:
+    image._data = image.data[: len(image.data) // 2]
+    return image
+
+
+def _smaller(image: Image) -> Image:
+    pixels = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width, 3)[::2, ::2]
+    small = Image(height=pixels.shape[0], width=pixels.shape[1], encoding="bgr8", step=3 * pixels.shape[1])
+    small.header, small.data = image.header, pixels.tobytes()
+    return small
+
+
+def _yuv(image: Image) -> Image:
+    image.encoding, image.step = "yuv422", 2 * image.width
+    return image
+
+
+def _late(graph: Graph) -> Outcome:
+    sender = _begun(graph)
+    held: list[Image] = []
+    sender.sets(1, {"cam2": lambda image: held.append(image) or []})  # type: ignore[func-returns-value]
+    sender.sets(4)
+    graph.until(lambda: len(graph.states) >= 10, "states")
+    sender.publish("cam2", held[0])
+    _sound_again(graph, sender, 22)
+    graph.until(lambda: graph.count(CAMERA, "late") == 1, "one image counted as late")
+    return Outcome(f"set tracked without it; 1 counted as late; {len(graph.states)} of 22 sets tracked", "1 image")
+
+
+def _doubled(graph: Graph) -> Outcome:
+    sender = _begun(graph)
+    sender.sets(4, {"cam2": lambda image: [image, image]})
+    _sound_again(graph, sender, 21)
+    graph.until(lambda: graph.count(CAMERA, "duplicate") == 4, "four images counted as duplicate")
+    seen = f"4 counted as duplicate; {len(graph.states)} of 21 sets tracked, once each"
+    return Outcome(seen, "nothing", len(graph.states) == 21)
+
+
+def _reordered(graph: Graph) -> Outcome:
+    sender = _begun(graph)
+    for _ in range(4):  # the second image of cam2 before the first, whose partners wait
+        first, second = sender.number, sender.number + 1
+        for camera, order in (("cam1", (first, second)), ("cam2", (second, first)), ("cam3", (first, second))):
+            for number in order:
+                sender.publish(camera, sender.message(camera, number))
+        sender.number += 2
+    _sound_again(graph, sender, 5 + 8 + 12 - 4)
+    values = {key: int(value) for key, value in graph.values[CAMERA].items() if key in FATES or key == "received"}
+    stamps_ns = stamps(graph.states)
+    forward = all(a < b for a, b in pairwise(stamps_ns))
+    accounted = sum(values[fate] for fate in FATES) == values["received"]
+    seen = f"{len(stamps_ns)} of 25 sets tracked, in order; all images accounted for"
+    return Outcome(seen, f"{values['late']} images", forward and accounted)
+
+
+def _clock_back(graph: Graph) -> Outcome:
+    sender = _begun(graph)
+    sender.offset_ns -= 500_000_000
+    before = len(graph.states)
+    sender.sets(8)
+    graph.until(lambda: len(graph.states) >= before + 7, f"states after the jump, of {len(graph.states)}")
+    went_back = any(b < a for a, b in pairwise(stamps(graph.states)))
+    return Outcome(f"begins again: {len(graph.states) - before} of 8 sets tracked after the jump", "1 set at most", went_back)
+
+
+def _offset_jumps(graph: Graph) -> Outcome:
+    sender = _begun(graph)
+    sender.sets(20, shift_ns=10 * 10**9)
+    said = graph.wait_said(CAMERA, WARN, "in no set")
+    graph.until(lambda: len(graph.states) >= 24, f"24 states, of {len(graph.states)}")
+    sender.sets(20)
+    graph.wait_said(CAMERA, OK, "receiving", since=len(graph.said))
+    graph.until(lambda: len(graph.states) >= 43, f"43 states, of {len(graph.states)}")
+    values = graph.values[CAMERA]
+    lost = sum(int(values[key]) for key in ("ahead", "incomplete", "too_old", "clock_jump"))
+    return Outcome(
+        f"WARN cam2: {said}; then OK; {len(graph.states)} of 45 sets tracked", f"{lost} images of cam2", 20 <= lost <= 22
+    )
+
+
+def _bad_jpeg(graph: Graph) -> Outcome:
+    graph.tracker("--lossless", "--compressed")
+    create, names = graph.probe.node.create_publisher, load_rig(graph.recording / "rig.yaml").names
+    publishers = {name: create(CompressedImage, f"{name}/image_raw/compressed", images_published(50)) for name in names}
+    graph.until(lambda: all(publisher.get_subscription_count() for publisher in publishers.values()), "subscriptions")
+
+    def send(numbers: range, n_bytes: int | None = None) -> None:
+        for i in numbers:
+            for image in image_set_of(graph.recording, i % N).images:
+                message = compressed_message(10**9 + i * PERIOD_NS, "", image.pixels)
+                message._data = message.data[: n_bytes if image.camera == "cam2" else None]
+                publishers[image.camera].publish(message)
+
+    send(range(5))
+    graph.wait_for_states(5)
+    send(range(5, 8), n_bytes=40)
+    said = graph.wait_said(CAMERA, ERROR, "cam2", "cannot decode")
+    send(range(8, 20))
+    graph.until(lambda: len(graph.states) >= 20, f"20 states, of {len(graph.states)}")
+    graph.wait_said(CAMERA, OK, "receiving", since=len(graph.said))
+    refused = graph.count(CAMERA, "refused")
+    return Outcome(f"ERROR cam2: {said}; then OK; {len(graph.states)} of 20 sets tracked", f"{refused} images", refused == 3)
+
+
+def _calibration(spoil: Callable[[CameraInfo], None], *texts: str) -> Callable[[Graph], Outcome]:
+    def inject(graph: Graph) -> Outcome:
+        graph.tracker("--lossless", "--calibration", "camera_info")
+        sender = graph.sender()
+
+        def calibrate(spoilt: bool) -> None:
+            for camera in sender.rig:
+                info = camera_info_message(10**9, camera.frame_id, camera.model)
+                if spoilt and camera.name == "cam2":
+                    spoil(info)
+                sender.cameras.infos[camera.name].publish(info)
+
+        calibrate(True)
+        said = graph.wait_said("tracker: calibration", ERROR, "cam2", *texts)
+        tracked_meanwhile = len(graph.states)
+        calibrate(False)
+        graph.wait_said("tracker: calibration", OK, "complete")
+        sender.tracked(5)
+        seen = f"ERROR calibration: {said}; nothing tracked; the right one is taken: 5 of 5 sets tracked"
+        return Outcome(seen, "nothing", tracked_meanwhile == 0)
+
+    return inject
+
+
+def _nan(info: CameraInfo) -> None:
+    info.k[0] = float("nan")
+
+
+def _uncalibrated(info: CameraInfo) -> None:
+    info.k[:] = 0.0
+
+
+DRILLS = (
+    Drill("image late", "its set goes on without it after the queue's time; counted as late", _late),
+    Drill("image doubled", "counted as duplicate, each set tracked once", _doubled),
+    Drill("images in another order", "sets in order; every image used or counted", _reordered),
+    Drill(
+        "image data shorter than announced",
+        "refused, the camera named; the others go on",
+        _refused(truncated, "contradicts itself"),
+    ),
+    Drill("image of another size", "refused, both sizes named; the others go on", _refused(_smaller, "calibrated", "80x60")),
+    Drill("image of another encoding", "refused, the encoding named; the others go on", _refused(_yuv, "yuv422")),
+    Drill("damaged JPEG", "refused, the camera named; the others go on", _bad_jpeg),
+    Drill("clock jumps back", "the tracker begins again by itself", _clock_back),
+    Drill(
+        "a camera's clock jumps ahead", "sets of the others go on, its images counted as ahead; whole again after", _offset_jumps
+    ),
+    Drill("calibration with NaN", "named, nothing tracked; the right one is taken", _calibration(_nan, "nan")),
+    Drill("uncalibrated camera", "named, nothing tracked; the right one is taken", _calibration(_uncalibrated, "uncalibrated")),
+)

@@ -1,0 +1,101 @@
+#!/usr/bin/env python3
+"""What happens when something breaks: faults injected into a running graph of real processes, and 10 000 files gone wrong.
+
+Each drill starts a small graph (three cameras of a moving arm, the tracker, a recorder or player where they matter), injects one
+fault, and holds what happens, and what /diagnostics says of it, against what is expected. `docs/faults.md` has the table.
+
+Each fuzzed file is read in another process, with limits of time and memory. It must be refused by one line that names file and
+field, or hold something that can be used (finite, cameras that project, bodies that can be posed) and is the same when it is
+written and read again; files that only write the same in another way must be read as the same. The seed is fixed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
+
+from fuzzing import Answers, run
+
+from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+
+SEED, N_FILES = 6, 10_000
+CORE = ("rig", "rig_file", "model", "slides", "part", "config", "plain_config", "state", "urdf")
+OTHERS = ("mesh", "clicks", "control_points", "stamps", "markers")
+OTHERS_SHARE = 0.1  # of the files; the others are rigs, bodies, states and parameters
+PARTS = ("drills", "fuzz")
+
+
+def fuzz(n_files: int, seed: int) -> dict[str, float | int]:
+    """Read so many files; the metrics."""
+    answers = Answers()
+    with tempfile.TemporaryDirectory(prefix="fuzz_") as folder:
+        n_others = round(OTHERS_SHARE * n_files)
+        for names, count in ((CORE, n_files - n_others), (OTHERS, n_others)):
+            run(Path(folder), seed, names, count, answers)
+    print(f"fuzzed files (seed {seed}): kind, refused, of")
+    for name in (*CORE, *OTHERS):
+        print(f"  {name:16} {answers.by_kind[name, 'refused']:6} {answers.by_kind[name, 'total']:6}")
+    for text in answers.bad:
+        print(f"  not answered: {text}")
+    return {
+        "fuzz.answered": answers.answered,
+        "fuzz.total": answers.total,
+        "fuzz.refused_percent": 100.0 * answers.refused / max(answers.total, 1),
+    }
+
+
+def drill(only: list[str]) -> dict[str, float | int]:
+    """Inject the faults one after the other; the metrics."""
+    from _fault_graph import recorded_and_ros, run_drill
+    from _image_drills import DRILLS as IMAGE_DRILLS
+    from _process_drills import DRILLS as PROCESS_DRILLS
+
+    drills = [one for one in (*PROCESS_DRILLS, *IMAGE_DRILLS) if not only or any(text in one.name for text in only)]
+    n_expected = n_run = 0
+    print("| fault | expected | seen | data lost | verdict |\n|---|---|---|---|---|")
+    with recorded_and_ros() as recording:
+        for one in drills:
+            began = time.monotonic()
+            outcome = run_drill(one, recording)
+            verdict = "skipped" if outcome.skipped else "as expected" if outcome.expected else "NOT AS EXPECTED"
+            n_run += not outcome.skipped
+            n_expected += outcome.expected and not outcome.skipped
+            print(f"| {one.name} | {one.expected} | {outcome.seen} | {outcome.lost} | {verdict} |", flush=True)
+            print(f"{one.name}: {time.monotonic() - began:.1f} s", file=sys.stderr)
+    return {"faults.as_expected": n_expected, "faults.total": n_run}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__,
+        epilog="example:\n  python benchmark/faults.py --json out/benchmark/faults.json",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--quick", action="store_true", help="a tenth of the files")
+    parser.add_argument("--only", choices=PARTS, help="drills or fuzzed files alone")
+    parser.add_argument("--drills", nargs="+", default=[], metavar="TEXT", help="only drills whose name has one of these texts")
+    parser.add_argument("--files", type=int, default=N_FILES, metavar="N", help="fuzzed files (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=SEED, metavar="N", help="of the fuzzed files (default: %(default)s)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here")
+    args = parser.parse_args(arguments)
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    metrics: dict[str, float | int] = {}
+    if args.only != "fuzz":
+        metrics |= drill(args.drills)
+    if args.only != "drills":
+        metrics |= fuzz(args.files // 10 if args.quick else args.files, args.seed)
+    print_metrics(metrics)
+    if args.json:
+        write_metrics(args.json, metrics)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,52 @@
+"""The drills that matter most, as `benchmark/faults.py` runs them: a fault is said by name, and the graph goes on by itself."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS is not installed")
+pytest.importorskip("tracker_msgs", reason="the interface package is not installed")
+
+import _image_drills
+import _process_drills
+from _fault_graph import Drill, Graph, Outcome, recorded_and_ros, run_drill
+
+DRILLS = {drill.name: drill for drill in (*_image_drills.DRILLS, *_process_drills.DRILLS)}
+MOST_IMPORTANT = (
+    "camera process killed, started again",
+    "tracker killed, started again",
+    "recorder killed",
+    "image doubled",
+    "image data shorter than announced",
+    "image of another size",
+    "damaged JPEG",
+    "a camera's clock jumps ahead",
+    "calibration with NaN",
+)
+
+
+@pytest.fixture(scope="module")
+def recording() -> Iterator[Path]:
+    with recorded_and_ros() as folder:
+        yield folder
+
+
+@pytest.mark.parametrize("name", MOST_IMPORTANT)
+def test_drill(name, recording):
+    outcome = run_drill(DRILLS[name], recording)
+    if outcome.skipped:
+        pytest.skip(outcome.seen)
+    assert outcome.expected, outcome.seen
+
+
+def test_what_does_not_happen_is_not_as_expected(recording, monkeypatch):
+    monkeypatch.setattr("_fault_graph.TIMEOUT_S", 0.2)
+
+    def inject(graph: Graph) -> Outcome:
+        graph.wait_said("nobody", b"\x02", "nothing")
+        return Outcome("", "")
+
+    outcome = run_drill(Drill("nothing", "something", inject), recording)
+    assert not outcome.expected
+    assert "nobody" in outcome.seen

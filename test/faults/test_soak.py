@@ -1,0 +1,55 @@
+"""Two minutes of the soak: every image is accounted for, everything that was said is recorded, memory stays flat."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS is not installed")
+
+import soak
+from _contour_runs import Clip
+from ros_samples import write_recording
+
+from tracker_node.loaders.model_yaml import load_model
+from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.loaders.state_yaml import load_state
+from tracker_node.tracking.config import TrackerConfig
+
+SECONDS, RATE_HZ, N_CAMERAS = 120.0, 10.0, 6
+
+
+@pytest.mark.slow
+def test_two_minutes(tmp_path):
+    folder = tmp_path / "arm"
+    write_recording(folder, 12, N_CAMERAS)
+    model = load_model(folder / "model.yaml")
+    clip = Clip(folder, load_rig(folder / "rig.yaml"), model, load_state(folder / "state.yaml", model))
+    said: list[str] = []
+    figures = soak.measure(soak.Plan(clip, TrackerConfig(), "model.yaml", SECONDS, RATE_HZ), said.append)
+    assert figures["soak.cameras"] == N_CAMERAS
+    assert figures["soak.images"] > 0
+    assert figures["soak.unaccounted_images"] == 0, said
+    assert figures["soak.unaccounted_sets"] == 0
+    assert figures["soak.recorder_lost"] == 0
+    assert figures["soak.lost"] <= figures["soak.superseded"] + figures["soak.not_formed"]  # each has its reason
+    assert figures["soak.memory_growth_percent"] <= 5.0, said
+    assert any(" min: " in line for line in said)
+
+
+def test_a_leak_is_seen_and_a_spike_is_not():
+    times = np.arange(0.0, 100.0, 1.0)
+    flat = [(t, 200.0 + (50.0 if t == 70.0 else 0.0)) for t in times]
+    leaking = [(t, 200.0 + 0.2 * t) for t in times]
+    assert soak.growth_percent(flat, 10.0) == pytest.approx(0.0)
+    assert soak.growth_percent(leaking, 10.0) == pytest.approx(100.0 * 0.2 * 89.0 / 202.0)
+
+
+def test_files_are_counted_before_they_are_deleted(tmp_path, monkeypatch):
+    for i in (0, 1, 2, 10):
+        (tmp_path / f"bag_{i}.mcap").write_text(str(i + 1))
+    monkeypatch.setattr(soak, "_message_counts", lambda file: Counter({"/a": int(file.read_text())}))
+    files = soak.Files(tmp_path)
+    files.sweep(2)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["bag_10.mcap", "bag_2.mcap"]
+    assert files.counts() == {"/a": 1 + 2 + 3 + 11}
