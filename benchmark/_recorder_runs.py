@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from transport import CPU_AFTER_S, RATE_HZ, cpu_s, wait_until, write_cameras
@@ -23,6 +24,7 @@ READY = "recorder: ready"
 RECORDED = "/cam[0-9]+/image_raw|/tracker/.*"
 START_S = 60.0
 END_S = 60.0
+SETTLE_S = 0.5  # between the discovery of a subscriber here and ours there
 _PUBLISHED = re.compile(r"(\S+): (\d+) published")
 
 
@@ -166,38 +168,47 @@ def kill(bag: Path, seconds: float, *options: str) -> Kill:
     return Kill({topic: (killed_ns - stamp) * 1e-9 for topic, stamp in last_ns.items()}, problem, tuple(gaps))
 
 
-def publish_results() -> int:
-    """The process that stands for a tracker."""
+def _result_messages() -> dict[str, Any]:
     from geometry_msgs.msg import PoseWithCovarianceStamped
-    from rclpy.node import Node
     from sensor_msgs.msg import JointState
     from tracker_msgs.msg import TrackedState
 
     from tracker_node.model.human import human_model
-    from tracker_node.ros.executor import ros_process, spin
-    from tracker_node.ros.qos import RESULT
 
     names = list(human_model().chain.dof_names)
     n = len(names)
     joints = JointState(name=names[6:], position=[0.0] * (n - 6), velocity=[0.0] * (n - 6))
     state = TrackedState(dof_names=names, values=[0.0] * n, velocities=[0.0] * n, model="human")
     state.covariance = state.velocity_covariance = [0.0] * (n * n)
-    messages = {"state": state, "pose": PoseWithCovarianceStamped(), "joint_states": joints}
+    return {"state": state, "pose": PoseWithCovarianceStamped(), "joint_states": joints}
+
+
+def publish_results() -> int:
+    """The process that stands for a tracker: begins when each topic has a subscriber."""
+    from rclpy.duration import Duration
+    from rclpy.node import Node
+
+    from tracker_node.ros.executor import ros_process, spin
+    from tracker_node.ros.qos import RESULT
+
+    messages = _result_messages()
     counts: Counter[str] = Counter()
     with ros_process([]) as stop:
         node = Node("results")
         outlets = {name: node.create_publisher(type(m), f"/tracker/{name}", RESULT) for name, m in messages.items()}
 
         def publish() -> None:
-            if any(outlet.get_subscription_count() == 0 for outlet in outlets.values()) and not counts:
-                return
             for name, outlet in outlets.items():
                 messages[name].header.stamp = node.get_clock().now().to_msg()
                 outlet.publish(messages[name])
                 counts[name] += 1
 
+        spin(node, stop, lambda: all(outlet.get_subscription_count() for outlet in outlets.values()))
+        time.sleep(SETTLE_S)
         node.create_timer(1.0 / RATE_HZ, publish)
         spin(node, stop)
+        for outlet in outlets.values():
+            outlet.wait_for_all_acked(Duration(seconds=5.0))
         node.destroy_node()
     for name, count in counts.items():
         print(f"/tracker/{name}: {count} published", flush=True)
