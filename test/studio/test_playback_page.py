@@ -1,17 +1,21 @@
 """The playback page in a browser: what a run says at each instant, over the images that it was made from."""
 
 import json
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
+from bag_samples import image
 from browser import browser_tab
 from small_clip import RATE_HZ, make_clip
 from studio_process import running_studio
 
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError, TrackerError
+from tracker_node.evaluation.estimate_messages import camera_info_message
 from tracker_node.evaluation.run_data import load_run
+from tracker_node.loaders.bag_writer import BagWriter
 from tracker_node.loaders.trajectory_file import read_states
 from tracker_node.studio.played_run import open_run
 from tracker_node.studio.session import StudioFiles, open_session
@@ -45,6 +49,26 @@ def test_a_run_without_its_bag_goes_by_the_time(clip, tmp_path):
     (tmp_path / "run.json").write_bytes((clip.folder / "run/run.json").read_bytes())
     played = open_run(open_session(files(clip, run=tmp_path)))
     assert [numbers["cam01"] for numbers in played.numbers] == list(range(FIRST, N_IMAGES))
+
+
+def test_images_come_from_the_bag_that_was_tracked(clip, tmp_path):
+    """With stamps of their own, and in another size than the rig's sources have."""
+    bag, begins_ns = tmp_path / "images", 1_700_000_000_000_000_000
+    with BagWriter(bag) as writer:
+        for i in range(4):
+            for name in clip.rig.names:
+                stamp_ns = begins_ns + round(i * 1e9 / RATE_HZ)
+                pixels = cv2.resize(cv2.imread(str(clip.folder / name / f"{i:04d}.png")), (80, 60), interpolation=cv2.INTER_AREA)
+                camera = replace(clip.rig[name], model=clip.rig[name].model.resized(80, 60))
+                writer.write_message(f"/{name}/camera_info", stamp_ns, camera_info_message(stamp_ns, camera))
+                writer.write_message(f"/{name}/image_raw", stamp_ns, image(stamp_ns, pixels))
+    run = ["track_offline", *clip.arguments(), "--bag", str(bag), "--output", str(tmp_path / "run"), "--quiet"]
+    assert main(run) == 0
+    played = open_run(open_session(files(clip, run=tmp_path / "run")))
+    assert [numbers["cam03"] for numbers in played.numbers] == [0, 1, 2, 3] and played.problem == ""
+    assert played.rig["cam03"].model.width == 80 and played.images.bgr("cam03", 2).shape == (60, 80, 3)
+    half = cv2.resize(cv2.imread(str(clip.folder / "cam03/0002.png")), (80, 60), interpolation=cv2.INTER_AREA)
+    np.testing.assert_array_equal(played.images.bgr("cam03", 2), half)
 
 
 def test_a_run_whose_images_are_gone_is_played_without(clip, tmp_path):

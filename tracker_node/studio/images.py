@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from ..camera.camera_rig import Camera, CameraRig
-from ..errors import FileFormatError, SourceError, UnknownNameError
+from ..errors import FileFormatError, SourceError, TrackerError, UnknownNameError
 from ..evaluation.image_sets import make_synchronizer, opened_sources
 from ..loaders.image_source import ImageSource, SourceOptions, open_camera_source
 from ..loaders.source_image import SourceImage
@@ -58,11 +58,22 @@ class RecordedImages:
             self._sources = opened_sources(rig, self._options, self.problems)
         except SourceError:
             self._sources = {}
+        self._number_of = {name: self._stamped(name) for name in [*self._sources]}
         self._readers = {name: _Reader(source, rig[name], self._options) for name, source in self._sources.items()}
-        self.sets = _sets_of(self._sources, synchronizer or SynchronizerConfig()) if self._sources else ()
-        self._number_of = {name: {source.stamp_ns(i): i for i in _numbers(source)} for name, source in self._sources.items()}
+        self.sets = _sets_of(self._sources, self._number_of, synchronizer or SynchronizerConfig()) if self._sources else ()
         self._jpegs: _Recent[bytes] = _Recent(_JPEG_BYTES, len)
         self._decoded: _Recent[np.ndarray] = _Recent(_DECODED_BYTES, lambda image: image.nbytes)
+
+    def _stamped(self, camera: str) -> dict[int, int]:
+        """Number of the image of each stamp; a camera that gives fewer than it announces is left out."""
+        source, numbers = self._sources[camera], _numbers(self._sources[camera])
+        try:
+            source.stamp_ns(numbers[-1])  # of a bag this reads all of them, from the first on each would anew
+            return {source.stamp_ns(i): i for i in numbers}
+        except TrackerError as error:
+            self.problems.append(f"camera '{camera}': {error}; this camera is left out")
+            del self._sources[camera]
+            return {}
 
     @property
     def cameras(self) -> tuple[str, ...]:
@@ -151,21 +162,18 @@ def _numbers(source: ImageSource) -> range:
     return range(source.options.start, source.options.start + source.n_images)
 
 
-def _sets_of(sources: Mapping[str, ImageSource], config: SynchronizerConfig) -> tuple[SetNumbers, ...]:
+def _sets_of(
+    sources: Mapping[str, ImageSource], number_of: Mapping[str, Mapping[int, int]], config: SynchronizerConfig
+) -> tuple[SetNumbers, ...]:
     """Sets as an offline run makes them, from the stamps alone."""
-    stamps = sorted(
-        (source.stamp_ns(i), order, i)
-        for order, source in enumerate(sources.values()) for i in _numbers(source)
-    )  # fmt: skip
     names = tuple(sources)
-    number_of = {(names[order], stamp_ns): i for stamp_ns, order, i in stamps}
     period_s = min(1.0 / source.rate_hz for source in sources.values())
     synchronizer = make_synchronizer(names, replace(config, image_period_s=period_s))
     sets: list[ImageSet] = []
-    for stamp_ns, order, _ in stamps:
+    for stamp_ns, order in sorted((stamp_ns, i) for i, name in enumerate(names) for stamp_ns in number_of[name]):
         sets += synchronizer.add(CameraImage(names[order], stamp_ns, _STAMP_ONLY, "mono8"))
     sets += synchronizer.flush()
-    return tuple(SetNumbers(s.stamp_ns, {x.camera: number_of[x.camera, x.stamp_ns] for x in s.images}) for s in sets)
+    return tuple(SetNumbers(s.stamp_ns, {x.camera: number_of[x.camera][x.stamp_ns] for x in s.images}) for s in sets)
 
 
 class _Recent(Generic[Item]):

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
+from ..camera.camera_rig import Camera, CameraRig
 from ..errors import FileFormatError, TrackerError
 from ..evaluation.image_sets import rig_of_bag
-from ..evaluation.recorded_sets import RecordedRunStream
+from ..evaluation.recorded_sets import RecordedRunStream, recorded_set
 from ..evaluation.run_data import RunData, load_run
-from ..loaders.bag_images import image_topics
+from ..loaders.bag_images import image_topics, only_topic
 from ..loaders.bag_reader import BagReader
 from ..loaders.image_source import SourceOptions
+from ..loaders.message_types import TRACKED_STATE
 from ..model.articulated_model import ArticulatedModel
 from .images import RecordedImages
 from .session import StudioSession
@@ -59,26 +60,38 @@ def open_run(session: StudioSession) -> PlayedRun:
 
 
 def _with_images(data: RunData, rig: CameraRig, model: ArticulatedModel) -> PlayedRun:
-    options = _source_options(data, rig)
     if data.bag is None:
-        images = RecordedImages(rig, options)
+        images = RecordedImages(rig, _source_options(data))
         return PlayedRun(data, rig, model, images, _by_time(images, data.stamps_ns), "; ".join(images.problems))
+    options = None
     with BagReader(data.bag) as reader:
-        recorded = set(image_topics(reader, rig.names).values())
-        stream = RecordedRunStream(rig, reader, None if recorded else options)
-        rig = rig_of_bag(rig, reader) if recorded else rig
-    sources = _from_bag(rig, data.bag, recorded) if recorded else rig
-    images = RecordedImages(sources, stream.source_options)
-    sets = {recorded_set.stamp_ns: recorded_set for recorded_set in stream.sets}
+        sets = [recorded_set(message) for _, message in reader.decoded(only_topic(reader, TRACKED_STATE, []))]
+        image_bag = _image_bag(data, rig)
+        if image_bag is None:
+            options = RecordedRunStream(rig, reader, _source_options(data)).source_options
+    if image_bag is not None:
+        rig = _from_bag(rig, image_bag)
+    images = RecordedImages(rig, options)
+    made_from = {recorded.stamp_ns: recorded.images for recorded in sets}
     numbers = []
     for stamp_ns in data.stamps_ns.tolist():
-        pairs = sets[stamp_ns].images if stamp_ns in sets else ()
-        found = {camera: images.number_at(camera, ns) for camera, ns in pairs}
+        found = {camera: images.number_at(camera, ns) for camera, ns in made_from.get(stamp_ns, ())}
         numbers.append({camera: number for camera, number in found.items() if number is not None})
     return PlayedRun(data, rig, model, images, tuple(numbers), "; ".join(images.problems))
 
 
-def _source_options(data: RunData, rig: CameraRig) -> SourceOptions:
+def _image_bag(data: RunData, rig: CameraRig) -> Path | None:
+    """The bag with the images of a run: its own, or that which it was tracked in; None where they came from the rig's sources."""
+    options = data.info.get("options") or {}
+    for bag in (data.bag, options.get("bag"), options.get("from_run_bag")):
+        if bag is not None and Path(bag).exists():
+            with BagReader(bag) as reader:
+                if image_topics(reader, rig.names):
+                    return Path(bag)
+    return None
+
+
+def _source_options(data: RunData) -> SourceOptions:
     """As the run was started."""
     options = data.info.get("options") or {}
     try:
@@ -90,16 +103,15 @@ def _source_options(data: RunData, rig: CameraRig) -> SourceOptions:
         raise FileFormatError(data.path, "run.json: options", "start, end and rate of the images", str(error)) from None
 
 
-def _from_bag(rig: CameraRig, bag: Path, recorded: set[str]) -> CameraRig:
-    """The cameras with the bag as their source, its stamps as they are; those that it has no images of have none."""
-    cameras = []
-    for camera in rig:
-        source = f"bag:{bag}" if camera.name in recorded else None
-        cameras.append(
-            replace(
-                camera, source=source, time_offset_ns=0, time_drift_ppm=0.0, stamps=None, stamp_file=None, interlaced=None
-            )
-        )
+def _from_bag(rig: CameraRig, bag: Path) -> CameraRig:
+    """The cameras with a bag as their source, its stamps as they are, and lenses for its images; those it lacks have none."""
+    with BagReader(bag) as reader:
+        recorded = set(image_topics(reader, rig.names).values())
+        rig = rig_of_bag(rig, reader)
+    cameras = (
+        Camera(c.name, c.model, c.T_world_cam, source=f"bag:{bag}" if c.name in recorded else None, gain=c.gain, gamma=c.gamma)
+        for c in rig
+    )
     return CameraRig(tuple(cameras), rig.world_frame, rig.lights)
 
 
