@@ -174,7 +174,29 @@ def test_mistakes_are_named(tmp_path: Path, capsys: pytest.CaptureFixture) -> No
     assert "nothing to record" in capsys.readouterr().err
     assert main(["recorder", "--output", str(tmp_path / "new"), "--regex", "("]) == 2
     assert "regular expression '('" in capsys.readouterr().err
+    for option, problem in (
+        ("--split-mb=-1", "expected 0 or more, got -1"),
+        ("--flush-s=0", "expected a positive number, got 0"),
+    ):
+        assert main(["recorder", "--output", str(tmp_path / "new"), "--all", option]) == 2
+        assert f"{option.partition('=')[0]}: {problem}" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
+
+
+def test_files_as_asked_for(node: Node, tmp_path: Path, start) -> None:
+    recorder = start(
+        "recorder", "--output", str(tmp_path / "run"), "--topics", "/a:std_msgs/msg/String", "--split-mb", "0.1", "--sync",
+        "--compression", "lz4", "--flush-s", "0.1",
+    )  # fmt: skip
+    recorder.wait_for("recorder: ready")
+    texts = [np.random.default_rng(i).bytes(250).hex() * 100 for i in range(40)]
+    send(node.create_publisher(String, "/a", 100), [String(data=text) for text in texts])
+    assert recorder.end() == 0, recorder.text
+    files = sorted((tmp_path / "run").glob("*.mcap"))
+    assert len(files) > 1
+    assert sum(file.stat().st_size for file in files) < 0.5 * sum(map(len, texts))
+    with BagReader(tmp_path / "run") as reader:
+        assert [message.data for _, message in reader.decoded("/a")] == texts
 
 
 def test_what_does_not_arrive_is_counted(node: Node, tmp_path: Path, start) -> None:

@@ -38,7 +38,7 @@ class BagFile:
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._first_ns: int | None = None
-        self._described = False
+        self._described = self._named = False
         self.finished = False
 
     @property
@@ -83,8 +83,15 @@ class BagFile:
         self._writer.finish_chunk()
 
     def sync(self) -> None:
-        """Have the operating system write what it has to the disk."""
+        """Have the operating system write what it has to the disk, the first time with the file's name."""
         os.fdatasync(self._stream.fileno())
+        if not self._named:
+            folder = os.open(self.path.parent, os.O_RDONLY)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)
+            self._named = True
 
     def finish(self, information: dict[str, Any]) -> None:
         """Write the index; ``information`` is what ``metadata.yaml`` says. May be tried again after an OSError."""
