@@ -11,8 +11,10 @@ from scipy.spatial.transform import Rotation
 from two_links import two_links
 
 from tracker_node.errors import FileFormatError
-from tracker_node.evaluation.run_data import load_run
+from tracker_node.evaluation.isb_angles import isb_angles
+from tracker_node.evaluation.run_data import RunDetails, load_run
 from tracker_node.evaluation.run_motion import at_constant_rate, motion_of_run, steady_period_ns, without_gaps
+from tracker_node.tracking.estimate import LimbStatus
 
 
 def test_lost_states_are_gaps_unless_asked_for(tmp_path):
@@ -21,8 +23,30 @@ def test_lost_states_are_gaps_unless_asked_for(tmp_path):
     motion = motion_of_run(run, tracked.model)
     assert np.flatnonzero(~motion.valid).tolist() == [2, 3]
     assert np.array_equal(motion.values, tracked.values)
-    assert motion_of_run(run, tracked.model, keep_lost=True).valid.all()
+    assert motion_of_run(run, tracked.model, lost="keep").valid.all()
     assert not motion.landmarks_m()[2].any() and motion.landmarks_m()[4].any()
+
+
+def test_lost_and_unseen_limbs_are_gaps_where_asked_for(tmp_path):
+    tracked = moving(12, gaps=(2,))
+    model, run = tracked.model, load_run(write_run(tmp_path / "run", tracked))
+    with pytest.raises(FileFormatError, match="limb"):
+        motion_of_run(run, model, lost="limbs")
+    status = np.full((12, 2), int(LimbStatus.TRACKING))
+    status[5, 0], status[6, 1] = int(LimbStatus.LOST), int(LimbStatus.UNSEEN)
+    details = replace(RunDetails.unknown(12, model.n_dof, ("left_hand", "right_foot")), limb_status=status)
+    motion = motion_of_run(replace(run, details=details), model, lost="limbs")
+    arm = [model.landmark_index(f"left_{name}") for name in ("shoulder", "elbow", "wrist")]
+    leg = [model.landmark_index(f"right_{name}") for name in ("knee", "ankle", "heel")]
+    for found in (motion, at_constant_rate(motion)[0]):
+        valid = found.landmarks_valid()
+        assert not valid[2].any() and not valid[5, arm].any() and not valid[6, leg].any()
+        assert np.count_nonzero(~valid[5]) == 3 and valid[[0, 1, 3, 4, 7]].all() and valid[5, leg].all()
+    doubled = at_constant_rate(motion, 120.0)[0]
+    assert np.flatnonzero(~doubled.landmarks_valid()[:, arm[0]]).tolist() == [3, 4, 5, 9, 10, 11]
+    joints = isb_angles(motion)
+    assert np.flatnonzero(~joints.valid[:, joints.joints.index("LeftElbow")]).tolist() == [2, 5]
+    assert np.flatnonzero(~joints.valid[:, joints.joints.index("LeftKnee")]).tolist() == [2]
 
 
 def test_a_run_without_any_sound_state_is_refused(tmp_path):

@@ -56,8 +56,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--isb-angles", action="store_true", help="c3d, csv: also joint angles after the ISB recommendations")
     what.add_argument("--link", metavar="NAME", help="tum: the link whose pose is written (default: the root)")
     what.add_argument(
-        "--lost", choices=("gap", "keep"), default="gap",
-        help="states that are lost or still being looked for: a gap (default), or kept as they stand",
+        "--lost", choices=("gap", "limbs", "keep"), default="gap",
+        help="states that are lost or still being looked for: a gap (default), or kept as they stand; limbs: landmarks and ISB"
+        " angles of single limbs that are lost or not seen are gaps, too",
     )  # fmt: skip
     how = parser.add_argument_group("axes, units, rate")
     how.add_argument("--up", choices=("y", "z"), help="axis that points up (default: y for trc, mot, sto and bvh, else z)")
@@ -88,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
     model_path = named_file(args, tracked.info, "model")
     model = load_model(model_path)
     tracked.check_model(model, model_path)
-    motion, notes = _prepared(args, motion_of_run(tracked, model, args.lost == "keep"))
+    motion, notes = _prepared(args, motion_of_run(tracked, model, args.lost))
     kinematics = None
     if args.cutoff is not None:
         kinematics = _filtered(args.cutoff, motion)
@@ -162,6 +163,9 @@ def _say(args: argparse.Namespace, motion: RunMotion, options: ExportOptions, no
     up, gaps = "y" if options.y_up else "z", f"{missing} of them without a state" if missing else "none without a state"
     units = [options.unit, *([options.angle_unit] if args.to in (*_USED_BY["angle"], "bvh") else [])]
     print(f"wrote {args.output}: {len(motion)} instants, {gaps}; {up} up, {', '.join(units)}")
+    if motion.unknown_links is not None:
+        limbs = motion.landmarks_valid()[motion.valid]
+        notes = [*notes, f"{int((~limbs).sum())} of {limbs.size} landmarks are gaps, since their limbs are lost or not seen"]
     for note in notes:
         print(f"  {note}", file=sys.stderr)
 

@@ -33,8 +33,8 @@ def markers_of(motion: RunMotion, options: ExportOptions) -> MarkerTrajectories:
     columns = options.columns(motion.model)
     if not columns:
         raise FileFormatError(motion.model.name, "landmarks", "a body model with at least one", "none")
-    valid = np.repeat(motion.valid[:, None], len(columns), axis=1)
-    positions = motion.landmarks_m()[:, columns]
+    valid = motion.landmarks_valid()[:, columns]
+    positions = np.where(valid[..., None], motion.landmarks_m()[:, columns], 0.0)
     return MarkerTrajectories(options.labels(motion.model), motion.times_s, positions, motion.rate_hz, valid)
 
 
@@ -49,8 +49,7 @@ def _c3d(motion: RunMotion, path: Path, options: ExportOptions) -> list[str]:
     angles = None
     if options.isb_angles:
         found = isb_angles(motion)
-        valid = np.repeat(motion.valid[:, None], len(found.joints), axis=1)
-        angles = AnglesOverTime(tuple(f"{joint}Angles" for joint in found.joints), found.radians, valid)
+        angles = AnglesOverTime(tuple(f"{joint}Angles" for joint in found.joints), found.radians, found.valid)
     dump_c3d(markers_of(motion, options), path, options.y_up, options.unit, described, angles, options.degrees)
     long = f"{len(motion)} frames: programs that do not know TRIAL:ACTUAL_END_FIELD see the first {MOST_FRAMES}"
     return [long] if len(motion) > MOST_FRAMES else []

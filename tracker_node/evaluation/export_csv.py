@@ -19,7 +19,7 @@ from .run_motion import RunMotion
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Columns (n, k) of one file; their names end in their units."""
+    """Columns (n, k) of one file, with their validity (n, k); their names end in their units."""
 
     name: str
     columns: tuple[str, ...]
@@ -33,7 +33,7 @@ def write_tables(motion: RunMotion, folder: Path, tables: list[Table]) -> None:
     for table in tables:
         with CsvWriter(folder / f"{table.name}.csv", ("stamp_ns", "time_s", *table.columns)) as writer:
             for stamp, time_s, values, good in zip(motion.stamps_ns, motion.times_s, table.values, table.valid, strict=True):
-                cells = map(exact, values) if good else [""] * len(values)
+                cells = [exact(value) if ok else "" for value, ok in zip(values, good, strict=True)]
                 writer.write_rows([[int(stamp), exact(time_s), *cells]])
 
 
@@ -50,18 +50,21 @@ def _tables(motion: RunMotion, options: ExportOptions, kinematics: StateKinemati
     length, angle = 1.0 / METERS_PER_UNIT[options.unit], 180.0 / np.pi if options.degrees else 1.0
     points = (length * motion.landmarks_m()[:, options.columns(motion.model)] @ options.axes.T).reshape(len(motion), -1)
     names = [f"{label}_{axis}" for label in options.labels(motion.model) for axis in "xyz"]
-    yield from _with_derivatives(motion, "landmark", "landmarks", names, [options.unit] * len(names), points, kinematics)
+    valid = np.repeat(motion.landmarks_valid()[:, options.columns(motion.model)], 3, axis=1)
+    yield from _with_derivatives(motion, "landmark", "landmarks", names, [options.unit] * len(names), points, valid, kinematics)
     found = opensim_coordinates(motion) if options.opensim else model_coordinates(motion, options.y_up)
     scale = {"m": (options.unit, length), "rad": (options.angle_unit, angle)}
     columns = tuple(f"{name}_{scale[unit][0]}" for name, unit in zip(found.names, found.units, strict=True))
-    yield Table("coordinates", columns, found.values * [scale[unit][1] for unit in found.units], motion.valid)
+    whole = np.repeat(motion.valid[:, None], len(columns), axis=1)
+    yield Table("coordinates", columns, found.values * [scale[unit][1] for unit in found.units], whole)
     if kinematics is not None:
         yield from _state_derivatives(motion, options, kinematics, scale)
     if options.isb_angles:
         angles = isb_angles(motion)
         names, values = [name for triple in angles.names for name in triple], angle * angles.radians.reshape(len(motion), -1)
         units = [options.angle_unit] * len(names)
-        yield from _with_derivatives(motion, "isb_angle", "isb_angles", names, units, values, kinematics)
+        valid = np.repeat(angles.valid, 3, axis=1)
+        yield from _with_derivatives(motion, "isb_angle", "isb_angles", names, units, values, valid, kinematics)
 
 
 def _state_derivatives(
@@ -73,7 +76,8 @@ def _state_derivatives(
         turned = values.copy()
         turned[:, :3], turned[:, 3:6] = values[:, :3] @ options.axes.T, values[:, 3:6] @ options.axes.T
         columns = tuple(f"{dof}_{unit}_per_{per}" for dof, (unit, _) in zip(chain.dof_names, units, strict=True))
-        yield Table(f"state_{name}", columns, turned * [factor for _, factor in units], motion.valid)
+        valid = np.repeat(motion.valid[:, None], len(columns), axis=1)
+        yield Table(f"state_{name}", columns, turned * [factor for _, factor in units], valid)
 
 
 def _with_derivatives(
@@ -83,12 +87,14 @@ def _with_derivatives(
     names: list[str],
     units: list[str],
     values: np.ndarray,
+    valid: np.ndarray,
     kinematics: StateKinematics | None,
 ) -> Iterator[Table]:
     pairs = list(zip(names, units, strict=True))
-    yield Table(name, tuple(f"{column}_{unit}" for column, unit in pairs), values, motion.valid)
+    yield Table(name, tuple(f"{column}_{unit}" for column, unit in pairs), values, valid)
     if kinematics is None:
         return
     first, second, good = derivatives(values, motion.valid, motion.rate_hz)
+    good = valid & good[:, None]
     yield Table(f"{one}_velocities", tuple(f"{column}_{unit}_per_s" for column, unit in pairs), first, good)
     yield Table(f"{one}_accelerations", tuple(f"{column}_{unit}_per_s2" for column, unit in pairs), second, good)

@@ -72,12 +72,14 @@ _CARDAN_SHOULDER = _JointAngles(
 class JointAngles:
     """Angles of j joints over time.
 
-    ``joints`` like ``LeftKnee``; ``names`` (j) of three angles each, ``left_knee_flexion``; ``radians`` (n, j, 3).
+    ``joints`` like ``LeftKnee``; ``names`` (j) of three angles each, ``left_knee_flexion``; ``radians`` (n, j, 3); ``valid``
+    (n, j), where both segments are known.
     """
 
     joints: tuple[str, ...]
     names: tuple[tuple[str, str, str], ...]
     radians: np.ndarray
+    valid: np.ndarray
 
 
 def isb_angles(motion: RunMotion) -> JointAngles:
@@ -100,19 +102,22 @@ def cardan_angles(motion: RunMotion) -> JointAngles:
 
 def _angles(motion: RunMotion, trunk: tuple[_JointAngles, ...], limbs: tuple[_JointAngles, ...]) -> JointAngles:
     links, rotations = _links(motion.model), motion.Ts_world_link()[..., :3, :3]
-    joints, names, angles = [], [], []
+    links_valid = motion.links_valid()
+    joints, names, angles, valid = [], [], [], []
     for side, row in [*(("", row) for row in trunk), *((side, row) for side in SIDES for row in limbs)]:
         proximal, distal = (links.get((side, part)) or links.get(("", part)) for part in (row.proximal, row.distal))
         if proximal is None or distal is None or not _moves(motion.model, proximal, distal):
             continue
-        turned = [rotations[:, motion.model.chain.link_index(link)] for link in (proximal, distal)]
+        pair = [motion.model.chain.link_index(link) for link in (proximal, distal)]
+        turned = rotations[:, pair]
         first, second, third = (f"{side}_{name}" if side else name for name in row.names)
         joints.append(side.capitalize() + row.joint)
         names.append((first, second, third))
-        angles.append(_decomposed(turned[0], turned[1], row, side == "left", motion.valid))
+        angles.append(_decomposed(turned[:, 0], turned[:, 1], row, side == "left", motion.valid))
+        valid.append(links_valid[:, pair].all(axis=1))
     if not joints:
         raise ModelError(f"joint angles: '{motion.model.name}' has no two segments of a person that meet (pelvis, left_thigh...)")
-    return JointAngles(tuple(joints), tuple(names), np.stack(angles, axis=1))
+    return JointAngles(tuple(joints), tuple(names), np.stack(angles, axis=1), np.stack(valid, axis=1))
 
 
 def _links(model: ArticulatedModel) -> dict[tuple[str, str], str]:

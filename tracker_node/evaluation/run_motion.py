@@ -10,9 +10,11 @@ from scipy.spatial.transform import Rotation, Slerp
 from ..errors import FileFormatError
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..tracking.estimate import Status
+from ..tracking.estimate import LimbStatus, Status
+from ..tracking.limbs import limbs_of
 from .run_data import RunData
 
+LOST = ("gap", "limbs", "keep")
 NOT_BELIEVED = (Status.LOST, Status.INITIALISING)
 ON_GRID = 0.25  # of a period: stamps that lie so near to those of a constant rate are taken for them
 _SAME_RATE = 0.01  # by which share a rate may differ from the run's own to be taken for it
@@ -30,6 +32,7 @@ class RunMotion:
     valid : (n,) bool; False where the body was lost, or no image set was tracked.
     period_ns : from one instant to the next, where one is missing too.
     uniform : True where the stamps are a constant period apart.
+    unknown_links : (n, n_links) bool, links of limbs that are lost or not seen while the body is tracked; None: none.
     """
 
     model: ArticulatedModel
@@ -38,6 +41,7 @@ class RunMotion:
     valid: np.ndarray
     period_ns: float
     uniform: bool = False
+    unknown_links: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.stamps_ns)
@@ -50,6 +54,15 @@ class RunMotion:
     def times_s(self) -> np.ndarray:
         """(n,) seconds since the first instant."""
         return (self.stamps_ns - self.stamps_ns[0]) * 1e-9
+
+    def links_valid(self) -> np.ndarray:
+        """(n, n_links) bool."""
+        valid = np.repeat(self.valid[:, None], len(self.model.chain.links), axis=1)
+        return valid if self.unknown_links is None else valid & ~self.unknown_links
+
+    def landmarks_valid(self) -> np.ndarray:
+        """(n, n_landmarks) bool."""
+        return self.links_valid()[:, self.model.landmark_links]
 
     def landmarks_m(self) -> np.ndarray:
         """(n, n_landmarks, 3) in the world; zeros where not valid."""
@@ -70,23 +83,35 @@ class RunMotion:
         return Configuration(self.model, State.from_values(self.values[i]))
 
 
-def motion_of_run(run: RunData, model: ArticulatedModel, keep_lost: bool = False) -> RunMotion:
+def motion_of_run(run: RunData, model: ArticulatedModel, lost: str = "gap") -> RunMotion:
     """The motion that a run has found.
 
     Parameters
     ----------
-    keep_lost : take states that are lost, or still being looked for, as they stand, instead of leaving a gap.
+    lost : one of `LOST`. States that are lost, or still being looked for, leave a gap, or are kept as they stand; with "limbs"
+        single limbs that are lost or not seen have gaps, too.
 
     Raises
     ------
-    FileFormatError : no state is left.
+    FileFormatError : no state is left, or limbs are asked for of a run that does not judge them.
     """
-    valid = np.ones(len(run), dtype=bool) if keep_lost else ~np.isin(run.status, [int(status) for status in NOT_BELIEVED])
+    valid = np.ones(len(run), dtype=bool) if lost == "keep" else ~np.isin(run.status, [int(status) for status in NOT_BELIEVED])
     valid &= np.isfinite(run.values).all(axis=1)
     if not valid.any():
         raise FileFormatError(run.path, "(states)", "at least one that is not lost", f"{len(run)} lost ones")
     values = np.where(valid[:, None], run.values, 0.0)
-    return RunMotion(model, run.stamps_ns, values, valid, steady_period_ns(run.stamps_ns))
+    unknown = _unknown_links(run, model) if lost == "limbs" else None
+    return RunMotion(model, run.stamps_ns, values, valid, steady_period_ns(run.stamps_ns), unknown_links=unknown)
+
+
+def _unknown_links(run: RunData, model: ArticulatedModel) -> np.ndarray:
+    if run.details is None or not run.details.limbs:
+        raise FileFormatError(run.path, "limb_status", "a run whose bag tells of limbs", "none")
+    unknown = np.zeros((len(run), len(model.chain.links)), dtype=bool)
+    links = {limb.name: limb.links for limb in limbs_of(model)}
+    for name, status in zip(run.details.limbs, run.details.limb_status.T, strict=True):
+        unknown |= np.isin(status, [int(LimbStatus.LOST), int(LimbStatus.UNSEEN)])[:, None] & links[name]
+    return unknown
 
 
 def steady_period_ns(stamps_ns: np.ndarray) -> float:
@@ -118,16 +143,24 @@ def at_constant_rate(motion: RunMotion, rate_hz: float | None = None) -> tuple[R
     off = np.abs(elapsed - rows * period)
     as_they_are = abs(period / motion.period_ns - 1.0) < _SAME_RATE and off.max() <= ON_GRID * period
     n = rows[-1] + 1 if as_they_are else int(elapsed[-1] / period * (1.0 + 1e-12)) + 1
-    grid = np.arange(n) * period
+    grid = np.round(np.arange(n) * period)  # nanoseconds, so that an instant of the run is met exactly
+    unknown = motion.unknown_links
     if as_they_are:
         values, valid = np.zeros((n, motion.values.shape[1])), np.zeros(n, dtype=bool)
         values[rows], valid[rows] = motion.values, motion.valid
+        if unknown is not None:
+            unknown = np.zeros((n, unknown.shape[1]), dtype=bool)
+            unknown[rows] = motion.unknown_links
         done = f"states as they are, at {1e9 / period:.6g} Hz; stamps are within {1e-6 * off.max():.2g} ms of that"
     else:
         values, valid = _interpolated(motion, elapsed, grid)
+        if unknown is not None:
+            after = np.clip(np.searchsorted(elapsed, grid), 0, len(elapsed) - 1)
+            unknown = unknown[np.where(elapsed[after] == grid, after, np.maximum(after - 1, 0))] | unknown[after]
         done = f"states interpolated to {1e9 / period:.6g} Hz"
-    stamps = motion.stamps_ns[0] + np.round(grid).astype(np.int64)
-    return replace(motion, stamps_ns=stamps, values=values, valid=valid, period_ns=period, uniform=True), done
+    stamps = motion.stamps_ns[0] + grid.astype(np.int64)
+    at_rate = replace(motion, stamps_ns=stamps, values=values, valid=valid, period_ns=period, uniform=True, unknown_links=unknown)
+    return at_rate, done
 
 
 def without_gaps(motion: RunMotion) -> RunMotion:

@@ -13,7 +13,6 @@ from ..loaders.trc import load_trc
 from ..model.landmark_names import landmark_of_marker
 from .association import Trajectories
 
-
 OWN_TIME = (".trc", ".c3d", ".mot", ".sto")  # suffixes of files whose stamps count from their first row
 
 
