@@ -64,7 +64,7 @@ def _bars(bars: Bars) -> dict[str, Any]:
     ]
     layout = _layout(340) | {"barmode": "group", "bargap": 0.25}
     layout["yaxis"] |= {"title": {"text": bars.y_label}}
-    layout["xaxis"] |= {"showgrid": False}
+    layout["xaxis"] |= {"showgrid": False, "automargin": True}
     return {"data": data, "layout": layout}
 
 
@@ -81,7 +81,13 @@ def _strips(block: Strips) -> dict[str, Any]:
         })  # fmt: skip
     layout = _layout(110 + 30 * len(block.rows)) | {"barmode": "overlay", "bargap": 0.25, "hovermode": "closest"}
     layout["xaxis"] |= {"title": {"text": "time since the first image set [s]"}, "showgrid": False}
-    layout["yaxis"] |= {"categoryorder": "array", "categoryarray": list(block.rows)[::-1], "showgrid": False, "fixedrange": True}
+    layout["yaxis"] |= {
+        "categoryorder": "array",
+        "categoryarray": list(block.rows)[::-1],
+        "showgrid": False,
+        "fixedrange": True,
+        "automargin": True,
+    }
     return {"data": data, "layout": layout}
 
 
@@ -93,12 +99,12 @@ def _heat_map(block: HeatMap) -> dict[str, Any]:
     }  # fmt: skip
     layout = _layout(110 + 20 * len(block.rows)) | {"hovermode": "closest"}
     layout["xaxis"] |= {"title": {"text": "time since the first image set [s]"}, "showgrid": False}
-    layout["yaxis"] |= {"autorange": "reversed", "showgrid": False, "fixedrange": True}
+    layout["yaxis"] |= {"autorange": "reversed", "showgrid": False, "fixedrange": True, "automargin": True}
     return {"data": [data], "layout": layout}
 
 
 def _layout(height: int) -> dict[str, Any]:
-    axis: dict[str, Any] = {"gridcolor": _GRID, "zeroline": False, "linecolor": "#b8c1c8", "ticks": "outside", "automargin": True}
+    axis: dict[str, Any] = {"gridcolor": _GRID, "zeroline": False, "linecolor": "#b8c1c8", "ticks": "outside"}
     return {
         "height": height, "margin": {"l": 60, "r": 12, "t": 30, "b": 44}, "font": _FONT, "hovermode": "x unified",
         "paper_bgcolor": "#fff", "plot_bgcolor": "#fff", "xaxis": dict(axis), "yaxis": dict(axis), "showlegend": True,

@@ -37,7 +37,7 @@ function drawChart(element) {
 
 function drawCurve(curve) {
   const n = curve.panels.length;
-  const axis = { gridcolor: "#e8ecef", zeroline: false, linecolor: "#b8c1c8", ticks: "outside", automargin: true };
+  const axis = { gridcolor: "#e8ecef", zeroline: false, linecolor: "#b8c1c8", ticks: "outside" };
   const layout = { height: n === 1 ? 340 : 160 + 150 * n, margin: { l: 60, r: 12, t: 30, b: 44 }, hovermode: "x unified",
     font: { family: "system-ui, Segoe UI, Roboto, DejaVu Sans, sans-serif", size: 12, color: "#1d2730" },
     legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 }, showlegend: true,

@@ -1,0 +1,152 @@
+#!/usr/bin/env python3
+"""How long the report of a long run takes to make, how large its page is, and how long a browser takes to show it.
+
+The run is real: 700 image sets of six cameras of 640x480 are tracked offline. Its images are 30 rendered instants of the
+40-degree-of-freedom human, shown forward and backward in turn, so that the motion goes on without a jump; truth are the states
+that they were drawn from. ``build_s``: `tracker_node evaluate` as a process of its own, from its start to its end, with page, PDF
+and contact sheets. ``load_s``: from the start of navigation until the page has loaded and all charts are drawn, in headless
+Chromium; the fastest of a few, with the slowest beside it. Seconds stand beside the time of one fixed kernel.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
+
+from _contour_runs import print_circumstances
+from _reference import reference_ms
+
+from tracker_node.cli.synthesize import Request, produce, show_progress
+from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+from tracker_node.evaluation.run_offline import OfflineRun, run_offline
+from tracker_node.loaders.model_yaml import load_model
+from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.loaders.state_yaml import load_state
+from tracker_node.loaders.trajectory_file import read_states, write_states
+
+N_RENDERED, N_SETS, QUICK_SETS = 30, 700, 90
+PERIOD_NS = 1e9 / 30.0
+LOADS = 5
+
+
+def main(arguments: list[str] | None = None) -> int:
+    args = _arguments(arguments)
+    n = QUICK_SETS if args.quick else N_SETS
+    clip, folder = args.cache / f"cones-{N_RENDERED}", args.cache / f"report-{n}"
+    produce(Request(subject="model", motion="waves", n_images=N_RENDERED), clip, progress=show_progress)
+    if not (folder / "run" / "run.json").exists():
+        shutil.rmtree(folder, ignore_errors=True)
+        lengthen(clip, folder, n)
+        track(folder, n)
+    reference = reference_ms()
+    build_s = evaluate(folder)
+    page = folder / "report" / "report.html"
+    loads = load_times(page, 2 if args.quick else LOADS)
+    figures: dict[str, float | int] = {
+        "report.image_sets": n,
+        "report.cameras": len(load_rig(folder / "rig.yaml")),
+        "report.build_s": build_s,
+        "report.size_mb": page.stat().st_size / 1e6,
+        "report.pdf_mb": page.with_suffix(".pdf").stat().st_size / 1e6,
+        "report.load_s": min((drawn for _, drawn in loads), default=float("nan")),
+        "report.load_s_slowest": max((drawn for _, drawn in loads), default=float("nan")),
+        "report.load_event_s": min((event for event, _ in loads), default=float("nan")),
+        "report.reference_ms": reference,
+        "report.build_in_reference": 1e3 * build_s / reference,
+    }
+    print_circumstances()
+    print_metrics(figures)
+    if args.json:
+        write_metrics(args.json, figures)
+    return 0
+
+
+def lengthen(clip: Path, folder: Path, n: int) -> None:
+    """A recording of ``n`` image sets in ``folder`` from that in ``clip``, forward and backward in turn, with its truth."""
+    order = forward_and_backward(N_RENDERED, n)
+    rig = load_rig(clip / "rig.yaml")
+    for name in rig.names:
+        (folder / name).mkdir(parents=True)
+        for i, image in enumerate(order):
+            (folder / name / f"{i:06d}.jpg").symlink_to((clip / name / f"{image:06d}.jpg").resolve())
+    for name in ("rig.yaml", "person.yaml", "state.yaml"):
+        shutil.copy(clip / name, folder / name)
+    (folder / "plates").symlink_to((clip / "plates").resolve())
+    truth = read_states(clip / "true_states.csv")
+    rows = tuple(replace(truth.rows[image], stamp_ns=round(i * PERIOD_NS)) for i, image in enumerate(order))
+    write_states(folder / "true_states.csv", replace(truth, rows=rows))
+
+
+def forward_and_backward(n: int, length: int) -> list[int]:
+    """0, 1, ... n - 1, n - 2, ... 0, 1, ... of this length."""
+    there_and_back = [*range(n), *range(n - 2, 0, -1)]
+    return [there_and_back[i % len(there_and_back)] for i in range(length)]
+
+
+def track(folder: Path, n: int) -> None:
+    """Track the recording as `track_offline` does."""
+    model = load_model(folder / "person.yaml")
+    files = {"rig": str(folder / "rig.yaml"), "model": str(folder / "person.yaml")}
+    run = OfflineRun(load_rig(files["rig"]), model, initial_state=load_state(folder / "state.yaml", model), named_options=files)
+
+    def tell(done: int, expected: int | None, estimate: object) -> None:
+        if done % 50 == 0:
+            print(f"tracking: image set {done} of {n}", file=sys.stderr, flush=True)
+
+    run_offline(run, folder / "run", tell)
+
+
+def evaluate(folder: Path) -> float:
+    """Seconds that the command takes."""
+    command = [sys.executable, "-m", "tracker_node.cli.main", "evaluate", str(folder / "run"), "--lag", "0", "--name", "long"]
+    began = time.perf_counter()
+    more = ["--truth", str(folder / "true_states.csv"), "--output", str(folder / "report")]
+    subprocess.run([*command, *more], check=True, stdout=subprocess.DEVNULL)
+    return time.perf_counter() - began
+
+
+def load_times(page: Path, repeats: int) -> list[tuple[float, float]]:
+    """(load event, all charts drawn) in seconds since the start of navigation; empty without a browser."""
+    from browser import browser_tab
+    from pytest import skip
+
+    times = []
+    for _ in range(repeats):
+        try:
+            with browser_tab() as tab:
+                tab.page.goto(page.resolve().as_uri())
+                tab.page.wait_for_function("document.documentElement.dataset.drawn", timeout=120_000)
+                event, drawn = tab.page.evaluate(
+                    "[performance.getEntriesByType('navigation')[0].loadEventEnd, Number(document.documentElement.dataset.drawn)]"
+                )
+                if tab.errors:
+                    raise RuntimeError(f"{page}: the browser's console says: {tab.errors}")
+        except skip.Exception as missing:
+            print(f"report: {missing}", file=sys.stderr)
+            return []
+        times.append((1e-3 * event, 1e-3 * drawn))
+    return times
+
+
+def _arguments(arguments: list[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0],
+        epilog="example:\n  python benchmark/report.py --json out/benchmark/report.json",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--quick", action="store_true", help=f"{QUICK_SETS} image sets: shows that it runs")
+    parser.add_argument("--json", metavar="FILE", help="also write the figures to this file")
+    parser.add_argument("--cache", type=Path, default=Path("out/synthetic"), help="folder of recordings (default: %(default)s)")
+    return parser.parse_args(arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
