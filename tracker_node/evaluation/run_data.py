@@ -17,6 +17,7 @@ from ..loaders.trajectory_file import read_states
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..tracking.estimate import LimbStatus, Status
+from .smoothed_writer import FOLDER as SMOOTHED
 
 STATES_FILE, INFO_FILE, BAG_FOLDER = "states.csv", "run.json", "bag"
 
@@ -112,7 +113,7 @@ def load_run(path: str | Path, topic: str | None = None) -> RunData:
     if not path.exists():
         raise FileFormatError(path, "(path)", "a run folder or a bag", "nothing there")
     bag = _bag_in(path)
-    info = _read_info(path / INFO_FILE) if path.is_dir() else {}
+    info = _read_info((path.parent if path.name == SMOOTHED else path) / INFO_FILE) if path.is_dir() else {}
     if path.is_dir() and (path / STATES_FILE).exists():
         run = _from_csv(path / STATES_FILE)
         if bag is not None:
