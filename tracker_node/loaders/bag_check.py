@@ -18,6 +18,7 @@ from .bag_reader import REPAIR, BagReader, BagTopic
 from .bag_scan import SCANNERS, scan
 
 GAP_PERIODS = 3.0
+_MOST_PROBLEMS = 20  # of one file
 _STEADY = 10  # messages from which on a topic has a period
 _STEADY_SPREAD = 0.5  # of the middle half of the periods, over their median
 
@@ -135,7 +136,7 @@ def _read_all(reader: BagReader, check: BagCheck, on_file: Callable[[Path], None
             for message in scan(file, contents):
                 yield contents.channels[message.channel].topic, message.stamp_ns
             if not reader.recovered:
-                check.problems += [f"{file.name}: {problem}" for problem in dict.fromkeys(contents.problems)]
+                check.problems += [f"{file.name}: {problem}" for problem in _different(contents.problems)]
         return
     on_file(reader.path)
     try:
@@ -143,6 +144,12 @@ def _read_all(reader: BagReader, check: BagCheck, on_file: Callable[[Path], None
             yield each.topic, each.stamp_ns
     except FileFormatError as error:
         check.problems.append(str(error))
+
+
+def _different(problems: list[str]) -> list[str]:
+    different = list(dict.fromkeys(problems))
+    more = len(different) - _MOST_PROBLEMS
+    return [*different[:_MOST_PROBLEMS], f"and {more} more like these"] if more > 0 else different
 
 
 def _check_metadata(reader: BagReader, check: BagCheck) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -29,6 +29,7 @@ from .recorder_report import RecorderState, TopicPace, topics_status
 
 DISCOVERY_S = 0.1
 REPORT_S = 1.0
+RATE_OVER_S = 10.0
 DEPTH = 100  # messages of a topic that may wait for the event loop
 IMAGE_CHOICES = {"all": (RAW, COMPRESSED), "raw": (RAW,), "compressed": (COMPRESSED,), "none": ()}
 
@@ -88,7 +89,8 @@ class RecorderNode(Node):
         self._topics: dict[str, _Recorded] = {}
         self._replaced: list[_Recorded] = []  # destroying a subscription crashes the events executor
         self._paused = False
-        self._reported = (time.monotonic(), 0, 0, 0)  # when, and messages, bytes and dropped messages then
+        # When, and messages, bytes and dropped messages then; rates are those of the last seconds.
+        self._reported = deque([(time.monotonic(), 0, 0, 0)], maxlen=round(RATE_OVER_S / REPORT_S))
         self.lost: Counter[str] = Counter()
         self.problems: dict[str, str] = {}
         self.last_message_s = time.monotonic()
@@ -208,9 +210,9 @@ class RecorderNode(Node):
     def _state(self) -> RecorderState:
         bag, now_s = self._bag, time.monotonic()
         messages, size, dropped = sum(bag.written.values()), bag.size, sum(bag.dropped.values())
-        then_s, messages_then, size_then, dropped_then = self._reported
-        if now_s - then_s > 0.5 * REPORT_S:
-            self._reported = now_s, messages, size, dropped
+        then_s, messages_then, size_then, _ = self._reported[0]
+        dropped_then = self._reported[-1][3]
+        self._reported.append((now_s, messages, size, dropped))
         passed_s = max(now_s - then_s, 1e-3)
         free = bag.free_bytes
         return RecorderState(

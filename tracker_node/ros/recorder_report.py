@@ -15,7 +15,7 @@ _BEHIND = 0.5  # share of the queue
 _STUCK_S = 2.0  # without handing anything to the operating system
 _SILENT_S = 3.0
 _SILENT_PERIODS = 10.0
-_STEADY = 5  # messages from which on a topic has a rate
+_STEADY = 30  # messages from which on a topic has a rate
 
 
 @dataclass
@@ -60,7 +60,7 @@ class RecorderState:
     unsaved_s : age of the oldest message that a kill would cost.
     lost, dropped : messages that did not arrive; that came and were not written.
     dropping : whether some were dropped since the last report.
-    bytes_per_s, messages_per_s : since the last report.
+    bytes_per_s, messages_per_s : over the last reports.
     refused : topics that are not recorded, with the reason.
     """
 
