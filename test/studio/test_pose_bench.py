@@ -31,7 +31,7 @@ def off_mm(clip, state, truth):
 def test_the_engine_of_the_parameters_scores_and_fits(clip, engine, score):
     bench, truth = bench_of(clip, f"engine: {engine}\n"), clip.states[2]
     assert bench.scorer.name == score
-    start = State(truth.T_world_root, truth.joint_positions + np.array([0.05, -0.1, 0.1]))
+    start = State(truth.T_world_root, truth.joint_positions + np.array([0.15, -0.25, 0.25]))
     fitted = bench.fit(start, 2)
     assert off_mm(clip, fitted.state, truth) < 0.5 * off_mm(clip, start, truth)
     assert bench.score(fitted.state, 2).total > bench.score(start, 2).total

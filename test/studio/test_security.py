@@ -105,6 +105,12 @@ def test_no_path_leads_out_of_the_folder(client, path):
     assert status in (400, 404) and "import" not in text and "root:" not in text
 
 
+def test_images_are_not_kept_for_another_studio_on_the_same_port(client):
+    status, _, headers = client.ask("/images/cam01/0")
+    assert status == 200 and headers["Content-Type"] == "image/jpeg" and headers["Vary"] == "Cookie"
+    assert client.ask("/api/session")[2]["Cache-Control"] == "no-store"
+
+
 def test_bodies_are_bounded_and_checked(client):
     huge = {"Origin": f"http://{client.host}", "Content_Length": str(10**9)}
     assert client.ask("/api/pose/show", "POST", b"{}", **huge)[0] == 413

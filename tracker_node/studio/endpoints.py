@@ -52,6 +52,8 @@ def image(path: str, images: Callable[[], RecordedImages]) -> Route:
             raise FileFormatError("request", "shrink", f"a whole number from 1 to {_MOST_SHRINK}", shrink)
         camera, number = request.path_params["camera"], request.path_params["number"]
         data = await run_in_threadpool(lambda: images().jpeg(camera, number, int(shrink)))
-        return Response(data, media_type="image/jpeg", headers={"Cache-Control": "private, max-age=3600"})
+        # Another studio on this port, with other images, has another token in its cookie
+        kept = {"Cache-Control": "private, max-age=3600", "Vary": "Cookie"}
+        return Response(data, media_type="image/jpeg", headers=kept)
 
     return Route(path, endpoint)

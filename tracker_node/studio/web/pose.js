@@ -128,12 +128,15 @@ function start() {
 
   // --- image sets
 
+  const bringImages = latestOnly((numbers) =>
+    Promise.all(views.map((view) => view.setImage(view.name in numbers ? `/images/${view.name}/${numbers[view.name]}` : ""))));
+
   function goTo(set) {
     shown.set = clamp(set, 0, session.sets.length - 1);
     const { stamp_ns, numbers } = session.sets[shown.set];
     $("set").value = shown.set;
     $("where").textContent = `set ${shown.set} of ${session.sets.length}, ${(stamp_ns * 1e-9).toFixed(3)} s`;
-    views.forEach((view) => view.setImage(view.name in numbers ? `/images/${view.name}/${numbers[view.name]}` : ""));
+    bringImages(numbers);
     scoreNow(history.now);
   }
 
