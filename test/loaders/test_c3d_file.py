@@ -105,3 +105,19 @@ def test_more_frames_than_the_header_counts(tmp_path):
 def test_a_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(FileFormatError, match=r"nowhere\.c3d"):
         load_c3d(tmp_path / "nowhere.c3d")
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_bytes_gone_wrong_are_read_or_named(tmp_path, seed):
+    """Of these six some crash ezc3d itself."""
+    rng = np.random.default_rng(seed)
+    dump_c3d(trajectories(30, 3), tmp_path / "a.c3d")
+    content = np.frombuffer((tmp_path / "a.c3d").read_bytes(), dtype=np.uint8).copy()
+    content[rng.integers(0, 1500, 4)] = rng.integers(0, 256, 4)
+    (tmp_path / "a.c3d").write_bytes(content.tobytes())
+    try:
+        read = load_c3d(tmp_path / "a.c3d")
+    except FileFormatError as error:
+        assert "a.c3d" in str(error)
+        return
+    assert np.isfinite(read.positions_m).all() and not read.positions_m[~read.valid].any()

@@ -92,3 +92,19 @@ def test_spaces_do_for_tabs(tmp_path):
     (tmp_path / "a.mot").write_text(TEXT.replace("\t", "   "))
     read = load_table(tmp_path / "a.mot")
     assert read.values.tolist() == [[10.0, 20.0], [30.0, 0.0]] and read.valid.tolist() == [[True, True], [True, False]]
+
+
+@given(st.lists(st.tuples(st.integers(0, len(TEXT) - 1), st.text(max_size=3)), min_size=1, max_size=6))
+def test_damaged_text_is_read_or_named(tmp_path_factory, changes):
+    path = tmp_path_factory.mktemp("damaged") / "a.mot"
+    text = TEXT
+    for place, put in changes:
+        text = text[:place] + put + text[place + 1 :]
+    path.write_text(text, encoding="utf-8", errors="replace")
+    try:
+        read = load_table(path)
+    except FileFormatError as error:
+        assert "a.mot" in str(error)
+        return
+    assert read.values.shape == (len(read.times_s), len(read.names)) == read.valid.shape
+    assert np.isfinite(read.values).all() and (np.diff(read.times_s) > 0).all()
