@@ -53,12 +53,13 @@ def test_a_click_that_cannot_be_saved_is_not_kept_either(tmp_path):
         ("first/7.csv", "camera,point,u,v\ntop,hip,1,2\n", "one of left, back, right.*top"),
         ("first/seven.csv", "camera,point,u,v\nleft,hip,1,2\n", "STAMP_NS"),
         ("second/7.csv", "camera,point,u,v\nleft,hip,1,nan\n", "finite"),
+        ("points.txt", "Fu\udcdfspitze\n", "UTF-8"),
         ("control_points.csv", "camera,point,x,y,z,u,v\nleft,corner,0,0,1,1,2\n", "the place known"),
     ],
 )
 def test_files_that_do_not_fit_are_named(tmp_path, name, content, said):
     (tmp_path / name).parent.mkdir(exist_ok=True)
-    (tmp_path / name).write_text(content)
+    (tmp_path / name).write_text(content, errors="surrogateescape")
     with pytest.raises(FileFormatError, match=said):
         ClickStore(tmp_path, RIG.names, {"corner": np.zeros(3)})
 

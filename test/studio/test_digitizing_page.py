@@ -8,10 +8,12 @@ from render_scenes import LENSES, look_at
 from studio_process import running_studio
 
 from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.cli.main import main
 from tracker_node.evaluation.truth import load_truth
 from tracker_node.loaders.clicks import load_clicks
 from tracker_node.loaders.control_points import load_control_points
-from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
+from tracker_node.loaders.rig_yaml import load_rig, rig_file_of, write_rig_file
+from tracker_node.studio.digitizing import Method, reconstruct
 
 EYES = {"left": (2.0, 0.3, 1.2), "back": (-0.6, 2.1, 1.0), "right": (-1.5, -1.6, 1.4)}
 PLACE = np.array([0.12, -0.21, 0.93])
@@ -209,10 +211,23 @@ def test_control_points_become_a_file_for_calibrate_dlt(tmp_path):
         assert tab.errors == []
     seen = load_control_points(tmp_path / "clicks/control_points.csv")
     assert list(seen) == list(rig.names) and all(points.names == tuple(places) for points in seen.values())
-    from tracker_node.cli.main import main
-
     arguments = ["--points", str(tmp_path / "clicks/control_points.csv"), "--size", "160x120", "-o", str(tmp_path / "dlt.yaml")]
     assert main(["calibrate", "dlt", *arguments]) == 0
+    by_hand = load_rig(tmp_path / "dlt.yaml")
+    seen_again = {camera.name: {"p": camera.project(PLACE)[0]} for camera in rig}
+    (_, found) = reconstruct(by_hand, seen_again, Method("dlt"))["p"]
+    assert np.linalg.norm(found.position_m - PLACE) < 0.01
+
+
+def test_a_click_that_cannot_be_saved_is_taken_back_and_the_reason_told(desk):
+    studio, tab, hands, folder = desk
+    hands.open(studio.page("digitizing.html"))
+    hands.add_point("knee")
+    (folder / "clicks/first").write_text("where the folder should be")
+    hands.click("left", (80.0, 60.0))
+    hands.wait_for(".message.bad", "clicks/first")
+    tab.page.wait_for_function("() => !document.querySelector('#views-of-point').innerText.includes('80')")
+    tab.errors.clear()  # the browser calls the refusal an error
 
 
 def test_without_cameras_the_page_says_what_to_do():

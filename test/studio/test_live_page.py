@@ -39,6 +39,7 @@ class FakeTracker:
     def __init__(self) -> None:
         self.node = Node("fake")
         self.status, self.reason, self.residual = TrackedState.LOST, "the outline is elsewhere", float("nan")
+        self.encoding = "bgr8"
         self.asked: list[str] = []
         self.images = 0
         self._state = self.node.create_publisher(TrackedState, "~/state", RESULT)
@@ -89,7 +90,9 @@ class FakeTracker:
         picture = np.full((48, 64, 3), GREEN_BGR, np.uint8)
         self._overlay.publish(compressed_message(0, "left", picture))
         self._other_overlay.publish(compressed_message(0, "right", picture))
-        self._raw.publish(image_message(0, "left", np.full((48, 64, 3), BLUE_BGR, np.uint8)))
+        raw = image_message(0, "left", np.full((48, 64, 3), BLUE_BGR, np.uint8))
+        raw.encoding = self.encoding
+        self._raw.publish(raw)
         self.images += 1
         bad = DiagnosticStatus(level=DiagnosticStatus.ERROR, name="recorder: bag", message="the disk is full")
         bad.values = [KeyValue(key="free [MB]", value="0")]
@@ -152,6 +155,10 @@ def test_the_page_shows_what_is_published_and_hands_on_what_is_asked(fake):
         wait_for_color(page, GREEN_BGR)
         page.select_option("#kind", "camera")
         wait_for_color(page, BLUE_BGR)
+        fake.encoding = "magic8"
+        wait_for(page, "#connection", "magic8")
+        fake.encoding = "bgr8"
+        wait_for(page, "#connection", "connected")
         fake.status, fake.reason, fake.residual = TrackedState.TRACKING, "", 1.5
         wait_for(page, "#status-name", "TRACKING")
         wait_for(page, "#figures", "1.5 px")

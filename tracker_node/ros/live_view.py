@@ -79,6 +79,7 @@ class LiveView:
         self.diagnostics = LiveDiagnostics()
         self.image_topics: dict[str, str] = {}
         self.services: dict[str, str] = {}
+        self.problem = ""  # why the thread has ended by itself
         self._node.create_subscription(DiagnosticArray, "/diagnostics", self.diagnostics.take, RESULT)
         self._thread = threading.Thread(target=self._run, name="live view", daemon=True)
         self._thread.start()
@@ -133,6 +134,9 @@ class LiveView:
                 self._run_errands()
         except ExternalShutdownException:
             pass
+        except Exception as error:  # whatever ROS says: the page tells it, instead of showing what is no longer true
+            self.problem = f"the view of the graph has ended: {error}"
+            raise
         finally:
             self._executor.shutdown()
             self._node.destroy_node()

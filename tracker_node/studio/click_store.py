@@ -14,6 +14,7 @@ from ..errors import FileFormatError
 from ..loaders.clicks import dump_clicks, load_clicks
 from ..loaders.control_points import ControlPoints, dump_control_points, load_control_points
 from ..loaders.owned_folder import OwnedFolder
+from ..loaders.yaml_file import read_text
 
 PASSES = ("first", "second", "third")
 CONTROL_FILE, NAMES_FILE = "control_points.csv", "points.txt"
@@ -129,7 +130,7 @@ class ClickStore:
             for path in sorted((self.folder.path / name).glob("*.csv")):
                 self._passes[name][_stamp_of(path)] = self._known(path, load_clicks(path))
         if (self.folder.path / NAMES_FILE).exists():
-            self.names = (self.folder.path / NAMES_FILE).read_text(encoding="utf-8").split("\n")[:-1]
+            self.names = [name for name in read_text(self.folder.path / NAMES_FILE).splitlines() if name]
         path = self.folder.path / CONTROL_FILE
         if path.exists():
             self._load_control(path)

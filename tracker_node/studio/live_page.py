@@ -106,8 +106,9 @@ class Desk:
                 due_s = time.monotonic() + PERIOD_S
                 wanted = validate(Wanted, await socket.receive_json(), "request")
                 view.watch(who, list(wanted.topics)[:_MOST_TOPICS])
-                images = await run_in_threadpool(_new_images, view, wanted)
-                await socket.send_json({**_news(view, wanted), "images": [[topic, number] for topic, number, _ in images]})
+                images, refused = await run_in_threadpool(_new_images, view, wanted)
+                announced = [[topic, number] for topic, number, _ in images]
+                await socket.send_json({**_news(view, wanted), "images": announced, "refused": refused})
                 for _, _, jpeg in images:
                     await socket.send_bytes(jpeg)
                 await asyncio.sleep(max(0.0, due_s - time.monotonic()))
@@ -141,14 +142,23 @@ class Desk:
         return dict(zip(model.chain.dof_names, state.to_values().tolist(), strict=True))
 
 
-def _new_images(view: LiveView, wanted: Wanted) -> list[tuple[str, int, bytes]]:
-    """Topic, number and JPEG of the images that the page has not got."""
-    found = [(topic, view.image(topic), number) for topic, number in wanted.topics.items()]
-    return [(topic, image.number, image.jpeg(topic)) for topic, image, number in found if image and image.number != number]
+def _new_images(view: LiveView, wanted: Wanted) -> tuple[list[tuple[str, int, bytes]], list[str]]:
+    """Topic, number and JPEG of the images that the page has not got; sentences on those that cannot be shown."""
+    found, refused = [], []
+    for topic, number in wanted.topics.items():
+        image = view.image(topic)
+        try:
+            if image is not None and image.number != number:
+                found.append((topic, image.number, image.jpeg(topic)))
+        except TrackerError as error:
+            refused.append(str(error))
+    return found, refused
 
 
 def _news(view: LiveView, wanted: Wanted) -> dict[str, Any]:
     """What the page shows besides images."""
+    if view.problem:
+        raise TrackerError(view.problem)
     trackers = {
         name: {
             "state": tracker.facts(),

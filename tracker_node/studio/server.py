@@ -42,7 +42,7 @@ def make_app(session: StudioSession, access: Access, pages: Sequence[Page] = ())
     return Starlette(
         routes=routes,
         middleware=[Middleware(OnlyOwnPages, access=access)],
-        exception_handlers={TrackerError: _told},
+        exception_handlers={TrackerError: _told, OSError: _not_written},
     )
 
 
@@ -88,3 +88,10 @@ def session_facts(session: StudioSession) -> dict[str, Any]:
 async def _told(request: Request, error: Exception) -> Response:
     """A user's mistake is one sentence, as on the command line."""
     return JSONResponse({"error": str(error)}, status_code=400)
+
+
+async def _not_written(request: Request, error: Exception) -> Response:
+    """A file that cannot be written, mostly: a full disk, a folder that is not ours."""
+    assert isinstance(error, OSError)
+    where = f"{error.filename}: " if error.filename else ""
+    return JSONResponse({"error": f"{where}{error.strerror or error}"}, status_code=400)

@@ -80,8 +80,8 @@ function take(answer) {
     list.push(...tracker.points);
     list.splice(0, Math.max(0, list.length - KEPT));
   }
-  byId("connection").textContent = "connected";
-  byId("connection").className = "good";
+  byId("connection").textContent = answer.refused.length ? answer.refused.join("; ") : "connected";
+  byId("connection").className = answer.refused.length ? "bad" : "good";
   show();
 }
 
