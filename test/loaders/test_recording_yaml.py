@@ -119,3 +119,14 @@ def test_anything_in_a_field_is_read_or_refused(folder, field, value):
         load_recording(path)
     except FileFormatError as error:
         assert error.file == str(path) and "\n" not in str(error)
+
+
+def test_the_recording_of_the_demo(repository, tmp_path):
+    """It stands beside the sample's files, which `sample` makes."""
+    named = ("rig_refined.yaml", "person.yaml", "initial_state.yaml", "tracker.yaml", "truth.trc", "masks.json")
+    for name in named:
+        (tmp_path / name).touch()
+    path = written(tmp_path, (repository / "config/balancing_recording.yaml").read_text())
+    recording = load_recording(path)
+    assert recording.record.overlays and recording.record.markers  # what the shipped layouts show
+    assert recording.evaluate.image_sets == 100
