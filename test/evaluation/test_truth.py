@@ -36,6 +36,14 @@ def test_c3d_says_itself_which_axis_is_up(tmp_path, file_y_up):
     assert truth.valid.tolist() == valid.tolist()
 
 
+@pytest.mark.parametrize("times", [(0.0, 1e-12, 1.0), (0.0, 1.0, 1e300)])
+def test_times_that_make_no_stamps_are_refused(tmp_path, times):
+    valid = np.ones((3, 1), dtype=bool)
+    dump_trc(MarkerTrajectories(("Neck",), np.array(times), np.ones((3, 1, 3)), 60.0, valid), tmp_path / "a.trc")
+    with pytest.raises(FileFormatError, match="times"):
+        load_truth(tmp_path / "a.trc")
+
+
 def test_a_landmark_under_two_names_is_refused(tmp_path):
     positions, valid = np.ones((2, 2, 3)), np.ones((2, 2), dtype=bool)
     dump_trc(MarkerTrajectories(("RKnee", "right_knee"), np.arange(2.0), positions, 1.0, valid), tmp_path / "a.trc")

@@ -13,6 +13,7 @@ from ..errors import FileFormatError, ModelError
 from ..geometry import so3
 from ..loaders.bvh import AXES_Y_UP
 from ..loaders.opensim_table import load_table
+from ..loaders.stamps import stamps_from_first_ns
 from ..model.articulated_model import ArticulatedModel
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..model.pose_variables import ROOT_NAMES, angles_of, variable_names
@@ -128,7 +129,7 @@ def load_coordinates(
     if y_up and set(ROOT_NAMES[:3]) <= set(names):
         place = [names.index(name) for name in ROOT_NAMES[:3]]
         values[:, place] = values[:, place] @ AXES_Y_UP
-    stamps = np.round((table.times_s - table.times_s[0]) * 1e9).astype(np.int64)
+    stamps = stamps_from_first_ns(path, table.times_s)
     return names, *_with_gaps(stamps, values, valid)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import FileFormatError
 from ..loaders.c3d_file import load_c3d
+from ..loaders.stamps import stamps_from_first_ns
 from ..loaders.trajectory_file import read_joints
 from ..loaders.trc import load_trc
 from ..model.landmark_names import landmark_of_marker
@@ -33,7 +34,7 @@ def load_truth(path: str | Path, y_up: bool | None = None) -> Trajectories:
     kind = path.suffix.lower()
     if kind in (".trc", ".c3d"):
         markers = load_c3d(path, y_up) if kind == ".c3d" else load_trc(path, y_up is not False)
-        stamps = np.round((markers.times_s - markers.times_s[0]) * 1e9).astype(np.int64)
+        stamps = stamps_from_first_ns(path, markers.times_s)
         names, positions, valid = markers.names, markers.positions_m, markers.valid
     elif kind == ".csv":
         joints = read_joints(path)

@@ -28,6 +28,7 @@ _NUMBER = ("image", "image_index", "frame", "frame_index", "frame_id", "frame_nu
 _TIME = ("time", "timestamp", "stamp", "frame_time", "t", "seconds")
 _UNITS_NS = {"": 10**9, "_s": 10**9, "_ms": 10**6, "_us": 10**3, "_ns": 1}
 _TIME_COLUMNS = {f"{name}{suffix}": scale for name in _TIME for suffix, scale in _UNITS_NS.items()}
+_LONGEST_SPAN_S = 3.2e9
 _LONGEST_PERIOD_S = 100.0  # between images; more is a wrong unit
 
 
@@ -63,6 +64,22 @@ def file_times(camera: Camera, n_images: int) -> tuple[int, ...] | None:
 def period_ns(times: Sequence[int]) -> int:
     """Median time between two images; 0 of fewer than two."""
     return int(np.median(np.diff(np.array(times, dtype=np.int64)))) if len(times) > 1 else 0
+
+
+def stamps_from_first_ns(path: str | Path, times_s: np.ndarray) -> np.ndarray:
+    """(n,) int64: nanoseconds since the first of increasing times in seconds.
+
+    Raises
+    ------
+    FileFormatError : times that are not a nanosecond apart, or span more than a hundred years.
+    """
+    elapsed = np.asarray(times_s, dtype=np.float64) - times_s[0]
+    if not elapsed[-1] < _LONGEST_SPAN_S:
+        raise FileFormatError(path, "times", f"a span of less than {_LONGEST_SPAN_S:.0f} s", elapsed[-1])
+    stamps = np.round(elapsed * 1e9).astype(np.int64)
+    if np.any(np.diff(stamps) <= 0):
+        raise FileFormatError(path, "times", "times a nanosecond apart at least", "closer ones")
+    return stamps
 
 
 def field_times(times: Sequence[int]) -> tuple[int, ...]:
