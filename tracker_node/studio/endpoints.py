@@ -34,7 +34,7 @@ def post(path: str, kind: type[Asked], answer: Callable[[Asked], Any]) -> Route:
     async def endpoint(request: Request) -> Response:
         try:
             body = await request.json()
-        except ValueError:
+        except (ValueError, RecursionError):  # no JSON, or lists in lists without end
             body = None
         if not isinstance(body, dict):
             raise FileFormatError("request", "(body)", "a JSON object", body)
