@@ -30,6 +30,7 @@ from websockets.sync.client import connect
 from tracker_node.ros.conversions import compressed_message, image_message, stamp_message
 from tracker_node.ros.qos import RESULT
 
+SERVICE_OF = {"Set state": "set_state", "Reinitialize": "reinitialize", "Disable": "enable", "Enable": "enable"}
 GREEN_BGR, BLUE_BGR = (40, 200, 60), (220, 60, 30)
 
 
@@ -206,13 +207,19 @@ def test_a_real_tracker_is_seen_and_reset(ros_domain_id, tmp_path):
     files = [f"--{name}={tmp_path / 'arm' / file}.yaml" for name, file in [("rig", "rig"), ("model", "model")]]
     pipeline = NodeProcess("pipeline", *files, "--initial-state", tmp_path / "arm/state.yaml", "--loop", "--real-time")
     try:
-        with live_page("--model", tmp_path / "arm/model.yaml") as (_, tab):
+        named = ("--model", tmp_path / "arm/model.yaml", "--initial-state", tmp_path / "arm/state.yaml")
+        with live_page(*named) as (_, tab):
             wait_for(tab.page, "#figures", "arm")
             wait_for(tab.page, "#limbs", "hand")
             tab.page.wait_for_function("() => document.querySelectorAll('.view').length === 3")
             wait_for(tab.page, "#diagnostics", "tracker: rate")
             tab.page.click("text=Reset")
             wait_for(tab.page, ".message", "reset: done")
+            for button in ("Set state", "Reinitialize", "Disable", "Enable"):
+                tab.page.click(f"button:text-is('{button}')")
+                wait_for(tab.page, ".message", f"{SERVICE_OF[button]}: ")
+                assert tab.page.locator(".message.bad").count() == 0, tab.page.inner_text(".message")
+                tab.page.evaluate("document.querySelector('.message').remove()")
         pipeline.interrupt()
         assert pipeline.wait() == 0, pipeline.err
     finally:
