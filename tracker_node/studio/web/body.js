@@ -3,6 +3,28 @@
 /** How the body is drawn; pages change it and redraw. */
 export const look = { fill: 0.25, outline: true, skeleton: true, byScore: false };
 
+const TOGGLES = ["outline", "skeleton", "byScore"];
+
+/** The controls of the page by which people change `look`; returns a function that changes it, too. */
+export function bindLook(redraw) {
+  const fill = document.getElementById("fill"), boxes = TOGGLES.map((name) => [name, document.getElementById(name)]).filter(([, box]) => box);
+  const sync = () => {
+    fill.value = look.fill;
+    for (const [name, box] of boxes) box.checked = look[name];
+    redraw();
+  };
+  fill.addEventListener("input", () => { look.fill = fill.valueAsNumber; redraw(); });
+  for (const [name, box] of boxes) box.addEventListener("change", () => { look[name] = box.checked; redraw(); });
+  sync();
+  return (changes) => { Object.assign(look, changes); sync(); };
+}
+
+/** What takes the overlay away, or brings it back. */
+export function overlayToggled() {
+  const off = look.outline || look.fill > 0;
+  return { outline: !off, fill: off ? 0 : 0.25 };
+}
+
 /** Red over amber to green for 0 over 1/2 to 1; grey where nothing is known. */
 export function scoreColor(value) {
   return value === null || value === undefined ? "#8b95a1" : `hsl(${Math.round(120 * Math.min(Math.max(value, 0), 1))} 75% 45%)`;

@@ -238,4 +238,29 @@ export class ImageView {
   }
 }
 
+/** The views of all cameras, side by side as large as they can be. */
+export class ViewGrid {
+  constructor(container, cameras) {
+    this.container = container;
+    this.views = cameras.map((camera) => new ImageView(container, camera));
+    new ResizeObserver(() => this._arrange()).observe(container);
+  }
+
+  redraw() { this.views.forEach((view) => view.redraw()); }
+
+  /** One camera by its number from 1 alone, or all again; whether there is such a camera. */
+  toggleAlone(number) {
+    if (!this.views[number - 1]) return false;
+    const alone = this.views.some((view) => view.element.hidden);
+    this.views.forEach((view, i) => { view.element.hidden = !alone && i !== number - 1; });
+    this._arrange();
+    return true;
+  }
+
+  _arrange() {
+    const seen = this.views.filter((view) => !view.element.hidden);
+    if (seen.length) layoutViews(this.container, seen.length, seen[0].width / seen[0].height);
+  }
+}
+
 export function clamp(x, low, high) { return Math.min(Math.max(x, low), high); }

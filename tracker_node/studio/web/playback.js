@@ -1,7 +1,7 @@
 // A run over its images: what was tracked, how well, and when it was not.
 
-import { bodyOverlay, latestOnly, look, zoomToBody } from "/body.js";
-import { ImageView, attempt, clamp, isTyping, layoutViews, make, openPage, request, say } from "/common.js";
+import { bindLook, bodyOverlay, latestOnly, look, overlayToggled, zoomToBody } from "/body.js";
+import { ViewGrid, attempt, clamp, isTyping, make, openPage, request, say } from "/common.js";
 import { words } from "/fields.js";
 import { CURVE_COLORS, STATUS_COLOR, Timeline } from "/timeline.js";
 
@@ -20,17 +20,11 @@ function start() {
   const n = run.seconds.length;
   const now = { row: 0, drawn: {}, playing: false };
   const drawn = new Map(); // row -> its overlays, the latest of them
-  const views = run.cameras.map((camera) => new ImageView($("views"), camera));
+  const grid = new ViewGrid($("views"), run.cameras), { views } = grid;
   const timeline = new Timeline($("timeline"), (row) => goTo(row));
   const curves = new Map();
 
   for (const view of views) view.overlays.push(bodyOverlay(() => ({ ...run, drawn: now.drawn[view.name], hot: -1 })));
-  const arrange = () => {
-    const seen = views.filter((view) => !view.element.hidden);
-    if (seen.length) layoutViews($("views"), seen.length, seen[0].width / seen[0].height);
-  };
-  new ResizeObserver(arrange).observe($("views"));
-  const redrawAll = () => { syncLook(); views.forEach((view) => view.redraw()); };
 
   // --- one image set: its overlay and its images appear together
 
@@ -52,7 +46,7 @@ function start() {
     const overlays = await attempt(() => overlaysOf(row));
     await Promise.all(views.map((view) => view.setImage(urlOf(view, row))));
     now.drawn = overlays ?? {};
-    views.forEach((view) => view.redraw());
+    grid.redraw();
   });
 
   function goTo(row) {
@@ -167,17 +161,9 @@ function start() {
 
   // --- what listens
 
-  function syncLook() {
-    $("fill").value = look.fill; $("outline").checked = look.outline; $("skeleton").checked = look.skeleton;
-  }
   const zoomAll = () => views.forEach((view) => zoomToBody(view, now.drawn[view.name]));
-  const alone = (number) => {
-    const hidden = views.some((view) => view.element.hidden);
-    views.forEach((view, i) => { view.element.hidden = !hidden && i !== number; });
-    arrange();
-  };
-  $("fill").addEventListener("input", () => { look.fill = $("fill").valueAsNumber; redrawAll(); });
-  for (const name of ["outline", "skeleton"]) $(name).addEventListener("change", () => { look[name] = $(name).checked; redrawAll(); });
+  look.skeleton = false;
+  const changeLook = bindLook(() => grid.redraw());
   const clicks = { play, before: () => goTo(now.row - 1), after: () => goTo(now.row + 1), trouble: () => toTrouble(1), zoom: zoomAll, help: () => $("keys").showModal() };
   for (const [id, action] of Object.entries(clicks)) $(id).addEventListener("click", action);
   document.addEventListener("keydown", (event) => {
@@ -186,16 +172,14 @@ function start() {
     const onRange = event.target.type === "range";
     const moves = { ArrowLeft: () => goTo(now.row - far), ArrowRight: () => goTo(now.row + far), Home: () => goTo(0), End: () => goTo(n - 1) };
     const others = { " ": play, n: () => toTrouble(1), p: () => toTrouble(-1), z: zoomAll, "?": clicks.help,
-      o: () => { const off = look.outline || look.fill > 0; look.outline = look.skeleton = !off; look.fill = off ? 0 : 0.25; redrawAll(); } };
+      o: () => changeLook({ ...overlayToggled(), skeleton: false }) };
     const action = (onRange ? undefined : moves[key]) ?? others[key.toLowerCase()]
-      ?? (/^[1-9]$/.test(key) && key <= views.length ? () => alone(key - 1) : undefined);
+      ?? (/^[1-9]$/.test(key) ? () => grid.toggleAlone(Number(key)) : undefined);
     if (!action || (key === " " && event.target.matches?.("button, input[type=checkbox]"))) return;
     event.preventDefault();
     action();
   });
 
-  look.skeleton = false;
-  syncLook();
   $("timeline").setAttribute("aria-valuemax", n - 1);
   if (run.problem) say(run.problem, "bad");
   showTimeline();

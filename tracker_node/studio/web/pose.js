@@ -1,9 +1,11 @@
 // The pose of a body, set by hand: the page asks the server to draw, score, drag and fit it.
 
-import { bodyOverlay, latestOnly, look, nearestHandle, scoreColor, zoomToBody } from "/body.js";
-import { ImageView, attempt, clamp, isTyping, layoutViews, make, openPage, request, say } from "/common.js";
+import { bindLook, bodyOverlay, latestOnly, look, nearestHandle, overlayToggled, zoomToBody } from "/body.js";
+import { ViewGrid, attempt, clamp, isTyping, make, openPage, request } from "/common.js";
 import { makeFields, words } from "/fields.js";
 import { History } from "/history.js";
+import { bindFiles } from "/pose_files.js";
+import { showScores } from "/score_panel.js";
 
 const $ = (id) => document.getElementById(id);
 const HANDLE_PX = 10;
@@ -19,7 +21,7 @@ if (!body) {
 function start() {
   const history = new History(body.values);
   const shown = { cameras: {}, scores: null, hot: -1, set: 0 };
-  const views = session.cameras.map((camera) => new ImageView($("views"), camera));
+  const grid = new ViewGrid($("views"), session.cameras), { views } = grid;
   const fields = makeFields($("fields"), body.groups, (index, value, done) => {
     const values = [...history.now];
     values[index] = value;
@@ -48,7 +50,7 @@ function start() {
 
   function draw({ cameras }) {
     shown.cameras = cameras;
-    views.forEach((view) => view.redraw());
+    grid.redraw();
   }
 
   function take(answer) {
@@ -62,21 +64,8 @@ function start() {
 
   function showScore(score) {
     shown.scores = score.parts;
-    const text = (value) => (value === null ? "–" : `${Math.round(100 * value)} %`);
-    const rows = Object.entries(score.cameras).flatMap(([name, { value, samples }]) => {
-      const bar = make("div");
-      bar.style.width = `${100 * clamp(value ?? 0, 0, 1)}%`; bar.style.background = scoreColor(value);
-      const meter = make("div", { class: "meter", title: `${samples} samples` }, bar);
-      return [make("span", {}, name), meter, make("span", { class: "mono", "data-score": name }, text(value))];
-    });
-    const total = make("b", { id: "total" }, text(score.total));
-    total.style.color = scoreColor(score.total);
-    const shrunk = body.score.shrunk > 1 ? ` In images of 1/${body.score.shrunk} of the size.` : "";
-    $("score").replaceChildren(
-      make("div", { class: "total", title: body.score.meaning + shrunk }, total, make("span", { class: "soft" }, body.score.name)),
-      make("div", { class: "cameras" }, ...rows),
-    );
-    if (look.byScore) views.forEach((view) => view.redraw());
+    showScores($("score"), score, body.score);
+    if (look.byScore) grid.redraw();
   }
 
   // --- views and the mouse
@@ -110,21 +99,11 @@ function start() {
       view.setNote(hot < 0 ? "" : words(body.handles[hot].name));
       if (hot === shown.hot) return;
       shown.hot = hot;
-      views.forEach((other) => other.redraw());
+      grid.redraw();
     };
   }
 
-  const arrange = () => {
-    const seen = views.filter((view) => !view.element.hidden);
-    if (seen.length) layoutViews($("views"), seen.length, seen[0].width / seen[0].height);
-  };
-  new ResizeObserver(arrange).observe($("views"));
   const zoomAll = () => views.forEach((view) => zoomToBody(view, shown.cameras[view.name]));
-  const alone = (number) => {
-    const hidden = views.some((view) => view.element.hidden);
-    views.forEach((view, i) => { view.element.hidden = !hidden && i !== number; });
-    arrange();
-  };
 
   // --- image sets
 
@@ -169,45 +148,15 @@ function start() {
     $("fitted").replaceChildren(make("b", { class: kind }, answer.status.toLowerCase()), answer.reason ? `: ${answer.reason}` : "", said);
     $("fitted").title = limbs;
   }
-  async function listNames() {
-    const { names } = (await attempt(() => request("/api/pose/names"))) ?? { names: [] };
-    $("load").replaceChildren(make("option", { value: "" }, names.length ? "Load…" : "none saved"), ...names.map((name) => make("option", { value: name }, name)));
-    $("load").disabled = !names.length;
-  }
-  async function load(name) {
-    const answer = name && await attempt(() => request("/api/pose/load", { name }));
-    $("load").value = "";
-    if (!answer) return;
+  const files = bindFiles(body.folder, () => ({ values: history.now, set: shown.set }), (answer) => {
     history.set(answer.values, true, "load");
     take(answer);
-    say(`${name} loaded`);
-  }
-  async function save(overwrite) {
-    const asked = { values: history.now, set: shown.set, name: $("name").value, overwrite };
-    const answer = await request("/api/pose/save", asked).catch((error) => ({ error: error.message }));
-    if (answer.path) {
-      say(`saved as ${answer.path}`);
-      $("saving").close();
-      listNames();
-      return;
-    }
-    $("exists").textContent = answer.exists ? `${answer.exists}: replace it?` : answer.error;
-    $("exists").hidden = false;
-    $("write").textContent = answer.exists ? "Replace" : "Save";
-    $("write").dataset.replace = answer.exists ? $("name").value : "";
-  }
-  const openSaving = () => { $("exists").hidden = true; $("write").textContent = "Save"; $("write").dataset.replace = ""; $("saving").showModal(); };
+  });
 
   // --- what listens
 
-  const redrawAll = () => { syncLook(); views.forEach((view) => view.redraw()); };
-  function syncLook() {
-    $("fill").value = look.fill;
-    for (const name of ["outline", "skeleton", "byScore"]) $(name).checked = look[name];
-  }
-  $("fill").addEventListener("input", () => { look.fill = $("fill").valueAsNumber; redrawAll(); });
-  for (const name of ["outline", "skeleton", "byScore"]) $(name).addEventListener("change", () => { look[name] = $(name).checked; redrawAll(); });
-  const clicks = { undo, redo, neutral, fit, zoom: zoomAll, save: openSaving, help: () => $("keys").showModal(),
+  const changeLook = bindLook(() => grid.redraw());
+  const clicks = { undo, redo, neutral, fit, zoom: zoomAll, help: () => $("keys").showModal(),
     before: () => goTo(shown.set - 1), after: () => goTo(shown.set + 1),
     fold: () => {
       const boxes = [...document.querySelectorAll("details.joint")], open = boxes.some((box) => box.open);
@@ -217,32 +166,22 @@ function start() {
   for (const [id, action] of Object.entries(clicks)) $(id).addEventListener("click", action);
   $("set").max = session.sets.length - 1;
   $("set").addEventListener("input", () => goTo($("set").valueAsNumber));
-  $("load").addEventListener("change", () => load($("load").value));
-  $("folder").textContent = body.folder;
-  $("saving").addEventListener("submit", (event) => {
-    if (event.submitter?.value !== "yes") return;
-    event.preventDefault();
-    save($("write").dataset.replace === $("name").value);
-  });
-  const control = { z: undo, y: redo, s: openSaving };
+  const control = { z: undo, y: redo, s: files.openSaving };
   const plain = { f: fit, z: zoomAll, ",": clicks.before, ".": clicks.after, "?": clicks.help,
-    h: () => { look.skeleton = !look.skeleton; redrawAll(); },
-    o: () => { const off = look.outline || look.fill > 0; look.outline = !off; look.fill = off ? 0 : 0.25; redrawAll(); } };
+    h: () => changeLook({ skeleton: !look.skeleton }), o: () => changeLook(overlayToggled()) };
   document.addEventListener("keydown", (event) => {
     if (event.target.closest?.("dialog")) return;
     const key = event.key.toLowerCase();
     let action = event.ctrlKey || event.metaKey ? control[key] : undefined;
     if (key === "z" && event.ctrlKey && event.shiftKey) action = redo;
     if (!event.ctrlKey && !event.metaKey && !event.altKey && !isTyping(event)) {
-      action = plain[key] ?? (/^[1-9]$/.test(key) && key <= views.length ? () => alone(key - 1) : undefined);
+      action = plain[key] ?? (/^[1-9]$/.test(key) ? () => grid.toggleAlone(Number(key)) : undefined);
     }
     if (!action) return;
     event.preventDefault();
     action();
   });
 
-  syncLook();
-  listNames();
   ask({ path: "/api/pose/show", asked: { values: body.values }, then: (answer) => { draw(answer); zoomAll(); } });
   goTo(0);
 }
