@@ -7,7 +7,6 @@ from pathlib import Path
 import bvhio
 import c3d
 import numpy as np
-import opensim
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -24,6 +23,8 @@ from tracker_node.evaluation.kinematics import state_kinematics
 from tracker_node.model.configuration import Configuration
 from tracker_node.model.human import human_model
 from tracker_node.model.pose_variables import from_variables
+
+opensim = pytest.importorskip("opensim", reason="no wheel of OpenSim for this machine")
 
 GAPS = (0, 3, 4, 11)
 Y_UP, Z_UP = ExportOptions(y_up=True), ExportOptions(y_up=False)

@@ -3,13 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
-import opensim
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.opensim_table import NumberTable, dump_table, load_table
+
+opensim = pytest.importorskip("opensim", reason="no wheel of OpenSim for this machine")
 
 HEADER = "Coordinates\nversion=1\nnRows=2\nnColumns=3\ninDegrees=yes\n\nendheader\n"
 TEXT = HEADER + "time\tknee_angle_r\thip_r\n0.0\t10\t20\n0.5\t30\tnan\n"

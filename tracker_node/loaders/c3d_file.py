@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import ezc3d
 import numpy as np
 
 from ..errors import FileFormatError
@@ -22,6 +21,7 @@ from .trc import METERS_PER_UNIT, MarkerTrajectories
 
 MOST_FRAMES = 65535  # that the header can count; of longer recordings TRIAL:ACTUAL_END_FIELD tells, to programs that look for it
 _BLOCK = 512  # bytes
+_INTEGER = 2  # type of a parameter: 16 bits
 _MAGIC = 0x50  # second byte of every C3D file
 _LEAST_BYTES = 8  # of a point: four numbers of 16 bits
 _PROCESSOR, _BIG_ENDIAN = 3, 86  # byte of the parameters that tells of the byte order, and its value on MIPS
@@ -53,6 +53,8 @@ def dump_c3d(
     unit : m, cm or mm. Coordinates are single precision: 0.06 mm at 1 km.
     descriptions : of the markers.
     """
+    import ezc3d  # here, since it has no wheels for some machines, which read and write everything else
+
     n = len(markers)
     positions = (markers.positions_m[..., [1, 2, 0]] if y_up else markers.positions_m) / METERS_PER_UNIT[unit]
     turned = angles or AnglesOverTime((), np.zeros((n, 0, 3)), np.zeros((n, 0), dtype=bool))
@@ -86,7 +88,7 @@ def _state_frames(file: Any, n: int) -> None:
     for name, frame in (("ACTUAL_START_FIELD", 1), ("ACTUAL_END_FIELD", n)):
         file.add_parameter("TRIAL", name, [0, 0])
         parameter = file["parameters"]["TRIAL"][name]
-        parameter["type"], parameter["value"] = ezc3d.ezc3d.INT, np.array([frame & 0xFFFF, frame >> 16])
+        parameter["type"], parameter["value"] = _INTEGER, np.array([frame & 0xFFFF, frame >> 16])
 
 
 def load_c3d(path: str | Path, y_up: bool | None = None) -> MarkerTrajectories:
