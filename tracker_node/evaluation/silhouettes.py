@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -152,8 +153,12 @@ def _images(task: _Task, camera: Camera, wanted: set[int]) -> Iterator[tuple[int
         yield from _bag_images(task, camera, wanted)
         return
     source = open_camera_source(camera, SourceOptions(start=min(wanted), end=max(wanted) + 1))
-    numbers = {source.stamp_ns(i): i for i in wanted}
+    numbers = {source.stamp_ns(i): i for i in sorted(wanted)}
+    stamps = list(numbers)
     for stamp_ns, image in source:
+        later = stamps[bisect_right(stamps, stamp_ns) :]
+        if later:
+            source.skip_before(later[0])  # nothing is decoded for the images between
         if stamp_ns in numbers:
             yield numbers[stamp_ns], image
 
