@@ -172,8 +172,8 @@ def _camera_part(camera: Camera, masks: CameraMasks, cache: Path, key: str) -> _
     if not (images_file.exists() and rest_file.exists()):
         _make_part(camera, masks, images_file, rest_file)
     # Copy on write: pages are shared between processes, and kernels get arrays that count as writable.
-    images = np.asarray(np.load(images_file, mmap_mode="c"))
-    with np.load(rest_file) as rest:
+    images = np.asarray(np.load(images_file, mmap_mode="c", allow_pickle=False))
+    with np.load(rest_file, allow_pickle=False) as rest:
         numbers, shape, packed, stamps = rest["numbers"], tuple(rest["shape"]), rest["masks"], rest["stamps_ns"]
     unpacked = {
         int(number): np.unpackbits(bits, count=shape[0] * shape[1]).reshape(shape)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 
@@ -190,14 +191,19 @@ def _shape_values(shape: Shape, path: Path) -> dict[str, Any]:
     elif isinstance(primitive, Ellipsoid):
         values |= {"type": "ellipsoid", "radii": list(primitive.radii)}
     elif isinstance(primitive, Box):
-        values |= _box_values(primitive, path.with_name(f"{path.stem}_{shape.name}"))
+        values |= _box_values(primitive, _beside(path, shape.name))
     elif isinstance(primitive, LoftedSolid) and primitive.loft is not None:
         values |= _loft_values(primitive)
     elif isinstance(primitive, Mesh):
-        file = write_mesh(primitive, path.with_name(f"{path.stem}_{shape.name}"))
+        file = write_mesh(primitive, _beside(path, shape.name))
         values |= {"type": "mesh", "file": file.name}
     values = {key: float(value) if isinstance(value, np.floating) else value for key, value in values.items()}
     return values | _placed(shape.T_link_shape) | {"color_rgb": [int(c) for c in shape.color_rgb]}
+
+
+def _beside(path: Path, name: str) -> Path:
+    """Stem of the files of a shape of any name: one with a slash must not lead to another folder."""
+    return path.with_name(f"{path.stem}_{quote(name, safe=' ')}")
 
 
 def _box_values(box: Box, stem: Path) -> dict[str, Any]:

@@ -17,6 +17,8 @@ import numpy as np
 
 from ..errors import FileFormatError, UnknownNameError
 
+_LARGEST = 64 * 2**20  # bytes of one file in an archive; an image with a hundred people has a tenth of a megabyte
+
 BODY_25B = (
     "nose", "left_eye", "right_eye", "left_ear", "right_ear", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow",
     "left_wrist", "right_wrist", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle", "neck", "head",
@@ -95,6 +97,9 @@ def _json_files(path: Path) -> Iterator[tuple[str, str | bytes]]:
     try:
         with zipfile.ZipFile(path) as archive:
             for name in sorted(archive.namelist()):
+                size = archive.getinfo(name).file_size
+                if name.endswith(".json") and size > _LARGEST:
+                    raise FileFormatError(path, name, f"at most {_LARGEST} bytes of JSON", f"{size} bytes")
                 if name.endswith(".json"):
                     yield name, archive.read(name)
     except (OSError, zipfile.BadZipFile) as error:
