@@ -87,12 +87,13 @@ class TrackerNode(ManagedNode):
         self._outputs = TrackerOutputs(self, options.rig, options.model, self._mismatches, str(fixed["frame_prefix"]))
         inbox = InboxOptions(self._lossless, bool(fixed["compressed"]), options.inbox.capacity)
         self._inbox = ImageInbox(self, options.rig.names, inbox, self._mismatches)
+        config = self._parameters_of_node.config
         if options.make_tracker is None:
             rig = options.rig.subset(cameras)
-            warm_up(rig, options.model, self._parameters_of_node.config, options.initial_state, options.occluders)
+            warm_up(rig, options.model, config, options.initial_state, options.occluders, writeable=inbox.compressed)
         self._worker = TrackingWorker(
             self._inbox,
-            self._setup(self._parameters_of_node.config, cameras),
+            self._setup(config, cameras),
             self._on_estimate,
             model=options.model,
             lossless=self._lossless,

@@ -12,7 +12,7 @@ from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..observation.image_set import CameraImage, ImageSet
 from ..render.raycaster import render_view
-from .config import TrackerConfig
+from .config import StartConfig, TrackerConfig
 from .tracker import Tracker
 
 _WIDTH_PX = 160
@@ -26,24 +26,35 @@ def warm_up(
     config: TrackerConfig,
     state: State | None = None,
     occluders: ArticulatedModel | None = None,
+    *,
+    writeable: bool = False,
 ) -> None:
     """Track a drawn body in small images with a tracker of this kind, and forget it.
 
     What the tracker does later is the same with and without: only its code is in memory. How much is fitted and searched is
-    cut down, since only that it is counts.
+    cut down, since only that it is counts. Where no ``state`` is given, the body is looked for, too. ``writeable``: whether the
+    images will be; views of messages are not, and code for them is compiled apart.
 
     Raises
     ------
     TrackerError : the configuration does not suit the body.
     """
     small = _small_rig(rig)
-    state = state or _in_the_middle(rig, model)
-    tracker = Tracker(small, model, _brief(config), _plates(small), state, occluders)
-    configuration = Configuration(model, state)
+    configuration = Configuration(model, state or _in_the_middle(rig, model))
+    brief = _brief(config)
+    _track(Tracker(small, model, brief, _plates(small), configuration.state, occluders), configuration, writeable)
+    if state is None and config.start.enabled:
+        searching = replace(brief, start=_brief_search(config.start))
+        _track(Tracker(small, model, searching, _plates(small), None, occluders), configuration, writeable)
+
+
+def _track(tracker: Tracker, configuration: Configuration, writeable: bool) -> None:
     for i in range(_SETS):
-        stamp_ns = round(i * 1e9 * config.synchronizer.image_period_s)
-        images = tuple(CameraImage(camera.name, stamp_ns, _drawn(configuration, camera)) for camera in small)
-        tracker.step(ImageSet(stamp_ns, images))
+        stamp_ns = round(i * 1e9 * tracker.config.synchronizer.image_period_s)
+        drawn = {camera.name: _drawn(configuration, camera) for camera in tracker.rig}
+        for pixels in drawn.values():
+            pixels.flags.writeable = writeable
+        tracker.step(ImageSet(stamp_ns, tuple(CameraImage(name, stamp_ns, pixels) for name, pixels in drawn.items())))
 
 
 def _brief(config: TrackerConfig) -> TrackerConfig:
@@ -51,6 +62,10 @@ def _brief(config: TrackerConfig) -> TrackerConfig:
     status = replace(config.status, limb_tries=min(config.status.limb_tries, 1))
     color = replace(config.color, first_passes=1, levels=min(config.color.levels, 2), search_states=0)
     return replace(config, region=region, status=status, color=color, start=replace(config.start, enabled=False))
+
+
+def _brief_search(start: StartConfig) -> StartConfig:
+    return replace(start, size_px=32, hypotheses=4, keep=1, repair=0, hold=1, hold_sets=1, every=0, min_score=0.0)
 
 
 def _small_rig(rig: CameraRig) -> CameraRig:
