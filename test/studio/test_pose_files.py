@@ -32,6 +32,14 @@ def test_nothing_is_overwritten_unasked(tmp_path):
     assert path.read_bytes() != before
 
 
+def test_what_is_no_state_is_never_overwritten(tmp_path):
+    rig = tmp_path / "rig.yaml"
+    rig.write_text("cameras: {}\n")
+    with pytest.raises(FileFormatError, match=r"rig\.yaml"):
+        PoseFiles(tmp_path).save("rig", STATE, body(), "", overwrite=True)
+    assert rig.read_text() == "cameras: {}\n"
+
+
 @pytest.mark.parametrize("name", ["../pose", "/tmp/pose", "a/b", "..", ".hidden", "", "nul\0", "c:\\pose", "x" * 200, "a\nb"])
 def test_names_lead_nowhere_else(tmp_path, name):
     files = PoseFiles(tmp_path / "poses")

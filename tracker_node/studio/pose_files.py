@@ -42,10 +42,13 @@ class PoseFiles:
         Raises
         ------
         ExistsError : there is a file of that name, and it is not to be overwritten.
+        FileFormatError : a name that is none, or the file to be overwritten is something else than a state of this model.
         """
         path = self._path(name if name.endswith(".yaml") else f"{name}.yaml")
-        if path.exists() and not overwrite:
-            raise ExistsError(f"{path} is there already")
+        if path.exists():
+            load_state(path, model)
+            if not overwrite:
+                raise ExistsError(f"{path} is there already")
         dump_state(state, model, path, comment)
         return path
 
