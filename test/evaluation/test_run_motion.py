@@ -88,6 +88,17 @@ def test_other_rates_interpolate_positions_angles_and_rotations(rate_hz):
     assert between.magnitude().max() < 0.01
 
 
+def test_a_leap_of_the_clock_does_not_fill_the_memory():
+    motion = moving(20)
+    stamps = motion.stamps_ns.copy()
+    stamps[10:] += 1_700_000_000_000_000_000
+    leapt = replace(motion, stamps_ns=stamps, uniform=False)
+    with pytest.raises(FileFormatError, match="instants"):
+        at_constant_rate(leapt)
+    with pytest.raises(FileFormatError, match="instants"):
+        at_constant_rate(motion, 1e9)
+
+
 def test_nothing_is_interpolated_across_a_gap():
     motion = moving(30, gaps=(10,))
     found, _ = at_constant_rate(motion, 45.0)

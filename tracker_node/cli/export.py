@@ -137,12 +137,15 @@ def _prepared(args: argparse.Namespace, motion: RunMotion) -> tuple[RunMotion, l
 
 
 def _filtered(cutoff: str, motion: RunMotion) -> StateKinematics:
-    from ..evaluation.kinematics import state_kinematics
+    from ..evaluation.kinematics import SHORTEST, state_kinematics
 
     try:
-        return state_kinematics(motion, None if cutoff == "auto" else float(cutoff))
+        found = state_kinematics(motion, None if cutoff == "auto" else float(cutoff))
     except ValueError as error:
         raise _wrong("--filter", "'auto' or a cutoff in Hz", f"{cutoff} ({error})") from None
+    if not found.motion.valid.any():
+        raise _wrong("--filter", f"a run with at least {SHORTEST} sets without a gap", f"shorter stretches ({len(motion)} sets)")
+    return found
 
 
 def _write(
@@ -162,7 +165,7 @@ def _say(args: argparse.Namespace, motion: RunMotion, options: ExportOptions, no
     missing = int((~motion.valid).sum())
     up, gaps = "y" if options.y_up else "z", f"{missing} of them without a state" if missing else "none without a state"
     units = [options.unit, *([options.angle_unit] if args.to in (*_USED_BY["angle"], "bvh") else [])]
-    print(f"wrote {args.output}: {len(motion)} instants, {gaps}; {up} up, {', '.join(units)}")
+    print(f"wrote {args.output}: {len(motion)} instant{'s' * (len(motion) != 1)}, {gaps}; {up} up, {', '.join(units)}")
     if motion.unknown_links is not None:
         limbs = motion.landmarks_valid()[motion.valid]
         notes = [*notes, f"{int((~limbs).sum())} of {limbs.size} landmarks are gaps, since their limbs are lost or not seen"]

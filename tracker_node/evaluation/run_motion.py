@@ -16,6 +16,7 @@ from .run_data import RunData
 
 LOST = ("gap", "limbs", "keep")
 NOT_BELIEVED = (Status.LOST, Status.INITIALISING)
+MOST_INSTANTS = 5_000_000
 ON_GRID = 0.25  # of a period: stamps that lie so near to those of a constant rate are taken for them
 _SAME_RATE = 0.01  # by which share a rate may differ from the run's own to be taken for it
 _GAP = 1.5  # periods between two sets: further apart, one is missing between them
@@ -136,13 +137,19 @@ def at_constant_rate(motion: RunMotion, rate_hz: float | None = None) -> tuple[R
     Parameters
     ----------
     rate_hz : default: that of the run.
+
+    Raises
+    ------
+    FileFormatError : more than `MOST_INSTANTS`: a rate, or a gap between stamps, that cannot be meant.
     """
     period = motion.period_ns if rate_hz is None else 1e9 / rate_hz
     elapsed = (motion.stamps_ns - motion.stamps_ns[0]).astype(np.float64)
     rows = np.round(elapsed / period).astype(int)
     off = np.abs(elapsed - rows * period)
     as_they_are = abs(period / motion.period_ns - 1.0) < _SAME_RATE and off.max() <= ON_GRID * period
-    n = rows[-1] + 1 if as_they_are else int(elapsed[-1] / period * (1.0 + 1e-12)) + 1
+    n = int(rows[-1]) + 1 if as_they_are else int(elapsed[-1] / period * (1.0 + 1e-12)) + 1
+    if n > MOST_INSTANTS:
+        raise FileFormatError("stamps", f"{1e9 / period:.6g} Hz", f"at most {MOST_INSTANTS} instants from first to last", n)
     grid = np.round(np.arange(n) * period)  # nanoseconds, so that an instant of the run is met exactly
     unknown = motion.unknown_links
     if as_they_are:
