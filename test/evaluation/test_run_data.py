@@ -1,10 +1,12 @@
 """Reading what a run left behind."""
 
+import numpy as np
 import pytest
-from stick_person import motion, write_run, write_state_bag
+from stick_person import Motion, motion, write_run, write_state_bag
 
 from tracker_node.errors import FileFormatError, UnknownNameError
 from tracker_node.evaluation.run_data import load_run
+from tracker_node.loaders.motion_file import CovariancesWriter
 from tracker_node.tracking.estimate import Status
 
 
@@ -43,6 +45,28 @@ def test_smoothed_states_belong_to_the_run_beside_them(tmp_path):
     write_run(tmp_path / "run" / "smoothed", motion(4))
     (tmp_path / "run" / "run.json").write_text('{"model": "person.yaml"}')
     assert load_run(tmp_path / "run" / "smoothed").info == {"model": "person.yaml"}
+
+
+def test_what_the_tracker_says_beside_its_states(tmp_path):
+    tracked = motion(6)
+    details = load_run(write_state_bag(tmp_path / "bag", tracked)).details
+    assert details.timings_ms.tolist() == [[1.0, 2.0, 3.0]] * 6
+    assert details.limbs == () and details.covariances.shape == (6, tracked.model.chain.n_dof, tracked.model.chain.n_dof)
+    folder = write_run(tmp_path / "run", tracked)
+    assert load_run(folder).details is None
+    write_state_bag(folder / "bag", Motion(tracked.model, tracked.stamps_ns[:4], tracked.states[:4]))
+    assert np.isfinite(load_run(folder).details.timings_ms).all(axis=1).tolist() == [True] * 4 + [False] * 2
+
+
+def test_covariances_of_a_smoothed_run(tmp_path):
+    tracked = motion(5)
+    folder, names = write_run(tmp_path / "smoothed", tracked), tracked.model.chain.dof_names
+    with CovariancesWriter(folder / "covariances.csv", names) as writer:
+        for i, stamp in enumerate(tracked.stamps_ns[1:], start=1):
+            writer.append(int(stamp), i * np.eye(len(names)), np.eye(len(names)))
+    found = load_run(folder).details
+    assert found.covariances[:, 3, 3].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+    assert np.isnan(found.timings_ms).all()
 
 
 def test_what_cannot_be_a_run_is_named(tmp_path):

@@ -135,6 +135,7 @@ def test_a_review_with_states_alone_judges_joints_too(tmp_path):
     assert (figures["x.pck_50mm"], figures["x.root_5cm_5deg"]) == (1.0, 1.0)
     assert figures["x.segment_direction_deg"] == pytest.approx(0.0, abs=1e-5)
     assert figures["x.dof_rms.A-P_mm"] == pytest.approx(30.0) and figures["x.dof_rms.twist_deg"] == pytest.approx(0.0, abs=1e-9)
+    assert figures["x.joint_angle_deg"] == pytest.approx(0.0, abs=1e-9)
     assert figures["x.root_axis_z_deg"] == pytest.approx(0.0, abs=1e-5)
 
 

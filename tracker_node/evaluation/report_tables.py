@@ -49,6 +49,7 @@ FIGURES = (
     Figure("pck_auc_150mm", "PCK, area to 150 mm", "", "mean share over thresholds from 0 to 150 mm", 3, HIGHER),
     Figure("segment_direction_deg", "Segment directions", "°", "angle between tracked and true line from joint to joint", 2),
     Figure("segment_angle_deg", "Segment orientations", "°", "angle between tracked and true frames of the segments", 2),
+    Figure("joint_angle_deg", "Joint angles", "°", "size of the error of the joints' angles, mean", 2),
     Figure("root_5cm_5deg", "5 cm 5°", "", "share of the sets whose root is within both of truth", 3, HIGHER),
     Figure("add_mm", "ADD", "mm", "mean distance of the surface's points to where they are", 2),
     Figure("add_s_mm", "ADD-S", "mm", "the same to the nearest point of the surface", 2),

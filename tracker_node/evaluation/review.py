@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..model.articulated_model import ArticulatedModel
+from ..model.pose_variables import N_ROOT
 from ..tracking.estimate import Status
 from . import pose_metrics
 from .association import Trajectories, image_period_ns
@@ -140,6 +141,8 @@ class Review:
                 raw, free = self.states.spreads(k)
                 figures |= {f"dof_rms.{name}_{unit}": raw.rms, f"dof_max.{name}_{unit}": raw.max}
                 figures[f"dof_offset_free_rms.{name}_{unit}"] = free.rms
+            angles = [k for k in range(N_ROOT, len(self.states.names)) if self.states.units[k] == "deg"]
+            figures["joint_angle_deg"] = spread_of(self.states.errors[:, angles], self.states.valid[:, angles]).mean
         if self.segments is not None:
             ok = self.segments.valid
             figures["segment_position_mm"] = spread_of(self.segments.position_mm[ok]).mean

@@ -13,13 +13,14 @@ import numpy as np
 from ..errors import FileFormatError
 from ..loaders.bag_reader import STORAGE_SUFFIXES, BagReader
 from ..loaders.message_types import TRACKED_STATE
+from ..loaders.motion_file import CovarianceTrajectory, read_covariances
 from ..loaders.trajectory_file import read_states
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..tracking.estimate import LimbStatus, Status
 from .smoothed_writer import FOLDER as SMOOTHED
 
-STATES_FILE, INFO_FILE, BAG_FOLDER = "states.csv", "run.json", "bag"
+STATES_FILE, COVARIANCES_FILE, INFO_FILE, BAG_FOLDER = "states.csv", "covariances.csv", "run.json", "bag"
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +119,8 @@ def load_run(path: str | Path, topic: str | None = None) -> RunData:
         run = _from_csv(path / STATES_FILE)
         if bag is not None:
             run = _with_cameras_of(run, _from_bag(bag, topic))
+        elif (path / COVARIANCES_FILE).exists():  # of a smoothed run
+            run = _with_covariances(replace(run, path=path), read_covariances(path / COVARIANCES_FILE))
         run = replace(run, path=path)
     elif bag is not None:
         run = _from_bag(bag, topic)
@@ -224,6 +227,16 @@ def _in_order(run: RunData) -> RunData:
     per_set = ("stamps_ns", "status", "values", "residual_px", "iterations", "camera_residuals_px", "camera_samples")
     details = None if run.details is None else run.details.at(rows)
     return replace(run, details=details, **{name: getattr(run, name)[rows] for name in per_set})
+
+
+def _with_covariances(run: RunData, known: CovarianceTrajectory) -> RunData:
+    if known.dof_names != run.dof_names:
+        expected = f"the degrees of freedom of {STATES_FILE}"
+        raise FileFormatError(run.path / COVARIANCES_FILE, "header", expected, ", ".join(known.dof_names))
+    row_of = {int(stamp): i for i, stamp in enumerate(known.stamps_ns)}
+    rows = np.array([row_of.get(int(stamp), -1) for stamp in run.stamps_ns], dtype=int)
+    details = RunDetails.unknown(len(known.stamps_ns), len(run.dof_names))
+    return replace(run, details=replace(details, covariances=known.state.astype(np.float32)).at(rows))
 
 
 def _with_cameras_of(run: RunData, bag: RunData) -> RunData:
