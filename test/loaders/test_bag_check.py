@@ -20,7 +20,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 from tracker_node.cli.main import main
-from tracker_node.errors import TrackerError
+from tracker_node.errors import FileFormatError, TrackerError
 from tracker_node.loaders import mcap_recovery
 from tracker_node.loaders.bag_check import check_bag, figures_of
 from tracker_node.loaders.bag_metadata import OfferedQos
@@ -233,6 +233,21 @@ def test_a_chunk_that_claims_little_and_unpacks_to_much(tmp_path: Path, monkeypa
     assert check.message_count == 12
 
 
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_compressed_messages_and_chunks_that_unpack_to_much_are_refused(tmp_path: Path, monkeypatch, storage) -> None:
+    mode = CompressionMode.STORAGE if storage == StoragePlugin.MCAP else CompressionMode.MESSAGE
+    writer = Writer(tmp_path / "theirs", version=9, storage_plugin=storage)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        connection = writer.add_connection("/a", STRING, typestore=typestore())
+        writer.write(connection, 1, b"\0\1\0\0" + bytes(3 * 10**6))
+    with BagReader(tmp_path / "theirs") as reader:
+        assert len(next(reader.messages()).data) == 3 * 10**6 + 4
+    monkeypatch.setattr(mcap_recovery, "MOST_BYTES", 10**6)
+    with BagReader(tmp_path / "theirs") as reader, pytest.raises(FileFormatError, match=r"theirs.*\(messages\).*too large"):
+        list(reader.messages())
+
+
 def test_what_is_no_bag_or_exists_already(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     (tmp_path / "notes.db3").write_text("not a database at all, only some text that is long enough to be looked at" * 20)
     for path in ("missing", "notes.db3"):
@@ -246,15 +261,16 @@ def test_what_is_no_bag_or_exists_already(bag: Path, tmp_path: Path, capsys: pyt
     assert not (tmp_path / "new").exists()
 
 
-@pytest.mark.parametrize("storage", ["mcap", "lz4", "zstd", "db3"])
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@pytest.mark.parametrize("storage", ["mcap", "lz4", "zstd", "db3", "messages", "file"])
+@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_whatever_is_damaged_ends_in_a_verdict_or_a_message(tmp_path: Path, storage: str, data: st.DataObject) -> None:
     """And what is repaired is sound."""
     bag, whole, new = tmp_path / "run", tmp_path / "whole", tmp_path / "new"
     if not bag.exists():
-        if storage == "db3":
-            theirs(bag, StoragePlugin.SQLITE3, n=20)
+        modes = {"db3": CompressionMode.NONE, "messages": CompressionMode.MESSAGE, "file": CompressionMode.FILE}
+        if storage in modes:
+            theirs(bag, StoragePlugin.SQLITE3, modes[storage], n=20)
         else:
             bag_samples.write_bag(bag, 4, chunk_bytes=20_000, compression="none" if storage == "mcap" else storage)
         (file,) = (file for file in bag.iterdir() if file.name != "metadata.yaml")
@@ -268,6 +284,10 @@ def test_whatever_is_damaged_ends_in_a_verdict_or_a_message(tmp_path: Path, stor
     shutil.rmtree(new, ignore_errors=True)
     with suppress(TrackerError):
         check_bag(bag)
+    with suppress(TrackerError), BagReader(bag) as reader:
+        for message in reader.messages():
+            with suppress(TrackerError):
+                reader.decode(message)
     with suppress(TrackerError):
         repair_bag(bag, new)
         check = check_bag(new)

@@ -164,14 +164,18 @@ def test_steps_and_seeking_while_it_is_paused(listener: Listener, tmp_path: Path
     listener.until(lambda: abs(clock_s() - 0.9) < 1e-6)
     assert call(step, Trigger.Request()).success
     listener.until(lambda: listener.texts("/a")[3:] == ["a18"])
+    assert set_parameter("step_s", 0.12).successful
+    assert set_parameter("position", 0.3).successful
+    assert call(step, Trigger.Request()).success
+    listener.until(lambda: listener.texts("/a")[4:] == ["a6", "a7", "a8"])
     refused = set_parameter("position", 5.0)
     assert not refused.successful
     assert "position" in refused.reason
     assert set_parameter("position", 0.5).successful
     assert set_parameter("rate", 5.0).successful
     assert call(pause, SetBool.Request(data=False)).success
-    listener.until(lambda: len(listener.heard["/a"]) == 15)
-    assert listener.texts("/a")[4:] == [f"a{i}" for i in range(10, 21)]
+    listener.until(lambda: len(listener.heard["/a"]) == 18)
+    assert listener.texts("/a")[7:] == [f"a{i}" for i in range(10, 21)]
     assert player.process.wait(20) == 0
 
 

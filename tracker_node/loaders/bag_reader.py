@@ -9,6 +9,7 @@ import re
 import struct
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -17,14 +18,23 @@ import zstandard
 from rosbags.interfaces import Connection, Qos
 from rosbags.rosbag2 import Reader, ReaderError
 from rosbags.rosbag2.metadata import parse_qos
+from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
 from rosbags.serde import SerdeError
 
 from ..errors import FileFormatError, UnknownNameError
 from .bag_contents import FileContents, one_text
 from .bag_metadata import METADATA_FILE, OfferedQos
 from .bag_scan import scan, survey
-from .mcap_recovery import ZSTD_MAGIC, unpacked_zstd
+from .mcap_recovery import ZSTD_MAGIC, unpacked, unpacked_zstd
 from .message_types import typestore_of
+
+
+def _unpacked_chunk(compression: str, data: bytes, _size: int) -> bytes:
+    return unpacked(compression, data)
+
+
+# rosbags unpacks chunks whatever their size; here nothing becomes larger than `MOST_BYTES`.
+DECOMPRESSORS.update({name: partial(_unpacked_chunk, name) for name in ("lz4", "zstd")})
 
 STORAGE_SUFFIXES = (".mcap", ".db3")
 PACKED = ".zstd"  # after the suffix, of files that are compressed as a whole
@@ -169,7 +179,10 @@ class BagReader:
             )
         count = reader.message_count
         self.start_ns, self.end_ns = (reader.start_time, reader.end_time - 1) if count else (0, 0)
-        self.custom = dict(reader.storage.metadata.custom or {})
+        metadata = reader.storage.metadata
+        self.custom = dict(metadata.custom or {})
+        if metadata.compression_mode == "message":  # unpacked here, with a limit
+            reader.storage.metadata = metadata._replace(compression_mode=None)
         self._reader = reader
 
     def _open_unfinished(self, why: str) -> None:
@@ -208,11 +221,15 @@ class BagReader:
         chosen = [connection for connection in self._reader.connections if connection.topic in wanted]
         if not chosen:
             return
-        try:
-            for connection, stamp_ns, data in self._reader.messages(chosen, start_ns, stop_ns):
-                yield BagMessage(connection.topic, connection.msgtype, stamp_ns, data)
-        except (ReaderError, ValueError, IndexError, TypeError, MemoryError, struct.error) as error:
-            raise FileFormatError(self.path, "(messages)", f"an undamaged bag ({REPAIR})", str(error)) from None
+        messages = self._reader.messages(chosen, start_ns, stop_ns)
+        while True:
+            try:
+                connection, stamp_ns, data = next(messages)
+            except StopIteration:
+                return
+            except Exception as error:  # of rosbags, SQLite and two decompressors, without a common base
+                raise FileFormatError(self.path, "(messages)", f"an undamaged bag ({REPAIR})", str(error)) from None
+            yield BagMessage(connection.topic, connection.msgtype, stamp_ns, self._unpacked(data))
 
     def _recovered(self, wanted: set[str], start_ns: int | None, stop_ns: int | None) -> Iterator[BagMessage]:
         for path, contents in self._unfinished:

@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import lz4.frame
 import zstandard
@@ -124,7 +124,7 @@ def _scan_chunk(body: bytes, whole: bool, offset: int, contents: FileContents) -
         crc, compression, content = _chunk_parts(body)
         if compression and not whole:
             return
-        records = memoryview(_unpacked(compression, content))
+        records = memoryview(unpacked(compression, content))
         if whole and crc and zlib.crc32(records) != crc:
             raise ValueError("checksum")
     except Exception:  # decompressors have their own kinds of errors
@@ -152,8 +152,8 @@ def _chunk_parts(body: bytes) -> tuple[int, str, memoryview]:
     return crc, compression, memoryview(body)[at + length + 8 :]
 
 
-def _unpacked(compression: str, content: memoryview) -> bytes | memoryview:
-    """The records of a chunk.
+def unpacked(compression: str, content: bytes | memoryview) -> Any:
+    """The records of a chunk, as bytes or a view of them.
 
     Raises
     ------

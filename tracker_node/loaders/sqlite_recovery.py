@@ -35,7 +35,7 @@ def scan_sqlite(path: Path, contents: FileContents) -> Iterator[RawMessage]:
                     yield RawMessage(channel, stamp_ns, stamp_ns, data)
                 else:
                     contents.problems.append("a damaged row was left out")
-    except (sqlite3.Error, OSError) as error:
+    except (sqlite3.Error, OSError, ValueError, OverflowError, MemoryError) as error:
         raise FileFormatError(path, "(file)", "a SQLite file of a bag", str(error)) from None
 
 

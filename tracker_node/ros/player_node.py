@@ -63,9 +63,9 @@ class PlayerNode(Node):
     """Publishes the messages of a bag at the times of their recording.
 
     The topics have the types and the quality of service that were recorded. The service ``~/pause`` (std_srvs/SetBool) stops
-    the bag's time and lets it go on, ``~/play_next`` (std_srvs/Trigger) publishes one message while it stands still. The
-    parameter ``rate`` is the speed; setting ``position`` goes to so many seconds from the beginning of the bag. Wherever
-    playing begins, the last message before of every latched topic is published first.
+    the bag's time and lets it go on, ``~/play_next`` (std_srvs/Trigger) publishes the next message while it stands still, and
+    those within ``step_s`` after it. The parameter ``rate`` is the speed; setting ``position`` goes to so many seconds from
+    the beginning of the bag. Wherever playing begins, the last message before of every latched topic is published first.
 
     Attributes
     ----------
@@ -93,6 +93,7 @@ class PlayerNode(Node):
         self._check_part()
         self._sought_ns: int | None = None
         self._steps = threading.Semaphore(0)
+        self._step_ns, self._step_end_ns = 0, 0  # how long a step is; where the last one ends
         self._pause_service = self.create_service(SetBool, "~/pause", self._on_pause)
         self._next_service = self.create_service(Trigger, "~/play_next", self._on_play_next)
         self._declare_parameters()
@@ -144,16 +145,19 @@ class PlayerNode(Node):
         for name, value, low, high, text in (
             ("rate", self._how.rate, MIN_RATE, MAX_RATE, "speed; 2.0 plays twice as fast"),
             ("position", self._how.start_s, 0.0, seconds, "set it to go to so many seconds from the beginning of the bag"),
+            ("step_s", 0.0, 0.0, seconds, "play_next publishes the next message and those within so many seconds after it"),
         ):
             bounds = FloatingPointRange(from_value=low, to_value=high)
             self.declare_parameter(name, value, ParameterDescriptor(description=text, floating_point_range=[bounds]))
-        self._bag_time.set_rate(self.get_parameter("rate").value)  # the command line may say otherwise
+        self._on_parameters(self.get_parameters(["rate", "step_s"]))  # the command line may say otherwise
         self.add_post_set_parameters_callback(self._on_parameters)
 
     def _on_parameters(self, parameters: list[Parameter]) -> None:
         for parameter in parameters:
             if parameter.name == "rate":
                 self._bag_time.set_rate(parameter.value)
+            elif parameter.name == "step_s":
+                self._step_ns = round(parameter.value * 1e9)
             elif parameter.name == "position":
                 self._sought_ns = self._bag.start_ns + round(parameter.value * 1e9)
                 self._bag_time.wake()
@@ -169,7 +173,7 @@ class PlayerNode(Node):
         if response.success:
             self._steps.release()
             self._bag_time.wake()
-        response.message = "one message" if response.success else "only while it is paused"
+        response.message = "one step" if response.success else "only while it is paused"
         return response
 
     def _run(self) -> None:
@@ -212,6 +216,7 @@ class PlayerNode(Node):
         """To the end, or until it is stopped or sent elsewhere; returns how many messages were due."""
         self._publish_latched(begin_ns)
         self._bag_time.begin(begin_ns)
+        self._step_end_ns = 0
         count = 0
         for message in self._bag.messages(self._outlets, begin_ns, self._end_ns):
             if not self._wait_until(message.stamp_ns):
@@ -232,7 +237,7 @@ class PlayerNode(Node):
         """Until the bag's time is there, with the clock ticking; False when stopped, or sent elsewhere."""
         period_s = 1.0 / self._how.clock_hz if self._clock_outlet is not None else 0.1
         while not self._stopped.is_set() and self._sought_ns is None:
-            if self._bag_time.paused and self._steps.acquire(blocking=False):
+            if self._bag_time.paused and self._may_step(stamp_ns):
                 self._bag_time.begin(stamp_ns)
                 self._tick(stamp_ns)
                 return True
@@ -243,6 +248,14 @@ class PlayerNode(Node):
                 return True
             self._bag_time.sleep(stamp_ns, period_s)
         return False
+
+    def _may_step(self, stamp_ns: int) -> bool:
+        if stamp_ns < self._step_end_ns:
+            return True
+        if not self._steps.acquire(blocking=False):
+            return False
+        self._step_end_ns = stamp_ns + self._step_ns
+        return True
 
     def _tick(self, now_ns: int) -> None:
         if self._clock_outlet is not None:
