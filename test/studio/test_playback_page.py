@@ -51,6 +51,19 @@ def test_a_run_without_its_bag_goes_by_the_time(clip, tmp_path):
     assert [numbers["cam01"] for numbers in played.numbers] == list(range(FIRST, N_IMAGES))
 
 
+def test_reasons_come_from_the_bag_or_the_table(clip, tmp_path):
+    """Of a run in which a camera gives no images, so that every state is DEGRADED for a reason."""
+    rig = clip.folder / "rig_of_one_gone.yaml"
+    rig.write_text(clip.rig_file.read_text().replace("source: cam03", "source: nowhere"))
+    run = ["track_offline", *clip.arguments(), "--rig", str(rig), "--output", str(tmp_path / "run"), "--quiet", "--max-sets", "3"]
+    main(run)
+    of_bag = open_run(open_session(files(clip, run=tmp_path / "run"))).reasons
+    (tmp_path / "table").mkdir()
+    (tmp_path / "table/states.csv").write_bytes((tmp_path / "run/states.csv").read_bytes())
+    assert open_run(open_session(files(clip, run=tmp_path / "table"))).reasons == of_bag
+    assert len(of_bag) == 3 and all("2 of 3 cameras" in reason for reason in of_bag)
+
+
 def test_images_come_from_the_bag_that_was_tracked(clip, tmp_path):
     """With stamps of their own, and in another size than the rig's sources have."""
     bag, begins_ns = tmp_path / "images", 1_700_000_000_000_000_000

@@ -63,6 +63,7 @@ class PlaybackDesk:
             "seconds": np.round((data.stamps_ns - data.stamps_ns[0]) * 1e-9, 6).tolist(),
             "begins_ns": int(data.stamps_ns[0]),
             "status": data.status.tolist(),
+            "reasons": run.reasons,
             "statuses": {int(status): status.name.lower() for status in Status},
             "residual_px": _plain(data.residual_px, 3),
             "cameras": [{"name": c.name, "width": c.model.width, "height": c.model.height} for c in run.rig],

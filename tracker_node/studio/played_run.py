@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +11,13 @@ import numpy as np
 from ..camera.camera_rig import Camera, CameraRig
 from ..errors import FileFormatError, TrackerError
 from ..evaluation.image_sets import rig_of_bag
-from ..evaluation.recorded_sets import RecordedRunStream, recorded_set
-from ..evaluation.run_data import RunData, load_run
+from ..evaluation.recorded_sets import RecordedRunStream, RecordedSet, recorded_set
+from ..evaluation.run_data import STATES_FILE, RunData, load_run
 from ..loaders.bag_images import image_topics, only_topic
 from ..loaders.bag_reader import BagReader
 from ..loaders.image_source import SourceOptions
 from ..loaders.message_types import TRACKED_STATE
+from ..loaders.trajectory_file import read_states
 from ..model.articulated_model import ArticulatedModel
 from .images import RecordedImages
 from .session import StudioSession
@@ -31,6 +32,7 @@ class PlayedRun:
     rig : cameras as their images are: those of a bag may have another size than those of the sources.
     images : None where the images of the run cannot be had; ``problem`` says why.
     numbers : for each state the number of its image by camera.
+    reasons : for each state why it is not TRACKING.
     """
 
     data: RunData
@@ -38,6 +40,7 @@ class PlayedRun:
     model: ArticulatedModel
     images: RecordedImages | None
     numbers: tuple[Mapping[str, int], ...]
+    reasons: tuple[str, ...]
     problem: str = ""
 
 
@@ -53,31 +56,44 @@ def open_run(session: StudioSession) -> PlayedRun:
         raise TrackerError("this page needs a run: start with --run FOLDER")
     data = load_run(path)
     data.check_model(model, session.files.model or "--model")
+    sets, reasons = _recorded(data)
     try:
-        return _with_images(data, rig, model)
+        return _with_images(PlayedRun(data, rig, model, None, (), reasons), sets)
     except TrackerError as error:
-        return PlayedRun(data, rig, model, None, tuple({} for _ in range(len(data))), str(error))
+        return PlayedRun(data, rig, model, None, tuple({} for _ in range(len(data))), reasons, str(error))
 
 
-def _with_images(data: RunData, rig: CameraRig, model: ArticulatedModel) -> PlayedRun:
+def _recorded(data: RunData) -> tuple[dict[int, RecordedSet], tuple[str, ...]]:
+    """The images of every state, by its stamp, and the reasons of the statuses; without a bag nobody has noted the images."""
+    if data.bag is None:
+        rows = read_states(data.path / STATES_FILE).rows
+        reason_of, sets = {row.stamp_ns: row.reason for row in rows}, {}
+    else:
+        with BagReader(data.bag) as reader:
+            messages = [message for _, message in reader.decoded(only_topic(reader, TRACKED_STATE, []))]
+        sets = {found.stamp_ns: found for found in map(recorded_set, messages)}
+        reason_of = {recorded_set(message).stamp_ns: str(message.status_reason) for message in messages}
+    return sets, tuple(reason_of.get(stamp_ns, "") for stamp_ns in data.stamps_ns.tolist())
+
+
+def _with_images(run: PlayedRun, sets: Mapping[int, RecordedSet]) -> PlayedRun:
+    data, rig = run.data, run.rig
     if data.bag is None:
         images = RecordedImages(rig, _source_options(data))
-        return PlayedRun(data, rig, model, images, _by_time(images, data.stamps_ns), "; ".join(images.problems))
+        numbers = _by_time(images, data.stamps_ns)
+        return replace(run, images=images, numbers=numbers, problem="; ".join(images.problems))
     options = None
     with BagReader(data.bag) as reader:
-        sets = [recorded_set(message) for _, message in reader.decoded(only_topic(reader, TRACKED_STATE, []))]
         image_bag = _image_bag(data, rig)
         if image_bag is None:
             options = RecordedRunStream(rig, reader, _source_options(data)).source_options
     if image_bag is not None:
         rig = _from_bag(rig, image_bag)
     images = RecordedImages(rig, options)
-    made_from = {recorded.stamp_ns: recorded.images for recorded in sets}
-    numbers = []
-    for stamp_ns in data.stamps_ns.tolist():
-        found = {camera: images.number_at(camera, ns) for camera, ns in made_from.get(stamp_ns, ())}
-        numbers.append({camera: number for camera, number in found.items() if number is not None})
-    return PlayedRun(data, rig, model, images, tuple(numbers), "; ".join(images.problems))
+    made_from = [sets[stamp_ns].images if stamp_ns in sets else () for stamp_ns in data.stamps_ns.tolist()]
+    numbered = [{camera: images.number_at(camera, ns) for camera, ns in pairs} for pairs in made_from]
+    there = tuple({camera: number for camera, number in found.items() if number is not None} for found in numbered)
+    return replace(run, rig=rig, images=images, numbers=there, problem="; ".join(images.problems))
 
 
 def _image_bag(data: RunData, rig: CameraRig) -> Path | None:

@@ -115,7 +115,7 @@ function start() {
     const cameras = run.residual_cameras.map((name, i) => line(name, "", `${(run.camera_residuals_px[row][i] ?? 0).toFixed(2)} px`));
     const residual = run.residual_px[row];
     $("state").replaceChildren(
-      word, make("div", { class: "soft" }, `residual ${residual === null ? "–" : residual.toFixed(2)} px`),
+      word, make("div", { id: "reason" }, run.reasons[row]), make("div", { class: "soft" }, `residual ${residual === null ? "–" : residual.toFixed(2)} px`),
       make("table", {}, ...limbs), make("table", {}, ...cameras));
   }
 
