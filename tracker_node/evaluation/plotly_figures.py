@@ -44,7 +44,7 @@ def _chart(chart: Chart) -> dict[str, Any]:
     layout["xaxis"] |= {"title": {"text": chart.x_label}}
     layout["yaxis"] |= {"title": {"text": chart.y_label}}
     if chart.log_y:
-        layout["yaxis"] |= {"type": "log", "exponentformat": "none"}
+        layout["yaxis"] |= {"type": "log", "exponentformat": "none", "dtick": _log_ticks(chart)}
     elif chart.y_max is not None:
         layout["yaxis"]["range"] = [chart.y_min, chart.y_max * 1.03]
     elif chart.y_min == 0:
@@ -52,6 +52,13 @@ def _chart(chart: Chart) -> dict[str, Any]:
     layout["shapes"] = [_band(*band) for band in chart.bands] + [_level(y) for y, _ in chart.levels]
     layout["annotations"] = [_level_label(y, text, chart.log_y) for y, text in chart.levels]
     return {"data": [_trace(line) for line in chart.lines], "layout": layout}
+
+
+def _log_ticks(chart: Chart) -> str | int:
+    """A tick for each decade; at 2 and 5 of it as well where there are few decades."""
+    values = np.concatenate([line.y[np.isfinite(line.y) & (line.y > 0)] for line in chart.lines])
+    few = len(values) and math.log10(values.max() / values.min()) < 2.5
+    return "D2" if few else 1
 
 
 def _trace(line: Line) -> dict[str, Any]:

@@ -112,7 +112,7 @@ def joint_map(review: Review) -> HeatMap | None:
     if e is None:
         return None
     errors = np.where(e.raw.valid, 1e3 * e.raw.errors_m, np.nan)
-    top = max(50.0, float(np.nanpercentile(errors, 99)))
+    top = max(5.0, float(np.nanpercentile(errors, 99)))
     rows = [joint.replace("_", " ") for joint in e.joints]
     return HeatMap(
         f"joint_map_{review.name}",
