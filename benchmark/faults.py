@@ -26,15 +26,15 @@ from fuzzing import Answers, run
 from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
 
 SEED, N_FILES = 6, 10_000
-CORE = ("rig", "rig_file", "model", "slides", "part", "config", "plain_config", "state", "urdf")
-OTHERS = ("mesh", "clicks", "control_points", "stamps", "markers")
+CORE = ("rig", "rig_file", "model", "slides", "part", "config", "plain_config", "recording", "state", "urdf")
+OTHERS = ("mesh", "clicks", "control_points", "places", "stamps", "markers", "table")
 OTHERS_SHARE = 0.1  # of the files; the others are rigs, bodies, states and parameters
 PARTS = ("drills", "fuzz")
 
 
 def fuzz(n_files: int, seed: int) -> dict[str, float | int]:
     """Read so many files; the metrics."""
-    answers = Answers()
+    answers = Answers(say=lambda n: print(f"{n} files", file=sys.stderr) if n % 1000 == 0 else None)
     with tempfile.TemporaryDirectory(prefix="fuzz_") as folder:
         n_others = round(OTHERS_SHARE * n_files)
         for names, count in ((CORE, n_files - n_others), (OTHERS, n_others)):

@@ -17,10 +17,12 @@ from robot_text import ROBOT
 from tracker_node.camera.camera_rig import CameraRig
 from tracker_node.evaluation.config_file import dump_config, load_config
 from tracker_node.loaders.clicks import load_clicks
-from tracker_node.loaders.control_points import load_control_points
+from tracker_node.loaders.control_points import load_control_points, load_places
 from tracker_node.loaders.mesh_file import read_mesh, write_mesh
 from tracker_node.loaders.model_yaml import dump_model, load_model
+from tracker_node.loaders.opensim_table import dump_table, load_table
 from tracker_node.loaders.picture_file import write_picture
+from tracker_node.loaders.recording_yaml import load_recording
 from tracker_node.loaders.rig_yaml import load_rig, read_rig_file, rig_file_of, write_rig_file
 from tracker_node.loaders.stamps import load_stamp_file
 from tracker_node.loaders.state_yaml import dump_state, load_state
@@ -54,6 +56,14 @@ shapes:
 """
 CLICKS = "camera,point,u,v\nleft,nose,10.5,20.25\nleft,chin,11,30\nright,nose,300,200.125\n"
 CONTROL = "camera,point,x,y,z,u,v\nleft,a,0,0,1.5,10,20\nleft,b,1,0,0,30,40\nright,a,0,0,1.5,50,60.5\n"
+PLACES = "point,x,y,z\na,0,0,1.5\nb,1,0,0\n"
+TABLE = "Coordinates\nversion=1\nnRows=2\nnColumns=3\ninDegrees=yes\nendheader\ntime\tknee\thip\n0.0\t10\t20\n0.5\t30\tnan\n"
+RECORDING = """
+{rig: a.png, model: a.png, initial_state: a.png, config: a.png, output: run, cameras: [left, right],
+sources: "v/{name}{number:02}.mp4",
+images: {start: 3, end: 9, rate_hz: 30, shrink: 2}, record: {masks: true, overlays: false, markers: true},
+evaluate: {truth: [a.png], masks: a.png, name: run, image_sets: 100, targets: [lost_sets<=0]}}
+"""
 STAMPS = "camera,image,time_s\nleft,0,0.0\nleft,1,0.0333\nleft,2,0.0667\nright,0,0.01\nright,1,0.043\n"
 TRC = (
     "PathFileType\t4\t(X/Y/Z)\tt.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n60\t60\t2\t2\tmm\n"
@@ -196,6 +206,7 @@ def core_kinds(folder: Path) -> list[Kind]:
             "state", (folder / "state.yaml").read_bytes(), lambda path: load_state(path, model), _check_state(model),
             lambda state, path: dump_state(state, model, path),
         ),
+        yaml_kind("recording", RECORDING.encode(), load_recording, lambda value: None),
         text_kind("urdf", ".urdf", ROBOT, load_model, _check_model, None),
     ]  # fmt: skip
 
@@ -211,6 +222,8 @@ def other_kinds(folder: Path) -> list[Kind]:
         text_kind("mesh", ".obj", mesh, load_mesh, lambda mesh: _check_finite(mesh.vertices.tolist())),
         text_kind("clicks", ".csv", CLICKS, load_clicks),
         text_kind("control_points", ".csv", CONTROL, load_control_points),
+        text_kind("places", ".csv", PLACES, load_places),
+        text_kind("table", ".mot", TABLE, load_table, lambda table: _check_finite(table.values.tolist()), dump_table),
         text_kind("stamps", ".csv", STAMPS, lambda path: load_stamp_file(path, "left")),
         text_kind("markers", ".trc", TRC, load_trc, lambda markers: None),
     ]

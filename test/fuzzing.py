@@ -34,6 +34,7 @@ class Answers:
     same: int = 0
     bad: list[str] = field(default_factory=list)
     by_kind: Counter = field(default_factory=Counter)
+    say: Callable[[int], None] = lambda total: None  # told after each file
 
     @property
     def answered(self) -> int:
@@ -49,6 +50,7 @@ class Answers:
         else:
             self.bad.append(f"{kind} {number}: {verdict}")
         self.by_kind[kind, "total"] += 1
+        self.say(self.total)
 
 
 def judge(kind, path: Path, neutral: bool, valid) -> str:

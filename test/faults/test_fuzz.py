@@ -10,8 +10,8 @@ from fuzzing import Answers, child, run
 from tracker_node.errors import CalibrationError, FileFormatError
 from tracker_node.loaders.rig_yaml import load_rig
 
-CORE = ("rig", "rig_file", "model", "slides", "part", "config", "plain_config", "state", "urdf")
-OTHERS = ("mesh", "clicks", "control_points", "stamps", "markers")
+CORE = ("rig", "rig_file", "model", "slides", "part", "config", "plain_config", "recording", "state", "urdf")
+OTHERS = ("mesh", "clicks", "control_points", "places", "stamps", "markers", "table")
 
 
 @pytest.mark.parametrize(("kinds", "count", "least_refused"), [(CORE, 450, 0.6), (OTHERS, 250, 0.5)])

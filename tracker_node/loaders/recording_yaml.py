@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from ..errors import FileFormatError, SourceError
 from .rig_yaml import ImageSize
-from .source_address import parse_source, relocated
+from .source_address import filled, parse_source, relocated
 from .yaml_file import FileModel, Number, PositiveNumber, problem, read_mapping, validate
 
 FILES = ("rig", "model", "initial_state", "occluders", "config")
@@ -35,8 +35,8 @@ def _sources(value: Any) -> str | dict[str, str]:
     """One pattern for all cameras, or a source for each; not a union of types, whose errors would name neither."""
     if isinstance(value, str):
         try:
-            value.format(name="cam", number=1)
-        except (LookupError, ValueError, AttributeError):
+            filled(value, "cam", 1)
+        except SourceError:
             raise problem("a pattern with {name} or {number}, or a source for each camera", value) from None
         return _source(value, "")
     if not isinstance(value, dict):

@@ -21,6 +21,7 @@ from ..errors import SourceError
 
 FILE, BAG, DEVICE, STREAM, TOPIC = "file", "bag", "v4l2", "stream", "topic"
 STREAM_SCHEMES = ("rtsp", "rtsps", "http", "https", "udp", "tcp", "rtmp", "srt")
+_PATTERN = re.compile(r"(?:[^{}]|\{\{|\}\}|\{name\}|\{number(?::\d{1,2}d?)?\})*")
 TOPIC_NAME = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 
 
@@ -91,3 +92,15 @@ def relocated(text: str, old_dir: str | Path, new_dir: str | Path | None = None)
         return text
     path = os.path.normpath(os.path.join(old_dir, address.target))
     return str(replace(address, target=path if new_dir is None else os.path.relpath(path, new_dir)))
+
+
+def filled(pattern: str, name: str, number: int) -> str:
+    """A pattern of sources, such as ``videos/{name}.mp4`` or ``cam{number:02}``, for one camera.
+
+    Raises
+    ------
+    SourceError : other fields; ``str.format`` would let a file ask for gigabytes of blanks, or for attributes.
+    """
+    if not _PATTERN.fullmatch(pattern):
+        raise SourceError(pattern, "expected a pattern with {name} or {number}, e.g. 'videos/cam{number:02}.mp4'")
+    return pattern.format(name=name, number=number)
