@@ -13,7 +13,8 @@ pytest.importorskip("rclpy", reason="ROS is not installed")
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import CompressedImage
 
-from tracker_node.errors import SourceError
+from tracker_node.errors import SourceError, TrackerError
+from tracker_node.loaders.image_source import open_source
 from tracker_node.ros.conversions import bgr_of_compressed, decode_raw_image, image_message
 
 PIXELS = np.random.default_rng(0).integers(0, 256, (48, 64, 3), dtype=np.uint8)
@@ -76,3 +77,24 @@ def test_a_jpeg_that_claims_to_be_huge(side):
     answer = subprocess.run([sys.executable, "-c", program], input=bytes(content), capture_output=True, timeout=60)
     assert answer.returncode == 0, answer.stderr.decode()[-500:]
     assert b"'left': cannot decode" in answer.stdout
+
+
+@pytest.mark.parametrize("suffix", ["mp4", "avi"])
+def test_video_files_that_are_cut_off_or_spoilt(suffix, tmp_path):
+    """They give the images that can be read, or say what is wrong; the source is named."""
+    whole = tmp_path / f"whole.{suffix}"
+    writer = cv2.VideoWriter(str(whole), cv2.VideoWriter.fourcc(*("mp4v" if suffix == "mp4" else "MJPG")), 30.0, (64, 48))
+    for i in range(20):
+        writer.write(np.roll(PIXELS, i, axis=1))
+    writer.release()
+    rng, content, refused = random.Random(suffix), whole.read_bytes(), 0
+    for _ in range(40):
+        path = tmp_path / f"damaged.{suffix}"
+        path.write_bytes(damaged(content, rng, 400))
+        try:
+            images = [image for _, image in open_source(path)]
+            assert all(image is None or image.ndim == 3 for image in images)
+        except TrackerError as error:
+            refused += 1
+            assert str(path) in str(error)
+    assert refused > 3
