@@ -123,6 +123,8 @@ def test_mistakes_are_one_line(launch, recording, tmp_path):
     absent = launch("camera_ingest", "--rig", tmp_path / "absent.yaml")
     wrong = launch("camera_ingest", "--rig", recording / "rig.yaml", "--start", "7", "--end", "7")
     unknown = launch("camera_ingest", "--rig", recording / "rig.yaml", "--cameras", "cam9")
-    for process, said in ((absent, "absent.yaml"), (wrong, "start < end"), (unknown, "cam9")):
+    override = "qos_overrides./cam1/image_raw.publisher.reliability:=sometimes"
+    quality = launch("camera_ingest", "--rig", recording / "rig.yaml", "--ros-args", "-p", override)
+    for process, said in ((absent, "absent.yaml"), (wrong, "start < end"), (unknown, "cam9"), (quality, "sometimes")):
         assert process.wait() == 2
         assert said in process.err and len(process.err.splitlines()) == 1

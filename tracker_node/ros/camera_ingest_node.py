@@ -29,6 +29,7 @@ from .ingest_cameras import IngestCamera, OpenedCameras
 from .input_recorder import InputRecorder
 from .live_camera import LiveCamera, LiveImages
 from .pace import Pace
+from .parameter_overrides import check_qos_overrides
 from .qos_mismatch import QosMismatches
 from .topic_source import TopicSource
 
@@ -85,12 +86,14 @@ class CameraIngestNode(Node):
     Raises
     ------
     SourceError : live cameras are to be as fast as they are consumed.
+    TrackerError : overrides of quality of service that there are not.
     """
 
     def __init__(self, opened: OpenedCameras, options: IngestOptions | None = None, recorder: InputRecorder | None = None):
         super().__init__("camera_ingest")
         self._options = options = options or IngestOptions()
         check_consumable(opened, options)
+        check_qos_overrides(self)
         self._opened, self.problems = opened, dict(opened.problems)
         self._recorder = recorder
         self._diagnostics = Diagnostics(self, "camera rig")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -13,13 +12,10 @@ from rclpy.parameter import Parameter
 
 from ..errors import FileFormatError, TrackerError, UnknownNameError
 from ..tracking.config import TrackerConfig, describe, flatten, from_dict
+from .parameter_overrides import check_qos_overrides, one_of, overrides_of, refuse_unknown
 
 _INT_MAX = 2**63 - 1
 _CAMERAS = "cameras"
-# Parameters that rclpy gives every node.
-_ROS_OWN = ("use_sim_time", "start_type_description_service")
-_QOS_PREFIX = "qos_overrides."
-_QOS_CHOICES = {"history": ("keep_last", "keep_all"), "reliability": ("reliable", "best_effort")}
 
 
 @dataclass(frozen=True)
@@ -63,7 +59,8 @@ class ConfigParameters:
         self._source = f"parameters of {node.get_name()}"
         self._described, self._all_cameras = describe(), tuple(cameras)
         fixed = fixed or {}
-        self._refuse_unknown_overrides({*self._described, *fixed, *([_CAMERAS] if cameras else []), *_ROS_OWN})
+        refuse_unknown(node, {*self._described, *fixed, *([_CAMERAS] if cameras else [])})
+        check_qos_overrides(node)
         values = {name: self._declare_field(name, default) for name, default in flatten(defaults or TrackerConfig()).items()}
         self.config = from_dict(values, self._source)
         self.cameras = self._declare_cameras() if cameras else ()
@@ -71,43 +68,12 @@ class ConfigParameters:
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._apply)
 
-    def _overrides(self) -> dict[str, Parameter]:
-        return self._node._parameter_overrides  # rclpy has no public way to see them before they are declared
-
-    def _refuse_unknown_overrides(self, known: set[str]) -> None:
-        for name in self._overrides():
-            if name not in known and not name.startswith(_QOS_PREFIX):
-                raise UnknownNameError("parameter", name, known)
-            if name.startswith(_QOS_PREFIX):
-                self._check_qos(name, self._overrides()[name].value)
-
-    def _check_qos(self, name: str, value: Any) -> None:
-        policy = name.rpartition(".")[2]
-        choices = _QOS_CHOICES.get(policy)
-        if policy != "depth" and choices is None:
-            raise UnknownNameError("policy of quality of service", policy, ["depth", *_QOS_CHOICES])
-        if choices is not None and value not in choices:
-            raise FileFormatError(self._source, name, _one_of(choices), value)
-        if policy == "depth" and not (type(value) is int and value > 0):
-            raise FileFormatError(self._source, name, "a positive int", value)
-
-    def refuse_unknown_qos(self) -> None:
-        """To be called when all topics are there: each of them has declared the overrides that it takes.
-
-        Raises
-        ------
-        UnknownNameError : an override of a topic or policy that there is not.
-        """
-        for name in self._overrides():
-            if name.startswith(_QOS_PREFIX) and not self._node.has_parameter(name):
-                declared = self._node.get_parameters_by_prefix(_QOS_PREFIX[:-1])
-                raise UnknownNameError("parameter", name, [_QOS_PREFIX + other for other in declared])
-
     def _declare_field(self, name: str, default: Any) -> Any:
-        given = self._overrides().get(name)
+        overrides = overrides_of(self._node)
+        given = overrides.get(name)
         if given is not None and isinstance(default, float) and type(given.value) is int:
             # `-p optimizer.robust_scale_px:=8` is an integer to ROS; a user means 8.0.
-            self._overrides()[name] = Parameter(name, Parameter.Type.DOUBLE, float(given.value))
+            overrides[name] = Parameter(name, Parameter.Type.DOUBLE, float(given.value))
         descriptor = descriptor_of(name, self._described[name])
         expected = f"a {type(default).__name__} ({descriptor.additional_constraints})"
         return self._declare(name, default, descriptor, expected)
@@ -116,7 +82,7 @@ class ConfigParameters:
         try:
             return self._node.declare_parameter(name, default, descriptor).value
         except Exception as error:  # rclpy has several kinds for wrong type and out of range
-            given = self._overrides().get(name)
+            given = overrides_of(self._node).get(name)
             raise FileFormatError(self._source, name, expected, given.value if given is not None else default) from error
 
     def _declare_cameras(self) -> tuple[str, ...]:
@@ -127,7 +93,7 @@ class ConfigParameters:
     def _declare_fixed(self, name: str, parameter: FixedParameter) -> bool | str:
         descriptor = ParameterDescriptor(name=name, description=parameter.doc, read_only=True)
         if parameter.choices:
-            descriptor.additional_constraints = _one_of(parameter.choices)
+            descriptor.additional_constraints = one_of(parameter.choices)
         expected = f"a {type(parameter.default).__name__} {descriptor.additional_constraints}".rstrip()
         value = self._declare(name, parameter.default, descriptor, expected)
         if parameter.choices and value not in parameter.choices:
@@ -164,16 +130,6 @@ class ConfigParameters:
             self._on_change(self.config)
 
 
-def unknown_parameters(node: Node, parameters: Sequence[Parameter]) -> SetParametersResult | None:
-    """A refusal that names the first parameter which the node does not have (rclpy's does not); None where it has all."""
-    for parameter in parameters:
-        if not node.has_parameter(parameter.name):
-            known = list(node._parameters)
-            error = UnknownNameError("parameter", parameter.name, get_close_matches(parameter.name, known, 5) or known)
-            return SetParametersResult(successful=False, reason=str(error))
-    return None
-
-
 def descriptor_of(name: str, description: Mapping[str, Any]) -> ParameterDescriptor:
     """What ``ros2 param describe`` and rqt show: meaning, unit, range or choices."""
     unit = description.get("unit", "")
@@ -186,11 +142,7 @@ def descriptor_of(name: str, description: Mapping[str, Any]) -> ParameterDescrip
         top_int = _INT_MAX if high is None else int(high)
         descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=top_int, step=1)]
     if description["choices"]:
-        descriptor.additional_constraints = _one_of(description["choices"])
+        descriptor.additional_constraints = one_of(description["choices"])
     elif low is not None or high is not None:
         descriptor.additional_constraints = f"in [{low}, {high}]"
     return descriptor
-
-
-def _one_of(choices: Sequence[str]) -> str:
-    return "one of " + ", ".join(choices)

@@ -13,7 +13,8 @@ from ..observation.image_set import ImageSet
 from ..tracking.estimate import LimbStatus, Status, TrackEstimate
 from ..tracking.observability import unobservable
 from .diagnostics import ERROR, OK, WARN, Diagnostics
-from .tracking_worker import TrackingWorker, WorkerCounts
+from .tracking_setup import WorkerCounts
+from .tracking_worker import TrackingWorker
 
 _LEVELS = {Status.INITIALISING: WARN, Status.TRACKING: OK, Status.DEGRADED: WARN, Status.LOST: ERROR}
 _LIMB_LEVELS = {LimbStatus.TRACKING: OK, LimbStatus.UNSEEN: WARN, LimbStatus.DEGRADED: WARN, LimbStatus.LOST: ERROR}

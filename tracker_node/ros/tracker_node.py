@@ -21,13 +21,15 @@ from .conversions import camera_model_of
 from .diagnostics import ERROR, OK, WARN, Diagnostics
 from .image_inbox import ImageInbox, InboxOptions
 from .lifecycle import ACTIVE, FINALIZED, ManagedNode
-from .parameters import ConfigParameters, FixedParameter, unknown_parameters
+from .parameter_overrides import refuse_unknown_qos, unknown_parameters
+from .parameters import ConfigParameters, FixedParameter
 from .qos_mismatch import QosMismatches
 from .tracker_diagnostics import TrackerDiagnostics
 from .tracker_options import TrackerMaker, TrackerOptions
 from .tracker_outputs import TrackerOutputs
 from .tracker_services import TrackerServices
-from .tracking_worker import TrackingSetup, TrackingWorker
+from .tracking_setup import TrackingSetup
+from .tracking_worker import TrackingWorker
 
 __all__ = ["TrackerNode", "TrackerOptions"]
 
@@ -106,7 +108,7 @@ class TrackerNode(ManagedNode):
         """Listen and track."""
         assert self._worker is not None
         self._inbox.subscribe(self._parameters_of_node.cameras)
-        self._parameters_of_node.refuse_unknown_qos()
+        refuse_unknown_qos(self)
         self._cameras_told.restart()
         self._worker.start()
 

@@ -13,7 +13,7 @@ from ..model.configuration import State
 from ..tracking.config import TrackerConfig
 from ..tracking.tracker import Tracker
 from .image_inbox import InboxOptions
-from .tracking_worker import Steppable
+from .tracking_setup import Steppable
 
 
 @dataclass(frozen=True, eq=False)

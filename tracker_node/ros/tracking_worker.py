@@ -7,12 +7,7 @@ import queue
 import threading
 import time
 import traceback
-from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Protocol
-
-import numpy as np
 
 from ..camera.camera_rig import CameraRig
 from ..errors import TrackerError
@@ -20,48 +15,12 @@ from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from ..observation.image_set import CameraImage, ImageSet
 from ..tracking.config import TrackerConfig
-from ..tracking.estimate import CameraReport, Status, Timings, TrackEstimate
+from ..tracking.estimate import Status, TrackEstimate
 from .image_inbox import ImageInbox, Received
 from .set_formation import SetFormation
+from .tracking_setup import INACTIVE, PAUSED, TrackingSetup, WorkerCounts, unknown_estimate
 
 _AT_ONCE = 2  # image sets that may wait in a graph that is watched live
-PAUSED, INACTIVE = "paused", "inactive"  # why images that have come are not used
-
-
-class Steppable(Protocol):
-    """What the worker needs of a tracker."""
-
-    def step(self, image_set: ImageSet) -> TrackEstimate: ...
-    def reset(self) -> None: ...
-    def set_state(self, state: State) -> None: ...
-    def look_anew(self) -> None: ...
-
-
-@dataclass(frozen=True, eq=False)
-class TrackingSetup:
-    """What is tracked with, from one change of parameters to the next.
-
-    ``cameras`` are those in use, and ``rig`` is of these alone; it and ``tracker`` are None where lenses are not known yet.
-    """
-
-    config: TrackerConfig
-    cameras: tuple[str, ...]
-    rig: CameraRig | None = None
-    tracker: Steppable | None = None
-
-
-@dataclass
-class WorkerCounts:
-    """What became of images and image sets; read by the diagnostics."""
-
-    tracked: int = 0
-    superseded: int = 0  # sets not tracked since a newer one was there
-    lost: int = 0
-    failed: int = 0  # sets at which the tracker raised an error
-    refused: Counter[str] = field(default_factory=Counter)  # camera -> images that could not be used
-    problems: dict[str, str] = field(default_factory=dict)  # camera -> why
-    idle: dict[str, Counter[str]] = field(default_factory=lambda: {PAUSED: Counter(), INACTIVE: Counter()})
-    # reason -> camera -> images that came while nothing was to be tracked
 
 
 class TrackingWorker:
@@ -290,7 +249,10 @@ class TrackingWorker:
         except Exception as error:
             self.counts.failed += 1
             self._on_error(f"image set {image_set.stamp_ns}: {_described(error)}")
-            estimate = self._lost(image_set, f"{type(error).__name__}: {error}", 1e3 * (time.perf_counter() - began))
+            total_ms = 1e3 * (time.perf_counter() - began)
+            state = State.neutral(self._model) if self.latest is None else self.latest.state
+            reason = f"{type(error).__name__}: {error}"
+            estimate = unknown_estimate(image_set.stamp_ns, reason, state, self._setup.cameras, total_ms)
         self.counts.tracked += 1
         self.counts.lost += estimate.status == Status.LOST
         self.latest = estimate
@@ -298,25 +260,6 @@ class TrackingWorker:
 
     def _forget_time(self) -> None:
         self._last_ns, self.latest = None, None
-
-    def _lost(self, image_set: ImageSet, reason: str, total_ms: float) -> TrackEstimate:
-        """What is said when the tracker could not say anything: the last state, and that it is lost."""
-        n = self._model.n_dof
-        blank = TrackEstimate(
-            stamp_ns=image_set.stamp_ns,
-            status=Status.LOST,
-            status_reason=reason,
-            state=State.neutral(self._model),
-            velocity=np.zeros(n),
-            covariance=np.eye(n) * 1e6,
-            score=0.0,
-            residual_px=0.0,
-            cameras=tuple(CameraReport(name, 0, 0.0, 0) for name in self._setup.cameras),
-            iterations=0,
-            evaluations=0,
-            timings=Timings(0.0, 0.0, total_ms),
-        )
-        return blank if self.latest is None else replace(blank, state=self.latest.state)
 
 
 def _described(error: Exception) -> str:

@@ -1,0 +1,87 @@
+"""Parameters given at the start: those that a node does not have are refused, and those of quality of service checked."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from difflib import get_close_matches
+from typing import Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from ..errors import FileFormatError, UnknownNameError
+
+_ROS_OWN = ("use_sim_time", "start_type_description_service")  # that rclpy gives every node
+_QOS_PREFIX = "qos_overrides."
+_QOS_CHOICES = {"history": ("keep_last", "keep_all"), "reliability": ("reliable", "best_effort")}
+
+
+def overrides_of(node: Node) -> dict[str, Parameter]:
+    """What ``-p`` and ``--params-file`` have given; to be changed before the parameter is declared."""
+    return node._parameter_overrides  # rclpy has no public way to see them
+
+
+def refuse_unknown(node: Node, known: Collection[str]) -> None:
+    """Before anything is declared.
+
+    Raises
+    ------
+    UnknownNameError : a name that is not ``known``.
+    """
+    known = {*known, *_ROS_OWN}
+    for name in overrides_of(node):
+        if name not in known and not name.startswith(_QOS_PREFIX):
+            raise UnknownNameError("parameter", name, known)
+
+
+def check_qos_overrides(node: Node) -> None:
+    """Before any topic is offered or subscribed to; rclpy would raise errors of several kinds then.
+
+    Raises
+    ------
+    TrackerError : a policy or value that there is not.
+    """
+    for name, parameter in overrides_of(node).items():
+        if name.startswith(_QOS_PREFIX):
+            _check_qos(f"parameters of {node.get_name()}", name, parameter.value)
+
+
+def _check_qos(source: str, name: str, value: Any) -> None:
+    policy = name.rpartition(".")[2]
+    choices = _QOS_CHOICES.get(policy)
+    if policy != "depth" and choices is None:
+        raise UnknownNameError("policy of quality of service", policy, ["depth", *_QOS_CHOICES])
+    if choices is not None and value not in choices:
+        raise FileFormatError(source, name, one_of(choices), value)
+    if policy == "depth" and not (type(value) is int and value > 0):
+        raise FileFormatError(source, name, "a positive int", value)
+
+
+def refuse_unknown_qos(node: Node) -> None:
+    """When all topics are there: each has declared the overrides that it takes. Those of topics elsewhere may be for other nodes.
+
+    Raises
+    ------
+    UnknownNameError : an override of a topic ``~/...`` that there is not.
+    """
+    own = f"{_QOS_PREFIX}{node.get_fully_qualified_name()}/"
+    for name in overrides_of(node):
+        if name.startswith(own) and not node.has_parameter(name):
+            declared = node.get_parameters_by_prefix(_QOS_PREFIX[:-1])
+            raise UnknownNameError("parameter", name, [_QOS_PREFIX + other for other in declared])
+
+
+def unknown_parameters(node: Node, parameters: Sequence[Parameter]) -> SetParametersResult | None:
+    """A refusal that names the first parameter which the node does not have (rclpy's does not); None where it has all."""
+    for parameter in parameters:
+        if not node.has_parameter(parameter.name):
+            known = list(node._parameters)
+            error = UnknownNameError("parameter", parameter.name, get_close_matches(parameter.name, known, 5) or known)
+            return SetParametersResult(successful=False, reason=str(error))
+    return None
+
+
+def one_of(choices: Sequence[str]) -> str:
+    """For people."""
+    return "one of " + ", ".join(choices)
