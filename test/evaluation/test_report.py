@@ -12,12 +12,12 @@ from browser import browser_tab
 from stick_person import Motion, motion, write_run, write_state_bag
 
 from tracker_node.evaluation.association import Trajectories
-from tracker_node.evaluation.document import Column, Table, strips_of
+from tracker_node.evaluation.document import Column, Document, Section, Table, strips_of
 from tracker_node.evaluation.evaluate import EvaluationOptions
-from tracker_node.evaluation.figure_files import file_name
+from tracker_node.evaluation.figure_files import file_name, write_figure_files
 from tracker_node.evaluation.report import ReportOptions, write_report
 from tracker_node.evaluation.report_html import render_html
-from tracker_node.evaluation.report_tables import Target, summary_table
+from tracker_node.evaluation.report_summary import Target, summary_table
 from tracker_node.evaluation.review import Review, Truth, review
 from tracker_node.evaluation.run_data import load_run
 from tracker_node.evaluation.silhouettes import Picture
@@ -188,7 +188,12 @@ def test_names_of_files_are_harmless():
     assert file_name("a b/ü") == "a_b_"
 
 
-def test_a_page_without_charts_needs_no_plotly(folder):
-    from tracker_node.evaluation.document import Document
+def test_names_that_files_cannot_tell_apart_get_files_of_their_own(tmp_path):
+    blocks = [Table(key, "t", "", [Column("a", is_text=True)], [[key]]) for key in ("a/b", "a:b")]
+    written = write_figure_files(tmp_path, Document("t", "d", [], [], [Section("s", "s", blocks)]))
+    assert len(set(written)) == 4
+    assert sorted(path.read_text().split()[1] for path in written if path.suffix == ".csv") == ["a/b", "a:b"]
 
+
+def test_a_page_without_charts_needs_no_plotly(folder):
     assert len(render_html(Document("t", "d", [], [], []))) < 20_000

@@ -185,6 +185,8 @@ def test_without_covariances_there_is_no_nees(tmp_path):
     assert state_nees(run, truth.states) is None
     silent = replace(run, details=RunDetails.unknown(5, truth.model.chain.n_dof))
     assert state_nees(silent, truth.states) is None
+    broken = replace(silent, details=replace(silent.details, covariances=np.full_like(silent.details.covariances, np.nan)))
+    assert state_nees(broken, truth.states) is None
     joints = Trajectories(truth.model.landmark_names, truth.stamps_ns, truth.landmarks_m, np.ones((5, 14), dtype=bool))
     found = review(silent, truth.model, Truth(joints), EvaluationOptions("x", 0.0))
     assert landmark_nees(silent, truth.model, found.joints, False) is None

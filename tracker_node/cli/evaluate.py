@@ -154,7 +154,7 @@ def _one_each(runs: Sequence[str], given: Sequence[str], option: str) -> list[st
 
 def _targets(texts: list[str]) -> dict[str, Any]:
     from ..errors import TrackerError
-    from ..evaluation.report_tables import parse_target
+    from ..evaluation.report_summary import parse_target
 
     try:
         return dict(parse_target(text) for text in texts)

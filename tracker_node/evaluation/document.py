@@ -62,6 +62,11 @@ def cell_text(cell: Value, column: Column) -> str:
     return f"{value:z.{digits}f}" if isinstance(value, (float, np.floating)) else str(value)
 
 
+def sign_of(unit: str) -> str:
+    """A unit as tables show it."""
+    return "°" if unit == "deg" else unit
+
+
 @dataclass(frozen=True, eq=False)
 class Line:
     """Points (k,) over (k,); NaN breaks a line."""

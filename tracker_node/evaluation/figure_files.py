@@ -21,12 +21,14 @@ def write_figure_files(output: Path, document: Document) -> list[Path]:
     """Two files for every table and chart, in the folder ``figures``; their paths. Pictures have none."""
     folder = output / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
-    written = []
+    written: list[Path] = []
     for block in document.blocks:
         if isinstance(block, Pictures):
             continue
         header, rows = columns_of(block)
         path = folder / f"{file_name(block.key)}.csv"
+        if path in written:  # of runs whose names differ in what files cannot have
+            path = folder / f"{file_name(block.key)}_{len(written) // 2}.csv"
         with CsvWriter(path, header) as writer:
             writer.write_rows([["" if value is None else value for value in row] for row in rows])
         content = {"title": block.title, "note": block.note, "columns": header, "rows": rows}

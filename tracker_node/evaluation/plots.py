@@ -70,8 +70,9 @@ def draw_curve(curve: Curve, panel: int, figure: Figure, box: tuple[float, float
     frame = Line2D([left, left, left + width], [bottom + height, bottom, bottom], color="#9aa5ad", lw=0.5)
     figure.add_artist(frame)
     for line in lines:
-        x, y = left + width * (line.x - x0) / (x1 - x0), bottom + height * (line.y - y0) / (y1 - y0)
-        figure.add_artist(Line2D(x, y, color=line.color, lw=0.6 * line.width, ls="--" if line.dashed else "-"))
+        along, up = (line.x - x0) / (x1 - x0), (line.y - y0) / (y1 - y0)
+        style: dict[str, Any] = {"color": line.color, "lw": 0.6 * line.width, "ls": "--" if line.dashed else "-"}
+        figure.add_artist(Line2D(left + width * along, bottom + height * up, **style))
     name = f"{curve.name} {title} [{curve.unit}]".replace("  ", " ")
     figure.text(left, bottom + 1.06 * height, name, size=6, ha="left", va="bottom", parse_math=False)
     for text, x, y, align in (

@@ -8,13 +8,15 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from . import report_charts as charts
+from . import report_curves as curves
+from . import report_summary as summary
 from . import report_tables as tables
 from .document import Block, Document, Section
 from .figure_files import write_figure_files
 from .metrics_file import command_line, cpu, versions, write_metrics
 from .report_html import render_html
 from .report_pdf import write_pdf
-from .report_tables import Target
+from .report_summary import Target
 from .review import Review
 
 REPORT_JSON, REPORT_HTML, REPORT_PDF = "report.json", "report.html", "report.pdf"
@@ -98,27 +100,27 @@ def _facts(reviews: Sequence[Review]) -> list[tuple[str, str]]:
 
 def _sections(reviews: Sequence[Review], targets: Mapping[str, Target]) -> Iterator[tuple[str, str, list[Block | None]]]:
     """(key, heading, blocks) in their order; what could not be measured is None."""
-    yield "summary", "Summary", [tables.summary_table(reviews, targets), tables.parameter_table(reviews)]
+    yield "summary", "Summary", [summary.summary_table(reviews, targets), summary.parameter_table(reviews)]
     yield "losses", "Status and losses", [
         charts.status_strips(reviews), tables.loss_table(reviews), *_each(reviews, charts.limb_strips),
     ]  # fmt: skip
     yield "joints", "Joints", [
-        charts.error_chart(reviews), charts.joint_bars(reviews), tables.comparison_table(reviews),
+        charts.error_chart(reviews), charts.joint_bars(reviews), summary.comparison_table(reviews),
         *_each(reviews, tables.joint_table), *_each(reviews, charts.joint_map), charts.pck_chart(reviews),
     ]  # fmt: skip
-    yield "dofs", "Degrees of freedom", [tables.dof_comparison_table(reviews), *_each(reviews, tables.dof_table)]
+    yield "dofs", "Degrees of freedom", [summary.dof_comparison_table(reviews), *_each(reviews, tables.dof_table)]
     yield "segments", "Segments", [
         *_each(reviews, tables.direction_table), *_each(reviews, tables.segment_table), *_each(reviews, tables.bone_table),
         *_each(reviews, charts.rigid_chart),
     ]  # fmt: skip
-    yield "curves", "Curves", [charts.curves(reviews)]
+    yield "curves", "Curves", [curves.curves(reviews)]
     yield "fit", "Residuals and effort", [
         *charts.residual_charts(reviews), *charts.effort_charts(reviews), tables.timing_table(reviews),
     ]  # fmt: skip
     yield "consistency", "Covariance consistency", [*_each(reviews, charts.nees_chart), *_each(reviews, tables.nees_table)]
     yield "silhouettes", "Silhouettes", [*_each(reviews, charts.silhouette_chart)]
     yield "offsets", "Constant offsets", [*_each(reviews, tables.offset_table)]
-    yield "pictures", "Pictures", _titled(reviews, [list(charts.contact_sheets(review)) for review in reviews])
+    yield "pictures", "Pictures", _titled(reviews, [list(curves.contact_sheets(review)) for review in reviews])
 
 
 def _each(reviews: Sequence[Review], make: Callable[[Review], Block | None]) -> list[Block | None]:

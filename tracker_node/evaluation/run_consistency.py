@@ -76,6 +76,8 @@ def state_nees(run: RunData, truth: Sequence[State | None]) -> NeesSeries | None
 def _series(names: tuple[str, ...], errors: np.ndarray, covariances: np.ndarray, valid: np.ndarray) -> NeesSeries | None:
     """Of errors (n, m, k) with covariances (n, m, k, k) where ``valid`` (n, m); None where no covariance has an inverse."""
     k = errors.shape[-1]
+    finite = np.isfinite(covariances).all(axis=(-2, -1))
+    covariances = np.where(finite[..., None, None], covariances, 0.0)
     eigenvalues = np.linalg.eigvalsh(covariances)
     known = valid & (eigenvalues[..., 0] > _SMALLEST * np.maximum(eigenvalues[..., -1], np.finfo(float).tiny))
     if not known.any():

@@ -1,0 +1,87 @@
+"""The curves and the pictures of the report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from ..model.pose_variables import ROOT_NAMES, variable_names
+from .document import Curve, Curves, Line, Pictures
+from .palette import BLACK, CYCLE
+from .review import Review
+from .silhouettes import Picture, contact_sheet
+from .state_errors import ROWS
+from .true_states import unwrapped
+
+
+def curves(reviews: Sequence[Review]) -> Curves:
+    """Every degree of freedom and every landmark over time, of all runs and of the truth."""
+    found: dict[tuple[str, str], Curve] = {}
+    for i, review in enumerate(reviews):
+        color = CYCLE[i % len(CYCLE)]
+        for curve in (*_dof_curves(review, color, not i), *_landmark_curves(review, color, not i)):
+            before = found.get((curve.group, curve.name))
+            if before is not None:
+                pairs = zip(before.panels, curve.panels, strict=True)
+                curve = Curve(curve.group, curve.name, curve.unit, [(title, [*a, *b]) for (title, a), (_, b) in pairs])
+            found[curve.group, curve.name] = curve
+    against = "the truth" if any(review.joints or review.states for review in reviews) else "each other"
+    note = f"Runs against {against}: every degree of freedom and every landmark."
+    return Curves("curves", "Curves", note, list(found.values()))
+
+
+def _dof_curves(review: Review, color: str, first: bool) -> Iterator[Curve]:
+    names = variable_names(review.model)
+    states, shown = review.states, {}
+    if states is not None:
+        shown = {key: states.names.index(ROWS.get(key, key)) for key in names if ROWS.get(key, key) in states.names}
+    values = unwrapped(review.run.values)
+    for k, name in enumerate(names):
+        length = name in ROOT_NAMES[:3]
+        y = values[:, k] * (1e3 if length else np.degrees(1.0))
+        lines = []
+        if states is not None and name in shown:
+            y = states.tracked[:, shown[name]]
+            true = np.where(states.valid[:, shown[name]], states.truth[:, shown[name]], np.nan)
+            lines = [Line("truth", review.times_s, true, BLACK, 1.4, True)] if first else []
+        lines.append(Line(review.name, review.times_s, y, color))
+        yield Curve("degrees of freedom", name.replace("_", " "), "mm" if length else "°", [("", lines)])
+
+
+def _landmark_curves(review: Review, color: str, first: bool) -> Iterator[Curve]:
+    names = review.model.landmark_names
+    points = np.array([review.run.configuration(review.model, i).landmarks_world for i in range(len(review.run))])
+    e = review.joints
+    for m, name in enumerate(names):
+        panels = []
+        for axis in range(3):
+            lines = []
+            if first and e is not None and name in e.joints:
+                j = e.joints.index(name)
+                true = np.where(e.raw.valid[:, j], 1e3 * e.truth_m[:, j, axis], np.nan)
+                lines.append(Line("truth", review.times_s, true, BLACK, 1.4, True))
+            lines.append(Line(review.name, review.times_s, 1e3 * points[:, m, axis], color))
+            panels.append(("xyz"[axis], lines))
+        yield Curve("landmarks", name.replace("_", " "), "mm", panels)
+
+
+def contact_sheets(review: Review) -> Iterator[Pictures]:
+    """The body over its images, and the images through its mask."""
+    kinds = (
+        (
+            "overlay",
+            "Contact sheet",
+            "The tracked body drawn into the images, an instant a row; left limbs blue, right limbs orange.",
+        ),
+        ("mask", "Target through mask", "What the images show where the body is said to be: in its place it shows itself alone."),
+    )
+    for kind, title, note in kinds:
+        rows = contact_sheet([picture for picture in review.pictures if picture.kind == kind])
+        if rows:
+            captioned = [[(_caption(picture), picture.bgr) for picture in row] for row in rows]
+            yield Pictures(f"{kind}_{review.name}", title, note, captioned)
+
+
+def _caption(picture: Picture) -> str:
+    return f"{picture.camera}, image {picture.number}"
