@@ -185,7 +185,7 @@ def test_mistakes_are_named(tmp_path: Path, capsys: pytest.CaptureFixture) -> No
 
 def test_files_as_asked_for(node: Node, tmp_path: Path, start) -> None:
     recorder = start(
-        "recorder", "--output", str(tmp_path / "run"), "--topics", "/a:std_msgs/msg/String", "--split-mb", "0.1", "--sync",
+        "recorder", "--output", str(tmp_path / "run"), "--topics", "/a:std_msgs/msg/String", "--split-mb", "0.01", "--sync",
         "--compression", "lz4", "--flush-s", "0.1",
     )  # fmt: skip
     recorder.wait_for("recorder: ready")
