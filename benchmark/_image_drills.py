@@ -106,8 +106,11 @@ def _clock_back(graph: Graph) -> Outcome:
     before = len(graph.states)
     sender.sets(8)
     graph.until(lambda: len(graph.states) >= before + 7, f"states after the jump, of {len(graph.states)}")
+    said = graph.wait_said("tracker: clock", WARN, "went back")
+    graph.wait_said("tracker: clock", OK, "forward", since=len(graph.said))
     went_back = any(b < a for a, b in pairwise(stamps(graph.states)))
-    return Outcome(f"begins again: {len(graph.states) - before} of 8 sets tracked after the jump", "1 set at most", went_back)
+    seen = f"WARN clock: {said}; then OK; {len(graph.states) - before} of 8 sets tracked after the jump"
+    return Outcome(seen, "1 set at most", went_back)
 
 
 def _offset_jumps(graph: Graph) -> Outcome:
@@ -195,7 +198,7 @@ DRILLS = (
     Drill("damaged JPEG", "refused, the camera named; the others go on", _bad_jpeg),
     Drill("clock jumps back", "the tracker begins again by itself", _clock_back),
     Drill(
-        "a camera's clock jumps ahead", "sets of the others go on, its images counted as ahead; whole again after", _offset_jumps
+        "a camera's clock jumps ahead", "sets of the others go on, its images counted; whole again after", _offset_jumps
     ),
     Drill("calibration with NaN", "named, nothing tracked; the right one is taken", _calibration(_nan, "nan")),
     Drill("uncalibrated camera", "named, nothing tracked; the right one is taken", _calibration(_uncalibrated, "uncalibrated")),

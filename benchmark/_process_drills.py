@@ -152,6 +152,7 @@ def _bag_loops(graph: Graph) -> Outcome:
     graph.tracker("--ros-args", "-p", "use_sim_time:=true")
     graph.launch("player", bag, "--loop", "--wait-for-subscribers", "1")
     graph.until(lambda: _n_jumps(graph) >= 2 and len(graph.states) > 2 * N, "two jumps back, and states between them")
+    graph.wait_said("tracker: clock", WARN, "went back")
     n, n_stamps = len(graph.states), len({*stamps(graph.states)})
     sound = sum(state.status == 1 for state in graph.states)
     seen = f"begins again at each of {_n_jumps(graph)} jumps back; {n} states of {n_stamps} image sets, {sound} of them TRACKING"

@@ -50,3 +50,9 @@ def test_what_does_not_happen_is_not_as_expected(recording, monkeypatch):
     outcome = run_drill(Drill("nothing", "something", inject), recording)
     assert not outcome.expected
     assert "nobody" in outcome.seen
+
+
+def test_every_drill_is_in_the_documentation(repository):
+    rows = (repository / "docs" / "faults.md").read_text().splitlines()
+    for drill in DRILLS.values():
+        assert any(row.startswith(f"| {drill.name} | {drill.expected} |") for row in rows), drill.name

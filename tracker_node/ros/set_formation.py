@@ -18,13 +18,14 @@ class SetFormation:
         self._synchronizer = _synchronizer(cameras, config)
         self._images_before: dict[str, Counter[str]] = {}
         self._sets_before: Counter[str] = Counter()
+        self._jumps_before = 0
 
     def change(self, cameras: tuple[str, ...], config: SynchronizerConfig) -> None:
         """Other cameras or parameters; images that wait are counted as ``reset``."""
         if cameras == self._synchronizer.cameras and config == self._config:
             return
         self.reset()
-        self._images_before, self._sets_before = self._images(), self._sets()
+        self._images_before, self._sets_before, self._jumps_before = self._images(), self._sets(), self.clock_jumps
         self._config, self._synchronizer = config, _synchronizer(cameras, config)
 
     def add(self, image: CameraImage) -> list[ImageSet]:
@@ -43,6 +44,11 @@ class SetFormation:
     def counters(self) -> dict[str, dict[str, int]]:
         """Per camera that is or was in use, what became of its images: see `ImageSynchronizer.counters`."""
         return {camera: dict(counts) for camera, counts in self._images().items()}
+
+    @property
+    def clock_jumps(self) -> int:
+        """How often stamps went back by more than images overtake each other."""
+        return self._jumps_before + self._synchronizer.clock_jumps
 
     @property
     def sets(self) -> dict[str, int]:

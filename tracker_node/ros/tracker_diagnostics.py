@@ -34,6 +34,7 @@ class TrackerDiagnostics:
         self._spread_ms: deque[float] = deque(maxlen=_REMEMBERED)
         self._before_s, self._tracked_before, self._superseded_before = time.monotonic(), 0, 0
         self._sets_before: Mapping[str, int] = {}
+        self._jumps_before = 0
         self._silent = 0
 
     def estimated(self, estimate: TrackEstimate, image_set: ImageSet, counts: WorkerCounts, now_ns: int) -> None:
@@ -67,6 +68,7 @@ class TrackerDiagnostics:
         self._silent = 0 if tracked or worker.busy else self._silent + 1
         self._diagnostics.report("rate", *_rate_verdict(worker, tracked, superseded, self._silent), values)
         self._report_sets(worker)
+        self._report_clock(worker.formation.clock_jumps)
         if worker.paused:
             self._diagnostics.report("status", OK, "paused by request")
         else:
@@ -107,6 +109,11 @@ class TrackerDiagnostics:
         elif fewer:
             level, said = WARN, f"{fewer} of {fewer + complete} are of fewer cameras than are in use"
         self._diagnostics.report("image sets", level, said, values)
+
+    def _report_clock(self, jumps: int) -> None:
+        jumped, self._jumps_before = jumps > self._jumps_before, jumps
+        said = "stamps went back: tracking has begun again" if jumped else "stamps go forward"
+        self._diagnostics.report("clock", WARN if jumped else OK, said, {"jumps": jumps})
 
     def _report_untold(self, latest: TrackEstimate | None) -> None:
         """What the latest images do not tell of the body, by name; a warning where it is of the body as a whole."""
