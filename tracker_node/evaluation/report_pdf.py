@@ -153,6 +153,7 @@ class PrintedPages:
         self.text("Lines: " + ", ".join(f"{label} ({_color_name(color)})" for label, color in lines.items()), 7, GREY)
 
     def _pictures(self, block: Pictures) -> None:
+        self._y_in -= 0.07
         for row in block.rows:
             aspects = [image.shape[1] / image.shape[0] for _, image in row]
             height = min((_WIDTH_IN - 0.05 * len(row)) / sum(aspects), 2.2)
