@@ -5,7 +5,6 @@ A bag whose recorder was killed has no ``metadata.yaml`` and no index; it is rea
 
 from __future__ import annotations
 
-import re
 import struct
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
@@ -15,15 +14,15 @@ from types import TracebackType
 from typing import Any
 
 import zstandard
-from rosbags.interfaces import Connection, Qos
-from rosbags.rosbag2 import Reader, ReaderError
-from rosbags.rosbag2.metadata import parse_qos
+from rosbags.rosbag2 import Reader
 from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
 from rosbags.serde import SerdeError
 
 from ..errors import FileFormatError, UnknownNameError
 from .bag_contents import FileContents, one_text
+from .bag_files import STORAGE_SUFFIXES, storage_files
 from .bag_metadata import METADATA_FILE, OfferedQos
+from .bag_qos import offered_by, offered_in
 from .bag_scan import scan, survey
 from .mcap_recovery import ZSTD_MAGIC, unpacked, unpacked_zstd
 from .message_types import typestore_of
@@ -36,8 +35,6 @@ def _unpacked_chunk(compression: str, data: bytes, _size: int) -> bytes:
 # rosbags unpacks chunks whatever their size; here nothing becomes larger than `MOST_BYTES`.
 DECOMPRESSORS.update({name: partial(_unpacked_chunk, name) for name in ("lz4", "zstd")})
 
-STORAGE_SUFFIXES = (".mcap", ".db3")
-PACKED = ".zstd"  # after the suffix, of files that are compressed as a whole
 REPAIR = "`tracker_node bag repair` copies what can be read"
 
 
@@ -175,7 +172,7 @@ class BagReader:
         for name, info in reader.topics.items():
             connection = info.connections[0]
             self.topics[name] = BagTopic(
-                name, connection.msgtype, info.msgcount, _offered(connection), connection.msgdef.data, connection.digest
+                name, connection.msgtype, info.msgcount, offered_by(connection), connection.msgdef.data, connection.digest
             )
         count = reader.message_count
         self.start_ns, self.end_ns = (reader.start_time, reader.end_time - 1) if count else (0, 0)
@@ -211,7 +208,7 @@ class BagReader:
             channel.topic,
             schema.name if schema else "",
             contents.counts.get(number, 0) + (known.message_count if known else 0),
-            _qos_of_text(channel.metadata.get("offered_qos_profiles", "")),
+            offered_in(channel.metadata.get("offered_qos_profiles", "")),
             schema.data.decode(errors="replace") if schema else "",
             channel.metadata.get("topic_type_hash", ""),
         )
@@ -249,57 +246,3 @@ class BagReader:
             return unpacked_zstd(data)
         except (ValueError, zstandard.ZstdError) as error:
             raise FileFormatError(self.path, "(messages)", "undamaged compressed messages", str(error)) from None
-
-
-def storage_files(path: Path) -> list[Path]:
-    """Files of a bag, in the order of recording.
-
-    Raises
-    ------
-    FileFormatError : there are none.
-    """
-    if path.is_dir():
-        files = sorted((file for file in path.iterdir() if _is_storage(file)), key=_in_order)
-        if not files:
-            raise FileFormatError(path, "(folder)", f"a bag: a folder with {' or '.join(STORAGE_SUFFIXES)} files", "none")
-        return files
-    if not path.exists():
-        raise FileFormatError(path, "(path)", "a bag", "nothing there")
-    if path.suffix not in STORAGE_SUFFIXES:
-        raise FileFormatError(path, "(path)", f"a bag folder or a {' or '.join(STORAGE_SUFFIXES)} file", path.name)
-    return [path]
-
-
-def _is_storage(file: Path) -> bool:
-    return file.is_file() and Path(file.name.removesuffix(PACKED)).suffix in STORAGE_SUFFIXES
-
-
-def _in_order(file: Path) -> tuple[int, str]:
-    """Split bags are numbered: ``run_2.mcap`` comes before ``run_10.mcap``."""
-    number = re.search(r"_(\d+)\.", file.name)
-    return (int(number[1]) if number else 0, file.name)
-
-
-def _offered(connection: Connection) -> OfferedQos:
-    return _first_qos(getattr(connection.ext, "offered_qos_profiles", []))
-
-
-def _qos_of_text(text: str) -> OfferedQos:
-    try:
-        return _first_qos(parse_qos(text))
-    except (ReaderError, KeyError, TypeError, ValueError):
-        return OfferedQos()
-
-
-def _first_qos(profiles: list[Qos]) -> OfferedQos:
-    if not profiles:
-        return OfferedQos()
-    words = [profiles[0].reliability, profiles[0].durability, profiles[0].history]
-    reliability, durability, history = (word.name.lower() for word in words)
-    default = OfferedQos()
-    return OfferedQos(
-        reliability=reliability if reliability in ("reliable", "best_effort") else default.reliability,
-        durability=durability if durability in ("volatile", "transient_local") else default.durability,
-        history=history if history in ("keep_last", "keep_all") else default.history,
-        depth=profiles[0].depth or default.depth,
-    )
