@@ -39,6 +39,10 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument(
             "record_images", default_value="none", choices=["none", "compressed", "raw", "all"], description="images in the bag"
         ),
+        DeclareLaunchArgument("split_mb", default_value="0", description="begin another file of the bag at this size; 0: never"),
+        DeclareLaunchArgument(
+            "compression", default_value="none", choices=["none", "lz4", "zstd"], description="of the bag's messages"
+        ),
         DeclareLaunchArgument("rviz", default_value="false", choices=SWITCH, description="open RViz"),
         DeclareLaunchArgument("layout", default_value=LAYOUT, description="of RViz"),
     ]
@@ -49,6 +53,7 @@ def generate_launch_description() -> LaunchDescription:
         name="recorder",
         arguments=[
             *("--output", LaunchConfiguration("bag"), "--images", LaunchConfiguration("record_images")),
+            *("--split-mb", LaunchConfiguration("split_mb"), "--compression", LaunchConfiguration("compression")),
             *("--all", "--exclude", ".*/markers"),
         ],
         condition=IfCondition(PythonExpression(["'", LaunchConfiguration("bag"), "' != ''"])),

@@ -76,6 +76,7 @@ MISTAKES = {
     "resize: [320, 240]": ("resize: 320x240", "images.resize", "[width, height]"),
     "resize: [320, 240]}": ("resize: [320, 240], shrink: 2}", "images.shrink", "either"),
     "masks: true": ("masks: yes please", "record.masks", "true or false"),
+    "overlays: true}": ("compression: zip}", "record.compression", "'none', 'lz4' or 'zstd'"),
     "overlays: true": ("video: true", "record.video", "one of"),
     "real_time: false": ("loop: true", "loop", "no loop"),
     "truth: truth.trc, ": ("truth: [1], ", "evaluate.truth", "a file"),

@@ -17,7 +17,7 @@ initial_state: state.yaml
 output: run
 sources: "{name}"
 images: {start: 1, end: 9, resize: [120, 90]}
-record: {masks: true, markers: true}
+record: {masks: true, markers: true, split_mb: 0.05, compression: zstd}
 evaluate: {truth: truth.csv, name: arm, image_sets: 8, align: stamp, targets: [lost_sets<=0]}
 """
 
@@ -61,6 +61,7 @@ def test_live_and_offline_give_the_same_states_of_it(launch, described, tmp_path
     with BagReader(described / "run" / "bag") as reader:
         topics = set(reader.topics)
     assert {"/tracker/cam1/mask", "/tracker/markers", "/diagnostics"} <= topics and "/cam1/image_raw" not in topics
+    assert len(list((described / "run" / "bag").glob("*.mcap"))) > 1
     for folder in (described / "run", tmp_path / "offline"):
         figures = json.loads((folder / "report.json").read_text())["metrics"]
         assert figures["arm.image_sets"] == 8 and figures["arm.lost_sets"] == 0

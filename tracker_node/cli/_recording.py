@@ -34,7 +34,8 @@ def fill_in(args: argparse.Namespace, built_in: Mapping[str, Any]) -> RecordingF
     from ..loaders.recording_yaml import load_recording
 
     recording = load_recording(args.recording) if args.recording else None
-    values = {**built_in, **(_values(recording) if recording else {})}
+    said = _values(recording) if recording else {}
+    values = {**built_in, **{name: value for name, value in said.items() if value is not None}}
     for name, value in values.items():
         if hasattr(args, name) and getattr(args, name) is None:
             setattr(args, name, value)

@@ -13,7 +13,10 @@ SUMMARY = "run camera_ingest, tracker and recorder together, from cameras to a b
 EXAMPLE = """tracker_node pipeline recording.yaml
   tracker_node pipeline --rig rig.yaml --model person.yaml --initial-state start.yaml --bag out/run1/bag --masks"""
 RECORDED = ("masks", "overlays", "through_masks", "markers", "images")
-BUILT_IN = {"start": 0, "shrink": 1, "source": [], "capture": [], **dict.fromkeys((*RECORDED, "loop", "real_time"), False)}
+BUILT_IN = {
+    **{"start": 0, "shrink": 1, "source": [], "capture": [], "split_mb": 0.0, "compression": "none"},
+    **dict.fromkeys((*RECORDED, "loop", "real_time"), False),
+}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,6 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--through-masks", action="store_true", help="record the images as seen through the body's mask too")
     parser.add_argument("--markers", action="store_true", help="record the body's shapes too, as RViz and Foxglove show them")
     parser.add_argument("--images", action="store_true", help="record the cameras' images too")
+    parser.add_argument("--split-mb", type=float, metavar="MB", help="another file of the bag at this size (default: never)")
+    parser.add_argument("--compression", choices=("none", "lz4", "zstd"), help="of the bag's messages (default: none)")
     parser.add_argument("--loop", action="store_true", help="begin again at the end, until Ctrl-C")
     parser.add_argument(
         "--real-time",
@@ -65,6 +70,7 @@ def run(args: argparse.Namespace) -> int:
         through_masks=args.through_masks,
         markers=args.markers,
         images=args.images,
+        recorder=["--split-mb", str(args.split_mb), "--compression", args.compression],
         lossless=not args.real_time,
         n_expected=n_images,
         ros_args=args.ros_args,

@@ -94,13 +94,15 @@ class ImagesEntry(FileModel):
 
 
 class RecordEntry(FileModel):
-    """What goes into the bag besides states, poses, joints, calibrations and diagnostics."""
+    """What goes into the bag besides states, poses, joints, calibrations and diagnostics, and how it is written."""
 
     masks: Switch = False
     overlays: Switch = False
     through_masks: Switch = False
     markers: Switch = False
     images: Switch = False
+    split_mb: PositiveNumber | None = None
+    compression: Literal["none", "lz4", "zstd"] = "none"
 
 
 class EvaluateEntry(FileModel):

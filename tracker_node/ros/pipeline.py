@@ -42,6 +42,7 @@ class PipelineOptions:
     cameras : names, for the topics.
     bag : folder to record to, or None.
     masks, overlays, through_masks, markers, images : record these too.
+    recorder : further options of ``tracker_node recorder``.
     lossless : every image set is tracked, as fast as the tracker can; otherwise in real time, the newest wins.
     n_expected : image sets, for the progress; None if not known.
     ros_args : given to every process.
@@ -56,6 +57,7 @@ class PipelineOptions:
     through_masks: bool = False
     markers: bool = False
     images: bool = False
+    recorder: list[str] = field(default_factory=list)
     lossless: bool = True
     n_expected: int | None = None
     ros_args: list[str] = field(default_factory=list)
@@ -134,7 +136,7 @@ class Pipeline:
         options = self._options
         if options.bag is not None:
             topics = [self._resolved(topic) for topic in options.recorded_topics()]
-            arguments = ["recorder", "--output", str(options.bag), "--topics", *topics, *options.ros_args]
+            arguments = ["recorder", "--output", str(options.bag), "--topics", *topics, *options.recorder, *options.ros_args]
             self._children["recorder"] = Child(arguments, self._on_recorder_line)
             if not self._wait_for("the recorder", self._recorder_ready.is_set):
                 return False
