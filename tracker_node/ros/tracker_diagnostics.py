@@ -34,7 +34,7 @@ class TrackerDiagnostics:
         self._spread_ms: deque[float] = deque(maxlen=_REMEMBERED)
         self._before_s, self._tracked_before, self._superseded_before = time.monotonic(), 0, 0
         self._sets_before: Mapping[str, int] = {}
-        self._jumps_before = 0
+        self._jumps_before = self._jumps_of_clock = 0
         self._silent = 0
 
     def estimated(self, estimate: TrackEstimate, image_set: ImageSet, counts: WorkerCounts, now_ns: int) -> None:
@@ -58,6 +58,10 @@ class TrackerDiagnostics:
             values = {"probability of being lost": float(limb.probability)}
             self._diagnostics.report(f"limb {limb.name}", _LIMB_LEVELS[limb.status], said, values, logged=False)
 
+    def clock_jumped(self) -> None:
+        """The simulated clock went back."""
+        self._jumps_of_clock += 1
+
     def report(self, worker: TrackingWorker) -> None:
         """Once a second, while the node is active."""
         now, counts = time.monotonic(), worker.counts
@@ -68,7 +72,7 @@ class TrackerDiagnostics:
         self._silent = 0 if tracked or worker.busy else self._silent + 1
         self._diagnostics.report("rate", *_rate_verdict(worker, tracked, superseded, self._silent), values)
         self._report_sets(worker)
-        self._report_clock(worker.formation.clock_jumps)
+        self._report_clock(worker.formation.clock_jumps + self._jumps_of_clock)
         if worker.paused:
             self._diagnostics.report("status", OK, "paused by request")
         else:

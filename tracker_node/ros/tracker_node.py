@@ -223,6 +223,7 @@ class TrackerNode(ManagedNode):
         self.get_logger().warning(f"time went back by {-jump.delta.nanoseconds * 1e-9:.3f} s: the tracker begins again")
         if self._worker is not None:
             self._worker.reset()
+            self._told.clock_jumped()
 
     def report(self) -> None:
         """Once a second: rates, and each camera."""
