@@ -21,6 +21,7 @@ MOST_IMPORTANT = (
     "image data shorter than announced",
     "image of another size",
     "damaged JPEG",
+    "clock jumps back",
     "a camera's clock jumps ahead",
     "calibration with NaN",
 )
