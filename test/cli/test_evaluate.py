@@ -201,6 +201,16 @@ def test_states_and_joints_as_truth(files, tmp_path):
     assert figures["run.dof_rms.left_elbow_x_deg"] == pytest.approx(0.0, abs=1e-9)
 
 
+def test_coordinates_that_were_exported_are_truth(files, tmp_path):
+    model, motion_file = ["--model", str(files / "model.yaml")], str(tmp_path / "run.mot")
+    assert main(["export", str(files / "run"), *model, "--to", "mot", "--output", motion_file]) == 0
+    more = [*model, "--no-pdf", "--lag", "0", "--pictures", "0", "--output", str(tmp_path)]
+    assert main(["evaluate", str(files / "run"), "--truth", motion_file, *more]) == 0
+    figures = figures_of(tmp_path)
+    assert figures["run.mpjpe_mm"] == pytest.approx(0.0, abs=1e-3)
+    assert figures["run.joint_angle_deg"] == pytest.approx(0.0, abs=1e-4)
+
+
 @pytest.mark.parametrize(
     ("more", "message"),
     [
