@@ -5,8 +5,9 @@ Four processes: `tracker_node camera_ingest` sends decoded images (a recording f
 never jumps), `tracker_node tracker` tracks them as they come, `tracker_node recorder` takes its results, and this one listens.
 
 An image set is lost if no state of its stamp has come; the start (the first tenth, five minutes at most) is not judged. Every
-image that the ingest has published must be in the tracker's accounts, used or left out for a reason; what is in none is
-`unaccounted`. Memory is the share that each process has of its pages (Pss), fitted by a robust line (Theil and Sen) from the end
+image that the tracker has received must be in its accounts, used or left out for a reason; what is in none is `unaccounted`. What
+the ingest has published and the tracker has not received is `lost_in_transport`: images are best effort, and a receiver that gets
+no time of the processor misses some. Memory is the share that each process has of its pages (Pss), fitted by a robust line (Theil and Sen) from the end
 of the start; growth is what the line rises by until the end, in percent of where it began. The bag is written in files of a
 minute, and all but the last ones are deleted once they have been counted, so that the disk does not fill.
 """
@@ -47,7 +48,8 @@ QUIET_S = 3.0  # after the last image: two reports on /diagnostics
 START_SHARE, START_MOST_S = 0.1, 300.0
 SPLIT_S, KEPT_FILES = 60.0, 3
 RESULTS = ("state:tracker_msgs/msg/TrackedState", "pose:geometry_msgs/msg/PoseWithCovarianceStamped")
-NOT_REASONS = ("images per second", "received")  # in the tracker's accounts of a camera
+NOT_REASONS = ("images per second", "received", "lost in transport")  # in the tracker's accounts of a camera
+FATES = ("used", "late", "duplicate", "incomplete", "too_old", "ahead", "clock_jump", "reset", "waiting")
 
 
 Metrics = dict[str, float | int]
@@ -244,7 +246,7 @@ def figures(
     latencies = heard.latencies_ms(span_ns[0])
     tracked, superseded = int(status["image sets tracked"]), int(status["image sets superseded"])
     formed = int(sets["complete"]) + int(sets["of fewer cameras"])
-    accounted = {camera: _images(heard.accounts[f"tracker: {camera}"]) for camera in published}
+    accounted = {camera: _arrived(heard.accounts[f"tracker: {camera}"]) for camera in published}
     missing = {camera: n - accounted[camera] for camera, n in published.items()}
     # Images that are on their way while their process ends may go down with it: the last set, where it has no state.
     cut_off = max(heard.sent_ns) not in heard.arrivals_ns
@@ -256,7 +258,8 @@ def figures(
         "soak.lost": heard.lost(*span_ns),
         "soak.superseded": superseded,
         "soak.not_formed": sum(int(n) for name, n in sets.items() if name.startswith("not formed")),
-        "soak.unaccounted_images": sum(n - cut_off if n > 0 else n for n in missing.values()),
+        "soak.lost_in_transport": sum(n - cut_off if n > 0 else n for n in missing.values()),
+        "soak.unaccounted_images": sum(abs(_unaccounted(heard.accounts[f"tracker: {camera}"])) for camera in published),
         "soak.unaccounted_sets": formed - tracked - superseded,
         "soak.recorder_lost": tracked - recorded_counts["/tracker/state"],
         "soak.memory_growth_percent": max(growth.values()),
@@ -268,9 +271,14 @@ def figures(
     return result
 
 
-def _images(values: dict[str, str]) -> int:
+def _arrived(values: dict[str, str]) -> int:
     """Images of a camera in the tracker's accounts, whatever became of them."""
     return sum(int(n) for name, n in values.items() if name not in NOT_REASONS)
+
+
+def _unaccounted(values: dict[str, str]) -> int:
+    """Images that have gone to the synchronizer without a fate."""
+    return int(values["received"]) - sum(int(values[fate]) for fate in FATES)
 
 
 def main(arguments: list[str] | None = None) -> int:
