@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
 
 SUMMARY = "track a body in the images of ROS cameras"
 EXAMPLE = "tracker_node tracker --rig rig.yaml --model person.yaml --initial-state start.yaml"
+SETTLE_S = 0.3  # between our discovery of a subscriber and its discovery of us; what is sent before is lost
 OUTPUTS = ("state", "pose", "joint_states", "markers", "mask", "overlay", "target_through_mask")
 
 
@@ -91,6 +93,8 @@ def run(args: argparse.Namespace) -> int:
         try:
             if node.autostart and node.configure():
                 spin(node, stop, lambda: node.state != INACTIVE or node.has_subscribers(dict(args.wait_for)))
+                settled_s = time.monotonic() + (SETTLE_S if args.wait_for else 0.0)
+                spin(node, stop, lambda: time.monotonic() >= settled_s)
                 node.activate()
             if args.end_on_failure:
                 failure = node.failure
