@@ -18,7 +18,6 @@ RUNTIME_REQUIREMENTS = [
     "numba>=0.59",
     "numpy>=2.0",
     "opencv-python-headless>=4.8",
-    "plotly>=6.0",
     "pydantic>=2.0",
     "pyrender-maintained>=1.0",
     "pyyaml>=6.0",
