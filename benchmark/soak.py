@@ -7,9 +7,9 @@ never jumps), `tracker_node tracker` tracks them as they come, `tracker_node rec
 An image set is lost if no state of its stamp has come; the start (the first tenth, five minutes at most) is not judged. Every
 image that the tracker has received must be in its accounts, used or left out for a reason; what is in none is `unaccounted`. What
 the ingest has published and the tracker has not received is `lost_in_transport`: images are best effort, and a receiver that gets
-no time of the processor misses some. Memory is the share that each process has of its pages (Pss), fitted by a robust line (Theil and Sen) from the end
-of the start; growth is what the line rises by until the end, in percent of where it began. The bag is written in files of a
-minute, and all but the last ones are deleted once they have been counted, so that the disk does not fill.
+no time of the processor misses some. Memory is the share that each process has of its pages (Pss), fitted by a robust line (Theil
+and Sen) from the end of the start; growth is what the line rises by until the end, in percent of where it began. The bag is
+written in files of a minute, and all but the last ones are deleted once they have been counted, so that the disk does not fill.
 """
 
 from __future__ import annotations
