@@ -59,14 +59,19 @@ class Hands:
 
     def click(self, camera, pixel):
         """Press where an image pixel is on the screen; the pixel that the whole screen pixel there means."""
+        at, meant = self.on_screen(camera, pixel)
+        self.page.mouse.click(*at)
+        return meant
+
+    def on_screen(self, camera, pixel):
+        """Whole pixel of the screen at which an image pixel is, and the image pixel that it means."""
         box = self.page.locator(f"canvas[aria-label='camera {camera}']").bounding_box()
         model = self.rig[camera].model
         scale = min(box["width"] / model.width, box["height"] / model.height)
         middle = np.array([box["x"] + box["width"] / 2, box["y"] + box["height"] / 2])
         center = np.array([(model.width - 1) / 2, (model.height - 1) / 2])
         at = np.round(middle + (np.asarray(pixel) - center) * scale)
-        self.page.mouse.click(*at)
-        return center + (at - middle) / scale
+        return at, center + (at - middle) / scale
 
     def click_all(self, place):
         for camera in self.rig:
@@ -141,6 +146,56 @@ def test_keys_nudge_delete_and_step(desk):
     assert not saved.exists()
     tab.page.keyboard.press("2")
     tab.page.wait_for_function("() => [...document.querySelectorAll('.view')].every((view) => !view.hidden)")
+
+
+def test_a_drag_keeps_hold_of_the_mark_and_is_one_change(desk):
+    studio, tab, hands, folder = desk
+    saved, mouse = folder / "clicks/first/0.csv", tab.page.mouse
+    hands.open(studio.page("digitizing.html"))
+    hands.add_point("knee")
+    start = hands.click("left", (80.0, 60.0))
+    hands.saved()
+    at, _ = hands.on_screen("left", start)
+    scale = hands.on_screen("left", start + [10.0, 0.0])[0][0] - at[0]  # screen pixels for ten of the image
+    mouse.move(*(at + 4))
+    mouse.down()
+    mouse.move(*(at + 5))  # not yet a drag
+    mouse.move(*(at + 4 + [3 * scale, -2 * scale]), steps=8)
+    mouse.up()
+    hands.saved()
+    np.testing.assert_allclose(load_clicks(saved)["left"]["knee"], start + [30.0, -20.0], atol=0.7)
+    tab.page.keyboard.press("Control+z")
+    hands.saved()
+    np.testing.assert_allclose(load_clicks(saved)["left"]["knee"], start, atol=1e-6)
+    at, _ = hands.on_screen("left", start)
+    mouse.click(*(at + 4))
+    tab.page.keyboard.press("Control+z")  # the first click: a press on the mark has changed nothing
+    hands.saved()
+    assert not saved.exists()
+
+
+def test_a_click_before_the_saved_ones_have_come_is_taken_back_to_what_was_saved(desk):
+    studio, tab, hands, folder = desk
+    saved, page, held = folder / "clicks/first/0.csv", tab.page, []
+    hands.open(studio.page("digitizing.html"))
+    hands.add_point("knee")
+    start = hands.click("left", (80.0, 60.0))
+    hands.saved()
+    page.keyboard.press(".")
+    hands.wait_for("#time", "1 / 2")
+    page.wait_for_selector("body[aria-busy=false]")
+    page.route("**/api/digitizing/sheet", lambda route: held.append(route))
+    page.keyboard.press(",")
+    hands.wait_for("#time", "0 / 2")
+    hands.click("left", (40.0, 30.0))
+    hands.saved()
+    assert held and np.abs(load_clicks(saved)["left"]["knee"] - start).max() > 20.0
+    page.keyboard.press("Control+z")
+    hands.saved()
+    np.testing.assert_allclose(load_clicks(saved)["left"]["knee"], start, atol=1e-6)
+    for route in held:
+        route.continue_()
+    page.unroute("**/api/digitizing/sheet")
 
 
 def test_trajectories_of_all_images_are_truth(desk):

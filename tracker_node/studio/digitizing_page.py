@@ -110,13 +110,18 @@ class Desk:
         """Clicks, and what comes of them."""
         with self._lock:
             stamp_ns = self._stamp_ns(asked.set)
-            clicked = self._store.control if asked.sheet == CONTROL else self._store.clicked(asked.sheet, stamp_ns)
+            clicked = self._clicked(asked)
             sheet = self._control_sheet(asked) if asked.sheet == CONTROL else self._point_sheet(asked, clicked)
             curves = self._curves(clicked, asked.point)
             return {"clicks": _listed(clicked), "curves": curves, "count": self._store.count(stamp_ns), **sheet}
 
+    def _clicked(self, asked: Asked) -> Clicked:
+        if asked.sheet == CONTROL:
+            return self._store.control
+        return self._store.clicked(asked.sheet, self._stamp_ns(asked.set))
+
     def click(self, asked: AskedClick) -> dict[str, Any]:
-        """Put, move or delete a click, and the sheet with it."""
+        """Put, move or delete a click: the sheet with it, and the pixel that was there ``before``."""
         with self._lock:
             if asked.camera not in self._rig.names:
                 raise UnknownNameError("camera", asked.camera, self._rig.names)
@@ -126,11 +131,12 @@ class Desk:
             known = self._store.places if asked.sheet == CONTROL else self._points()
             if asked.point not in known:
                 raise UnknownNameError("point", asked.point, known)
+            before = self._clicked(asked).get(asked.camera, {}).get(asked.point)
             if asked.sheet == CONTROL:
                 self._store.set_control_click(asked.camera, asked.point, pixel)
             else:
                 self._store.set_click(asked.sheet, self._stamp_ns(asked.set), asked.camera, asked.point, pixel)
-            return self.sheet(asked)
+            return {"before": None if before is None else before.tolist(), **self.sheet(asked)}
 
     def add_point(self, asked: AskedName) -> dict[str, Any]:
         """A point of one's own."""

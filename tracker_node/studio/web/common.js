@@ -99,8 +99,8 @@ export function layoutViews(container, n, aspect) {
  * A camera's image with overlays. Coordinates are image pixels, integers at pixel centres.
  *
  * view.overlays: functions (context, view), called with a context that draws in image pixels; view.px(n) is the length there of n
- * pixels of the screen. view.onpress(pixel, event) may return true to have the drag for itself: view.ondrag(pixel, event) and
- * view.onrelease(pixel, event) then follow; else it pans. view.onhover(pixel, event), view.onleave(), view.onclick(pixel, event): a
+ * pixels of the screen. view.onpress(pixel, event) may return true to have the drag for itself: view.ondrag(pixel, event), once the
+ * pointer has moved, and view.onrelease(pixel, event) then follow; else it pans. view.onhover(pixel, event), view.onleave(), view.onclick(pixel, event): a
  * press that did not move. Wheel and + - zoom, 0 fits, Alt with arrows pans, a double click fits.
  */
 export class ImageView {
@@ -212,8 +212,8 @@ export class ImageView {
     canvas.addEventListener("pointermove", (event) => {
       if (!press) { this.onhover?.(this.toImage(event), event); return; }
       press.moved ||= Math.hypot(event.clientX - press.x, event.clientY - press.y) > 3;
-      if (press.taken) { this.ondrag?.(this.toImage(event), event); return; }
       if (!press.moved) return;
+      if (press.taken) { this.ondrag?.(this.toImage(event), event); return; }
       this.u = press.u - (event.clientX - press.x) / this.scale; this.v = press.v - (event.clientY - press.y) / this.scale;
       this._keepInside(); this.redraw();
     });

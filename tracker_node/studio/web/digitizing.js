@@ -11,9 +11,10 @@ const state = { cameras: [], sets: [], facts: null, answer: null, set: 0, sheet:
 const views = [];
 let active = null; // the view that keys mean
 let under = null; // what the magnifier shows: [view, pixel]
-const waiting = []; // clicks that are not saved yet
-const undone = []; // clicks as they were before the latest changes
+const waiting = []; // clicks that are not saved yet, with the change whose earlier pixel the answer will tell
+const undone = []; // clicks as they were before the latest changes: null where there was none, undefined until the server has told
 let sending = false;
+let saved = Promise.resolve(); // when all clicks are
 
 const session = await attempt(() => openPage("digitizing.html"));
 const facts = session && (await request("/api/digitizing").catch((error) => ({ error: error.message })));
@@ -42,11 +43,19 @@ function makeView(camera) {
   view.canvas.addEventListener("focus", () => { active = view; });
   view.onhover = (pixel) => magnify(view, pixel);
   view.onclick = (pixel) => { put(view, pixel); advance(); };
+  let held = null; // where the mark lies beside the pointer, and whether it has moved
   view.onpress = (pixel) => {
     const mark = state.answer?.clicks[camera.name]?.[state.point];
-    return Boolean(mark) && Math.hypot(pixel[0] - mark[0], pixel[1] - mark[1]) < view.px(GRAB);
+    if (!mark || Math.hypot(pixel[0] - mark[0], pixel[1] - mark[1]) >= view.px(GRAB)) return false;
+    held = { off: [mark[0] - pixel[0], mark[1] - pixel[1]], moved: false };
+    return true;
   };
-  view.ondrag = (pixel) => { magnify(view, pixel); put(view, pixel); };
+  view.ondrag = (pixel) => {
+    const at = [pixel[0] + held.off[0], pixel[1] + held.off[1]];
+    magnify(view, at);
+    put(view, at, !held.moved); // one drag is one change
+    held.moved = true;
+  };
   return view;
 }
 
@@ -76,28 +85,30 @@ function asked() {
 function put(view, pixel, remember = true) {
   if (!state.point) { say("name a point first", "bad"); return; }
   const inside = pixel && [clamp(pixel[0], -0.49, view.width - 0.51), clamp(pixel[1], -0.49, view.height - 0.51)];
-  state.answer ??= { clicks: {}, curves: [], points: {}, cameras: {}, expected: {} }; // the sheet is still on its way
+  state.answer ??= { clicks: {}, curves: [], points: {}, cameras: {}, expected: {}, coming: true }; // the sheet is still on its way
   const clicks = (state.answer.clicks[view.name] ??= {});
-  if (remember) undone.push({ view, pixel: clicks[state.point] ?? null, set: state.set, sheet: state.sheet, point: state.point });
+  const before = clicks[state.point] ?? (state.answer.coming ? undefined : null);
+  const change = { view, pixel: before, set: state.set, sheet: state.sheet, point: state.point };
+  if (remember) undone.push(change);
   if (inside) clicks[state.point] = inside;
   else delete clicks[state.point];
   redraw();
   const click = { ...asked(), camera: view.name, pixel: inside };
   const last = waiting.at(-1);
-  if (last && ["set", "sheet", "point", "camera"].every((key) => last[key] === click[key])) waiting.pop();
-  waiting.push(click);
-  send();
+  const again = last && ["set", "sheet", "point", "camera"].every((key) => last.click[key] === click[key]);
+  waiting.push({ click, change: again ? waiting.pop().change : change }); // the server replaces what was there before the first
+  if (!sending) saved = send();
 }
 
 /** Save one click after the other; what cannot be saved is taken back. */
 async function send() {
-  if (sending) return;
   sending = true;
   let stale = false;
   while (waiting.length) {
-    const click = waiting.shift();
+    const { click, change } = waiting.shift();
     const answer = await attempt(() => request("/api/digitizing/click", click));
     if (answer) state.facts.counts[click.set] = answer.count;
+    if (answer && change.pixel === undefined) change.pixel = answer.before;
     if (waiting.length) continue;
     stale = !answer || ["set", "sheet", "point"].some((key) => click[key] !== state[key]);
     if (!stale) { state.answer = answer; redraw(); }
@@ -203,6 +214,8 @@ function nudge(key, step) {
 async function undo() {
   const change = undone.pop();
   if (!change) { say("nothing to take back"); return; }
+  if (change.pixel === undefined) await saved;
+  if (change.pixel === undefined) { await undo(); return; } // it could not be saved
   if (change.sheet !== state.sheet) { byId("sheet").value = change.sheet; chooseSheet(change.sheet); }
   if (change.set !== state.set) await showSet(change.set);
   if (change.point !== state.point) choosePoint(change.point);
