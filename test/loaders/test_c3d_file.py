@@ -1,6 +1,8 @@
 """C3D files, written through ezc3d and read back by it and by another reader."""
 
+import resource
 import warnings
+from pathlib import Path
 
 import c3d
 import numpy as np
@@ -67,6 +69,41 @@ def test_any_trajectories_come_back(tmp_path_factory, n, m, unit, y_up, seed):
     assert np.array_equal(read.valid, written.valid)
     assert read.positions_m == pytest.approx(written.positions_m, abs=1e-6)
     assert read.times_s == pytest.approx(written.times_s, abs=1e-9)
+
+
+def test_a_file_that_cannot_be_written_is_an_error(tmp_path):
+    (tmp_path / "full.c3d").symlink_to("/dev/full")
+    for path in (Path("/proc/x.c3d"), tmp_path / "full.c3d", tmp_path / "no folder" / "a.c3d"):
+        with pytest.raises(OSError) as caught:
+            dump_c3d(trajectories(), path)
+        assert caught.value.filename == str(path.resolve())
+    assert [path.name for path in tmp_path.iterdir()] == ["full.c3d"]
+
+
+@pytest.mark.parametrize("room", [100, 1500, 20_000])
+def test_a_full_disk_is_an_error_and_spares_what_was_there(tmp_path, room):
+    path = tmp_path / "a.c3d"
+    path.write_bytes(b"mine")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
+    try:
+        with pytest.raises(OSError, match=r"whole.*a\.c3d"):
+            dump_c3d(trajectories(500, 4), path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert path.read_bytes() == b"mine" and len(list(tmp_path.iterdir())) == 1
+
+
+@pytest.mark.parametrize("name", ["walk", "walk.C3D", "walk.c3d.part"])
+def test_the_file_has_the_name_that_was_given(tmp_path, name):
+    dump_c3d(trajectories(), tmp_path / name)
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_a_link_is_written_through(tmp_path):
+    (tmp_path / "link.c3d").symlink_to(tmp_path / "a.c3d")
+    dump_c3d(trajectories(), tmp_path / "link.c3d")
+    assert (tmp_path / "link.c3d").is_symlink() and load_c3d(tmp_path / "a.c3d").names == trajectories().names
 
 
 @pytest.mark.parametrize("damage", [

@@ -6,6 +6,7 @@ A point that was not seen has the residual -1. Angles, where there are any, stan
 
 from __future__ import annotations
 
+import errno
 import os
 import struct
 from collections.abc import Mapping, Sequence
@@ -24,6 +25,8 @@ _BLOCK = 512  # bytes
 _INTEGER = 2  # type of a parameter: 16 bits
 _MAGIC = 0x50  # second byte of every C3D file
 _LEAST_BYTES = 8  # of a point: four numbers of 16 bits
+_POINT_BYTES = 16  # of a point as written here: four single-precision numbers
+_DATA_BLOCK = 16  # byte of the header where the number of the data's first block stands, counted from 1
 _PROCESSOR, _BIG_ENDIAN = 3, 86  # byte of the parameters that tells of the byte order, and its value on MIPS
 
 
@@ -52,6 +55,10 @@ def dump_c3d(
     y_up : turn the axes to those of OpenSim, as `trc.dump_trc` does. ``POINT:Y_SCREEN`` says which axis is up.
     unit : m, cm or mm. Coordinates are single precision: 0.06 mm at 1 km.
     descriptions : of the markers.
+
+    Raises
+    ------
+    OSError : the file cannot be written whole; what was there before is still there.
     """
     import ezc3d  # here, since it has no wheels for some machines, which read and write everything else
 
@@ -80,7 +87,35 @@ def dump_c3d(
         "residuals": np.where(valid, 0.0, -1.0).T[None],
         "camera_masks": np.zeros((7, values.shape[1], n), dtype=bool),
     }
-    file.write(str(path))
+    _write_whole(file, Path(path), values.shape[1] * n)
+
+
+def _write_whole(file: Any, path: Path, n_values: int) -> None:
+    """Through a temporary file, and checked by its size: ezc3d does not notice when the disk is full or the folder read-only."""
+    path = path.resolve()
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "not a regular file", str(path))
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.c3d")  # ezc3d would append the suffix to any other name
+    try:
+        temporary.touch()  # which says why, where nothing can be written
+        try:
+            file.write(str(temporary))
+            _check_size(temporary, n_values * _POINT_BYTES)
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error  # the user has not asked for the temporary file
+
+
+def _check_size(path: Path, n_data: int) -> None:
+    """Raise OSError unless ``n_data`` bytes follow where the header says that the data begin."""
+    with path.open("rb") as stream:
+        header = stream.read(_BLOCK)
+        size = stream.seek(0, os.SEEK_END)
+    blocks = struct.unpack_from("<H", header, _DATA_BLOCK)[0] - 1 if len(header) == _BLOCK else 1
+    if size < blocks * _BLOCK + n_data:
+        raise OSError(errno.EIO, f"the C3D file could not be written whole, only {size} bytes of it")
 
 
 def _state_frames(file: Any, n: int) -> None:
