@@ -74,6 +74,22 @@ def test_jitter_of_stamps_averages_out():
     assert found.rate_hz == pytest.approx(60.0, rel=1e-3)
 
 
+@pytest.mark.parametrize("after", [0, 7, 19])
+def test_a_doubled_set_neither_changes_the_rate_nor_counts(tmp_path, after):
+    tracked = moving(20)
+    twice = np.insert(np.arange(20), after, after)
+    stamps = tracked.stamps_ns[twice]
+    stamps[after + 1] += 2_000_000
+    values = tracked.values[twice]
+    values[after + 1, 0] += 1.0
+    doubled = replace(tracked, stamps_ns=stamps, values=values, valid=tracked.valid[twice])
+    run = load_run(write_run(tmp_path / "run", doubled))
+    motion, said = at_constant_rate(motion_of_run(run, tracked.model))
+    assert motion.rate_hz == pytest.approx(60.0, rel=5e-3)
+    assert "as they are" in said and "1 left out" in said
+    assert motion.valid.all() and np.array_equal(motion.values, tracked.values)
+
+
 @pytest.mark.parametrize("rate_hz", [25.0, 30.0, 120.0, 47.3])
 def test_other_rates_interpolate_positions_angles_and_rotations(rate_hz):
     fine = moving(400, rate_hz=600.0)

@@ -119,20 +119,21 @@ def steady_period_ns(stamps_ns: np.ndarray) -> float:
     """From one image set to the next; a second where there is only one.
 
     The slope of the straight line through stamps over image numbers, which are counted by the median of the differences: jitter
-    averages out, and missing sets do not disturb.
+    averages out, and neither missing sets nor second ones shortly after another disturb.
     """
     if len(stamps_ns) < 2:
         return 1e9
     differences = np.diff(stamps_ns).astype(np.float64)
-    numbers = np.concatenate([[0.0], np.cumsum(np.maximum(np.round(differences / np.median(differences)), 1.0))])
+    numbers = np.concatenate([[0.0], np.cumsum(np.round(differences / np.median(differences)))])
     return float(np.polyfit(numbers, (stamps_ns - stamps_ns[0]).astype(np.float64), 1)[0])
 
 
 def at_constant_rate(motion: RunMotion, rate_hz: float | None = None) -> tuple[RunMotion, str]:
     """The motion at instants a constant period apart, from its first one on, and in words what had to be done for that.
 
-    States are taken as they are where all stamps lie near such instants (`ON_GRID`); otherwise they are interpolated, positions
-    and angles linearly, the root's orientation along the shortest rotation. Nothing is interpolated across a gap.
+    States are taken as they are where all stamps lie near such instants (`ON_GRID`), of several near one the nearest; otherwise
+    they are interpolated, positions and angles linearly, the root's orientation along the shortest rotation. Nothing is
+    interpolated across a gap.
 
     Parameters
     ----------
@@ -153,12 +154,12 @@ def at_constant_rate(motion: RunMotion, rate_hz: float | None = None) -> tuple[R
     grid = np.round(np.arange(n) * period)  # nanoseconds, so that an instant of the run is met exactly
     unknown = motion.unknown_links
     if as_they_are:
-        values, valid = np.zeros((n, motion.values.shape[1])), np.zeros(n, dtype=bool)
-        values[rows], valid[rows] = motion.values, motion.valid
-        if unknown is not None:
-            unknown = np.zeros((n, unknown.shape[1]), dtype=bool)
-            unknown[rows] = motion.unknown_links
+        taken = _nearest(rows, off)
+        values, valid = (_placed(of_state[taken], rows[taken], n) for of_state in (motion.values, motion.valid))
+        unknown = None if unknown is None else _placed(unknown[taken], rows[taken], n)
         done = f"states as they are, at {1e9 / period:.6g} Hz; stamps are within {1e-6 * off.max():.2g} ms of that"
+        if len(taken) < len(rows):
+            done += f"; {len(rows) - len(taken)} left out, each beside a state nearer to the same instant"
     else:
         values, valid = _interpolated(motion, elapsed, grid)
         if unknown is not None:
@@ -168,6 +169,19 @@ def at_constant_rate(motion: RunMotion, rate_hz: float | None = None) -> tuple[R
     stamps = motion.stamps_ns[0] + grid.astype(np.int64)
     at_rate = replace(motion, stamps_ns=stamps, values=values, valid=valid, period_ns=period, uniform=True, unknown_links=unknown)
     return at_rate, done
+
+
+def _nearest(rows: np.ndarray, off: np.ndarray) -> np.ndarray:
+    """Indices of those of ``rows`` (n,) that stand there once, or with the least ``off`` (n,) of their equals."""
+    by_distance = np.argsort(off, kind="stable")
+    return by_distance[np.unique(rows[by_distance], return_index=True)[1]]
+
+
+def _placed(values: np.ndarray, rows: np.ndarray, n: int) -> np.ndarray:
+    """``n`` rows of zeros, but ``values`` in ``rows``."""
+    placed = np.zeros((n, *values.shape[1:]), dtype=values.dtype)
+    placed[rows] = values
+    return placed
 
 
 def without_gaps(motion: RunMotion) -> RunMotion:
