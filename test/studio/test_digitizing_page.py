@@ -156,14 +156,14 @@ def test_a_drag_keeps_hold_of_the_mark_and_is_one_change(desk):
     start = hands.click("left", (80.0, 60.0))
     hands.saved()
     at, _ = hands.on_screen("left", start)
-    scale = hands.on_screen("left", start + [10.0, 0.0])[0][0] - at[0]  # screen pixels for ten of the image
+    scale = hands.on_screen("left", np.add(start, [10.0, 0.0]))[0][0] - at[0]  # screen pixels for ten of the image
     mouse.move(*(at + 4))
     mouse.down()
     mouse.move(*(at + 5))  # not yet a drag
     mouse.move(*(at + 4 + [3 * scale, -2 * scale]), steps=8)
     mouse.up()
     hands.saved()
-    np.testing.assert_allclose(load_clicks(saved)["left"]["knee"], start + [30.0, -20.0], atol=0.7)
+    np.testing.assert_allclose(load_clicks(saved)["left"]["knee"], np.add(start, [30.0, -20.0]), atol=0.7)
     tab.page.keyboard.press("Control+z")
     hands.saved()
     np.testing.assert_allclose(load_clicks(saved)["left"]["knee"], start, atol=1e-6)
