@@ -4,6 +4,7 @@ import fcntl
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import IO
 
 import pytest
@@ -33,6 +34,14 @@ def shared_data() -> Path:
     if not path.is_dir():
         pytest.skip(f"TRACKER_SHARED_DATA is not a folder: {path}")
     return path
+
+
+@pytest.fixture(scope="session")
+def opensim() -> ModuleType:
+    """OpenSim, where this machine has it, without the log that it would write into the current folder."""
+    module = pytest.importorskip("opensim", reason="no wheel of OpenSim for this machine")
+    module.Logger.removeFileSink()
+    return module
 
 
 def _claim_domain_id(folder: Path) -> tuple[int, IO[str]]:

@@ -3,6 +3,7 @@
 import warnings
 from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
 
 import bvhio
 import c3d
@@ -20,17 +21,18 @@ from tracker_node.evaluation.export_csv import tables, write_tables
 from tracker_node.evaluation.export_options import ExportOptions
 from tracker_node.evaluation.isb_angles import isb_angles
 from tracker_node.evaluation.kinematics import state_kinematics
-from tracker_node.model.configuration import Configuration
+from tracker_node.evaluation.run_motion import RunMotion
+from tracker_node.loaders.opensim_table import NumberTable, dump_table
+from tracker_node.model.articulated_model import ArticulatedModel
+from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.human import human_model
 from tracker_node.model.pose_variables import from_variables
-
-opensim = pytest.importorskip("opensim", reason="no wheel of OpenSim for this machine")
 
 GAPS = (0, 3, 4, 11)
 Y_UP, Z_UP = ExportOptions(y_up=True), ExportOptions(y_up=False)
 
 
-def opensim_markers(path: Path) -> tuple[list[str], np.ndarray]:
+def opensim_markers(opensim: ModuleType, path: Path) -> tuple[list[str], np.ndarray]:
     """Labels and (n, m, 3) of a TRC file, as OpenSim reads it."""
     table = opensim.TimeSeriesTableVec3(str(path))
     flat = table.flatten()  # has to outlive its matrix
@@ -39,10 +41,10 @@ def opensim_markers(path: Path) -> tuple[list[str], np.ndarray]:
 
 
 @pytest.mark.parametrize(("options", "scale"), [(Y_UP, 1.0), (replace(Y_UP, unit="mm"), 1000.0), (Z_UP, 1.0)])
-def test_opensim_reads_a_trc_with_its_gaps(tmp_path, options, scale):
+def test_opensim_reads_a_trc_with_its_gaps(opensim, tmp_path, options, scale):
     motion = moving(15, gaps=GAPS)
     FORMATS["trc"](motion, tmp_path / "a.trc", options)
-    labels, read = opensim_markers(tmp_path / "a.trc")
+    labels, read = opensim_markers(opensim, tmp_path / "a.trc")
     assert tuple(labels) == motion.model.landmark_names
     expected = scale * motion.landmarks_m()
     expected = expected[..., [1, 2, 0]] if options.y_up else expected
@@ -52,18 +54,18 @@ def test_opensim_reads_a_trc_with_its_gaps(tmp_path, options, scale):
 
 @settings(max_examples=15, deadline=None)
 @given(st.sets(st.integers(0, 8), max_size=7), st.sampled_from(["m", "cm", "mm"]), st.booleans())
-def test_any_gaps_arrive_in_opensim(tmp_path_factory, gaps, unit, y_up):
+def test_any_gaps_arrive_in_opensim(opensim, tmp_path_factory, gaps, unit, y_up):
     path = tmp_path_factory.mktemp("trc") / "a.trc"
     motion = moving(9, gaps=tuple(gaps))
     FORMATS["trc"](motion, path, ExportOptions(y_up, unit))
-    _, read = opensim_markers(path)
+    _, read = opensim_markers(opensim, path)
     assert np.array_equal(np.isfinite(read).all(axis=(1, 2)), motion.valid)
 
 
-def test_names_of_openpose_and_a_choice_of_landmarks(tmp_path):
+def test_names_of_openpose_and_a_choice_of_landmarks(opensim, tmp_path):
     options = replace(Y_UP, landmarks=("right_knee", "neck"), openpose_names=True)
     FORMATS["trc"](moving(5), tmp_path / "a.trc", options)
-    labels, read = opensim_markers(tmp_path / "a.trc")
+    labels, read = opensim_markers(opensim, tmp_path / "a.trc")
     assert labels == ["RKnee", "Neck"] and read.shape == (5, 2, 3)
     with pytest.raises(UnknownNameError, match="right_nee"):
         markers_of(moving(2), replace(Y_UP, landmarks=("right_nee",)))
@@ -87,7 +89,7 @@ def test_c3d_has_landmarks_with_residuals_and_angles(tmp_path):
 
 
 @pytest.mark.parametrize("degrees", [True, False])
-def test_a_mot_in_opensim_leaves_out_the_rows_of_gaps(tmp_path, degrees):
+def test_a_mot_in_opensim_leaves_out_the_rows_of_gaps(opensim, tmp_path, degrees):
     motion = moving(15, gaps=GAPS)
     FORMATS["mot"](motion, tmp_path / "a.mot", replace(Y_UP, degrees=degrees))
     storage = opensim.Storage(str(tmp_path / "a.mot"))
@@ -111,11 +113,27 @@ def test_coordinates_of_the_model_come_back_as_the_same_poses(tmp_path, options)
         assert Configuration(motion.model, from_variables(row)).landmarks_world == pytest.approx(expected, abs=1e-9)
 
 
-def opensim_person(model) -> opensim.Model:
-    """Pelvis, thighs, shanks, thorax and upper arms with Rajagopal's coordinates, put together in OpenSim from lengths alone."""
-    person, bodies = opensim.Model(), {}
+@pytest.mark.parametrize(
+    ("y_up", "column", "axis"), [(True, "root_x", "y"), (True, "root_y", "z"), (True, "z", "x"), (False, "root_y", "y")]
+)
+def test_a_single_coordinate_of_the_root_is_read_along_its_axis(tmp_path, y_up, column, axis):
+    names, valid = ("left_knee_flexion", column), np.ones((3, 2), dtype=bool)
+    written = NumberTable(names, np.arange(3) / 60.0, np.full((3, 2), 0.5), valid, in_degrees=False)
+    dump_table(written, tmp_path / "a.mot")
+    names, _, values, _ = load_coordinates(tmp_path / "a.mot", human_model(), y_up)
+    assert names == (axis, "left_knee_flexion") and np.all(values == 0.5)
 
-    def add(name, parent, place, axes, coordinates):
+
+def opensim_person(opensim: ModuleType, model: ArticulatedModel):
+    """A person with the coordinates of Rajagopal's model, put together in OpenSim from lengths alone.
+
+    The torso is its only link between pelvis and arms: our abdomen is as stiff as the clavicles in what drives it.
+    """
+    person, bodies = opensim.Model(), {}
+    still = Configuration(model, State(np.eye(4), np.zeros(model.chain.n_axes))).Ts_world_link[:, :3, 3]
+    place = {name: point[[0, 2, 1]] * [1.0, 1.0, -1.0] for name, point in zip(model.chain.links, still, strict=True)}
+
+    def add(name, parent, axes, coordinates):
         body = opensim.Body(name, 1.0, opensim.Vec3(0), opensim.Inertia(1, 1, 1))
         transform = opensim.SpatialTransform()
         for i, (axis, coordinate) in enumerate(zip(axes, coordinates, strict=True)):
@@ -126,52 +144,62 @@ def opensim_person(model) -> opensim.Model:
             if coordinate:
                 part.setCoordinateNames(opensim.ArrayStr(coordinate, 1))
         zero = opensim.Vec3(0)
-        joint = opensim.CustomJoint(f"{name}_joint", parent, opensim.Vec3(*place), zero, body, zero, zero, transform)
+        offset = opensim.Vec3(*(place[name] - place[parent] if parent else np.zeros(3)))
+        frame = bodies[parent] if parent else person.getGround()
+        joint = opensim.CustomJoint(f"{name}_joint", frame, offset, zero, body, zero, zero, transform)
         person.addBody(body)
         person.addJoint(joint)
         bodies[name] = body
 
-    x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-    add("pelvis", person.getGround(), (0, 0, 0), (z, x, y, x, y, z),
+    x, y, z = np.eye(3)
+    still_there = ("", "", "")
+    add("pelvis", "", (z, x, y, x, y, z),
         ("pelvis_tilt", "pelvis_list", "pelvis_rotation", "pelvis_tx", "pelvis_ty", "pelvis_tz"))  # fmt: skip
-    offset = {name: T[[0, 2, 1], 3] * [1.0, 1.0, -1.0] for name, T in zip(model.chain.links, model.chain.offsets, strict=True)}
-    for side, letter, sign in (("right", "r", 1.0), ("left", "l", -1.0)):
-        mirrored = (z, tuple(sign * v for v in x), tuple(sign * v for v in y), x, y, z)
-        names = tuple(f"{name}_{letter}" for name in ("hip_flexion", "hip_adduction", "hip_rotation"))
-        add(f"{side}_thigh", bodies["pelvis"], offset[f"{side}_thigh"], mirrored, (*names, "", "", ""))
-        back = tuple(-v for v in z)
-        add(f"{side}_shank", bodies[f"{side}_thigh"], offset[f"{side}_shank"], (back, x, y, x, y, z),
-            (f"knee_angle_{letter}", "", "", "", "", ""))  # fmt: skip
+    add("torso", "pelvis", (z, x, y, x, y, z), ("lumbar_extension", "lumbar_bending", "lumbar_rotation", *still_there))
+    for side, sign in (("right", 1.0), ("left", -1.0)):
+        letter, mirrored = side[0], (z, sign * x, sign * y, x, y, z)
+        hip = [f"{name}_{letter}" for name in ("hip_flexion", "hip_adduction", "hip_rotation")]
+        shoulder = [f"{name}_{letter}" for name in ("arm_flex", "arm_add", "arm_rot")]
+        add(f"{side}_thigh", "pelvis", mirrored, (*hip, *still_there))
+        add(f"{side}_shank", f"{side}_thigh", (-z, x, y, x, y, z), (f"knee_angle_{letter}", "", "", *still_there))
+        add(f"{side}_upper_arm", "torso", mirrored, (*shoulder, *still_there))
+        add(f"{side}_forearm", f"{side}_upper_arm", (z, x, y, x, y, z), (f"elbow_flex_{letter}", "", "", *still_there))
     person.finalizeConnections()
     return person
 
 
-def test_opensim_puts_the_joints_where_we_have_them(tmp_path):
+def stiff(motion: RunMotion, model: ArticulatedModel) -> RunMotion:
+    """Without what Rajagopal's model has no coordinate for: its trunk is one body, its knee a hinge; it has no clavicles."""
+    names, values = model.chain.dof_names, motion.values.copy()
+    values[:, [i for i, name in enumerate(names) if "abdomen" in name or "clavicle" in name or "knee_internal" in name]] = 0.0
+    return replace(motion, values=values)
+
+
+def test_opensim_puts_the_joints_where_we_have_them(opensim, tmp_path):
     """The MOT drives a model that OpenSim holds; its forward kinematics must give our landmarks."""
     model = human_model()
-    motion = moving(8, model)
-    values = motion.values.copy()
-    for side in ("left", "right"):  # OpenSim's knee is a hinge
-        values[:, model.chain.dof_names.index(f"{side}_knee_internal_rotation")] = 0.0
-    motion = replace(motion, values=values)
+    motion = stiff(moving(8, model), model)
     FORMATS["mot"](motion, tmp_path / "a.mot", replace(Y_UP, opensim=True))
     table = opensim.TimeSeriesTable(str(tmp_path / "a.mot"))
-    person = opensim_person(model)
+    person = opensim_person(opensim, model)
     state = person.initSystem()
-    landmarks = motion.landmarks_m()[..., [1, 2, 0]]
-    ankle = opensim.Vec3(0.0, model.chain.offsets[model.chain.link_index("left_foot")][2, 3], 0.0)
+    driven = [name for name in table.getColumnLabels() if person.getCoordinateSet().contains(name)]
+    assert len(driven) == person.getNumCoordinates()
+    moved = np.array([table.getDependentColumn(name).to_numpy() for name in driven])
+    assert np.abs(moved).max(axis=1).min() > 0.01, "a coordinate that stays zero would show nothing"
+    compared = set()
     for i in range(8):
-        for name in table.getColumnLabels():
-            if person.getCoordinateSet().contains(name):
-                degrees = table.getDependentColumn(name)[i]
-                person.getCoordinateSet().get(name).setValue(state, degrees if "_t" in name[-3:] else np.deg2rad(degrees), False)
+        for name in driven:
+            degrees = table.getDependentColumn(name)[i]
+            person.getCoordinateSet().get(name).setValue(state, degrees if "_t" in name[-3:] else np.deg2rad(degrees), False)
         person.realizePosition(state)
-        for side in ("left", "right"):
-            shank = person.getBodySet().get(f"{side}_shank")
-            for name, station in (("knee", opensim.Vec3(0)), ("ankle", ankle)):
-                place = shank.findStationLocationInGround(state, station)
-                expected = landmarks[i, model.landmark_index(f"{side}_{name}")]
-                assert place.to_numpy() == pytest.approx(expected, abs=1e-6), (i, side, name)
+        for landmark, expected in zip(model.landmarks, motion.landmarks_m()[i], strict=True):
+            if person.getBodySet().contains(landmark.link):
+                x, y, z = landmark.position
+                place = person.getBodySet().get(landmark.link).findStationLocationInGround(state, opensim.Vec3(x, z, -y))
+                assert place.to_numpy() == pytest.approx(expected[[1, 2, 0]], abs=1e-6), (i, landmark.name)
+                compared.add(landmark.name)
+    assert {f"{side}_{name}" for side in ("left", "right") for name in ("elbow", "wrist", "knee", "ankle")} < compared
 
 
 def test_coordinates_of_opensim_are_read_as_our_axes(tmp_path):

@@ -10,8 +10,6 @@ from hypothesis import strategies as st
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.opensim_table import NumberTable, dump_table, load_table
 
-opensim = pytest.importorskip("opensim", reason="no wheel of OpenSim for this machine")
-
 HEADER = "Coordinates\nversion=1\nnRows=2\nnColumns=3\ninDegrees=yes\n\nendheader\n"
 TEXT = HEADER + "time\tknee_angle_r\thip_r\n0.0\t10\t20\n0.5\t30\tnan\n"
 
@@ -25,7 +23,7 @@ def table(n=6, k=4, in_degrees=True, seed=0):
 
 @pytest.mark.parametrize("suffix", ["mot", "sto"])
 @pytest.mark.parametrize("in_degrees", [True, False])
-def test_opensim_reads_the_numbers_and_the_gaps(tmp_path, suffix, in_degrees):
+def test_opensim_reads_the_numbers_and_the_gaps(opensim, tmp_path, suffix, in_degrees):
     written = table(in_degrees=in_degrees)
     dump_table(written, tmp_path / f"a.{suffix}")
     read = opensim.TimeSeriesTable(str(tmp_path / f"a.{suffix}"))
@@ -37,7 +35,7 @@ def test_opensim_reads_the_numbers_and_the_gaps(tmp_path, suffix, in_degrees):
     assert np.array_equal(numbers[written.valid], written.values[written.valid])
 
 
-def test_a_table_without_gaps_is_read_by_the_older_class_too(tmp_path):
+def test_a_table_without_gaps_is_read_by_the_older_class_too(opensim, tmp_path):
     written = replace(table(), valid=np.ones((6, 4), dtype=bool))
     dump_table(written, tmp_path / "a.mot")
     storage = opensim.Storage(str(tmp_path / "a.mot"))
@@ -58,7 +56,7 @@ def test_any_table_comes_back(tmp_path_factory, n, k, in_degrees, seed):
     assert np.array_equal(read.values, written.values) and np.array_equal(read.times_s, written.times_s)
 
 
-def test_a_table_that_opensim_wrote(tmp_path):
+def test_a_table_that_opensim_wrote(opensim, tmp_path):
     theirs = opensim.TimeSeriesTable()
     theirs.setColumnLabels(["knee_angle_r", "hip_flexion_r"])
     for i in range(3):

@@ -22,6 +22,7 @@ from .run_motion import RunMotion
 
 PELVIS = ("pelvis_tilt", "pelvis_list", "pelvis_rotation", "pelvis_tx", "pelvis_ty", "pelvis_tz")
 _GAP = 1.5  # median steps from one row to the next: further apart, some are left out between them
+_OURS_IN_Y_UP = {"x": "y", "y": "z", "z": "x"}  # axis of such a file -> the world's, as `loaders.bvh.AXES_Y_UP`
 _SIDE_LETTERS = (("right", "r"), ("left", "l"))
 # Coordinates of Rajagopal et al. (IEEE Trans. Biomed. Eng. 63 (2016) 2068-2079) -> angle of `cardan_angles`, sign
 _TRUNK = {
@@ -108,7 +109,8 @@ def load_coordinates(
 
     Returns
     -------
-    names (k) of `model.pose_variables.variable_names`, stamps (n,) ns, values (n, k) in metres and radians, valid (n, k).
+    names (k) of `model.pose_variables.variable_names`, in that order, stamps (n,) ns, values (n, k) in metres and radians, valid
+    (n, k).
 
     Raises
     ------
@@ -119,18 +121,16 @@ def load_coordinates(
     found: dict[str, tuple[int, float]] = {}  # column and factor of each variable
     for column, label in enumerate(table.names):
         name, sign = _variable(label)
+        name = _OURS_IN_Y_UP.get(name, name) if y_up else name
         if name in units:
             found.setdefault(name, (column, sign * (math.pi / 180.0 if table.in_degrees and units[name] == "rad" else 1.0)))
     if not found:
         raise FileFormatError(path, "column names", f"variables of '{model.name}' ({list(units)[-1]}...)", list(table.names[:4]))
+    found = {name: found[name] for name in units if name in found}
     columns, factors = [column for column, _ in found.values()], [factor for _, factor in found.values()]
     values, valid = table.values[:, columns] * factors, table.valid[:, columns]
-    names = tuple(found)
-    if y_up and set(ROOT_NAMES[:3]) <= set(names):
-        place = [names.index(name) for name in ROOT_NAMES[:3]]
-        values[:, place] = values[:, place] @ AXES_Y_UP
     stamps = stamps_from_first_ns(path, table.times_s)
-    return names, *_with_gaps(stamps, values, valid)
+    return tuple(found), *_with_gaps(stamps, values, valid)
 
 
 def _with_gaps(stamps_ns: np.ndarray, values: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
