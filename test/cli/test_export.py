@@ -101,6 +101,10 @@ def test_a_recording_of_another_body_needs_its_model(tmp_path, capsys):
     (["--to", "mot", "--landmarks", "neck"], "--landmarks"),
     (["--to", "trc", "--isb-angles"], "--isb-angles"),
     (["--to", "bvh", "--link", "head"], "--link"),
+    (["--to", "trc", "--landmarks", "neck", "nose", "neck"], "each name once, got 'neck'"),
+    (["--to", "bvh", "--landmarks", "neck", "neck"], "landmarks"),
+    (["--to", "mot", "--lost", "limbs"], "--lost"),
+    (["--to", "bvh", "--lost", "limbs"], "--lost"),
 ])  # fmt: skip
 def test_what_cannot_be_is_one_line_and_leaves_nothing(run, tmp_path, capsys, options, complaint):
     output = tmp_path / "out" / "a"
@@ -132,6 +136,15 @@ def test_nothing_is_overwritten_unless_asked(run, tmp_path, capsys):
     assert said.count("\n") == 3 and kept.read_text() == "mine" and len(list(folder.iterdir())) == 1
     assert main(["export", str(run), "--to", "trc", "--force", "-o", str(kept)]) == 0
     assert kept.read_text().startswith("PathFileType")
+
+
+def test_tables_of_an_earlier_export_do_not_stay_beside_the_new_ones(run, tmp_path):
+    folder = tmp_path / "tables"
+    assert main(["export", str(run), "--to", "csv", "--isb-angles", "--filter", "6", "-o", str(folder)]) == 0
+    assert len(list(folder.iterdir())) == 9
+    (folder / "notes.csv").write_text("mine")
+    assert main(["export", str(run), "--to", "csv", "--force", "-o", str(folder)]) == 0
+    assert {path.name for path in folder.iterdir()} == {"landmarks.csv", "coordinates.csv", "notes.csv"}
 
 
 def test_another_model_than_the_runs_is_refused(run, tmp_path, capsys):

@@ -17,7 +17,7 @@ from two_links import two_links
 from tracker_node.errors import FileFormatError, ModelError, UnknownNameError
 from tracker_node.evaluation.coordinates import load_coordinates, model_coordinates, opensim_coordinates
 from tracker_node.evaluation.export import FORMATS, markers_of
-from tracker_node.evaluation.export_csv import tables, write_tables
+from tracker_node.evaluation.export_csv import TABLES, tables, write_tables
 from tracker_node.evaluation.export_options import ExportOptions
 from tracker_node.evaluation.isb_angles import isb_angles
 from tracker_node.evaluation.kinematics import state_kinematics
@@ -253,10 +253,7 @@ def test_csv_tables_have_units_in_their_columns_and_empty_cells_in_gaps(tmp_path
     options = replace(Z_UP, unit="mm", isb_angles=True)
     write_tables(kinematics.motion, tmp_path / "t", tables(kinematics.motion, options, kinematics))
     read = {path.stem: np.genfromtxt(path, delimiter=",", names=True) for path in (tmp_path / "t").iterdir()}
-    assert set(read) == {
-        "landmarks", "landmark_velocities", "landmark_accelerations", "coordinates", "state_velocities", "state_accelerations",
-        "isb_angles", "isb_angle_velocities", "isb_angle_accelerations",
-    }  # fmt: skip
+    assert set(read) == set(TABLES)
     knee = kinematics.motion.landmarks_m()[:, motion.model.landmark_index("left_knee")]
     column = read["landmarks"]["left_knee_z_mm"]
     assert np.flatnonzero(np.isnan(column)).tolist() == [20]

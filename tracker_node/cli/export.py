@@ -31,6 +31,7 @@ _USED_BY = {  # option -> formats that it says something about
     "length": ("trc", "c3d", "bvh", "csv"),
     "angle": ("mot", "sto", "c3d", "csv"),
 }
+_LIMB_GAPS = ("trc", "c3d", "csv")  # formats that can leave out a single landmark
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("-o", "--output", required=True, metavar="PATH", help="file to write (csv: folder)")
     add("--model", metavar="FILE", help="body model; default: what run.json names")
     add("--topic", help="topic of the states, where a bag has several")
-    add("--force", action="store_true", help="overwrite the output")
+    add("--force", action="store_true", help="overwrite the output; csv: also delete the tables of an earlier export")
     what = parser.add_argument_group("what goes in")
     what.add_argument("--landmarks", nargs="+", metavar="NAME", help="trc, c3d, csv: only these landmarks (default: all);"
         " bvh: joints of their own for these (default: none)")  # fmt: skip
@@ -57,8 +58,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--link", metavar="NAME", help="tum: the link whose pose is written (default: the root)")
     what.add_argument(
         "--lost", choices=("gap", "limbs", "keep"), default="gap",
-        help="states that are lost or still being looked for: a gap (default), or kept as they stand; limbs: landmarks and ISB"
-        " angles of single limbs that are lost or not seen are gaps, too",
+        help="states that are lost or still being looked for: a gap (default), or kept as they stand; limbs (trc, c3d,"
+        " csv): landmarks and ISB angles of single limbs that are lost or not seen are gaps, too",
     )  # fmt: skip
     how = parser.add_argument_group("axes, units, rate")
     how.add_argument("--up", choices=("y", "z"), help="axis that points up (default: y for trc, mot, sto and bvh, else z)")
@@ -109,6 +110,8 @@ def _options(args: argparse.Namespace) -> ExportOptions:
     for name, formats in _USED_BY.items():
         if getattr(args, name) and args.to not in formats:
             raise _wrong(f"--{name.replace('_', '-')}", f"{' or '.join(formats)} where it is given", f"--to {args.to}")
+    if args.lost == "limbs" and args.to not in _LIMB_GAPS:
+        raise _wrong("--lost", f"{' or '.join(_LIMB_GAPS)} where it is 'limbs'", f"--to {args.to}")
     if args.coordinates == "opensim" and not y_up:
         raise _wrong("--up", "y, as OpenSim's coordinates have it", "z")
     return ExportOptions(
@@ -167,7 +170,7 @@ def _say(args: argparse.Namespace, motion: RunMotion, options: ExportOptions, no
     units = [options.unit, *([options.angle_unit] if args.to in (*_USED_BY["angle"], "bvh") else [])]
     print(f"wrote {args.output}: {len(motion)} instant{'s' * (len(motion) != 1)}, {gaps}; {up} up, {', '.join(units)}")
     if motion.unknown_links is not None:
-        limbs = motion.landmarks_valid()[motion.valid]
+        limbs = motion.landmarks_valid()[motion.valid][:, options.columns(motion.model)]
         notes = [*notes, f"{int((~limbs).sum())} of {limbs.size} landmarks are gaps, since their limbs are lost or not seen"]
     for note in notes:
         print(f"  {note}", file=sys.stderr)

@@ -16,6 +16,12 @@ from .isb_angles import isb_angles
 from .kinematics import StateKinematics, derivatives
 from .run_motion import RunMotion
 
+_DERIVATIVES = ("velocities", "accelerations")
+TABLES = (  # every name that a table can have
+    "landmarks", *(f"landmark_{name}" for name in _DERIVATIVES), "coordinates", *(f"state_{name}" for name in _DERIVATIVES),
+    "isb_angles", *(f"isb_angle_{name}" for name in _DERIVATIVES),
+)  # fmt: skip
+
 
 @dataclass(frozen=True, eq=False)
 class Table:
@@ -28,8 +34,13 @@ class Table:
 
 
 def write_tables(motion: RunMotion, folder: Path, tables: list[Table]) -> None:
-    """``<name>.csv`` of each table into ``folder``: ``stamp_ns``, ``time_s`` since the first instant, and the columns."""
+    """``<name>.csv`` of each table into ``folder``: ``stamp_ns``, ``time_s`` since the first instant, and the columns.
+
+    Those of `TABLES` that are not among them are deleted: they would be of another export, maybe in other axes and units.
+    """
     folder.mkdir(parents=True, exist_ok=True)
+    for name in set(TABLES) - {table.name for table in tables}:
+        (folder / f"{name}.csv").unlink(missing_ok=True)
     for table in tables:
         with CsvWriter(folder / f"{table.name}.csv", ("stamp_ns", "time_s", *table.columns)) as writer:
             for stamp, time_s, values, good in zip(motion.stamps_ns, motion.times_s, table.values, table.valid, strict=True):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..errors import FileFormatError
 from ..loaders.bvh import AXES_Y_UP
 from ..model.articulated_model import ArticulatedModel
 from ..model.landmark_names import MARKER_OF_LANDMARK
@@ -24,6 +25,10 @@ class ExportOptions:
     link : whose pose is written to TUM files; empty: the root.
     opensim : coordinates of OpenSim's models of a person instead of the model's own, in MOT, STO and CSV.
     isb_angles : also joint angles after the ISB, in C3D and CSV.
+
+    Raises
+    ------
+    FileFormatError : a landmark given twice, which readers would refuse.
     """
 
     y_up: bool
@@ -34,6 +39,11 @@ class ExportOptions:
     link: str = ""
     opensim: bool = False
     isb_angles: bool = False
+
+    def __post_init__(self) -> None:
+        twice = sorted({name for name in self.landmarks if self.landmarks.count(name) > 1})
+        if twice:
+            raise FileFormatError("export", "landmarks", "each name once", ", ".join(twice))
 
     @property
     def axes(self) -> np.ndarray:
