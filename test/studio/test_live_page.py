@@ -2,6 +2,7 @@
 
 import json
 import os
+import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -24,11 +25,15 @@ from sensor_msgs.msg import CompressedImage, Image
 from std_srvs.srv import SetBool, Trigger
 from studio_process import running_studio
 from tracker_msgs.msg import TrackedState
+from tracker_msgs.srv import SetState
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
+from tracker_node.errors import TrackerError
 from tracker_node.ros.conversions import compressed_message, image_message, stamp_message
 from tracker_node.ros.qos import RESULT
+from tracker_node.studio.live_page import Desk
+from tracker_node.studio.session import StudioFiles, StudioSession
 
 SERVICE_OF = {"Set state": "set_state", "Reinitialize": "reinitialize", "Disable": "enable", "Enable": "enable"}
 GREEN_BGR, BLUE_BGR = (40, 200, 60), (220, 60, 30)
@@ -41,6 +46,7 @@ class FakeTracker:
         self.node = Node("fake")
         self.status, self.reason, self.residual = TrackedState.LOST, "the outline is elsewhere", float("nan")
         self.encoding = "bgr8"
+        self.dark = False
         self.asked: list[str] = []
         self.images = 0
         self._state = self.node.create_publisher(TrackedState, "~/state", RESULT)
@@ -50,6 +56,7 @@ class FakeTracker:
         self._diagnostics = self.node.create_publisher(DiagnosticArray, "/diagnostics", RESULT)
         self.node.create_service(Trigger, "~/reset", self._on_reset)
         self.node.create_service(SetBool, "~/enable", self._on_enable)
+        self.node.create_service(SetState, "~/set_state", lambda _request, response: response)
         self.node.create_timer(0.05, self._say)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._spin)
@@ -89,7 +96,8 @@ class FakeTracker:
         state.total_ms = 12.5
         self._state.publish(state)
         picture = np.full((48, 64, 3), GREEN_BGR, np.uint8)
-        self._overlay.publish(compressed_message(0, "left", picture))
+        if not self.dark:
+            self._overlay.publish(compressed_message(0, "left", picture))
         self._other_overlay.publish(compressed_message(0, "right", picture))
         raw = image_message(0, "left", np.full((48, 64, 3), BLUE_BGR, np.uint8))
         raw.encoding = self.encoding
@@ -172,6 +180,47 @@ def test_the_page_shows_what_is_published_and_hands_on_what_is_asked(fake):
         assert 20.0 <= float(latency) < 10_000.0
 
 
+def test_images_of_a_camera_that_died_are_grey_and_the_others_go_on(fake):
+    with live_page() as (_, tab):
+        wait_for_color(tab.page, GREEN_BGR)
+        tab.page.wait_for_function("() => document.querySelectorAll('.view').length === 2")
+        assert tab.page.locator(".view.silent").count() == 0
+        fake.dark = True
+        wait_for(tab.page, ".view.silent", "silent for 4 s")
+        assert tab.page.locator(".view.silent canvas[aria-label='camera left']").count() == 1
+        assert tab.page.locator(".view.silent").count() == 1
+        fake.dark = False
+        tab.page.wait_for_function("() => !document.querySelector('.view.silent')")
+
+
+def test_a_studio_that_was_started_anew_asks_for_its_new_address(ros):
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    with browser_tab() as tab:
+        tab.page.set_default_timeout(60_000)
+        with running_studio("--port", port) as studio:
+            tab.page.goto(studio.page("live.html"))
+            wait_for(tab.page, "#connection", "connected")
+        wait_for(tab.page, "#connection", "does not answer")
+        with running_studio("--port", port):
+            wait_for(tab.page, ".notice:not(#no-images)", "open the address")
+
+
+def test_a_view_outlives_a_request_that_cannot_be_sent_and_is_made_anew_where_it_has_ended(fake):
+    session = StudioSession(StudioFiles())
+    desk = Desk(session)
+    try:
+        view = desk.view()
+        wait_until(lambda: {"/fake/enable", "/fake/set_state"} <= view.services.keys())
+        with pytest.raises(TrackerError, match="cannot be asked"):
+            view.call("/fake", "set_state", dof_names=["\ud800"], values=[0.0])
+        assert view.call("/fake", "enable", data=False) == (False, "not while resting") and desk.view() is view
+        view.problem = "ended"
+        assert desk.view() is not view and not desk.view().problem
+    finally:
+        session.closing.close()
+
+
 def test_images_are_asked_for_only_while_somebody_looks(fake):
     with live_page() as (_, tab):
         wait_for_color(tab.page, GREEN_BGR)
@@ -227,14 +276,14 @@ def test_a_real_tracker_is_seen_and_reset(ros_domain_id, tmp_path):
 
 
 def test_a_page_that_asks_seldom_gets_the_newest_image_only(fake):
-    with running_studio() as studio, connect(own_page(studio)[0], **own_page(studio)[1]) as socket:
+    with running_studio() as studio, connect(own_page(studio)[0], **own_page(studio)[1]) as stream:
         wanted = {"topics": {"/fake/left/overlay": 0}}
         images = []
         while not images:
-            images = ask(socket, wanted)
+            images = ask(stream, wanted)
         first, seen_before = images[0][1], fake.images
         wait_until(lambda: fake.images > seen_before + 30)
-        later = ask(socket, wanted)
+        later = ask(stream, wanted)
         assert len(later) == 1 and later[0][1] >= first + 20
         picture = cv2.imdecode(np.frombuffer(later[0][2], np.uint8), cv2.IMREAD_COLOR)
         assert np.abs(picture[20, 30].astype(int) - GREEN_BGR).max() < 6
@@ -246,12 +295,16 @@ def test_other_sites_and_people_without_the_token_are_refused(ros):
         for options in (own | {"origin": "http://example.com"}, {"origin": studio.origin}, own | {"origin": None}):
             with pytest.raises(InvalidStatus, match="403"), connect(url, **options):
                 pass
-        with connect(url, **own) as socket:
-            socket.send(json.dumps({"topics": {}, "files": "/etc/passwd"}))
-            assert "files" in json.loads(socket.recv())["problem"]
-        with connect(url, **own) as socket:
-            socket.send("no JSON")
-            assert "problem" in json.loads(socket.recv())
+        with connect(url, **own) as stream:
+            stream.send(json.dumps({"topics": {}, "files": "/etc/passwd"}))
+            assert "files" in json.loads(stream.recv())["problem"]
+        with connect(url, **own) as stream:
+            stream.send("no JSON")
+            assert "problem" in json.loads(stream.recv())
+        for odd in (b"{}", "[" * 100_000, '{"topics": {"\\ud800": 0}}'):
+            with connect(url, **own) as stream:
+                stream.send(odd)
+                assert "a JSON object" in json.loads(stream.recv())["problem"]
 
 
 def test_without_ros_the_page_says_so(tmp_path):
@@ -273,11 +326,11 @@ def own_page(studio):
     return address, {"origin": studio.origin, "additional_headers": {"Cookie": f"studio_{port}={token}"}}
 
 
-def ask(socket, wanted):
+def ask(stream, wanted):
     """Images of one answer: topic, number, JPEG."""
-    socket.send(json.dumps(wanted))
-    answer = json.loads(socket.recv(timeout=60))
-    return [(topic, number, socket.recv(timeout=60)) for topic, number in answer["images"]]
+    stream.send(json.dumps(wanted))
+    answer = json.loads(stream.recv(timeout=60))
+    return [(topic, number, stream.recv(timeout=60)) for topic, number in answer["images"]]
 
 
 def wait_until(predicate, timeout_s=60.0):

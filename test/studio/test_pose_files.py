@@ -6,7 +6,9 @@ from small_clip import body, motion
 
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.state_yaml import load_state
+from tracker_node.studio.live_page import Desk, Errand
 from tracker_node.studio.pose_files import ExistsError, PoseFiles
+from tracker_node.studio.session import StudioFiles, StudioSession
 
 STATE, OTHER = motion(2)
 
@@ -58,3 +60,8 @@ def test_a_link_out_of_the_folder_is_not_followed(tmp_path):
     with pytest.raises(FileFormatError):
         files.save("pose", STATE, body(), "", overwrite=True)
     assert outside.read_text() == "precious: 1\n"
+    assert files.names() == []
+    live = Desk(StudioSession(StudioFiles(folder=tmp_path / "poses"), model=body()))
+    assert live.facts()["states"] == []
+    with pytest.raises(FileFormatError, match="file"):
+        live.ask(Errand(tracker="/tracker", service="set_state", file="pose.yaml"))

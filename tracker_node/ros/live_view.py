@@ -44,9 +44,10 @@ _LOOK_S, _LOOP_S, _ANSWER_S = 0.5, 0.05, 10.0
 
 @dataclass(frozen=True, eq=False)
 class LiveImage:
-    """The newest image of a topic: its ``number`` since the start, and what arrived."""
+    """The newest image of a topic: its ``number`` since the start, and what arrived, at ``arrival_s`` of the monotonic clock."""
 
     number: int
+    arrival_s: float
     stamp_ns: int
     content: CompressedImage | bytes
 
@@ -171,8 +172,9 @@ class LiveView:
 
     def _take_image(self, topic: str, content: CompressedImage | bytes) -> None:
         before = self._images.get(topic)
+        number = 1 if before is None else before.number + 1
         stamp_ns = 0 if isinstance(content, bytes) else stamp_ns_of(content.header.stamp)
-        self._images[topic] = LiveImage(1 if before is None else before.number + 1, stamp_ns, content)
+        self._images[topic] = LiveImage(number, time.monotonic(), stamp_ns, content)
 
     def _run_errands(self) -> None:
         for _ in range(self._errands.qsize()):
@@ -180,8 +182,20 @@ class LiveView:
 
     def _ask(self, name: str, kind: Any, request: Any, answer: Future, until_s: float) -> None:
         """Send a request once the service is found; looked for again with the next errands."""
-        client = self._clients.get(name) or self._clients.setdefault(name, self._node.create_client(kind, name))
-        if client.service_is_ready():
-            client.call_async(request).add_done_callback(lambda done: answer.set_result(done.result()))
-        elif time.monotonic() < until_s:
-            self._errands.put(partial(self._ask, name, kind, request, answer, until_s))
+        try:
+            client = self._clients.get(name) or self._clients.setdefault(name, self._node.create_client(kind, name))
+            if client.service_is_ready():
+                client.call_async(request).add_done_callback(partial(_hand_on, name, answer))
+            elif time.monotonic() < until_s:
+                self._errands.put(partial(self._ask, name, kind, request, answer, until_s))
+        except Exception as error:  # a request that ROS cannot send must not end the view
+            answer.set_exception(TrackerError(f"service {name} cannot be asked: {error}"))
+
+
+def _hand_on(name: str, answer: Future, done: Any) -> None:
+    """What a service said to whoever waits for it; ``done`` is a future of rclpy."""
+    problem = done.exception()
+    if problem is None and done.result() is not None:
+        answer.set_result(done.result())
+    else:
+        answer.set_exception(TrackerError(f"service {name} does not answer: {problem or 'it was cancelled'}"))

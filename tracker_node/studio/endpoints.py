@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -14,16 +15,40 @@ from ..errors import FileFormatError
 from ..loaders.yaml_file import FileModel, validate
 from .images import RecordedImages
 
-_MOST_SHRINK = 16
+_MOST_SHRINK, _MOST_IMAGES = 16, 10**9
 
 Asked = TypeVar("Asked", bound=FileModel)
+
+
+class Answer(JSONResponse):
+    """JSON in ASCII: names of files may hold what is no Unicode text, and still must be told."""
+
+    def render(self, content: Any) -> bytes:
+        return json.dumps(content, allow_nan=False, separators=(",", ":")).encode("ascii")
+
+
+def json_object(text: str | bytes) -> dict[str, Any]:
+    """What a JSON object says.
+
+    Raises
+    ------
+    FileFormatError : anything else, also halves of surrogate pairs, which are no text, or lists in lists without end.
+    """
+    try:
+        values = json.loads(text)
+        json.dumps(values, ensure_ascii=False).encode()
+    except (ValueError, RecursionError):
+        values = None
+    if not isinstance(values, dict):
+        raise FileFormatError("request", "(body)", "a JSON object", text[:100])
+    return values
 
 
 def get(path: str, answer: Callable[[], Any]) -> Route:
     """What a function says without being told anything."""
 
     async def endpoint(request: Request) -> Response:
-        return JSONResponse(await run_in_threadpool(answer))
+        return Answer(await run_in_threadpool(answer))
 
     return Route(path, endpoint)
 
@@ -32,28 +57,28 @@ def post(path: str, kind: type[Asked], answer: Callable[[Asked], Any]) -> Route:
     """What a function says to a JSON object of this kind."""
 
     async def endpoint(request: Request) -> Response:
-        try:
-            body = await request.json()
-        except (ValueError, RecursionError):  # no JSON, or lists in lists without end
-            body = None
-        if not isinstance(body, dict):
-            raise FileFormatError("request", "(body)", "a JSON object", body)
-        return JSONResponse(await run_in_threadpool(answer, validate(kind, body, "request")))
+        body = json_object(await request.body())
+        return Answer(await run_in_threadpool(answer, validate(kind, body, "request")))
 
     return Route(path, endpoint, methods=["POST"])
 
 
 def image(path: str, images: Callable[[], RecordedImages]) -> Route:
-    """A camera's image by its number in the source, for a path with ``{camera}`` and ``{number:int}``; ``?shrink=N``: smaller."""
+    """A camera's image by its number in the source, for a path with ``{camera}`` and ``{number}``; ``?shrink=N``: smaller."""
 
     async def endpoint(request: Request) -> Response:
-        shrink = request.query_params.get("shrink", "1")
-        if not shrink.isdecimal() or not 1 <= int(shrink) <= _MOST_SHRINK:
-            raise FileFormatError("request", "shrink", f"a whole number from 1 to {_MOST_SHRINK}", shrink)
-        camera, number = request.path_params["camera"], request.path_params["number"]
-        data = await run_in_threadpool(lambda: images().jpeg(camera, number, int(shrink)))
+        shrink = _whole("shrink", request.query_params.get("shrink", "1"), 1, _MOST_SHRINK)
+        number = _whole("image", request.path_params["number"], 0, _MOST_IMAGES)
+        data = await run_in_threadpool(lambda: images().jpeg(request.path_params["camera"], number, shrink))
         # Another studio on this port, with other images, has another token in its cookie
         kept = {"Cache-Control": "private, max-age=3600", "Vary": "Cookie"}
         return Response(data, media_type="image/jpeg", headers=kept)
 
     return Route(path, endpoint)
+
+
+def _whole(field: str, text: str, least: int, most: int) -> int:
+    digits = len(str(most))  # Python refuses to read thousands of them
+    if not text.isdecimal() or len(text) > digits or not least <= int(text) <= most:
+        raise FileFormatError("request", field, f"a whole number from {least} to {most}", text)
+    return int(text)

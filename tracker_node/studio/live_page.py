@@ -19,9 +19,9 @@ from starlette.routing import BaseRoute, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from ..errors import FileFormatError, TrackerError
-from ..loaders.state_yaml import load_state
 from ..loaders.yaml_file import FileModel, Number, validate
-from .endpoints import get, post
+from .endpoints import get, json_object, post
+from .pose_files import PoseFiles
 from .session import StudioSession
 
 if TYPE_CHECKING:
@@ -65,6 +65,7 @@ class Desk:
 
     def __init__(self, session: StudioSession):
         self._session = session
+        self._files = PoseFiles(session.files.folder)
         self._lock = threading.Lock()
         self._view: LiveView | None = None
 
@@ -76,7 +77,7 @@ class Desk:
         TrackerError : ROS is not installed here.
         """
         with self._lock:
-            if self._view is None:
+            if self._view is None or self._view.problem:
                 try:
                     from ..ros.live_view import LiveView
                 except ImportError as error:
@@ -94,17 +95,17 @@ class Desk:
         if self._session.model is None:
             return []
         initial = [_INITIAL] if self._session.initial_state is not None else []
-        return [*initial, *sorted(path.name for path in self._session.files.folder.glob("*.yaml"))]
+        return [*initial, *self._files.names()]
 
     async def stream(self, socket: WebSocket) -> None:
         """What is new, as often as the page asks, at most ten times a second."""
         await socket.accept()
-        who = object()
+        who, view = object(), None
         try:
             view = await run_in_threadpool(self.view)
             while True:
                 due_s = time.monotonic() + PERIOD_S
-                wanted = validate(Wanted, await socket.receive_json(), "request")
+                wanted = validate(Wanted, await _received(socket), "request")
                 view.watch(who, list(wanted.topics)[:_MOST_TOPICS])
                 images, refused = await run_in_threadpool(_new_images, view, wanted)
                 announced = [[topic, number] for topic, number, _ in images]
@@ -114,12 +115,12 @@ class Desk:
                 await asyncio.sleep(max(0.0, due_s - time.monotonic()))
         except WebSocketDisconnect:
             pass
-        except (TrackerError, ValueError) as error:  # also a message that is no JSON
+        except TrackerError as error:
             await socket.send_json({"problem": str(error)})
             await socket.close()
         finally:
-            if self._view is not None:
-                self._view.watch(who, ())
+            if view is not None:
+                view.watch(who, ())
 
     def ask(self, errand: Errand) -> dict[str, Any]:
         """Ask a tracker's service."""
@@ -138,8 +139,16 @@ class Desk:
         if name not in self._saved_states():
             raise FileFormatError("request", "file", f"one of {', '.join(self._saved_states()) or '(none)'}", name)
         initial = self._session.initial_state if name == _INITIAL else None
-        state = load_state(self._session.files.folder / name, model) if initial is None else initial
+        state = self._files.load(name, model) if initial is None else initial
         return dict(zip(model.chain.dof_names, state.to_values().tolist(), strict=True))
+
+
+async def _received(socket: WebSocket) -> dict[str, Any]:
+    """The next message, which should be a JSON object in a text frame."""
+    message = await socket.receive()
+    if message["type"] == "websocket.disconnect":
+        raise WebSocketDisconnect(message.get("code", 1000))
+    return json_object(message.get("text") or "")
 
 
 def _new_images(view: LiveView, wanted: Wanted) -> tuple[list[tuple[str, int, bytes]], list[str]]:
@@ -153,6 +162,12 @@ def _new_images(view: LiveView, wanted: Wanted) -> tuple[list[tuple[str, int, by
         except TrackerError as error:
             refused.append(str(error))
     return found, refused
+
+
+def _ages_s(view: LiveView, wanted: Wanted) -> dict[str, float]:
+    """Seconds since the newest image of each wanted topic arrived, of those that have one."""
+    newest = {topic: view.image(topic) for topic in wanted.topics}
+    return {topic: time.monotonic() - image.arrival_s for topic, image in newest.items() if image is not None}
 
 
 def _news(view: LiveView, wanted: Wanted) -> dict[str, Any]:
@@ -172,5 +187,6 @@ def _news(view: LiveView, wanted: Wanted) -> dict[str, Any]:
         "now_s": time.monotonic(),
         "trackers": trackers,
         "topics": view.image_topics,
+        "ages_s": _ages_s(view, wanted),
         "diagnostics": view.diagnostics.facts(),
     }

@@ -24,8 +24,8 @@ class PoseFiles:
         self._folder = folder
 
     def names(self) -> list[str]:
-        """Of all files that may be states, in order."""
-        return sorted(path.name for path in self._folder.glob("*.yaml") if _NAME.fullmatch(path.name))
+        """Of all files that may be states, in order; links, which may lead out of the folder, are none."""
+        return sorted(path.name for path in self._folder.glob("*.yaml") if _NAME.fullmatch(path.name) and not path.is_symlink())
 
     def load(self, name: str, model: ArticulatedModel) -> State:
         """The state in a file.

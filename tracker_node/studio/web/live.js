@@ -53,7 +53,9 @@ function connect() {
     take(answer);
     if (!left) next(socket);
   };
-  socket.onclose = () => {
+  socket.onclose = async () => {
+    const refused = await fetch("/api/session").then(({ status }) => status === 403, () => false);
+    if (refused) { giveUp("The studio was started anew: open the address that it has printed."); return; }
     byId("connection").textContent = "the studio does not answer";
     byId("connection").className = "bad";
     setTimeout(connect, 2000);
@@ -147,6 +149,7 @@ function show() {
   const tracker = news.trackers[chosen()];
   byId("no-images").hidden = views.size > 0 || byId("kind").value === "none";
   byId("no-images").textContent = wantedTopics().size ? "Waiting for images." : "Nobody publishes such images.";
+  showSilence();
   showStatus(tracker);
   showButtons(tracker?.services ?? []);
   showDiagnostics(performance.now());
@@ -154,6 +157,16 @@ function show() {
   for (const canvas of document.querySelectorAll("canvas[data-curve]")) {
     const place = CURVES[canvas.dataset.curve];
     drawCurve(canvas, list.map((point) => [point[1], point[place], point[2]]), news.now_s);
+  }
+}
+
+/** A picture that is not of now is grey. */
+function showSilence() {
+  const topics = wantedTopics();
+  for (const [camera, view] of views) {
+    const gone = !topics.has(camera), age = news.ages_s[topics.get(camera)] ?? 0;
+    view.setNote(gone ? "not published" : age > SILENT_S ? `silent for ${age.toFixed(0)} s` : "");
+    view.element.classList.toggle("silent", gone || age > SILENT_S);
   }
 }
 
