@@ -10,6 +10,7 @@ from small_clip import make_clip
 from starlette.websockets import WebSocket
 from studio_process import running_studio
 
+from tracker_node.studio.endpoints import Answer
 from tracker_node.studio.security import Access, OnlyOwnPages
 
 
@@ -125,6 +126,25 @@ def test_bodies_are_bounded_and_checked(client):
         status, text, _ = client.post("/api/pose/show", values)
         assert status == 400 and said in json.loads(text)["error"], text
     assert client.ask("/api/pose/show", "POST", b"{]", Origin=f"http://{client.host}")[0] == 400
+
+
+@pytest.mark.parametrize(
+    ("path", "values", "said"),
+    [
+        ("/images/cam01/0?shrink=" + 5000 * "1", None, "shrink"),
+        ("/images/cam01/" + 5000 * "1", None, "image"),
+        ("/api/playback/images/cam01/" + 5000 * "1", None, "image"),
+        ("/api/pose/show", {"values": [], "\ud800": 1}, "a JSON object"),
+        ("/api/live/service", {"tracker": "\ud800", "service": "reset"}, "a JSON object"),
+    ],
+)
+def test_what_cannot_be_read_is_refused_in_words(client, path, values, said):
+    status, text, _ = client.ask(path) if values is None else client.post(path, values)
+    assert status == 400 and said in json.loads(text)["error"], text
+
+
+def test_names_that_are_no_unicode_are_told():
+    assert json.loads(Answer({"error": "no file 'a\udcff.yaml'"}).body) == {"error": "no file 'a\udcff.yaml'"}
 
 
 def test_mistakes_are_one_sentence(client):

@@ -102,7 +102,7 @@ def routes(session: StudioSession) -> Sequence[BaseRoute]:
         get("/api/playback/run", desk.run),
         post("/api/playback/drawn", AskedRow, desk.drawn),
         post("/api/playback/curve", AskedCurve, desk.curve),
-        image("/api/playback/images/{camera}/{number:int}", desk.images),
+        image("/api/playback/images/{camera}/{number}", desk.images),
     ]
 
 

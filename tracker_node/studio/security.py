@@ -95,7 +95,8 @@ class OnlyOwnPages:
         if problem:
             return PlainTextResponse(problem, 403)
         length = connection.headers.get("content-length", "0")
-        if not length.isdigit() or int(length) > MOST_BODY_BYTES or "transfer-encoding" in connection.headers:
+        bounded = length.isdecimal() and len(length) < 12 and int(length) <= MOST_BODY_BYTES
+        if not bounded or "transfer-encoding" in connection.headers:
             return PlainTextResponse(f"expected a body of known length, of at most {MOST_BODY_BYTES} bytes", 413)
         offered = parse_qs(connection.scope["query_string"].decode("latin-1")).get("token", [])
         if connection.scope["type"] == "http" and any(map(access.is_token, offered)):
@@ -126,5 +127,3 @@ def _closed(send: Send) -> Send:
         await send(message)
 
     return with_headers
-
-

@@ -11,12 +11,12 @@ from typing import Any
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import Response
 from starlette.routing import BaseRoute, Mount
 from starlette.staticfiles import StaticFiles
 
 from ..errors import SourceError, TrackerError
-from .endpoints import get, image
+from .endpoints import Answer, get, image
 from .security import Access, OnlyOwnPages
 from .session import StudioSession
 
@@ -34,7 +34,7 @@ def make_app(session: StudioSession, access: Access, pages: Sequence[Page] = ())
     """
     routes: list[BaseRoute] = [
         get("/api/session", lambda: session_facts(session)),
-        image("/images/{camera}/{number:int}", session.needed_images),
+        image("/images/{camera}/{number}", session.needed_images),
     ]
     for page in pages:
         routes += page(session)
@@ -87,11 +87,11 @@ def session_facts(session: StudioSession) -> dict[str, Any]:
 
 async def _told(request: Request, error: Exception) -> Response:
     """A user's mistake is one sentence, as on the command line."""
-    return JSONResponse({"error": str(error)}, status_code=400)
+    return Answer({"error": str(error)}, status_code=400)
 
 
 async def _not_written(request: Request, error: Exception) -> Response:
     """A file that cannot be written, mostly: a full disk, a folder that is not ours."""
     assert isinstance(error, OSError)
     where = f"{error.filename}: " if error.filename else ""
-    return JSONResponse({"error": f"{where}{error.strerror or error}"}, status_code=400)
+    return Answer({"error": f"{where}{error.strerror or error}"}, status_code=400)
