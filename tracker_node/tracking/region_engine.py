@@ -164,7 +164,7 @@ class RegionEngine:
 
     def _fits(self) -> Fits:
         return Fits(
-            self._descend, self._settled, self._kept, self._keep, self._objective.part_evidence, self._cost_per_line,
+            self._descend, self._settled, self._kept, self._keep, self._part_evidence, self._cost_per_line,
             self._limb_lines,
         )  # fmt: skip
 
@@ -186,7 +186,7 @@ class RegionEngine:
 
     def _limb_lines(self, predicted: State) -> Lines:
         whole = SumObjective([self._objective, *self._constraints], priors=self._priors(predicted, None)[1:])
-        return Lines(self._correspond, whole, self._objective.part_evidence, self._area)
+        return Lines(self._correspond, whole, self._part_evidence, self._area)
 
     def _area(self, shapes: np.ndarray, roots: np.ndarray, joints: np.ndarray) -> np.ndarray:
         if not self._looked:
@@ -205,7 +205,7 @@ class RegionEngine:
         self.whole = whole = SumObjective([*evidence, *self._constraints], factors, self._priors(start, prior))
         chain, repeats = self._model.chain, self._config.region.repeats
         size_m, px_per_m = self._size(state)
-        zoom = min(size_m * px_per_m / _BODY_PX, 1.0)
+        zoom = size_m * px_per_m / _BODY_PX
         steps, moved_px = 0, np.inf
         places = self._places(state)
         while steps < len(scales) or (steps < len(scales) + repeats and moved_px > _SETTLED_PX):
@@ -246,6 +246,11 @@ class RegionEngine:
                 scales.append(params[0] / depth)
         return 2.0 * reach, float(np.median(scales)) if scales else _BODY_PX / (2.0 * reach)
 
+    def _part_evidence(self, state: State, close_px: float) -> PartEvidence:
+        """A contour of a large body may be farther off: what the model leaves out, clothes mostly, is so many pixels larger."""
+        size_m, px_per_m = self._size(state)
+        return self._objective.part_evidence(state, close_px * max(size_m * px_per_m / _LARGE_PX, 1.0))
+
     def _known(self, result: OptimizerResult) -> tuple[ImageEvidence, np.ndarray]:
         """What the lines last drawn say of ``result``, and the covariance of its state."""
         if self._last_known is None or self._last_known[0] is not result:
@@ -266,7 +271,7 @@ class RegionEngine:
 
     def judge(self, result: OptimizerResult, image_set: ImageSet) -> Verdict:
         """Limb by limb."""
-        evidence = self._objective.part_evidence(result.state, self._config.region.close_px)
+        evidence = self._part_evidence(result.state, self._config.region.close_px)
         if not evidence.expected.any():
             self._steady = False
             reason = "no camera sees the body where it is expected"
@@ -360,7 +365,8 @@ class RegionEngine:
 _BODY_CELLS = 90.0  # across the body, in the small images in which limbs are looked for
 _SETTLED_PX = 1.5  # a step that moves no part farther is the last
 _DAMPING = 1e-3  # of a step, relative to the diagonal
-_BODY_PX = 300.0  # lines are shorter on bodies that are smaller than this
+_BODY_PX = 300.0  # of a body whose lines are as long as stated; others have theirs with their size
+_LARGE_PX = 450.0  # of a body, above which contours are close within more than `region.close_px`
 _LEAST_OUTLINE = 10  # samples of the outline that a camera should see, to be asked
 _UNSEEN = -1e6  # surety of a body that no camera sees: worse than any that is seen
 _CHANCE = 3.0  # log-likelihood ratio of a contour against none, a sample, that a body has wherever it is put
