@@ -17,6 +17,7 @@ from tracker_node.evaluation.estimate_messages import camera_info_message
 from tracker_node.evaluation.run_data import load_run
 from tracker_node.loaders.bag_writer import BagWriter
 from tracker_node.loaders.trajectory_file import read_states
+from tracker_node.studio.playback_page import PlaybackDesk
 from tracker_node.studio.played_run import open_run
 from tracker_node.studio.session import StudioFiles, open_session
 
@@ -62,6 +63,9 @@ def test_reasons_come_from_the_bag_or_the_table(clip, tmp_path):
     (tmp_path / "table/states.csv").write_bytes((tmp_path / "run/states.csv").read_bytes())
     assert open_run(open_session(files(clip, run=tmp_path / "table"))).reasons == of_bag
     assert len(of_bag) == 3 and all("2 of 3 cameras" in reason for reason in of_bag)
+    shown = PlaybackDesk(open_session(files(clip, run=tmp_path / "run"))).run()
+    residuals = dict(zip(shown["residual_cameras"], zip(*shown["camera_residuals_px"], strict=True), strict=True))
+    assert residuals["cam03"] == (None, None, None) and all(value > 0.0 for value in residuals["cam01"])
 
 
 def test_images_come_from_the_bag_that_was_tracked(clip, tmp_path):

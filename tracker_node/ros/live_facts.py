@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -13,6 +12,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from tracker_msgs.msg import TrackedState
 
+from ..loaders.json_values import finite
 from ..tracking.estimate import LimbStatus, Status
 from .conversions import stamp_ns_of
 
@@ -118,8 +118,3 @@ def _level(level: bytes | Sequence[int] | int) -> int:
 def _name(kind: type[IntEnum], number: int) -> str:
     """Others may send any number."""
     return kind(number).name if number in set(kind) else f"{kind.__name__.upper()} {number}"
-
-
-def finite(value: float) -> float | None:
-    """A number that JSON can hold; None for another."""
-    return float(value) if math.isfinite(value) else None

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..camera.camera_rig import CameraRig
+from ..loaders.json_values import finite
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from ..objective.surface_photometry import PhotometryOptions
@@ -32,12 +33,8 @@ class ColorScore:
         """Of a state in images (h, w, 3) uint8 BGR by camera; the total is that of the middle camera, as for the engine."""
         found = agreement_of(self._painted, self._rig, [images.get(c.name) for c in self._rig], state, self._options)
         cameras = tuple(
-            CameraScore(camera.name, _told(value), int(pixels))
+            CameraScore(camera.name, finite(value), int(pixels))
             for camera, value, pixels in zip(self._rig, found.cameras, found.pixels.sum(axis=1), strict=True)
         )
         total = found.middle if np.isfinite(found.cameras).any() else None
-        return PoseScore(total, cameras, tuple(map(_told, found.parts)))
-
-
-def _told(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+        return PoseScore(total, cameras, tuple(map(finite, found.parts)))

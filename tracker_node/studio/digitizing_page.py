@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 from collections.abc import Sequence
 from functools import cached_property
@@ -17,6 +16,7 @@ from ..camera.camera_rig import CameraRig
 from ..camera.epipolar import epipolar_curve
 from ..errors import CalibrationError, FileFormatError, UnknownNameError
 from ..loaders.control_points import load_places
+from ..loaders.json_values import finite
 from ..loaders.yaml_file import FileModel, PositiveNumber, numbers
 from . import digitizing
 from .click_store import PASSES, Clicked, ClickStore
@@ -148,7 +148,7 @@ class Desk:
         """How well whoever has clicked would do so again."""
         with self._lock:
             found = digitizing.repeatability_of(self._rig, self._store, PASSES, _method(asked))
-        return {name: None if math.isnan(value) else value for name, value in vars(found).items()}
+        return {name: finite(value) for name, value in vars(found).items()}
 
     def save(self, asked: Asked) -> dict[str, Any]:
         """Trajectories into the folder of the clicks."""

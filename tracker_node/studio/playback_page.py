@@ -10,14 +10,18 @@ import numpy as np
 from starlette.routing import BaseRoute
 
 from ..errors import FileFormatError, TrackerError, UnknownNameError
+from ..loaders.json_values import finite_list
 from ..loaders.yaml_file import FileModel
 from ..model.articulated_model import ArticulatedModel
 from ..tracking.estimate import LimbStatus, Status
 from .endpoints import get, image, post
 from .images import RecordedImages
 from .outlines import OutlineDrawer
+from .played_curves import continuous_angles, continuous_rotations
 from .played_run import PlayedRun, open_run
 from .session import StudioSession
+
+_ROTATION = [3, 4, 5]  # columns of the root's rotation vector
 
 
 class AskedRow(FileModel):
@@ -65,10 +69,10 @@ class PlaybackDesk:
             "status": data.status.tolist(),
             "reasons": run.reasons,
             "statuses": {int(status): status.name.lower() for status in Status},
-            "residual_px": _plain(data.residual_px, 3),
+            "residual_px": finite_list(data.residual_px, 3),
             "cameras": [{"name": c.name, "width": c.model.width, "height": c.model.height} for c in run.rig],
             "residual_cameras": list(data.cameras),
-            "camera_residuals_px": _plain(data.camera_residuals_px, 2),
+            "camera_residuals_px": finite_list(np.where(data.camera_samples > 0, data.camera_residuals_px, np.nan), 2),
             "numbers": [dict(numbers) for numbers in run.numbers],
             "limbs": list(details.limbs) if judged and details is not None else [],
             "limb_status": details.limb_status.tolist() if judged and details is not None else [],
@@ -91,8 +95,13 @@ class PlaybackDesk:
         if asked.name not in data.dof_names:
             raise UnknownNameError("degree of freedom", asked.name, data.dof_names)
         i = data.dof_names.index(asked.name)
-        values = data.values[:, i]
-        return {"values": _plain(np.rad2deg(np.unwrap(values)) if _units(self._run.model)[i] == "deg" else values, 5)}
+        if i in _ROTATION:
+            values = np.rad2deg(continuous_rotations(data.values[:, _ROTATION])[:, _ROTATION.index(i)])
+        elif _units(self._run.model)[i] == "deg":
+            values = np.rad2deg(continuous_angles(data.values[:, i]))
+        else:
+            values = data.values[:, i]
+        return {"values": finite_list(values, 5)}
 
 
 def routes(session: StudioSession) -> Sequence[BaseRoute]:
@@ -108,9 +117,3 @@ def routes(session: StudioSession) -> Sequence[BaseRoute]:
 
 def _units(model: ArticulatedModel) -> list[str]:
     return ["m" if unit == "m" else "deg" for unit in model.chain.dof_units]
-
-
-def _plain(values: np.ndarray, digits: int) -> list[Any]:
-    """Nested lists of rounded numbers, None for what is not finite: JSON knows no other."""
-    rounded = np.round(values, digits)
-    return np.where(np.isfinite(values), rounded.astype(object), None).tolist()  # type: ignore[call-overload]

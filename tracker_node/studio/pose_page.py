@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Sequence
 from functools import cached_property
@@ -12,6 +11,7 @@ import numpy as np
 from starlette.routing import BaseRoute
 
 from ..errors import FileFormatError, UnknownNameError
+from ..loaders.json_values import finite
 from ..loaders.yaml_file import FileModel, Number, numbers
 from ..model.configuration import State
 from .endpoints import get, post
@@ -117,9 +117,8 @@ class PoseDesk:
         began = time.perf_counter()
         found = self._bench.fit(state_of(asked.values, self._session.needed_model()), asked.set)
         limbs = [{"name": limb.name, "status": limb.status.name, "reason": limb.reason} for limb in found.limbs]
-        residual_px = found.residual_px if math.isfinite(found.residual_px) else None
-        told = {"status": found.status.name, "reason": found.status_reason, "residual_px": residual_px, "limbs": limbs}
-        return {**self._shown(found.state), **told, "seconds": time.perf_counter() - began}
+        told = {"status": found.status.name, "reason": found.status_reason, "residual_px": finite(found.residual_px)}
+        return {**self._shown(found.state), **told, "limbs": limbs, "seconds": time.perf_counter() - began}
 
     def names(self) -> dict[str, Any]:
         """Files that may be loaded."""

@@ -112,10 +112,10 @@ function start() {
       const word = run.limb_statuses[run.limb_status[row][i]];
       return line(name, STATUS_COLOR[word], word);
     });
-    const cameras = run.residual_cameras.map((name, i) => line(name, "", `${(run.camera_residuals_px[row][i] ?? 0).toFixed(2)} px`));
-    const residual = run.residual_px[row];
+    const pixels = (value) => `${value === null ? "–" : value.toFixed(2)} px`; // a camera that had no part in the fit has none
+    const cameras = run.residual_cameras.map((name, i) => line(name, "", pixels(run.camera_residuals_px[row][i])));
     $("state").replaceChildren(
-      word, make("div", { id: "reason" }, run.reasons[row]), make("div", { class: "soft" }, `residual ${residual === null ? "–" : residual.toFixed(2)} px`),
+      word, make("div", { id: "reason" }, run.reasons[row]), make("div", { class: "soft" }, `residual ${pixels(run.residual_px[row])}`),
       make("table", {}, ...limbs), make("table", {}, ...cameras));
   }
 
