@@ -68,6 +68,37 @@ def test_killed_between_any_two_writes_the_file_is_whole_and_still_ours(tmp_path
         write(OwnedFolder(tmp_path), "a.txt", text)
 
 
+def test_two_programs_in_one_folder_know_each_others_files_and_replace_none(tmp_path):
+    one, other = OwnedFolder(tmp_path), OwnedFolder(tmp_path)
+    write(one, "1.csv", "by one")
+    write(other, "2.csv", "by the other")
+    write(one, "3.csv", "by one")
+    with pytest.raises(FileFormatError, match=r"1\.csv"):
+        write(other, "1.csv", "by the other")
+    write(one, "1.csv", "by one again")
+    later = OwnedFolder(tmp_path)
+    for name in ("1.csv", "2.csv", "3.csv"):
+        assert write(later, name, "later").read_text() == "later"
+
+
+def test_programs_that_write_at_once_forget_nothing(tmp_path):
+    program = (
+        "import sys; from tracker_node.loaders.owned_folder import OwnedFolder\n"
+        "folder = OwnedFolder(sys.argv[1])\n"
+        "for i in range(20):\n"
+        "    folder.write(f'{sys.argv[2]}/{i}.csv', lambda path: path.write_text(sys.argv[2]))\n"
+    )
+    writers = [
+        subprocess.Popen([sys.executable, "-c", program, str(tmp_path), name], env=os.environ) for name in ("one", "other")
+    ]
+    assert [writer.wait() for writer in writers] == [0, 0]
+    later = OwnedFolder(tmp_path)
+    for name in ("one", "other"):
+        for i in range(20):
+            assert (tmp_path / name / f"{i}.csv").read_text() == name
+            later.check(f"{name}/{i}.csv")
+
+
 @pytest.mark.parametrize("text", ["{", "[1]", '{"a": 3}', '{"a": [3]}'])
 def test_a_broken_ledger_is_named(tmp_path, text):
     (tmp_path / ".written.json").write_text(text)

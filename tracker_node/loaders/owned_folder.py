@@ -1,15 +1,18 @@
 """A folder of work in progress: files are replaced whole or not at all, and only those that this program has written.
 
 What was written is remembered by its SHA-256 in ``.written.json``. A file that somebody else has made or changed is refused, so
-nobody's work is lost to a program that saves by itself.
+nobody's work is lost to a program that saves by itself. Several programs may write into one folder: a file that another one has
+changed since is refused as well.
 """
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import FileFormatError
@@ -37,25 +40,25 @@ class OwnedFolder:
         ------
         FileFormatError : a file of that name that this program has not written, or that was changed since.
         """
-        self.check(name)
-        draft = self.path / _DRAFTS / Path(name).name
-        draft.parent.mkdir(parents=True, exist_ok=True)
-        write(draft)
-        digest = _digest(draft)
-        # Both are remembered until the file is there: whenever the power goes, what lies there is known as ours
-        self._remember(name, [*self._digests.get(name, [])[-1:], digest])
-        target = self.path / name
-        target.parent.mkdir(parents=True, exist_ok=True)
-        _sync(draft)
-        draft.replace(target)
-        self._remember(name, [digest])
+        with self._alone():
+            self.check(name)
+            draft, target = self.path / _DRAFTS / Path(name).name, self.path / name
+            write(draft)
+            digest = _digest(draft)
+            # Both are remembered until the file is there: whenever the power goes, what lies there is known as ours
+            self._remember(name, [*self._digests.get(name, [])[-1:], digest])
+            target.parent.mkdir(parents=True, exist_ok=True)
+            _sync(draft)
+            draft.replace(target)
+            self._remember(name, [digest])
         return target
 
     def remove(self, name: str) -> None:
         """Delete a file of ours; one that is not there is no error."""
-        self.check(name)
-        (self.path / name).unlink(missing_ok=True)
-        self._remember(name, [])
+        with self._alone():
+            self.check(name)
+            (self.path / name).unlink(missing_ok=True)
+            self._remember(name, [])
 
     def check(self, name: str) -> None:
         """Refuse a file that is not ours to replace.
@@ -70,13 +73,26 @@ class OwnedFolder:
             got = "one that was changed by something else since" if known else "one that this program has not written"
             raise FileFormatError(path, "(file)", "a file of ours to replace; move this one away", got)
 
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """While no other program writes into the folder."""
+        drafts = self.path / _DRAFTS
+        drafts.mkdir(parents=True, exist_ok=True)
+        handle = os.open(drafts, os.O_RDONLY)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX)
+            yield
+        finally:
+            os.close(handle)
+
     def _remember(self, name: str, digests: list[str]) -> None:
-        self._digests.pop(name, None)
-        if digests:
-            self._digests[name] = digests
+        written = _read_ledger(self.path / _LEDGER)  # others may have written other files since
+        for known in (self._digests, written):
+            known.pop(name, None)
+            if digests:
+                known[name] = digests
         draft = self.path / _DRAFTS / _LEDGER
-        draft.parent.mkdir(parents=True, exist_ok=True)
-        draft.write_text(json.dumps(self._digests, indent=1) + "\n", encoding="utf-8")
+        draft.write_text(json.dumps(written, indent=1) + "\n", encoding="utf-8")
         _sync(draft)
         draft.replace(self.path / _LEDGER)
 
