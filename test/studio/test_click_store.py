@@ -9,6 +9,7 @@ from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.truth import load_truth
 from tracker_node.loaders.clicks import load_clicks
 from tracker_node.loaders.control_points import load_control_points, load_places
+from tracker_node.loaders.trc import load_trc
 from tracker_node.studio import digitizing
 from tracker_node.studio.click_store import ClickStore
 
@@ -78,7 +79,7 @@ def test_trajectories_are_truth_to_the_evaluation(tmp_path):
         click_all(store, "first", stamp, "left_knee", place - [0.0, 0.0, 0.3])
     for camera in ("left", "back"):  # one view only: no place
         store.set_click("first", 40_000_000, camera, "left_knee", None)
-    for path in digitizing.save_trajectories(RIG, store, LENS, 25.0):
+    for path in digitizing.save_trajectories(RIG, store, LENS):
         truth = load_truth(path)
         assert truth.names == ("left_hip", "left_knee")
         np.testing.assert_array_equal(truth.stamps_ns, list(places))
@@ -86,12 +87,27 @@ def test_trajectories_are_truth_to_the_evaluation(tmp_path):
         np.testing.assert_allclose(truth.positions_m[:, 0], list(places.values()), atol=1e-6)
 
 
+def test_the_rate_of_a_trc_file_is_that_of_the_digitized_instants(tmp_path):
+    """Every fifth image of 25 Hz, and two of them left out: OpenSim and others go by the rate, not by the times."""
+    store = ClickStore(tmp_path, RIG.names)
+    digitized = {stamp: np.array([1e-10 * stamp, 0.1, 0.8]) for stamp in (0, 200_000_000, 400_000_000, 1_000_000_000)}
+    for stamp, place in digitized.items():
+        click_all(store, "first", stamp, "hip", place)
+    table, trc = digitizing.save_trajectories(RIG, store, LENS)
+    np.testing.assert_array_equal(load_truth(table).stamps_ns, list(digitized))
+    read = load_trc(trc)
+    assert read.rate_hz == 5.0
+    np.testing.assert_allclose(read.times_s, np.arange(6) / 5.0, atol=1e-9)
+    np.testing.assert_array_equal(read.valid[:, 0], [True, True, True, False, False, True])
+    np.testing.assert_allclose(read.positions_m[read.valid[:, 0], 0], list(digitized.values()), atol=1e-6)
+
+
 def test_nothing_is_saved_beside_a_file_of_somebody_else(tmp_path):
     store = ClickStore(tmp_path, RIG.names)
     click_all(store, "first", 0, "hip", np.array([0.0, 0.1, 0.8]))
     (tmp_path / "joints.trc").write_text("theirs")
     with pytest.raises(FileFormatError, match=r"joints\.trc"):
-        digitizing.save_trajectories(RIG, store, LENS, 25.0)
+        digitizing.save_trajectories(RIG, store, LENS)
     assert not (tmp_path / "joints.csv").exists()
 
 
@@ -122,7 +138,7 @@ def test_control_points_calibrate_the_cameras_that_were_clicked_in(tmp_path):
     np.testing.assert_array_equal(saved["left"].points[3], places["p3"])
     verdicts, errors = digitizing.judge_control(PLAIN_RIG, saved, "none")
     assert np.abs(verdicts["left"].residuals_px).max() < 1e-6
-    assert verdicts["right"].residuals_px is None and verdicts["right"].problem == "1 more points are needed"
+    assert verdicts["right"].residuals_px is None and verdicts["right"].problem == "expected 6 points or more, got 5"
     assert len(errors) == 10 and errors.max() < 1e-7
     assert ClickStore(tmp_path, PLAIN_RIG.names).places.keys() == places.keys()
 

@@ -95,7 +95,7 @@ def judge_control(
         model = rig[name].model
         try:
             if len(points.names) < MIN_POINTS:
-                raise CalibrationError(name, f"{MIN_POINTS - len(points.names)} more points are needed")
+                raise CalibrationError(name, f"expected {MIN_POINTS} points or more, got {len(points.names)}")
             check_control_points(name, points, (model.width, model.height))
             found = calibrate(name, points.points, points.pixels, (model.width, model.height), constraint)
             verdicts[name] = ControlVerdict(points, found.residuals_px)
@@ -131,8 +131,10 @@ def trajectories(rig: CameraRig, store: ClickStore, method: Method) -> JointTraj
     return JointTrajectory(names, np.array(stamps, dtype=np.int64), positions, valid)
 
 
-def save_trajectories(rig: CameraRig, store: ClickStore, method: Method, rate_hz: float) -> list[Path]:
+def save_trajectories(rig: CameraRig, store: ClickStore, method: Method) -> list[Path]:
     """Write ``joints.csv`` and ``joints.trc`` (y up) into the folder of the clicks; the files written, none without points.
+
+    A TRC file has one rate, that of the digitized instants; those that were left out among them are rows without places.
 
     Raises
     ------
@@ -143,10 +145,26 @@ def save_trajectories(rig: CameraRig, store: ClickStore, method: Method, rate_hz
         return []
     seen = found.valid.any(axis=1)
     found = JointTrajectory(found.names, found.stamps_ns[seen], found.positions_m[seen], found.valid[seen])
-    markers = MarkerTrajectories(found.names, 1e-9 * found.stamps_ns, found.positions_m, rate_hz, found.valid)
+    even, step_ns = _evenly(found)
+    markers = MarkerTrajectories(even.names, 1e-9 * even.stamps_ns, even.positions_m, 1e9 / step_ns, even.valid)
     for name in (JOINTS_FILE, TRC_FILE):  # neither, if one of them is refused
         store.folder.check(name)
     return [
         store.folder.write(JOINTS_FILE, lambda path: write_joints(path, found)),
         store.folder.write(TRC_FILE, lambda path: dump_trc(markers, path)),
     ]
+
+
+def _evenly(found: JointTrajectory) -> tuple[JointTrajectory, float]:
+    """With rows that are not valid where instants were left out, and the median step in nanoseconds; 1 s of one instant."""
+    steps = np.diff(found.stamps_ns)
+    if not len(steps):
+        return found, 1e9
+    step_ns = float(np.median(steps))
+    apart = np.maximum(1, np.round(steps / step_ns)).astype(int)  # in steps
+    at = np.concatenate([[0], np.cumsum(apart)])
+    n = int(at[-1]) + 1
+    stamps = np.round(np.interp(np.arange(n), at, found.stamps_ns - found.stamps_ns[0])).astype(np.int64) + found.stamps_ns[0]
+    positions, valid = np.zeros((n, *found.positions_m.shape[1:])), np.zeros((n, len(found.names)), dtype=bool)
+    positions[at], valid[at] = found.positions_m, found.valid
+    return JointTrajectory(found.names, stamps, positions, valid), step_ns

@@ -153,10 +153,7 @@ class Desk:
     def save(self, asked: Asked) -> dict[str, Any]:
         """Trajectories into the folder of the clicks."""
         with self._lock:
-            sets = self._session.needed_images().sets
-            steps = np.diff([s.stamp_ns for s in sets])
-            rate_hz = 1e9 / float(np.median(steps)) if len(steps) else 1.0
-            written = digitizing.save_trajectories(self._rig, self._store, _method(asked), rate_hz)
+            written = digitizing.save_trajectories(self._rig, self._store, _method(asked))
         return {"written": [str(path) for path in written]}
 
     def _point_sheet(self, asked: Asked, clicked: Clicked) -> dict[str, Any]:
