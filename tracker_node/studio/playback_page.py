@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from .images import RecordedImages
 from .outlines import OutlineDrawer
 from .played_curves import continuous_angles, continuous_rotations
 from .played_run import PlayedRun, open_run
-from .session import StudioSession
+from .session import StudioSession, made_once
 
 _ROTATION = [3, 4, 5]  # columns of the root's rotation vector
 
@@ -42,11 +41,11 @@ class PlaybackDesk:
     def __init__(self, session: StudioSession):
         self._session = session
 
-    @cached_property
+    @made_once
     def _run(self) -> PlayedRun:
         return open_run(self._session)
 
-    @cached_property
+    @made_once
     def _drawer(self) -> OutlineDrawer:
         return OutlineDrawer(self._run.rig, self._run.model)
 

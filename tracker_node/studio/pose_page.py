@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from .pose_bench import PoseBench
 from .pose_drag import MODES, Grip, drag
 from .pose_files import ExistsError, PoseFiles
 from .pose_values import dof_groups, state_of, values_of
-from .session import StudioSession
+from .session import StudioSession, made_once
 
 
 class Pose(FileModel):
@@ -64,11 +63,11 @@ class PoseDesk:
         self._session = session
         self._files = PoseFiles(session.files.folder)
 
-    @cached_property
+    @made_once
     def _drawer(self) -> OutlineDrawer:
         return OutlineDrawer(self._session.needed_rig(), self._session.needed_model())
 
-    @cached_property
+    @made_once
     def _bench(self) -> PoseBench:
         return PoseBench(self._session)
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
+from typing import Any, TypeVar
 
 from ..camera.camera_rig import CameraRig
 from ..errors import TrackerError
@@ -17,6 +20,20 @@ from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from ..tracking.config import TrackerConfig
 from .images import RecordedImages
+
+Made = TypeVar("Made")
+
+
+class made_once(cached_property[Made]):
+    """A `cached_property` that threads which ask for it at the same time get the same of; since Python 3.12 that has no lock."""
+
+    def __init__(self, make: Callable[[Any], Made]):
+        super().__init__(make)
+        self._making = threading.RLock()
+
+    def __get__(self, instance: Any, owner: type | None = None) -> Any:
+        with self._making:
+            return super().__get__(instance, owner)
 
 
 @dataclass(frozen=True)
@@ -38,7 +55,7 @@ class StudioFiles:
 
 @dataclass(frozen=True, eq=False)
 class StudioSession:
-    """``lock`` is held by whoever uses what is not made for several threads; ``closing`` ends what pages have begun."""
+    """``closing`` ends what pages have begun."""
 
     files: StudioFiles
     rig: CameraRig | None = None
@@ -46,7 +63,6 @@ class StudioSession:
     config: TrackerConfig = field(default_factory=TrackerConfig)
     initial_state: State | None = None
     images: RecordedImages | None = None
-    lock: threading.Lock = field(default_factory=threading.Lock)
     closing: ExitStack = field(default_factory=ExitStack)
 
     def needed_rig(self) -> CameraRig:
