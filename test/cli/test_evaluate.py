@@ -2,6 +2,7 @@
 
 import json
 import re
+from argparse import Namespace
 from base64 import b64decode
 from pathlib import Path
 
@@ -13,12 +14,16 @@ from stick_person import Motion, motion, write_run, write_state_bag, write_truth
 
 from tracker_node.camera.camera_model import CameraModel
 from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.cli import sample
+from tracker_node.cli._recording import evaluate_recording
+from tracker_node.cli.evaluate import _untold
 from tracker_node.cli.main import main
 from tracker_node.evaluation.estimate_messages import image_message
 from tracker_node.loaders.bag_reader import BagReader
 from tracker_node.loaders.bag_writer import BagWriter
 from tracker_node.loaders.message_types import TRACKED_STATE
 from tracker_node.loaders.model_yaml import dump_model
+from tracker_node.loaders.recording_yaml import RecordingFile
 from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
 from tracker_node.model.configuration import Configuration
 from tracker_node.render.raycaster import render_mask
@@ -229,3 +234,25 @@ def test_what_does_not_fit_several_runs_is_one_line(files, tmp_path, capsys, mor
 def test_without_a_model_it_asks_for_one(files, tmp_path, capsys):
     assert main(["evaluate", str(files / "run"), "--truth", str(files / "truth.csv")]) == 2
     assert "--model" in capsys.readouterr().err
+
+
+def test_what_the_images_do_not_tell_takes_a_few_lines():
+    """However many there are: five that last, and how many more."""
+    untold = [{"what": f"joint_{i}", "sets": i} for i in range(1, 31)]
+    said = _untold({"image_sets": 100, "unobservable": untold})
+    assert len(said) == 6 and "30 sets do not tell the joint_30;" in said[0] and "25 other degrees of freedom" in said[-1]
+    short = _untold({"image_sets": 100, "unobservable": untold[:10]})
+    assert len(short) == 2 and "10 sets" in short[0] and "9 other" in short[1]
+    assert _untold({"image_sets": 1, "unobservable": untold[:1]}) == [
+        "The images of 1 set do not tell the joint_1; it is guessed there."
+    ]
+
+
+@pytest.mark.parametrize("cut", [{}, {"end": 5}, {"start": 3}, {"max_sets": 4}])
+def test_image_sets_of_a_recording_are_those_of_all_of_it(monkeypatch, tmp_path, cut):
+    given = []
+    monkeypatch.setattr(sample, "run_verb", lambda *arguments: given.append(arguments) or 0)
+    recording = RecordingFile(rig="r", model="m", output="o", images={"end": 100}, evaluate={"image_sets": 100})
+    args = Namespace(**{"model": "m", "rig": "r", "start": 0, "end": 100, "max_sets": None} | cut)
+    assert evaluate_recording(recording, args, tmp_path, tmp_path) == 0
+    assert ("--image-sets" in given[0]) == (not cut)

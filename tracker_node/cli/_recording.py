@@ -85,7 +85,9 @@ def evaluate_recording(recording: RecordingFile, args: argparse.Namespace, run: 
         return 0
     arguments: list[str | Path] = [run, "--model", args.model, "--rig", args.rig, "--name", entry.name]
     arguments += ["--align", entry.align, "--lag", str(entry.lag)]
-    arguments += ["--image-sets", str(entry.image_sets), "--first-image", str(args.start), "--output", output]
+    arguments += ["--first-image", str(args.start), "--output", output]
+    if (args.start, args.end, getattr(args, "max_sets", None)) == (recording.images.start, recording.images.end, None):
+        arguments += ["--image-sets", str(entry.image_sets)]  # of the whole recording
     for truth in entry.truth:
         arguments += ["--truth", truth]
     if entry.y_up is not None:

@@ -13,6 +13,9 @@ EXAMPLE = (
     "tracker_node evaluate out/run --truth markers.trc --model person.yaml --rig rig.yaml --name walk --output out/evaluation"
 )
 
+_MOST_UNTOLD = 5
+_LASTING = 0.1  # share of the sets, below which nothing is said of a degree of freedom by itself
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
@@ -187,9 +190,17 @@ def _contradicted(info: Any) -> list[str]:
 
 
 def _untold(info: Any) -> list[str]:
-    """A sentence on each degree of freedom, or direction, that the images of the run have not told."""
-    found = info.get("unobservable") or []
-    return [f"The images of {entry['sets']} sets do not tell the {entry['what']}; it is guessed there." for entry in found]
+    """Sentences on what the images have not told: what lasts longest first, at most `_MOST_UNTOLD`, and how many more."""
+    found = sorted(info.get("unobservable") or [], key=lambda entry: -entry["sets"])
+    least = _LASTING * info.get("image_sets", 0)
+    shown = [entry for entry in found if entry["sets"] >= least][:_MOST_UNTOLD]
+    said = [
+        f"The images of {entry['sets']} set{'s' * (entry['sets'] != 1)} do not tell the {entry['what']}; it is guessed there."
+        for entry in shown
+    ]
+    more = len(found) - len(shown)
+    others = "one other degree of freedom" if more == 1 else f"{more} other degrees of freedom"
+    return [*said, *([f"The images of some sets do not tell {others}."] if more else [])]
 
 
 def _named(info: Any, key: str) -> str | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -110,7 +109,9 @@ def _stream_of(run: OfflineRun, rig: CameraRig, reader: BagReader | None) -> Ima
     return BagStream(rig, run.config.synchronizer, reader)
 
 
-_NUMBERS = re.compile(r" ?[(][^)]*[)]| ?[-+]?[0-9.]+")
+def _what_mostly(name: str) -> str:
+    """What `unobservable` names, without the axis and the smaller parts: they change from set to set."""
+    return f"{name.split('(')[0]}some axis" if name.startswith("root ") else name.split()[0]
 
 
 @dataclass
@@ -125,7 +126,7 @@ class _Record:
     iterations: list[int] = field(default_factory=list)
     residual_px: list[float] = field(default_factory=list)
     faults: dict[tuple[str, str], dict[str, Any]] = field(default_factory=dict)
-    untold: dict[str, dict[str, Any]] = field(default_factory=dict)
+    untold: Counter[str] = field(default_factory=Counter)  # sets, by degree of freedom
 
     def add(self, estimate: TrackEstimate) -> None:
         self.status[estimate.status] += 1
@@ -133,9 +134,8 @@ class _Record:
         self.total_ms.append(estimate.timings.total_ms)
         self.iterations.append(estimate.iterations)
         self.residual_px.append(estimate.residual_px)
-        for name in [] if estimate.information is None else unobservable(estimate.information, self.model):
-            kind = _NUMBERS.sub("", name)  # axes turn with the body
-            self.untold[kind] = {"what": name, "sets": self.untold.get(kind, {"sets": 0})["sets"] + 1}
+        names = [] if estimate.information is None else unobservable(estimate.information, self.model)
+        self.untold.update(set(map(_what_mostly, names)))
         for fault in estimate.faults:
             sets = self.faults.get((fault.camera, fault.kind), {"sets": 0})["sets"]
             found = {"camera": fault.camera, "kind": fault.kind, "said": fault.text, "since_ns": fault.since_ns, "sets": sets + 1}
@@ -178,7 +178,7 @@ def _summary(run: OfflineRun, stream: ImageSetStream, record: _Record) -> dict[s
         "images": stream.counters,
         "image_sets_not_formed": stream.sets_not_formed,
         "contradicted_cameras": list(record.faults.values()),
-        "unobservable": list(record.untold.values()),
+        "unobservable": [{"what": what, "sets": sets} for what, sets in record.untold.most_common()],
         "errors": list(stream.errors),
         "options": dict(run.named_options),
         "parameters": flatten(run.config),
