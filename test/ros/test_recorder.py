@@ -120,6 +120,24 @@ def test_a_topic_with_its_type_is_subscribed_before_it_exists(node: Node, tmp_pa
     assert "/x was not recorded: message type 'zoo_msgs/msg/X' cannot be used here" in recorder.text
 
 
+def test_a_topic_with_its_type_has_what_was_latched(node: Node, tmp_path: Path, start) -> None:
+    """Said once before the recorder was there, or just as its publisher appeared: each is in the bag, and none twice."""
+    before = node.create_publisher(String, "/latched/before", LATCHED)
+    before.publish(String(data="a"))
+    names = ("/latched/before", "/latched/later")
+    recorder = start("recorder", "--output", str(tmp_path / "run"), "--topics", *(f"{n}:std_msgs/msg/String" for n in names))
+    recorder.wait_for("recorder: ready, 2 topics")
+    later = node.create_publisher(String, "/latched/later", LATCHED)
+    later.publish(String(data="b"))
+    wait_until(lambda: before.get_subscription_count() == later.get_subscription_count() == 1)
+    time.sleep(1.0)  # what is said to a new subscriber may still be on its way
+    assert recorder.end() == 0, recorder.text
+    with BagReader(tmp_path / "run") as reader:
+        assert [message.data for _, message in reader.decoded("/latched/before")] == ["a"]
+        assert [message.data for _, message in reader.decoded("/latched/later")] == ["b"]
+        assert reader.topic("/latched/before").qos.durability == "transient_local"
+
+
 class Heard:
     """The latest diagnostics of the recorder, and all that it has ever said."""
 

@@ -1,7 +1,9 @@
 """Topics into a bag, bytes as they are.
 
-Subscriptions are made as topics appear, with the quality of service that their publishers offer. Callbacks only enqueue; a
-thread of its own writes.
+Subscriptions are made as topics appear, with the quality of service that their publishers offer. Where nobody publishes yet, the most
+is asked for (reliable, and what was said before, which latched topics keep), and less when a publisher offers less: it does not
+count the first subscription, so that one that waits for its subscribers waits for the second. Callbacks only enqueue; a thread
+of its own writes.
 """
 
 from __future__ import annotations
@@ -31,6 +33,7 @@ DISCOVERY_S = 0.1
 REPORT_S = 1.0
 RATE_OVER_S = 10.0
 DEPTH = 100  # messages of a topic that may wait for the event loop
+_MOST = OfferedQos("reliable", "transient_local")
 IMAGE_CHOICES = {"all": (RAW, COMPRESSED), "raw": (RAW,), "compressed": (COMPRESSED,), "none": ()}
 
 
@@ -62,10 +65,11 @@ class TopicSelection:
 
 @dataclass
 class _Recorded:
-    """One topic that is being recorded."""
+    """One topic that is being recorded; ``lost_before`` were lost by the subscription that this one stands for now."""
 
     type_name: str
     qos: OfferedQos
+    lost_before: int = 0
     subscription: Subscription | None = None
     announced: bool = False
     pace: TopicPace = field(default_factory=TopicPace)
@@ -88,6 +92,7 @@ class RecorderNode(Node):
         self._selection, self._bag = selection, bag
         self._topics: dict[str, _Recorded] = {}
         self._replaced: list[_Recorded] = []  # destroying a subscription crashes the events executor
+        self._offered_less: set[str] = set()  # topics with a publisher that does not reach our subscription
         self._paused = False
         # When, and messages, bytes and dropped messages then; rates are those of the last seconds.
         self._reported = deque([(time.monotonic(), 0, 0, 0)], maxlen=round(RATE_OVER_S / REPORT_S))
@@ -98,7 +103,8 @@ class RecorderNode(Node):
         self._diagnostics = Diagnostics(self, "recorder")
         for topic, type_name in selection.names.items():
             if type_name and selection.wants(topic, type_name):
-                self._subscribe(topic, type_name, OfferedQos())
+                publishers = self.get_publishers_info_by_topic(topic)
+                self._subscribe(topic, type_name, offered_qos([p.qos_profile for p in publishers]) if publishers else _MOST)
         self._discovery = self.create_timer(DISCOVERY_S, self.discover)
         self._reporting = self.create_timer(REPORT_S, self.report)
         self._pause_service = self.create_service(SetBool, "~/pause", self._on_pause)
@@ -117,6 +123,8 @@ class RecorderNode(Node):
 
     def discover(self) -> None:
         """Subscribe to what has appeared since the last time."""
+        for topic in list(self._offered_less):
+            self._ask_for_less(topic)
         for topic, type_names in self.get_topic_names_and_types():
             if topic in self._topics or topic in self.problems or not self._selection.wants(topic, type_names[0]):
                 continue
@@ -137,7 +145,7 @@ class RecorderNode(Node):
         recorded = self._topics[topic] = _Recorded(type_name, qos)
         wanted = OfferedQos(qos.reliability, qos.durability, "keep_last", DEPTH)
         events = SubscriptionEventCallbacks(
-            message_lost=lambda status: self._on_lost(topic, status.total_count),  # type: ignore[attr-defined]
+            message_lost=lambda status: self._on_lost(topic, recorded, status.total_count),  # type: ignore[attr-defined]
             incompatible_qos=lambda status: self._on_incompatible(topic, recorded),
             use_default_callbacks=False,
         )
@@ -172,19 +180,29 @@ class RecorderNode(Node):
         self._bag.add_topic(topic, recorded.type_name, qos, _definition(recorded.type_name, publishers))
         recorded.announced = True
 
-    def _on_lost(self, topic: str, total: int) -> None:
-        self.lost[topic] = max(self.lost[topic], total)  # a total, because events that come together are told once
+    def _on_lost(self, topic: str, recorded: _Recorded, total: int) -> None:
+        """``total`` is of this subscription: events that come together are told once."""
+        if self._topics[topic] is recorded:
+            self.lost[topic] = max(self.lost[topic], recorded.lost_before + total)
 
     def _on_incompatible(self, topic: str, recorded: _Recorded) -> None:
-        """Somebody publishes with less than we asked for before we knew: ask for that."""
+        """Somebody publishes with less than we asked for before we knew."""
+        if self._topics[topic] is recorded:
+            self._offered_less.add(topic)
+            self._ask_for_less(topic)
+
+    def _ask_for_less(self, topic: str) -> None:
+        """Subscribe anew with what all publishers offer, once the graph lists the one that offers less."""
+        recorded = self._topics[topic]
         publishers = self.get_publishers_info_by_topic(topic)
-        if self._topics[topic] is not recorded or not publishers:
-            return
         weakest = offered_qos([p.qos_profile for p in publishers])
-        if (weakest.reliability, weakest.durability) != (recorded.qos.reliability, recorded.qos.durability):
-            self._replaced.append(recorded)
-            self._subscribe(topic, recorded.type_name, weakest)
-            self._topics[topic].announced, self._topics[topic].pace = recorded.announced, recorded.pace
+        if not publishers or (weakest.reliability, weakest.durability) == (recorded.qos.reliability, recorded.qos.durability):
+            return
+        self._offered_less.discard(topic)
+        self._replaced.append(recorded)
+        self._subscribe(topic, recorded.type_name, weakest)
+        renewed = self._topics[topic]
+        renewed.announced, renewed.pace, renewed.lost_before = recorded.announced, recorded.pace, self.lost[topic]
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._paused = request.data
