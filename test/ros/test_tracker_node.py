@@ -203,6 +203,10 @@ def test_calibration_from_topics(probe, recording, start):
     probe.spin_until(lambda: "tracker: calibration" in status, "a report")
     assert "uncalibrated" in status["tracker: calibration"].message and "cam1" in status["tracker: calibration"].message
     assert not states
+    malformed = camera_info_message(0, "f", rig["cam1"].model)
+    malformed.height = 0
+    cameras.infos["cam1"].publish(malformed)
+    probe.spin_until(lambda: "1 to 16384 pixels" in status["tracker: calibration"].message, "another reason")
     for name in rig.names:
         cameras.infos[name].publish(camera_info_message(0, rig[name].frame_id, rig[name].model))
     probe.spin_until(lambda: len(states) == 1, "the waiting images are tracked")

@@ -120,7 +120,7 @@ def compared_lenses(camera: str, info: CameraInfo, lens: CameraModel) -> tuple[b
         sizes = f"{other.width}x{other.height}, the rig file of {lens.width}x{lens.height}"
         return WARN, f"camera_info speaks of images of {sizes}; --calibration camera_info takes the former"
     distance_px = lens_distance(lens, other)
-    if distance_px > _SAME_PX:
+    if not distance_px <= _SAME_PX:  # nan too
         return WARN, f"camera_info and the rig file are up to {distance_px:.1f} px apart; the rig file's is used"
     return OK, "calibrated: camera_info and the rig file agree"
 

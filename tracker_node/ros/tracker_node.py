@@ -196,16 +196,17 @@ class TrackerNode(ManagedNode):
         """When all cameras in use have said what their lenses are, tracking begins."""
         if self._worker is None or self.state != ACTIVE or not self._from_topics or self._worker.rig is not None:
             return
+        cameras = self._parameters_of_node.cameras
         try:
             self._lenses = {name: camera_model_of(name, info) for name, info in dict(self._inbox.infos).items()}
+            lacking = [name for name in cameras if name not in self._lenses]
+            setup = None if lacking else self._setup(self._parameters_of_node.config, cameras)
         except TrackerError as error:
             self._diagnostics.report("calibration", ERROR, str(error))
             return
-        cameras = self._parameters_of_node.cameras
-        lacking = [name for name in cameras if name not in self._lenses]
-        if not lacking:
+        if setup is not None:
             self._diagnostics.report("calibration", OK, "complete")
-            self._worker.use(self._setup(self._parameters_of_node.config, cameras))
+            self._worker.use(setup)
         elif time.monotonic() - self._began_s > SILENT_S:
             self._diagnostics.report("calibration", WARN, f"waiting for camera_info of {', '.join(lacking)}")
 

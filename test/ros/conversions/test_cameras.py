@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 pytest.importorskip("rclpy")
 from rclpy.serialization import deserialize_message, serialize_message
@@ -9,6 +11,7 @@ from sensor_msgs.msg import CameraInfo
 
 from tracker_node.camera.camera_model import CameraModel
 from tracker_node.errors import CalibrationError
+from tracker_node.ros.camera_diagnostics import compared_lenses
 from tracker_node.ros.conversions import camera_info_message, camera_model_of
 
 K = np.array([[600.0, 0.5, 319.0], [0.0, 610.0, 241.0], [0.0, 0.0, 1.0]])
@@ -66,3 +69,51 @@ def test_region_and_binning_are_folded_into_K():
     full_px, cut_px = lens.project(points)[0], cut.project(points)[0]
     # A binned pixel's centre lies between the centres of the two it was made of.
     assert np.allclose(cut_px, (full_px - [100, 60] + 0.5) / 2 - 0.5, atol=1e-9)
+
+
+sizes = st.one_of(st.sampled_from([0, 1, 2, 160, 640, 2**31, 2**32 - 1]), st.integers(0, 2**32 - 1))
+numbers = st.one_of(st.sampled_from([0.0, 1.0, 600.0, float("nan"), float("inf"), 1e308]), st.floats())
+
+
+@st.composite
+def camera_infos(draw) -> CameraInfo:
+    """A good message of which any field may be anything."""
+    model = CameraModel(640, 480, K, "plumb_bob", np.array([0.1, -0.2, 0.001, 0.002]))
+    message = camera_info_message(0, "f", model)
+    changes = {name: draw(sizes) for name in ("width", "height", "binning_x", "binning_y") if draw(st.booleans())}
+    for name, value in changes.items():
+        setattr(message, name, value)
+    for name in ("x_offset", "y_offset", "width", "height"):
+        if draw(st.booleans()):
+            setattr(message.roi, name, draw(sizes))
+    for i in draw(st.lists(st.integers(0, 8), max_size=3)):
+        message.k[i] = draw(numbers)
+    if draw(st.booleans()):
+        message.distortion_model = draw(st.sampled_from(["", "plumb_bob", "rational_polynomial", "equidistant", "fisheye", "x"]))
+        message.d = draw(st.lists(numbers, max_size=9))
+    return message
+
+
+@given(camera_infos())
+@settings(max_examples=150, deadline=None)
+def test_every_message_is_a_lens_or_refused_in_words(message: CameraInfo):
+    try:
+        lens = camera_model_of("left", message)
+    except CalibrationError as error:
+        assert "left" in str(error) and "\n" not in str(error)
+    else:
+        assert 1 <= lens.width <= 16384 and 1 <= lens.height <= 16384 and np.isfinite(lens.K).all()
+    level, said = compared_lenses("left", message, CameraModel(640, 480, K))
+    assert level in (b"\x00", b"\x01") and said
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"binning_x": 200, "width": 160}, {"width": 0, "binning_x": 3}, {"height": 0}, {"width": 2**32 - 1}],
+)
+def test_images_without_pixels_or_too_large_are_refused(changes: dict[str, int]):
+    message = camera_info_message(0, "f", CameraModel(640, 480, K))
+    for name, value in changes.items():
+        setattr(message, name, value)
+    with pytest.raises(CalibrationError, match=r"left.*expected images of 1 to 16384 pixels on each side, got"):
+        camera_model_of("left", message)

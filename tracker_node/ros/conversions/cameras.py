@@ -12,6 +12,9 @@ from ...camera.distortion import COEFFICIENT_COUNTS
 from ...errors import CalibrationError
 from .stamps import stamp_message
 
+_LONGEST_SIDE = 16384  # pixels; pictures of the empty scene are brought to the size that a message claims
+_LARGEST = 1e9  # of a number in K
+
 
 def camera_info_message(stamp_ns: int, frame_id: str, model: CameraModel) -> CameraInfo:
     """CameraInfo of a lens; R and P are those of an unrectified single camera."""
@@ -35,7 +38,8 @@ def camera_model_of(camera: str, message: CameraInfo) -> CameraModel:
 
     Raises
     ------
-    CalibrationError : K[0] = 0 (the mark of an uncalibrated camera), or a distortion model that is not known.
+    CalibrationError : K[0] = 0 (the mark of an uncalibrated camera), a distortion model that is not known, numbers that are
+        no lens's, or images without pixels or larger than 16384 on a side.
     """
     K = np.array(message.k, dtype=np.float64).reshape(3, 3)
     if K[0, 0] == 0.0:
@@ -52,19 +56,32 @@ def camera_model_of(camera: str, message: CameraInfo) -> CameraModel:
             camera, f"distortion in camera_info: expected {known} coefficients, got {name} with {coefficients.size}"
         )
     try:
-        model = CameraModel(int(message.width), int(message.height), K, name, coefficients)
+        _check_numbers(K, coefficients)
+        return _cropped_and_binned(CameraModel(_side(message.width), _side(message.height), K, name, coefficients), message)
     except ValueError as error:
         raise CalibrationError(camera, f"camera_info: {error}") from error
-    return _cropped_and_binned(model, message)
+
+
+def _check_numbers(K: np.ndarray, coefficients: np.ndarray) -> None:
+    if not (np.abs(K) <= _LARGEST).all() or K[1, 0] != 0.0 or tuple(K[2]) != (0.0, 0.0, 1.0):
+        raise ValueError(f"expected K = [fx, skew, cx, 0, fy, cy, 0, 0, 1], got {K.ravel().tolist()}")
+    if not np.isfinite(coefficients).all():
+        raise ValueError(f"expected finite distortion coefficients, got {coefficients.tolist()}")
+
+
+def _side(pixels: int) -> int:
+    if not 1 <= pixels <= _LONGEST_SIDE:
+        raise ValueError(f"expected images of 1 to {_LONGEST_SIDE} pixels on each side, got {pixels}")
+    return int(pixels)
 
 
 def _cropped_and_binned(model: CameraModel, message: CameraInfo) -> CameraModel:
     roi = message.roi
     x, y = int(roi.x_offset), int(roi.y_offset)
-    width, height = int(roi.width) or model.width, int(roi.height) or model.height
+    width, height = _side(int(roi.width) or model.width), _side(int(roi.height) or model.height)
     if (x, y, width, height) != (0, 0, model.width, model.height):
         model = model.mapped(np.array([[1.0, 0.0, -x], [0.0, 1.0, -y]]), width, height)
     bx, by = max(int(message.binning_x), 1), max(int(message.binning_y), 1)
     if (bx, by) != (1, 1):
-        model = model.resized(model.width // bx, model.height // by)
+        model = model.resized(_side(model.width // bx), _side(model.height // by))
     return model
