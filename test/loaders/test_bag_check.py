@@ -26,6 +26,7 @@ from tracker_node.loaders.bag_check import check_bag, figures_of
 from tracker_node.loaders.bag_metadata import OfferedQos
 from tracker_node.loaders.bag_reader import BagReader, BagTopic
 from tracker_node.loaders.bag_repair import repair_bag
+from tracker_node.loaders.bag_writer import BagWriter
 from tracker_node.loaders.message_types import typestore
 
 N_MESSAGES = 90
@@ -69,6 +70,23 @@ def test_a_sound_bag(bag: Path, capsys: pytest.CaptureFixture) -> None:
     assert "Sound." in output
     assert main(["bag", "info", str(bag)]) == 0
     assert "/tracker/state" in capsys.readouterr().out
+
+
+def test_times_that_ros_cannot_hold(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """MCAP has room for them: they are a problem of the bag, and a repaired one has none."""
+    bag, new = tmp_path / "run", tmp_path / "new"
+    with BagWriter(bag) as writer:
+        for stamp_ns in (5, 2**63 - 1, 2**63, 2**64 - 1):
+            writer.write_message("/a", stamp_ns, bag_samples.text("a"))
+    assert main(["bag", "check", str(bag / "run_0.mcap")]) == 1
+    assert "problem: /a: 2 messages with a time that ROS cannot hold" in capsys.readouterr().out
+    assert main(["bag", "check", str(bag)]) == 1
+    assert main(["bag", "info", str(bag)]) == 0
+    assert main(["bag", "repair", str(bag), "--output", str(new)]) == 0
+    assert "2 messages had a time that ROS cannot hold" in capsys.readouterr().out
+    assert main(["bag", "check", str(new)]) == 0
+    with BagReader(new) as reader:
+        assert [message.stamp_ns for message in reader.messages()] == [5, 2**63 - 1, 2**63 - 1, 2**63 - 1]
 
 
 def test_a_bag_that_breaks_off(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

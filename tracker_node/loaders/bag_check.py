@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 
 from ..errors import FileFormatError
-from .bag_contents import FileContents
+from .bag_contents import LAST_NS, FileContents
 from .bag_metadata import METADATA_FILE
 from .bag_reader import REPAIR, BagReader, BagTopic
 from .bag_scan import SCANNERS, scan
@@ -101,8 +101,11 @@ def check_bag(path: str | Path, on_file: Callable[[Path], None] = lambda file: N
         else:
             _check_metadata(reader, check)
         stamps: dict[str, list[int]] = {name: [] for name in reader.topics}
+        too_late: Counter[str] = Counter()
         for topic, stamp_ns in _read_all(reader, check, on_file):
-            stamps.setdefault(topic, []).append(stamp_ns)
+            stamps.setdefault(topic, []).append(min(stamp_ns, LAST_NS))
+            too_late[topic] += stamp_ns > LAST_NS
+        check.problems += [f"{name}: {n} messages with a time that ROS cannot hold" for name, n in sorted(too_late.items()) if n]
         check.topics = [figures_of(reader.topics[name], np.array(times, np.int64)) for name, times in sorted(stamps.items())]
         check.repairable = check.message_count > 0
         found = [time for times in stamps.values() for time in (min(times, default=None), max(times, default=None)) if time]
@@ -118,7 +121,7 @@ def figures_of(topic: BagTopic, stamps_ns: np.ndarray) -> TopicFigures:
     if n < 2:
         return TopicFigures(topic, n)
     steps = np.diff(stamps_ns) * 1e-9
-    span_s = float(stamps_ns.max() - stamps_ns.min()) * 1e-9
+    span_s = (int(stamps_ns.max()) - int(stamps_ns.min())) * 1e-9
     usual = float(np.median(steps))
     low, high = np.percentile(steps, [25, 75])
     steady = n >= _STEADY and usual > 0 and high - low < _STEADY_SPREAD * usual

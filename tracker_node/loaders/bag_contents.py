@@ -9,6 +9,8 @@ from mcap.records import Channel, Schema
 
 MOST_BYTES = 2**30
 """Of one chunk or message when it is unpacked: what claims to be larger is taken as damaged."""
+LAST_NS = 2**63 - 1
+"""The latest time that ROS can hold (in the year 2262); MCAP files have room for later ones."""
 
 
 @dataclass(frozen=True)

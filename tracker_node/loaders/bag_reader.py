@@ -52,12 +52,16 @@ class BagTopic:
 
 @dataclass(frozen=True, eq=False)
 class BagMessage:
-    """A message of a bag: ``data`` are its serialized bytes (CDR), ``stamp_ns`` the time of recording."""
+    """A message of a bag: ``data`` are its serialized bytes (CDR), ``stamp_ns`` the time of recording.
+
+    ``publish_ns`` is when it was sent; None where that is not known, which is so unless the bag is ``scanned``.
+    """
 
     topic: str
     type_name: str
     stamp_ns: int
     data: bytes
+    publish_ns: int | None = None
 
 
 class BagReader:
@@ -236,7 +240,8 @@ class BagReader:
                 early = start_ns is not None and message.stamp_ns < start_ns
                 late = stop_ns is not None and message.stamp_ns >= stop_ns
                 if topic.name in wanted and not early and not late:
-                    yield BagMessage(topic.name, topic.type_name, message.stamp_ns, self._unpacked(message.data))
+                    data = self._unpacked(message.data)
+                    yield BagMessage(topic.name, topic.type_name, message.stamp_ns, data, message.publish_ns)
 
     def _unpacked(self, data: bytes) -> bytes:
         """A message of a bag in which each was compressed: serialized ones do not begin like this."""
