@@ -39,7 +39,10 @@ def shared_data() -> Path:
 @pytest.fixture(scope="session")
 def opensim() -> ModuleType:
     """OpenSim, where this machine has it, without the log that it would write into the current folder."""
-    module = pytest.importorskip("opensim", reason="no wheel of OpenSim for this machine")
+    with pytest.MonkeyPatch.context() as patch:  # it sets paths anew in which child processes would not find ROS any more
+        for name in ("PATH", "LD_LIBRARY_PATH", "SIMBODY_HOME"):
+            patch.setenv(name, os.environ.get(name, ""))
+        module = pytest.importorskip("opensim", reason="no wheel of OpenSim for this machine")
     module.Logger.removeFileSink()
     return module
 
