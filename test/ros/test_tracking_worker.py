@@ -1,15 +1,19 @@
 """What the worker does when the tracker is slow or fails; the tracker here is one that a test can hold and break."""
 
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 from ros_graph import stamps
 from ros_samples import some_estimate, tracked_arm
 from sensor_msgs.msg import Image
+from std_srvs.srv import SetBool, Trigger
 from tracker_msgs.msg import TrackedState
+from tracker_msgs.srv import SetState
 
 from tracker_node.loaders.rig_yaml import load_rig
 from tracker_node.ros.conversions import image_message
@@ -24,32 +28,35 @@ class HeldTracker:
 
     def __init__(self):
         self.go, self.stepping, self.failing = threading.Event(), threading.Event(), set()
+        self.status = Status.DEGRADED
+        self.told = []  # states, "reset" and "look anew"
 
     def step(self, image_set):
         self.stepping.set()
         assert self.go.wait(30.0)
         if image_set.stamp_ns in self.failing:
             raise RuntimeError("no good")
-        return some_estimate(tracked_arm(), image_set.stamp_ns)
+        return replace(some_estimate(tracked_arm(), image_set.stamp_ns), status=self.status)
 
     def reset(self):
-        pass
+        self.told.append("reset")
 
     def set_state(self, state):
-        pass
+        self.told.append(state.to_values()[-1])
 
     def look_anew(self):
-        pass
+        self.told.append("look anew")
 
 
 class Bench:
     """A node with a `HeldTracker`, and publishers of its cameras' images."""
 
-    def __init__(self, probe, recording, lossless):
+    def __init__(self, probe, recording, lossless, **changes):
         self.probe, self.tracker = probe, HeldTracker()
         rig = load_rig(recording / "rig.yaml")
         inbox = InboxOptions(lossless=lossless, capacity=4)
-        self.node = TrackerNode(TrackerOptions(rig, tracked_arm(), inbox=inbox, make_tracker=lambda *_: self.tracker))
+        options = TrackerOptions(rig, tracked_arm(), inbox=inbox, make_tracker=lambda *_: self.tracker, **changes)
+        self.node = TrackerNode(options)
         probe.add_node(self.node)
         self.states = probe.listen(TrackedState, "tracker/state")
         create = probe.node.create_publisher
@@ -65,6 +72,18 @@ class Bench:
         arrival = self.node._inbox.last_arrival_s
         self.probe.spin_until(lambda: len(arrival) == 3 and all(arrival[c] != before.get(c) for c in arrival), "arrival")
 
+    def change_parameters(self, scale: float) -> None:
+        """A new tracker is made; it is this one again."""
+        (result,) = self.node.set_parameters([Parameter("optimizer.robust_scale_px", value=scale)])
+        assert result.successful
+
+    def enable(self, enabled: bool) -> None:
+        assert self.probe.ask(SetBool, "tracker/enable", SetBool.Request(data=enabled)).success
+
+    def put(self, **values: float) -> None:
+        request = SetState.Request(dof_names=list(values), values=list(values.values()))
+        assert self.probe.ask(SetState, "tracker/set_state", request).success
+
     def close(self):
         self.tracker.go.set()
         self.node.close()
@@ -75,8 +94,8 @@ class Bench:
 def build(probe, recording):
     benches = []
 
-    def make(lossless: bool) -> Bench:
-        benches.append(Bench(probe, recording, lossless))
+    def make(lossless: bool, **changes) -> Bench:
+        benches.append(Bench(probe, recording, lossless, **changes))
         return benches[-1]
 
     yield make
@@ -135,3 +154,59 @@ def test_a_publisher_that_does_not_match_is_on_the_diagnostics(probe, build):
     name = "tracker: quality of service of cam2"
     probe.spin_until(lambda: name in probe.diagnostics, "the report")
     assert probe.diagnostics[name].level == DiagnosticStatus.WARN
+
+
+def test_a_state_that_was_asked_for_outlasts_changes_of_parameters_until_it_is_used(probe, build):
+    """Asked for while paused; each new tracker begins with it, and with where the body is only once a set has been tracked."""
+    bench = build(lossless=True)
+    bench.tracker.go.set()
+    bench.send(0)
+    probe.spin_until(lambda: len(bench.states) == 1, "a state")
+    tracked = bench.states[0].values[-1]
+    bench.enable(False)
+    bench.put(elbow_flexion=0.3)
+    bench.change_parameters(11.0)
+    bench.change_parameters(12.0)
+    bench.enable(True)
+    probe.spin_until(lambda: bench.tracker.told == [0.3, 0.3, 0.3], "the state, told to each tracker")
+    bench.send(1)
+    probe.spin_until(lambda: len(bench.states) == 2, "a state after the pause")
+    bench.change_parameters(13.0)
+    probe.spin_until(lambda: len(bench.tracker.told) == 4, "the state of the body")
+    assert bench.tracker.told[3] == tracked != 0.3
+
+
+def test_states_asked_for_in_parts_add_up(probe, build):
+    bench = build(lossless=True)
+    names = list(tracked_arm().chain.dof_names)
+    bench.enable(False)
+    bench.put(**{names[0]: 0.25})
+    bench.put(elbow_flexion=0.7)
+    start = bench.node._worker.start_state.to_values()
+    assert (start[0], start[-1]) == (0.25, 0.7)
+    assert probe.ask(Trigger, "tracker/reset", Trigger.Request()).success
+    bench.put(elbow_flexion=0.5)
+    start = bench.node._worker.start_state.to_values()
+    assert (start[0], start[-1]) == (0.0, 0.5)
+
+
+def test_looking_anew_outlasts_a_change_of_parameters(probe, build):
+    bench = build(lossless=True)
+    bench.tracker.go.set()
+    assert probe.ask(Trigger, "tracker/reinitialize", Trigger.Request()).success
+    bench.change_parameters(11.0)
+    probe.spin_until(lambda: bench.tracker.told == ["look anew"] * 2, "told to both trackers")
+    bench.tracker.status = Status.INITIALISING
+    bench.send(0)
+    probe.spin_until(lambda: len(bench.states) == 1, "a state")
+    bench.change_parameters(12.0)
+    probe.spin_until(lambda: bench.tracker.told == ["look anew"] * 3, "what still looks goes on to look")
+
+
+def test_images_that_cannot_wait_for_the_lenses_are_counted(probe, build):
+    bench = build(lossless=False, calibration_from_topics=True)
+    for i in range(5):
+        bench.send(i)
+    worker = bench.node._worker
+    probe.spin_until(lambda: worker.counts.idle["uncalibrated"].total() == 12, "all but three")
+    assert worker.counts.idle["uncalibrated"].total() + len(worker._not_yet) == 15

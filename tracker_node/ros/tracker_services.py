@@ -76,8 +76,7 @@ class TrackerServices:
         return "tracking" if request.data else "paused: images are counted and not used"
 
     def _values_now(self, worker: TrackingWorker):
-        latest = worker.latest
-        state = self._options.initial_state if latest is None else latest.state
+        state = worker.start_state or self._options.initial_state
         return (state or State.neutral(self._options.model)).to_values()
 
     def _on_set_state(self, worker: TrackingWorker, request: SetState.Request) -> str:

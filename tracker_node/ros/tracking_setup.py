@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -14,7 +16,8 @@ from ..observation.image_set import ImageSet
 from ..tracking.config import TrackerConfig
 from ..tracking.estimate import CameraReport, Status, Timings, TrackEstimate
 
-PAUSED, INACTIVE = "paused", "inactive"  # why images that have come are not used
+PAUSED, INACTIVE, UNCALIBRATED = "paused", "inactive", "uncalibrated"  # why images that have come are not used
+_IDLE = (PAUSED, INACTIVE, UNCALIBRATED)
 
 
 class Steppable(Protocol):
@@ -39,6 +42,43 @@ class TrackingSetup:
     tracker: Steppable | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class StartRequest:
+    """How the tracker is to begin with the next image set, and the state at which; None: not at a given one."""
+
+    tell: Callable[[Steppable], None]
+    state: State | None = None
+
+
+class StartRequests:
+    """Keeps a request, whatever else changes, until an image set has been tracked as asked.
+
+    Requests come from any thread, and reach the tracker in the tracking thread, later.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._asked: StartRequest | None = None
+        self.told: StartRequest | None = None  # to the tracker, which has not tracked since
+
+    @property
+    def asked(self) -> StartRequest | None:
+        """The newest, until it has been followed."""
+        return self._asked
+
+    def ask(self, request: StartRequest) -> None:
+        """A new one; it takes the place of an earlier one."""
+        with self._lock:
+            self._asked = request
+
+    def followed(self) -> None:
+        """An image set has been tracked as the tracker was told; what has been asked since is kept."""
+        with self._lock:
+            if self._asked is self.told:
+                self._asked = None
+            self.told = None
+
+
 @dataclass
 class WorkerCounts:
     """What became of images and image sets; read by the diagnostics."""
@@ -49,7 +89,7 @@ class WorkerCounts:
     failed: int = 0  # sets at which the tracker raised an error
     refused: Counter[str] = field(default_factory=Counter)  # camera -> images that could not be used
     problems: dict[str, str] = field(default_factory=dict)  # camera -> why
-    idle: dict[str, Counter[str]] = field(default_factory=lambda: {PAUSED: Counter(), INACTIVE: Counter()})
+    idle: dict[str, Counter[str]] = field(default_factory=lambda: {reason: Counter() for reason in _IDLE})
     # reason -> camera -> images that came while nothing was to be tracked
 
 

@@ -18,7 +18,17 @@ from ..tracking.config import TrackerConfig
 from ..tracking.estimate import Status, TrackEstimate
 from .image_inbox import ImageInbox, Received
 from .set_formation import SetFormation
-from .tracking_setup import INACTIVE, PAUSED, TrackingSetup, WorkerCounts, unknown_estimate
+from .tracking_setup import (
+    INACTIVE,
+    PAUSED,
+    UNCALIBRATED,
+    StartRequest,
+    StartRequests,
+    Steppable,
+    TrackingSetup,
+    WorkerCounts,
+    unknown_estimate,
+)
 
 _AT_ONCE = 2  # image sets that may wait in a graph that is watched live
 
@@ -57,7 +67,7 @@ class TrackingWorker:
         self._thread: threading.Thread | None = None
         self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._stopping, self._finishing = threading.Event(), False
-        self._asked_state: State | None = None  # to be taken by a tracker that is not there yet
+        self._requests = StartRequests()
         self._last_ns: int | None = None
         self._not_yet: list[Received] = []
         self.formation = SetFormation(setup.cameras, setup.config.synchronizer)
@@ -82,47 +92,59 @@ class TrackingWorker:
         def change() -> None:
             self._setup = setup
             self.formation.change(setup.cameras, setup.config.synchronizer)
-            known = self.latest is not None and self.latest.status is not Status.INITIALISING
-            state = self.latest.state if self.latest is not None and known else self._asked_state
-            if setup.tracker is not None and state is not None:
-                setup.tracker.set_state(state)
-                self._asked_state = None
+            if setup.tracker is not None:
+                self._put(setup.tracker)
             gc.collect()  # the old tracker: it is in reference cycles, and large
 
         self._command(change)
+
+    def _put(self, tracker: Steppable) -> None:
+        """A new tracker begins as has been asked since the latest image set, or where that has left the body."""
+        if self._requests.told is not None:
+            self._requests.told.tell(tracker)
+        elif self.latest is not None and self.latest.status is Status.INITIALISING:
+            tracker.look_anew()
+        elif self.latest is not None:
+            tracker.set_state(self.latest.state)
+
+    @property
+    def start_state(self) -> State | None:
+        """Where the next image set begins as far as is known: as asked, else where the body was. None: not at a given state."""
+        request, latest = self._requests.asked, self.latest
+        if request is not None:
+            return request.state
+        return None if latest is None else latest.state
 
     def reset(self) -> None:
         """Forget everything, as after a backward jump of time."""
 
         def forget() -> None:
             self.formation.reset()
-            self._asked_state = None
-            self._forget_time()
-            if self._setup.tracker is not None:
-                self._setup.tracker.reset()
+            self._last_ns, self.latest = None, None
 
-        self._command(forget)
+        self._begin(StartRequest(lambda tracker: tracker.reset()), forget)
 
     def set_state(self, state: State) -> None:
         """Go on from a state at the next image set."""
-
-        def take() -> None:
-            if self._setup.tracker is None:
-                self._asked_state = state
-            else:
-                self._setup.tracker.set_state(state)
-
-        self._command(take)
+        self._begin(StartRequest(lambda tracker: tracker.set_state(state), state))
 
     def look_anew(self) -> None:
         """Look for the body wherever it may be; what has been learnt stays."""
 
-        def look() -> None:
-            self._asked_state = self.latest = None
-            if self._setup.tracker is not None:
-                self._setup.tracker.look_anew()
+        def forget() -> None:
+            self.latest = None
 
-        self._command(look)
+        self._begin(StartRequest(lambda tracker: tracker.look_anew()), forget)
+
+    def _begin(self, request: StartRequest, forget: Callable[[], None] = lambda: None) -> None:
+        def tell() -> None:
+            forget()
+            self._requests.told = request
+            if self._setup.tracker is not None:
+                request.tell(self._setup.tracker)
+
+        self._requests.ask(request)
+        self._command(tell)
 
     def pause(self, paused: bool) -> None:
         """Count images instead of using them, or use them again."""
@@ -198,7 +220,9 @@ class TrackingWorker:
             return
         if self._setup.tracker is None:
             self._not_yet += received
-            del self._not_yet[: 0 if self._lossless else -len(self._setup.cameras)]
+            dropped = [] if self._lossless else self._not_yet[: -len(self._setup.cameras)]
+            self._leave(dropped, UNCALIBRATED)
+            del self._not_yet[: len(dropped)]
             return
         received, self._not_yet = self._not_yet + received, []
         sets: list[ImageSet] = []
@@ -242,24 +266,25 @@ class TrackingWorker:
             return
         if self._last_ns is not None and image_set.stamp_ns < self._last_ns:
             tracker.reset()  # the clock went backward: a recording began again
+            if self._requests.told is not None:
+                self._requests.told.tell(tracker)
         self._last_ns = image_set.stamp_ns
         began = time.perf_counter()
         try:
-            estimate = tracker.step(image_set)
+            estimate = self.latest = tracker.step(image_set)
+            self._requests.followed()
         except Exception as error:
-            self.counts.failed += 1
-            self._on_error(f"image set {image_set.stamp_ns}: {_described(error)}")
-            total_ms = 1e3 * (time.perf_counter() - began)
-            state = State.neutral(self._model) if self.latest is None else self.latest.state
-            reason = f"{type(error).__name__}: {error}"
-            estimate = unknown_estimate(image_set.stamp_ns, reason, state, self._setup.cameras, total_ms)
+            estimate = self.latest = self._failed(image_set, error, 1e3 * (time.perf_counter() - began))
         self.counts.tracked += 1
         self.counts.lost += estimate.status == Status.LOST
-        self.latest = estimate
         self._on_estimate(estimate, image_set)
 
-    def _forget_time(self) -> None:
-        self._last_ns, self.latest = None, None
+    def _failed(self, image_set: ImageSet, error: Exception, total_ms: float) -> TrackEstimate:
+        self.counts.failed += 1
+        self._on_error(f"image set {image_set.stamp_ns}: {_described(error)}")
+        state = State.neutral(self._model) if self.latest is None else self.latest.state
+        reason = f"{type(error).__name__}: {error}"
+        return unknown_estimate(image_set.stamp_ns, reason, state, self._setup.cameras, total_ms)
 
 
 def _described(error: Exception) -> str:
