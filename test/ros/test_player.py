@@ -269,6 +269,56 @@ def test_mistakes_are_named(tmp_path: Path, capsys: pytest.CaptureFixture) -> No
     assert "start: expected 0 to 0.050 s, the length of the bag, got 7.0" in capsys.readouterr().err
     assert main(["player", str(bag), "--duration", "-1"]) == 2
     assert "duration: expected a positive number" in capsys.readouterr().err
+    for given, said in (
+        ("rate:=0.0", "parameter 'rate': expected a number from 0.001 to 1000, got 0.0"),
+        ("rate:=fast", "parameter 'rate': expected a number from 0.001 to 1000, got 'fast'"),
+        ("rate:=.nan", "parameter 'rate': expected a number from 0.001 to 1000, got nan"),
+        ("position:=7", "parameter 'position': expected a number from 0 to 0.05, got 7.0"),
+    ):
+        assert main(["player", str(bag), "--ros-args", "-p", given]) == 2
+        error = capsys.readouterr().err
+        assert said in error
+        assert error.count("\n") == 1
+
+
+def test_a_topic_with_a_name_that_ros_does_not_take(tmp_path: Path, capfd: pytest.CaptureFixture) -> None:
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.write_message("/a b", bag_samples.START_NS, bag_samples.text("a"))
+    assert main(["player", str(tmp_path / "bag")]) == 2
+    error = capfd.readouterr().err
+    assert "no topic can be played: Invalid topic name" in error
+    assert "Traceback" not in error
+
+
+def test_a_position_before_the_beginning_and_beyond_the_part_of_a_loop(listener: Listener, tmp_path: Path, start) -> None:
+    """It begins where the parameter says, an integer or not; a place set while it waits for subscribers wins over that."""
+    bag = text_bag(tmp_path / "bag", 41)
+    options = ["--topics", "a", "--duration", "0.52", "--loop", "--wait-for-subscribers", "1"]
+    player = start("player", str(bag), *options, "--ros-args", "-p", "position:=0.3", "-p", "rate:=2")
+    parameters = listener.node.create_client(SetParameters, "/player/set_parameters")
+    listener.until(parameters.service_is_ready)
+
+    def seek(position_s: float) -> None:
+        parameter = Parameter("position", value=position_s).to_parameter_msg()
+        answer = parameters.call_async(SetParameters.Request(parameters=[parameter]))
+        listener.until(answer.done)
+        assert answer.result().results[0].successful
+
+    listener.listen("/a", String)
+    listener.until(lambda: len(listener.heard["/a"]) > 6)
+    assert listener.texts("/a")[:6] == ["a6", "a7", "a8", "a9", "a10", "a0"]
+    seek(1.5)  # beyond the part: it begins again
+    n = len(listener.heard["/a"])
+    listener.until(lambda: "a0" in listener.texts("/a")[n + 1 :])
+    assert player.end(signal.SIGINT) == 0, player.text
+
+    waiting = start("player", str(bag), *options[:-1], "2")
+    listener.until(lambda: listener.node.count_publishers("/a") == 1 and parameters.service_is_ready())
+    seek(0.4)
+    listener.listen("/a", String)
+    listener.until(lambda: len(listener.heard["/a"]) > 4)
+    assert listener.texts("/a")[0] == "a8"
+    assert waiting.end(signal.SIGINT) == 0, waiting.text
 
 
 def test_bag_time_runs_at_its_rate_and_stands_still_when_paused() -> None:

@@ -198,6 +198,10 @@ def test_mistakes_are_named(tmp_path: Path, capsys: pytest.CaptureFixture) -> No
     ):
         assert main(["recorder", "--output", str(tmp_path / "new"), "--all", option]) == 2
         assert f"{option.partition('=')[0]}: {problem}" in capsys.readouterr().err
+    assert main(["recorder", "--output", str(tmp_path / "new"), "--topics", "/a b:std_msgs/msg/String"]) == 2
+    error = capsys.readouterr().err
+    assert "--topics: expected names of topics, got '/a b'" in error
+    assert error.count("\n") == 1
     assert not (tmp_path / "new").exists()
 
 
@@ -289,20 +293,25 @@ def test_pause_and_split_by_service(node: Node, tmp_path: Path, start) -> None:
         heard.until(answer.done)
         return answer.result().message
 
-    a = node.create_publisher(String, "/a", 10)
-    send(a, [String(data="before")])
-    heard.until(lambda: heard.value("bag", "messages") == "1")
+    a = node.create_publisher(String, "/a", 100)
+    send(a, [String(data="before")] * 40)  # a steady rate, of which silence would be told
+    heard.until(lambda: heard.value("bag", "messages") == "40")
     assert call(pause, SetBool.Request(data=True)) == "paused"
     send(a, [String(data="meanwhile")])
     heard.until(lambda: (DiagnosticStatus.OK, "paused") in heard.said)
-    time.sleep(0.5)  # what was said meanwhile has come
+    until_s = time.monotonic() + 4.0  # and longer than a topic may be silent
+    heard.until(lambda: time.monotonic() > until_s)
     assert call(pause, SetBool.Request(data=False)) == "recording"
+    until_s = time.monotonic() + 1.5
+    heard.until(lambda: time.monotonic() > until_s)
+    assert not [message for _, message in heard.said if "nothing comes" in message]
+    heard.until(lambda: heard.value("topics", "/a").startswith("40 messages, "))
     assert call(split, Trigger.Request()) == "file 1 ends here"
     send(a, [String(data="after")])
     assert recorder.end() == 0, recorder.text
     assert sorted(file.name for file in (tmp_path / "run").glob("*.mcap")) == ["run_0.mcap", "run_1.mcap"]
     with BagReader(tmp_path / "run") as reader:
-        assert [message.data for _, message in reader.decoded("/a")] == ["before", "after"]
+        assert [message.data for _, message in reader.decoded("/a")] == ["before"] * 40 + ["after"]
 
 
 def test_publishers_that_offer_less_than_was_expected(node: Node, tmp_path: Path, start) -> None:

@@ -58,3 +58,11 @@ def test_a_topic_that_falls_silent_is_named(pace: TopicPace, n_publishers: int, 
     assert ("/cam for 5 s" in said) == (level == WARN)
     assert f"{pace.count} messages" in str(values["/cam"])
     assert str(values["/cam"]).endswith("2 lost")
+
+
+def test_a_pause_is_no_silence() -> None:
+    pace = TopicPace(301, 0.0, 5.0)
+    pace.begin_again()
+    assert topics_status({"/cam": pace}, {}, {"/cam": 1}, now_s=10.0) == (OK, "1 topics", {"/cam": "301 messages, 0.0 Hz"})
+    pace.add()
+    assert (pace.count, pace.before, pace.rate_hz) == (1, 301, 0.0)

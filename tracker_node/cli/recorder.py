@@ -129,8 +129,11 @@ def selection_of(args: argparse.Namespace):
 
     Raises
     ------
-    TrackerError : nothing is asked for, or a regular expression is wrong.
+    TrackerError : nothing is asked for, or a name or a regular expression is wrong.
     """
+    from rclpy.exceptions import InvalidTopicNameException
+    from rclpy.validate_full_topic_name import validate_full_topic_name
+
     from ..errors import TrackerError
     from ..ros.recorder_node import TopicSelection
 
@@ -142,6 +145,11 @@ def selection_of(args: argparse.Namespace):
     for text in args.topics:
         name, _, type_name = text.partition(":")
         names["/" + name.lstrip("/")] = type_name or None
+    for name in names:
+        try:
+            validate_full_topic_name(name)
+        except InvalidTopicNameException:
+            raise TrackerError(f"--topics: expected names of topics, got '{name}'") from None
     if not names and not patterns:
         raise TrackerError("nothing to record: give --topics, --namespace, --regex or --all")
     return TopicSelection(names, tuple(patterns), tuple(_compiled(text) for text in args.exclude), args.images)

@@ -22,6 +22,14 @@ def overrides_of(node: Node) -> dict[str, Parameter]:
     return node._parameter_overrides  # rclpy has no public way to see them
 
 
+def integers_as_doubles(node: Node, names: Collection[str]) -> None:
+    """Before these are declared, which are floating point: `-p rate:=8` is an integer to ROS; a user means 8.0."""
+    overrides = overrides_of(node)
+    for name in set(names) & set(overrides):
+        if type(overrides[name].value) is int:
+            overrides[name] = Parameter(name, Parameter.Type.DOUBLE, float(overrides[name].value))
+
+
 def refuse_unknown(node: Node, known: Collection[str]) -> None:
     """Before anything is declared.
 

@@ -12,7 +12,7 @@ from rclpy.parameter import Parameter
 
 from ..errors import FileFormatError, TrackerError, UnknownNameError
 from ..tracking.config import TrackerConfig, describe, flatten, from_dict
-from .parameter_overrides import check_qos_overrides, one_of, overrides_of, refuse_unknown
+from .parameter_overrides import check_qos_overrides, integers_as_doubles, one_of, overrides_of, refuse_unknown
 
 _INT_MAX = 2**63 - 1
 _CAMERAS = "cameras"
@@ -69,11 +69,8 @@ class ConfigParameters:
         node.add_post_set_parameters_callback(self._apply)
 
     def _declare_field(self, name: str, default: Any) -> Any:
-        overrides = overrides_of(self._node)
-        given = overrides.get(name)
-        if given is not None and isinstance(default, float) and type(given.value) is int:
-            # `-p optimizer.robust_scale_px:=8` is an integer to ROS; a user means 8.0.
-            overrides[name] = Parameter(name, Parameter.Type.DOUBLE, float(given.value))
+        if isinstance(default, float):
+            integers_as_doubles(self._node, [name])
         descriptor = descriptor_of(name, self._described[name])
         expected = f"a {type(default).__name__} ({descriptor.additional_constraints})"
         return self._declare(name, default, descriptor, expected)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.duration import Duration
+from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
@@ -22,6 +23,7 @@ from ..loaders.bag_reader import BagMessage, BagReader
 from .bag_time import MAX_RATE, MIN_RATE, BagTime
 from .conversions import stamp_message
 from .message_classes import message_class, qos_profile
+from .parameter_overrides import integers_as_doubles, overrides_of
 from .qos import images_published
 
 CLOCK = "/clock"
@@ -75,7 +77,7 @@ class PlayerNode(Node):
 
     Raises
     ------
-    TrackerError : no topic can be played, or a named one is not in the bag.
+    TrackerError : no topic can be played, a named one is not in the bag, or an option or parameter is out of range.
     """
 
     def __init__(self, reader: BagReader, options: PlayerOptions | None = None):
@@ -123,9 +125,9 @@ class PlayerNode(Node):
                 depth = topic.qos.depth if topic.qos.durability == "transient_local" else DEPTH
                 qos = OfferedQos(topic.qos.reliability, topic.qos.durability, topic.qos.history, depth)
                 publishers[name] = self.create_publisher(message_class(topic.type_name), name, qos_profile(qos))
-            except TrackerError as error:
-                self.problems[name] = str(error)
-                self.get_logger().error(f"{name} is not played: {error}")
+            except (TrackerError, NameValidationException) as error:
+                self.problems[name] = str(error).splitlines()[0]
+                self.get_logger().error(f"{name} is not played: {self.problems[name]}")
         if not publishers:
             why = "; ".join(self.problems.values()) or "it is empty"
             raise TrackerError(f"bag {self._bag.path}: no topic can be played: {why}")
@@ -142,14 +144,20 @@ class PlayerNode(Node):
 
     def _declare_parameters(self) -> None:
         seconds = (self._bag.end_ns - self._bag.start_ns) * 1e-9
+        integers_as_doubles(self, ["rate", "position", "step_s"])
         for name, value, low, high, text in (
             ("rate", self._how.rate, MIN_RATE, MAX_RATE, "speed; 2.0 plays twice as fast"),
             ("position", self._how.start_s, 0.0, seconds, "set it to go to so many seconds from the beginning of the bag"),
             ("step_s", 0.0, 0.0, seconds, "play_next publishes the next message and those within so many seconds after it"),
         ):
             bounds = FloatingPointRange(from_value=low, to_value=high)
-            self.declare_parameter(name, value, ParameterDescriptor(description=text, floating_point_range=[bounds]))
-        self._on_parameters(self.get_parameters(["rate", "step_s"]))  # the command line may say otherwise
+            try:
+                self.declare_parameter(name, value, ParameterDescriptor(description=text, floating_point_range=[bounds]))
+            except ParameterException:  # the command line says otherwise
+                given = overrides_of(self)[name].value if name in overrides_of(self) else value
+                raise TrackerError(f"parameter '{name}': expected a number from {low:g} to {high:g}, got {given!r}") from None
+        given_too = ["position"] if "position" in overrides_of(self) else []
+        self._on_parameters(self.get_parameters(["rate", "step_s", *given_too]))
         self.add_post_set_parameters_callback(self._on_parameters)
 
     def _on_parameters(self, parameters: list[Parameter]) -> None:
@@ -201,13 +209,14 @@ class PlayerNode(Node):
 
     def _play(self) -> None:
         """To the end, in a loop if asked for, and wherever somebody seeks."""
-        self._sought_ns, begin_ns = None, self._begin_ns
+        begin_ns = self._begin_ns
         while not self._stopped.is_set():
+            if self._sought_ns is not None:  # perhaps before the beginning, while it waited for subscribers
+                begin_ns, self._sought_ns = self._sought_ns, None
             count = self._play_from(begin_ns)
             if self._sought_ns is not None:
-                begin_ns, self._sought_ns = self._sought_ns, None
                 continue
-            if not self._how.loop or not count:
+            if not self._how.loop or (not count and begin_ns == self._begin_ns):
                 return
             begin_ns = self._begin_ns
             self._stopped.wait(_BETWEEN_LOOPS_S)

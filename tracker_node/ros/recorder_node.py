@@ -1,9 +1,9 @@
 """Topics into a bag, bytes as they are.
 
-Subscriptions are made as topics appear, with the quality of service that their publishers offer. Where nobody publishes yet, the most
-is asked for (reliable, and what was said before, which latched topics keep), and less when a publisher offers less: it does not
-count the first subscription, so that one that waits for its subscribers waits for the second. Callbacks only enqueue; a thread
-of its own writes.
+Subscriptions are made as topics appear, with the quality of service that their publishers offer. Where nobody publishes yet,
+the most is asked for (reliable, and what was said before, which latched topics keep), and less when a publisher offers less: it does
+not count the first subscription, so that one that waits for its subscribers waits for the second. Callbacks only enqueue; a
+thread of its own writes.
 """
 
 from __future__ import annotations
@@ -205,6 +205,9 @@ class RecorderNode(Node):
         renewed.announced, renewed.pace, renewed.lost_before = recorded.announced, recorded.pace, self.lost[topic]
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        if self._paused and not request.data:
+            for recorded in self._topics.values():
+                recorded.pace.begin_again()
         self._paused = request.data
         response.success, response.message = True, "paused" if request.data else "recording"
         self.report()
@@ -219,9 +222,8 @@ class RecorderNode(Node):
     def report(self) -> None:
         """Say on /diagnostics how it goes."""
         paces = {topic: recorded.pace for topic, recorded in self._topics.items()}
-        published = {topic: self.count_publishers(topic) for topic in paces}
-        now_s = time.monotonic() if not self._paused else self.last_message_s
-        self._diagnostics.report("topics", *topics_status(paces, self.lost, published, now_s))
+        published = {topic: self.count_publishers(topic) for topic in paces if not self._paused}
+        self._diagnostics.report("topics", *topics_status(paces, self.lost, published, time.monotonic()))
         state = self._state()
         self._diagnostics.report("bag", *state.status(), state.values())
 

@@ -20,11 +20,12 @@ _STEADY = 30  # messages from which on a topic has a rate
 
 @dataclass
 class TopicPace:
-    """How messages of one topic come; times in seconds of the monotonic clock."""
+    """How messages of one topic come, ``count`` since the last pause; times in seconds of the monotonic clock."""
 
     count: int = 0
     first_s: float = 0.0
     last_s: float = 0.0
+    before: int = 0  # messages before the last pause
 
     def add(self) -> None:
         """A message has come."""
@@ -33,10 +34,14 @@ class TopicPace:
             self.first_s = self.last_s
         self.count += 1
 
+    def begin_again(self) -> None:
+        """After a pause, in which nothing was counted."""
+        self.before, self.count = self.before + self.count, 0
+
     @property
     def rate_hz(self) -> float:
         """Mean rate from the first message to the last; 0 while there are less than two."""
-        return (self.count - 1) / (self.last_s - self.first_s) if self.last_s > self.first_s else 0.0
+        return (self.count - 1) / (self.last_s - self.first_s) if self.count > 1 and self.last_s > self.first_s else 0.0
 
     def silent_s(self, now_s: float) -> float:
         """How long nothing has come where something should have; 0 if all is well."""
@@ -142,7 +147,7 @@ def topics_status(
     values: dict[str, object] = {}
     for topic, pace in sorted(paces.items()):
         missing = f", {lost[topic]} lost" if lost.get(topic) else ""
-        values[topic] = f"{pace.count} messages, {pace.rate_hz:.1f} Hz{missing}"
+        values[topic] = f"{pace.before + pace.count} messages, {pace.rate_hz:.1f} Hz{missing}"
         silent_s = pace.silent_s(now_s)
         if silent_s and published.get(topic):
             silent[topic] = f"{topic} for {silent_s:.0f} s"
