@@ -10,6 +10,7 @@ const BUTTONS = [
   ["enable", "Enable", { on: true }, "track"], ["enable", "Disable", { on: false }, "let images pass"],
 ];
 const CURVES = { residual: 3, total: 4, latency: 5 }; // places in a point
+const NO_VALUES = { residual: "no residuals", total: "no times", latency: "stamps are not of this clock" };
 const byId = (id) => document.getElementById(id);
 
 const points = {}; // tracker -> [number, arrival, status, residual, total, latency]
@@ -156,7 +157,7 @@ function show() {
   const list = points[chosen()] ?? [];
   for (const canvas of document.querySelectorAll("canvas[data-curve]")) {
     const place = CURVES[canvas.dataset.curve];
-    drawCurve(canvas, list.map((point) => [point[1], point[place], point[2]]), news.now_s);
+    drawCurve(canvas, list.map((point) => [point[1], point[place], point[2]]), news.now_s, NO_VALUES[canvas.dataset.curve]);
   }
 }
 

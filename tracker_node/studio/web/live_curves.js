@@ -4,8 +4,8 @@ export const SHADES = { TRACKING: "good", DEGRADED: "fair", INITIALISING: "fair"
 const COLORS = { good: "#2c8a4b", fair: "#c98a06", bad: "#c43d3d", "": "#a9b3bf" };
 const SECONDS = 60;
 
-/** Draw [time, value, status] of the last minute; a value of null is a gap, the status a strip at the foot. */
-export function drawCurve(canvas, points, now) {
+/** Draw [time, value, status] of the last minute; null is a gap, the status a strip at the foot; `why` is said where all are gaps. */
+export function drawCurve(canvas, points, now, why) {
   const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
   canvas.width = Math.round(width * ratio);
   canvas.height = Math.round(height * ratio);
@@ -28,7 +28,7 @@ export function drawCurve(canvas, points, now) {
   if (!values.length) {
     context.textAlign = "center";
     context.fillStyle = "#637083";
-    context.fillText(recent.length ? "stamps are not of this clock" : "", width / 2, height / 2);
+    context.fillText(recent.length ? why : "", width / 2, height / 2);
     return;
   }
   context.strokeStyle = "#1667c7";
