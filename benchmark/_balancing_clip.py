@@ -132,7 +132,7 @@ def judge(clip: Clip, run: Run, name: str, lag_images: float | None) -> Evaluati
         camera_samples=np.array([[c.samples for c in e.cameras] for e in estimates]),
     )
     options = EvaluationOptions(name, lag_images, "first", image_sets=len(estimates))
-    return evaluate(data, clip.model, clip.truth, options, truth_is_trc=True)
+    return evaluate(data, clip.model, clip.truth, options, own_time=True)
 
 
 def silhouettes(clip: Clip, run: Run) -> SilhouetteScores:

@@ -118,7 +118,7 @@ def test_truth_on_another_clock(tmp_path, align, shift_s, is_trc):
     tracked = motion(20)
     truth = truth_of(tracked).shifted(shift_s * 10**9 + (3 * PERIOD_NS if is_trc else 0))
     run = load_run(write_run(tmp_path / "run", tracked))
-    result = evaluate(run, tracked.model, truth, EvaluationOptions("x", 0.0, align), truth_is_trc=is_trc)
+    result = evaluate(run, tracked.model, truth, EvaluationOptions("x", 0.0, align), own_time=is_trc)
     assert result.metrics()["x.mpjpe_mm"] == pytest.approx(0.0, abs=1e-6)
 
 

@@ -10,6 +10,8 @@ import numpy as np
 
 from .palette import BLUE
 
+TIME = "time since image 0 [s]"
+
 
 @dataclass(frozen=True)
 class Column:
@@ -84,7 +86,7 @@ class Line:
 class Chart(Block):
     """Lines; ``bands`` (start, end) on the x axis are shaded, ``levels`` (y, label) drawn across."""
 
-    x_label: str = "time since the first image set [s]"
+    x_label: str = TIME
     y_label: str = ""
     lines: Sequence[Line] = ()
     bands: Sequence[tuple[float, float]] = ()

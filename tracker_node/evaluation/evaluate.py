@@ -140,7 +140,7 @@ class Evaluation:
 
 
 def evaluate(
-    run: RunData, model: ArticulatedModel, truth: Trajectories, options: EvaluationOptions, truth_is_trc: bool = False
+    run: RunData, model: ArticulatedModel, truth: Trajectories, options: EvaluationOptions, own_time: bool = False
 ) -> Evaluation:
     """Hold a run against truth. Silhouettes are added by the caller, who has the images.
 
@@ -154,7 +154,7 @@ def evaluate(
         raise FileFormatError("truth", "names", expected, ", ".join(truth.names))
     period_ns = image_period_ns(run.stamps_ns if len(run) > 1 else truth.stamps_ns)
     image_0_ns = int(run.stamps_ns[0]) - round(options.first_image * period_ns)
-    truth = aligned(truth.select(joints), run.stamps_ns, image_0_ns, options.align, truth_is_trc)
+    truth = aligned(truth.select(joints), run.stamps_ns, image_0_ns, options.align, own_time)
     estimate, rotations, frames = _tracked_joints(run, model, joints)
     lag = options.lag_images
     if lag is None:
@@ -199,12 +199,12 @@ def evaluate(
     )
 
 
-def aligned(truth: OnOneClock, stamps_ns: np.ndarray, image_0_ns: int, align: str, truth_is_trc: bool) -> OnOneClock:
+def aligned(truth: OnOneClock, stamps_ns: np.ndarray, image_0_ns: int, align: str, own_time: bool) -> OnOneClock:
     """Truth on the clock of the run's stamps (see `EvaluationOptions`); ``image_0_ns`` is the stamp of image 0."""
     if align not in ALIGNMENTS:
         raise ValueError(f"expected an alignment of {ALIGNMENTS}, got {align!r}")
     overlap = truth.stamps_ns[0] <= stamps_ns[-1] and truth.stamps_ns[-1] >= stamps_ns[0]
-    if align == "stamp" or (align == "auto" and overlap and not truth_is_trc):
+    if align == "stamp" or (align == "auto" and overlap and not own_time):
         return truth
     return truth.shifted(image_0_ns - int(truth.stamps_ns[0]))
 

@@ -32,6 +32,22 @@ def intervals(flags: np.ndarray, known: np.ndarray | None = None) -> tuple[Inter
     return tuple(Interval(int(rows[a]), int(rows[b - 1]), bool(b < len(rows))) for a, b in pairs)
 
 
+def instants(times_s: np.ndarray, period_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Instants of sets, increasing (n,), with the first and the last missing one in every gap of more than 1.5 periods.
+
+    Returns
+    -------
+    (k,) times, and (k,) the set at each; -1 for one that is missing.
+    """
+    steps = np.diff(times_s)
+    after = times_s[:-1][steps > 1.5 * period_s] + period_s
+    before = times_s[1:][steps > 2.5 * period_s] - period_s
+    times = np.concatenate([times_s, after, before])
+    sets = np.concatenate([np.arange(len(times_s)), np.full(len(after) + len(before), -1)])
+    order = np.argsort(times, kind="stable")
+    return times[order], sets[order]
+
+
 def reacquisition_times(flags: np.ndarray, times_s: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
     """Seconds from the first lost set to the first sound one after it, for every loss that has ended; times (n,) of the sets."""
     rows = np.arange(len(flags)) if known is None else np.flatnonzero(known)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .document import Bars, Block, Chart, Curve, HeatMap, Line, Strips
+from .document import TIME, Bars, Block, Chart, Curve, HeatMap, Line, Strips
 from .palette import BLACK, GREY, RED
 
 DIGITS = 5  # significant ones: far more than a screen shows
@@ -90,7 +90,7 @@ def _strips(block: Strips) -> dict[str, Any]:
             "hovertemplate": f"{label}, %{{base:.2f}} to %{{customdata:.2f}} s<extra>%{{y}}</extra>",
         })  # fmt: skip
     layout = _layout(110 + 30 * len(block.rows)) | {"barmode": "overlay", "bargap": 0.25, "hovermode": "closest"}
-    layout["xaxis"] |= {"title": {"text": "time since the first image set [s]"}, "showgrid": False}
+    layout["xaxis"] |= {"title": {"text": TIME}, "showgrid": False}
     layout["yaxis"] |= {
         "categoryorder": "array",
         "categoryarray": list(block.rows)[::-1],
@@ -112,7 +112,7 @@ def _heat_map(block: HeatMap) -> dict[str, Any]:
         "hovertemplate": "%{y}, %{x:.2f} s: %{z:.1f}<extra></extra>",
     }  # fmt: skip
     layout = _layout(110 + 20 * len(block.rows)) | {"hovermode": "closest"}
-    layout["xaxis"] |= {"title": {"text": "time since the first image set [s]"}, "showgrid": False}
+    layout["xaxis"] |= {"title": {"text": TIME}, "showgrid": False}
     layout["yaxis"] |= {"autorange": "reversed", "showgrid": False, "fixedrange": True, "automargin": True}
     return {"data": [data], "layout": layout}
 

@@ -12,10 +12,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from .document import Bars, Block, Chart, Curve, HeatMap, Line, Strips
+from .document import TIME, Bars, Block, Chart, Curve, HeatMap, Line, Strips
 from .palette import GREY, RED
 
-TIME = "time since the first image set [s]"
 _SMALL = 7
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,15 +27,27 @@ def status_strips(reviews: Sequence[Review]) -> Strips:
     for review in reviews:
         before = f"{review.name}: " if len(reviews) > 1 else ""
         if review.joints is not None:
-            judged = review.joints.raw.valid.any(axis=1)
-            said = np.where(review.joints.lost, "lost", np.where(judged, "near", "no truth"))
-            rows.append(f"{before}from truth")
-            strips += strips_of(rows[-1], said.tolist(), review.times_s, review.period_s, TRUTH_COLORS)
+            rows.append(f"{before}in all")
+            strips += _judged_strips(rows[-1], review)
         rows.append(f"{before}tracker's own")
         own = [Status(int(status)).name.lower() for status in review.run.status]
         strips += strips_of(rows[-1], own, review.times_s, review.period_s, colors)
-    note = "What the tracker says of itself, and what the truth says: lost is a set with a joint more than 200 mm off, or none."
+    note = (
+        "What the tracker says of itself. In all, a set is lost without a state, where the tracker says so, or with a joint more"
+        " than 200 mm from truth."
+    )
     return Strips("status", "Status", note, rows, strips)
+
+
+def _judged_strips(row: str, review: Review) -> list[Strip]:
+    """Lost, near, or without truth; a set without any state is lost."""
+    times, lost, known = review.lost_over_time()
+    said = np.where(lost, "lost", np.where(known, "near", "no truth"))
+    found: list[Strip] = []
+    for strip in strips_of(row, said.tolist(), times, review.period_s, TRUTH_COLORS):
+        joined = bool(found) and found[-1].label == strip.label  # a gap, of which only the ends are among the instants
+        found[-1:] = [replace(found[-1], end=strip.end)] if joined else [*found[-1:], strip]
+    return found
 
 
 def limb_strips(review: Review) -> Strips | None:
@@ -60,10 +73,10 @@ def error_chart(reviews: Sequence[Review]) -> Chart | None:
         color, name = CYCLE[i % len(CYCLE)], f"{review.name}: " if len(reviews) > 1 else ""
         errors = np.where(joints.raw.valid, 1e3 * joints.raw.errors_m, -np.inf).max(axis=1)
         worst = np.where(np.isfinite(errors), errors, np.nan)
-        lines.append(Line(f"{name}mean", joints.times_s, joints.raw.per_set_mm(), color, 2.0))
-        lines.append(Line(f"{name}worst joint", joints.times_s, worst, RED if len(reviews) == 1 else color, 1.0, True))
+        lines.append(Line(f"{name}mean", *review.over_time(joints.raw.per_set_mm()), color, 2.0))
+        lines.append(Line(f"{name}worst joint", *review.over_time(worst), RED if len(reviews) == 1 else color, 1.0, True))
         if len(reviews) == 1:
-            lines.append(Line("mean without offsets", joints.times_s, joints.offset_free.per_set_mm(), GREEN, 1.2))
+            lines.append(Line("mean without offsets", *review.over_time(joints.offset_free.per_set_mm()), GREEN, 1.2))
     bands = _lost_bands(judged[0][1]) if len(reviews) == 1 and judged else []
     top = max((float(np.nanmax(line.y, initial=0.0)) for line in lines), default=0.0)
     levels = [(1e3 * LOST_JOINT_M, "a joint beyond this loses the set")] if top > 0.5e3 * LOST_JOINT_M else []
@@ -76,10 +89,7 @@ def error_chart(reviews: Sequence[Review]) -> Chart | None:
 
 
 def _lost_bands(review: Review) -> list[tuple[float, float]]:
-    assert review.joints is not None
-    labels = np.where(review.joints.lost, "lost", "near").tolist()
-    strips = strips_of("", labels, review.times_s, review.period_s, TRUTH_COLORS)
-    return [(strip.start, strip.end) for strip in strips if strip.label == "lost"]
+    return [(strip.start, strip.end) for strip in _judged_strips("", review) if strip.label == "lost"]
 
 
 def joint_bars(reviews: Sequence[Review]) -> Bars | None:
@@ -107,14 +117,14 @@ def joint_map(review: Review) -> HeatMap | None:
     e = review.joints
     if e is None:
         return None
-    errors = np.where(e.raw.valid, 1e3 * e.raw.errors_m, np.nan)
+    times, errors = review.over_time(np.where(e.raw.valid, 1e3 * e.raw.errors_m, np.nan))
     top = max(5.0, float(np.nanpercentile(errors, 99)))
     rows = [joint.replace("_", " ") for joint in e.joints]
     return HeatMap(
         f"joint_map_{review.name}",
         "Every joint over time",
-        "Blank where there is no truth.",
-        e.times_s,
+        "Blank where there is no truth, or no state.",
+        times,
         rows,
         errors,
         "error [mm]",
@@ -154,8 +164,8 @@ def residual_charts(reviews: Sequence[Review]) -> Iterator[Chart]:
     for review in reviews:
         run, name = review.run, f" of {review.name}" if len(reviews) > 1 else ""
         seen = np.where(run.camera_residuals_px > 0, run.camera_residuals_px, np.nan)
-        lines = [Line(camera, review.times_s, seen[:, i], CYCLE[i % len(CYCLE)], 1.1) for i, camera in enumerate(run.cameras)]
-        lines.append(Line("all cameras", review.times_s, run.residual_px, BLACK, 2.0))
+        lines = [Line(camera, *review.over_time(seen[:, i]), CYCLE[i % len(CYCLE)], 1.1) for i, camera in enumerate(run.cameras)]
+        lines.append(Line("all cameras", *review.over_time(run.residual_px), BLACK, 2.0))
         note = "Distance of the predicted contours from those seen, after the fit."
         yield Chart(f"residuals_{review.name}", f"Residuals{name} per camera", note, y_label="rms [px]", lines=lines)
 
@@ -172,7 +182,7 @@ def effort_charts(reviews: Sequence[Review]) -> Iterator[Chart]:
         for stage in stages:
             name = ("observe", "optimize", "total")[stage] if len(reviews) == 1 else review.name
             color = CYCLE[i % len(CYCLE)] if len(reviews) > 1 else (CYCLE[5], GREEN, BLACK)[stage]
-            lines.append(Line(name, review.times_s, review.run.details.timings_ms[:, stage], color, 1.3))
+            lines.append(Line(name, *review.over_time(review.run.details.timings_ms[:, stage]), color, 1.3))
     if lines:
         yield Chart(
             "times", "Time per image set", "Wall-clock; logarithmic.", y_label="[ms]", lines=lines, y_min=None, log_y=True
@@ -188,7 +198,7 @@ def nees_chart(review: Review) -> Chart | None:
         if series is not None:
             known = np.isfinite(series.values)
             values = np.where(known, series.values, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
-            lines.append(Line(label, review.times_s, np.where(known.any(axis=1), values, np.nan), color, 1.3))
+            lines.append(Line(label, *review.over_time(np.where(known.any(axis=1), values, np.nan)), color, 1.3))
     if review.state_nees is not None:
         low, high = review.state_nees.set_bounds
         levels += [(low, "95 % bound of single states"), (high, "95 % bound of single states")]
@@ -234,10 +244,11 @@ def rigid_chart(review: Review) -> Chart | None:
     """ADD and ADD-S over time."""
     if review.rigid is None:
         return None
-    lines = [Line("ADD", review.times_s, review.rigid.add_mm, BLUE), Line("ADD-S", review.times_s, review.rigid.add_s_mm, GREEN)]
+    parts = (("ADD", review.rigid.add_mm, BLUE), ("ADD-S", review.rigid.add_s_mm, GREEN))
+    lines = [Line(label, *review.over_time(values), color) for label, values, color in parts]
     note = "Mean distance of the surface's points to where they are, and to the nearest point."
     return Chart(f"add_{review.name}", "Rigid body", note, y_label="[mm]", lines=lines)
 
 
 def _line(i: int, review: Review, values: np.ndarray, reviews: Sequence[Review]) -> Line:
-    return Line(review.name, review.times_s, values, CYCLE[i % len(CYCLE)] if len(reviews) > 1 else BLUE, 1.4)
+    return Line(review.name, *review.over_time(values), CYCLE[i % len(CYCLE)] if len(reviews) > 1 else BLUE, 1.4)

@@ -87,20 +87,22 @@ def dof_table(review: Review) -> Table | None:
 
 
 def loss_table(reviews: Sequence[Review]) -> Table | None:
-    """Every series of lost sets, by truth and by the tracker itself; None where there is none."""
+    """Every series of lost sets, in all and by the tracker's own word; None where there is none."""
     rows: list[list[Value]] = []
     for review in reviews:
-        sources: list[tuple[str, np.ndarray, np.ndarray | None]] = [("tracker", review.said_lost, None)]
+        sources: list[tuple[str, np.ndarray, np.ndarray, np.ndarray | None]] = []
         if review.joints is not None:
-            sources.insert(0, ("truth", review.joints.lost, np.any(review.joints.raw.valid, axis=1)))
-        for by, lost, known in sources:
+            sources.append(("in all", *review.lost_over_time()))
+        sources.append(("tracker's own", review.times_s, review.said_lost, None))
+        for by, times, lost, known in sources:
             for loss in intervals(lost, known):
-                times = review.times_s[loss.first], review.times_s[loss.last]
+                first, last = float(times[loss.first]), float(times[loss.last])
                 end = "" if loss.ended else "not found again"
-                rows.append([review.name, by, float(times[0]), float(times[1]), loss.n_sets, end])
-    columns = [Column("run", is_text=True), Column("according to", is_text=True), Column("from [s]", 2), Column("to [s]", 2)]
+                rows.append([review.name, by, first, last, round((last - first) / review.period_s) + 1, end])
+    columns = [Column("run", is_text=True), Column("lost", is_text=True), Column("from [s]", 2), Column("to [s]", 2)]
     columns += [Column("image sets", 0), Column("", is_text=True)]
-    return Table("losses", "Lost intervals", "", columns, rows) if rows else None
+    note = "Times since image 0. In all: without a state, by the tracker's own word, or by truth."
+    return Table("losses", "Lost intervals", note, columns, rows) if rows else None
 
 
 def timing_table(reviews: Sequence[Review]) -> Table | None:
@@ -134,7 +136,7 @@ def nees_table(review: Review) -> Table | None:
         "A third of e' P⁻¹ e: 1 where the covariance is right. Low and high are the 95 % bounds of the mean, for as many"
         " independent image sets as the errors of this run come to. The errors of the truth count too."
     )
-    return Table(f"nees_{review.name}", "Covariance consistency per landmark", note, columns, rows)
+    return Table(f"nees_table_{review.name}", "Covariance consistency per landmark", note, columns, rows)
 
 
 def offset_table(review: Review) -> Table | None:

@@ -8,18 +8,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..model.articulated_model import ArticulatedModel
-from ..model.pose_variables import N_ROOT
 from ..tracking.estimate import Status
 from . import pose_metrics
 from .association import Trajectories, image_period_ns
 from .evaluate import Evaluation, EvaluationOptions, SilhouetteScores, aligned, evaluate, expected_sets
-from .intervals import intervals, reacquisition_times
+from .intervals import instants, intervals, reacquisition_times
 from .landmarks import common_bones
 from .run_consistency import NeesSeries, landmark_nees, state_nees
 from .run_data import RunData
 from .silhouettes import Picture
 from .spread import Spread, spread_of
-from .state_errors import RigidErrors, SegmentErrors, StateErrors, link_poses, rigid_errors, segment_errors, state_errors
+from .state_errors import ROWS, RigidErrors, SegmentErrors, StateErrors, link_poses, rigid_errors, segment_errors, state_errors
 from .true_states import TrueStates
 
 STAGES = ("observe", "optimize", "total")
@@ -61,6 +60,7 @@ class Review:
     model: ArticulatedModel
     period_s: float
     image_sets: int  # that there should be
+    first_image: int = 0  # number of the image that the first set shows
     joints: Evaluation | None = None
     directions: SegmentDirections | None = None
     states: StateErrors | None = None
@@ -77,8 +77,20 @@ class Review:
 
     @property
     def times_s(self) -> np.ndarray:
-        """(n,) since the first set."""
-        return (self.run.stamps_ns - self.run.stamps_ns[0]) * 1e-9
+        """(n,) since image 0."""
+        return (self.run.stamps_ns - self.run.stamps_ns[0]) * 1e-9 + self.first_image * self.period_s
+
+    def over_time(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Times (k,) and ``values`` (n, ...) at them (k, ...), not-a-number where sets are missing."""
+        times, sets = instants(self.times_s, self.period_s)
+        return times, np.where((sets < 0).reshape(-1, *[1] * (values.ndim - 1)), np.nan, values[sets])
+
+    def lost_over_time(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Times (k,), where it was lost (k,), missing sets included, and where that is known (k,). Needs joints."""
+        assert self.joints is not None
+        times, sets = instants(self.times_s, self.period_s)
+        judged = np.any(self.joints.raw.valid, axis=1)
+        return times, (sets < 0) | self.joints.lost[sets], (sets < 0) | judged[sets]
 
     @property
     def said_lost(self) -> np.ndarray:
@@ -131,8 +143,8 @@ class Review:
     def _loss_figures(self) -> dict[str, float | int]:
         if self.joints is None:
             return {}
-        judged = np.any(self.joints.raw.valid, axis=1)
-        return _losses(self.joints.lost, self.times_s, judged)
+        times, lost, known = self.lost_over_time()
+        return _losses(lost, times, known)
 
     def _state_figures(self) -> dict[str, float | int]:
         figures: dict[str, float | int] = {}
@@ -141,7 +153,7 @@ class Review:
                 raw, free = self.states.spreads(k)
                 figures |= {f"dof_rms.{name}_{unit}": raw.rms, f"dof_max.{name}_{unit}": raw.max}
                 figures[f"dof_offset_free_rms.{name}_{unit}"] = free.rms
-            angles = [k for k in range(N_ROOT, len(self.states.names)) if self.states.units[k] == "deg"]
+            angles = [k for k, name in enumerate(self.states.names) if name not in ROWS.values()]
             figures["joint_angle_deg"] = spread_of(self.states.errors[:, angles], self.states.valid[:, angles]).mean
         if self.segments is not None:
             ok = self.segments.valid
@@ -189,7 +201,7 @@ def review(
     """
     period_ns = image_period_ns(run.stamps_ns) if len(run) > 1 else 1e9
     expected = expected_sets(run, period_ns, options.image_sets)
-    found = Review(options.name, run, model, period_ns * 1e-9, expected, sources=sources or {})
+    found = Review(options.name, run, model, period_ns * 1e-9, expected, options.first_image, sources=sources or {})
     joints = truth.joints
     if joints is None and truth.states is not None:
         joints = truth.states.joints(model)

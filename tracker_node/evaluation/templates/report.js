@@ -41,7 +41,7 @@ function drawCurve(curve) {
   const layout = { height: n === 1 ? 340 : 160 + 150 * n, margin: { l: 60, r: 12, t: 30, b: 44 }, hovermode: "x unified",
     font: { family: "system-ui, Segoe UI, Roboto, DejaVu Sans, sans-serif", size: 12, color: "#1d2730" },
     legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 }, showlegend: true,
-    xaxis: { ...axis, title: { text: "time since the first image set [s]" }, anchor: n === 1 ? "y" : `y${n}` } };
+    xaxis: { ...axis, title: { text: "time since image 0 [s]" }, anchor: n === 1 ? "y" : `y${n}` } };
   const data = [];
   curve.panels.forEach((panel, i) => {
     const suffix = i === 0 ? "" : String(i + 1);
