@@ -96,8 +96,10 @@ class ImageInbox:
                 self.infos[camera] = info
                 self._condition.notify()
 
+        lost_before = self.lost[camera]  # by earlier subscriptions; each counts from 0
+
         def count_lost(event) -> None:
-            self.lost[camera] = event.total_count
+            self.lost[camera] = lost_before + event.total_count
 
         qos, create = images_subscribed(self._options.lossless), self._node.create_subscription
         topic, kind = f"{camera}/image_raw", Image
