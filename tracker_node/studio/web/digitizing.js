@@ -14,6 +14,7 @@ let under = null; // what the magnifier shows: [view, pixel]
 const waiting = []; // clicks that are not saved yet, with the change whose earlier pixel the answer will tell
 const undone = []; // clicks as they were before the latest changes: null where there was none, undefined until the server has told
 let sending = false;
+let puts = 0; // how often a click was put: what the server has said before knows nothing of it
 let saved = Promise.resolve(); // when all clicks are
 
 const session = await attempt(() => openPage("digitizing.html"));
@@ -85,6 +86,7 @@ function asked() {
 function put(view, pixel, remember = true) {
   if (!state.point) { say("name a point first", "bad"); return; }
   const inside = pixel && [clamp(pixel[0], -0.49, view.width - 0.51), clamp(pixel[1], -0.49, view.height - 0.51)];
+  puts += 1;
   state.answer ??= { clicks: {}, curves: [], points: {}, cameras: {}, expected: {}, coming: true }; // the sheet is still on its way
   const clicks = (state.answer.clicks[view.name] ??= {});
   const before = clicks[state.point] ?? (state.answer.coming ? undefined : null);
@@ -119,10 +121,10 @@ async function send() {
 }
 
 async function refresh() {
-  const wanted = asked();
+  const wanted = asked(), before = puts;
   const answer = await attempt(() => request("/api/digitizing/sheet", wanted));
   const current = ["set", "sheet", "point"].every((key) => wanted[key] === state[key]);
-  if (answer && current && !waiting.length && !sending) { state.answer = answer; redraw(); }
+  if (answer && current && before === puts && !waiting.length && !sending) { state.answer = answer; redraw(); }
 }
 
 async function showRepeats() {
