@@ -91,7 +91,7 @@ def _review(args: argparse.Namespace, path: str, name: str, model_path: str | No
     options = EvaluationOptions(name, lag, args.align, args.image_sets, first_image)
     found = review(tracked, model, _truth(args.truth, args.y_up, model), options, sources)
     images = _look_at_images(args, tracked, model, rig_path, found.period_s * 1e9, first_image)
-    problems = [*_contradicted(tracked.info), *_untold(tracked.info), *images.problems]
+    problems = [*found.problems, *_contradicted(tracked.info), *_untold(tracked.info), *images.problems]
     joints = None if found.joints is None else replace(found.joints, silhouettes=images.scores)
     return replace(found, joints=joints, silhouettes=images.scores, pictures=images.pictures, problems=problems)
 

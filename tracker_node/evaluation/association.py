@@ -16,6 +16,7 @@ from .metrics import mean_error, offset_free_errors
 
 LAG_RANGE_IMAGES = (-2.0, 2.0)
 LAG_STEP_IMAGES = 0.01
+FEW_SETS = 30  # too few to tell a lag from
 
 
 class OnAClock(Protocol):

@@ -11,7 +11,7 @@ from ..errors import FileFormatError
 from ..model.articulated_model import ArticulatedModel
 from ..tracking.estimate import Status
 from . import metrics
-from .association import OnAClock, Trajectories, estimate_lag, image_period_ns, truth_at
+from .association import FEW_SETS, LAG_RANGE_IMAGES, OnAClock, Trajectories, estimate_lag, image_period_ns, truth_at
 from .landmarks import LIMBS, common_bones, common_joints, offset_links
 from .run_data import RunData
 
@@ -113,6 +113,22 @@ class Evaluation:
     def missing_sets(self) -> int:
         """Image sets without any state."""
         return self.image_sets - len(self.times_s)
+
+    @property
+    def lag_doubts(self) -> list[str]:
+        """Why an estimated lag may be wrong, a sentence each."""
+        if not self.lag_was_estimated:
+            return []
+        low, high = LAG_RANGE_IMAGES
+        doubts, judged = [], int(self.raw.valid.any(axis=1).sum())
+        if not low < self.lag_images < high:
+            doubts.append(
+                f"The estimated lag, {self.lag_images:+.2f} images, is at the end of the range that is searched:"
+                " the true one may lie beyond it (--lag, --align, --first-image)."
+            )
+        if judged < FEW_SETS:
+            doubts.append(f"The lag was estimated from {judged} image sets; below {FEW_SETS} it is a guess (--lag).")
+        return doubts
 
     def metrics(self) -> dict[str, float | int]:
         """Figures under their keys, in the order of the report."""

@@ -91,7 +91,7 @@ def _facts(reviews: Sequence[Review]) -> list[tuple[str, str]]:
         facts += [(f"{before}{label}", value) for label, value in review.sources.items()]
         if review.joints is not None:
             lag, estimated = review.joints.lag_images, review.joints.lag_was_estimated
-            how = "estimated: of all between -2 and 2 it leaves the least offset-free error" if estimated else "as stated"
+            how = "estimated: of all between -2 and 2 images it leaves the least offset-free error" if estimated else "as stated"
             facts.append((f"{before}lag", f"row i of the truth belongs to image i {lag:+.2f}, one constant for the run, {how}"))
             if review.joints.lost_limbs:
                 facts.append((f"{before}lost limbs", ", ".join(review.joints.lost_limbs)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from .document import Cell, Column, Table, Value, sign_of
 from .review import Review
@@ -86,8 +86,12 @@ def parse_target(text: str) -> tuple[str, Target]:
     """``mpjpe_mm<=60`` or ``iou_cam03>=0.8``. Raises ValueError for anything else."""
     for sign, at_most in (("<=", True), (">=", False)):
         key, found, value = text.partition(sign)
-        if found:
-            return key.strip(), Target(float(value), at_most)
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if found and key.strip() and math.isfinite(number):
+            return key.strip(), Target(number, at_most)
     raise ValueError(f"expected KEY<=NUMBER or KEY>=NUMBER, got {text!r}")
 
 
@@ -108,24 +112,34 @@ def summary_table(reviews: Sequence[Review], targets: Mapping[str, Target]) -> T
     columns += [Column("difference" if len(others) == 1 else f"{name} − {reviews[0].name}") for name in others]
     columns += [Column("", is_text=True), *([Column("target")] if targets else [])]
     columns += [Column("meaning", is_text=True), Column("key", is_text=True)]
-    rows = [_summary_row(figure, key, title, [run.get(key) for run in values], targets) for figure, key, title in keys]
+    alike = [all(run.get(key) == values[0].get(key) for key in ("image_sets", "judged_sets")) for run in values]
+    rows = [_summary_row(figure, key, title, [run.get(key) for run in values], targets, alike) for figure, key, title in keys]
     if not others:
         rows = [[*row[:-1], Cell(f"{reviews[0].name}.{key}", "code")] for row, (_, key, _) in zip(rows, keys, strict=True)]
     note = "" if not others else f"Differences are to {reviews[0].name}; the word beside one says which way it is."
+    if not all(alike):
+        note += " Counts of runs with other numbers of image sets have none."
     return Table("summary", "Figures", note, columns, rows)
 
 
 def _summary_row(
-    figure: Figure, key: str, title: str, values: Sequence[float | None], targets: Mapping[str, Target]
+    figure: Figure,
+    key: str,
+    title: str,
+    values: Sequence[float | None],
+    targets: Mapping[str, Target],
+    alike: Sequence[bool],
 ) -> list[Value]:
+    """``alike``: which of the runs have as many image sets as the first, so that counts tell which is better."""
     target = targets.get(key)
     row: list[Value] = [title]
     for value in values:
         met = target is not None and value is not None and target.met_by(value)  # not-a-number meets nothing
         mark = "" if target is None else "good" if met else "bad"
         row.append(Cell(None if value is None else float(value), mark, figure.digits))
-    for value in values[1:]:
-        row.append(_difference(figure, values[0], value))
+    for value, comparable in zip(values[1:], alike[1:], strict=True):
+        told = comparable or figure.digits > 0
+        row.append(_difference(figure if told else replace(figure, better=0), values[0], value))
     row += [figure.unit, *([str(target or "")] if targets else []), figure.meaning, Cell(key, "code")]
     return row
 
@@ -183,12 +197,14 @@ def dof_comparison_table(reviews: Sequence[Review]) -> Table | None:
 
 
 def parameter_table(reviews: Sequence[Review]) -> Table | None:
-    """Tracker parameters in which the runs differ, from their ``run.json``."""
-    parameters = [review.run.info.get("parameters") for review in reviews]
-    told = [p if isinstance(p, dict) else {} for p in parameters]
-    names = dict.fromkeys(name for run in told for name in run)
+    """Tracker parameters in which the runs differ, of those that have a ``run.json``, which a live recording has not."""
+    both = [(review.name, review.run.info.get("parameters")) for review in reviews]
+    told = {name: parameters for name, parameters in both if isinstance(parameters, dict)}
+    names = dict.fromkeys(name for run in told.values() for name in run)
     rows: list[list[Value]] = [
-        [name, *(str(run.get(name, "–")) for run in told)] for name in names if len({str(run.get(name)) for run in told}) > 1
+        [name, *(str(run.get(name, "–")) for run in told.values())]
+        for name in names
+        if len({str(run.get(name)) for run in told.values()}) > 1
     ]
-    columns = [Column("parameter", is_text=True), *(Column(review.name, is_text=True) for review in reviews)]
+    columns = [Column("parameter", is_text=True), *(Column(name, is_text=True) for name in told)]
     return Table("parameters", "Parameters that differ", "", columns, rows) if rows else None
