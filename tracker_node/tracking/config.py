@@ -102,7 +102,9 @@ class RegionConfig:
     learn_room: bool = parameter(True, "learn what each pixel shows when the body is not there: for cameras that stand still")
     guard_px: int = parameter(4, "width around the fitted body that is not learnt as surroundings", "px", 0, 200)
     around_px: int = parameter(40, "surroundings are what lies within this of the body", "px", 4, 1000)
-    close_px: float = parameter(2.5, "a contour that is found within this bears out a body of up to 450 pixels, of a larger one in proportion", "px", 0.1, 1000)
+    close_px: float = parameter(
+        2.5, "a contour found within this bears out a body of up to 450 pixels; a larger one in proportion", "px", 0.1, 1000
+    )
 
 
 @dataclass(frozen=True)
