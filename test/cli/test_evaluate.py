@@ -162,6 +162,13 @@ def test_pictures_from_the_bag_where_the_rig_has_no_sources(files, tmp_path):
     ("more", "message"),
     [
         (["--lag", "late"], "--lag"),
+        (["--lag", "nan"], "--lag"),
+        (["--lag", "1e6"], "--lag"),
+        (["--image-sets", "-5"], "--image-sets"),
+        (["--first-image", "-1"], "--first-image"),
+        (["--pictures", "-3"], "--pictures"),
+        (["--target", "mpjpe_mm<=nan"], "--target"),
+        (["--name", "another"], "--name"),
         (["--target", "mpjpe_mm=60"], "--target"),
         (["--truth", "nowhere.trc"], "nowhere.trc"),
         (["--masks", "nowhere.json"], "nowhere.json"),
@@ -173,6 +180,37 @@ def test_mistakes_are_one_line(files, tmp_path, capsys, more, message):
     errors = capsys.readouterr().err.strip().splitlines()
     assert message in errors[-1] and "error" in errors[-1]
     assert not (tmp_path / "report.json").exists()
+
+
+def test_what_cannot_be_a_name_or_a_folder_is_said_before_anything_is_done(files, tmp_path, capsys):
+    (tmp_path / "file").write_text("kept")
+    run = ["evaluate", str(files / "run"), "--model", "nowhere.yaml"]
+    for more, message in ((["--name", ""], "--name"), (["--output", str(tmp_path / "file")], str(tmp_path / "file")),
+                          (["--output", str(tmp_path / "file" / "below")], str(tmp_path / "file"))):  # fmt: skip
+        assert main([*run, *more]) == 2
+        error = capsys.readouterr().err.strip()
+        assert message in error and "\n" not in error
+    assert (tmp_path / "file").read_text() == "kept"
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ({"targets": ["mpjpe_mm=60"]}, "evaluate.targets"),
+        ({"truth": ["truth.txt"]}, "truth.txt"),
+        ({"masks": "rig.yaml"}, "rig.yaml"),
+    ],
+)
+@pytest.mark.parametrize("verb", ["track_offline", "pipeline"])
+def test_what_a_recording_is_held_against_is_looked_at_before_it_is_tracked(files, tmp_path, capsys, verb, entry, message):
+    for name in ("rig.yaml", "model.yaml"):
+        (tmp_path / name).write_text((files / name).read_text())
+    (tmp_path / "truth.txt").write_text("")
+    said = {"rig": "rig.yaml", "model": "model.yaml", "output": "out", "evaluate": entry}
+    (tmp_path / "recording.yaml").write_text(json.dumps(said))
+    assert main([verb, str(tmp_path / "recording.yaml")]) == 2
+    error = capsys.readouterr().err.strip()
+    assert message in error and "\n" not in error and not (tmp_path / "out").exists()
 
 
 def test_without_truth_a_run_is_reported_all_the_same(files, tmp_path):

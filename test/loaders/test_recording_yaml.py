@@ -82,6 +82,9 @@ MISTAKES = {
     "truth: truth.trc, ": ("truth: [1], ", "evaluate.truth", "a file"),
     "truth.trc": ("else.trc", "evaluate.truth", "an existing file"),
     "image_sets: 17": ("image_sets: -1", "evaluate.image_sets", "a whole number"),
+    "name: walk": ("name: ''", "evaluate.name", "a name"),
+    "name: walk, ": ("name: walk, lag: fast, ", "evaluate.lag", "'auto' or a number of images"),
+    ", image_sets: 17": (", lag: 2000, image_sets: 17", "evaluate.lag", "'auto' or a number of images"),
     "cameras: [left, right]": ("cameras: []", "cameras", "at least 1"),
 }
 

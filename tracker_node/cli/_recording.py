@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ..loaders.recording_yaml import RecordingFile
+    from ..loaders.recording_yaml import EvaluateEntry, RecordingFile
 
 
 def add_recording_argument(parser: argparse.ArgumentParser, built_in: Mapping[str, Any]) -> None:
@@ -41,7 +41,32 @@ def fill_in(args: argparse.Namespace, built_in: Mapping[str, Any]) -> RecordingF
             setattr(args, name, value)
     if args.rig is None or args.model is None:
         raise TrackerError("what is tracked: give a recording.yaml, or --rig and --model")
+    if recording is not None and recording.evaluate is not None:
+        _check_evaluation(args, recording.evaluate)
     return recording
+
+
+def _check_evaluation(args: argparse.Namespace, entry: EvaluateEntry) -> None:
+    """Mistakes in what the run is to be held against are said before it is tracked.
+
+    Raises
+    ------
+    FileFormatError : a truth or masks that cannot be read, a target that is none.
+    """
+    from ..errors import FileFormatError
+    from ..evaluation.reference_masks import load_reference_masks
+    from ..evaluation.report_summary import parse_target
+    from ..loaders.model_yaml import load_model
+    from ._evaluate_arguments import truth_of
+
+    for target in entry.targets:
+        try:
+            parse_target(target)
+        except ValueError:
+            raise FileFormatError(args.recording, "evaluate.targets", "KEY<=NUMBER or KEY>=NUMBER", target) from None
+    truth_of(entry.truth, entry.y_up, load_model(args.model) if entry.truth else None)
+    if entry.masks is not None:
+        load_reference_masks(entry.masks)
 
 
 def _values(recording: RecordingFile) -> dict[str, Any]:

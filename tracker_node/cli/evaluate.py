@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
+
+from ._evaluate_arguments import check_numbers, lag_of, names_of, one_each, output_folder, targets_of, truth_of
 
 SUMMARY = "report on one run or several, against truth and each other: report.json, report.html and report.pdf"
 EXAMPLE = (
@@ -52,15 +52,13 @@ def run(args: argparse.Namespace) -> int:
     from ..evaluation import report
     from ..evaluation.metrics_file import print_metrics
 
-    targets, lag = _targets(args.target), _lag(args.lag)
-    names = _names(args.runs, args.name)
-    models, rigs = (_one_each(args.runs, given, option) for given, option in ((args.model, "--model"), (args.rig, "--rig")))
-    if len(args.runs) > 1 and not args.output:
-        return _complain("several runs have no folder in common; give --output DIR")
+    check_numbers(args)
+    targets, lag = targets_of(args.target), lag_of(args.lag)
+    names, folder = names_of(args.runs, args.name), output_folder(args.output, args.runs)
+    models, rigs = (one_each(args.runs, given, option) for given, option in ((args.model, "--model"), (args.rig, "--rig")))
     reviews = []
     for path, name, model, rig in zip(args.runs, names, models, rigs, strict=True):
         reviews.append(_review(args, path, name, model, rig, lag))
-    folder = Path(args.output or (args.runs[0] if Path(args.runs[0]).is_dir() else Path(args.runs[0]).parent))
     options = report.ReportOptions(targets, args.csv, not args.no_pdf)
     figures = report.write_report(folder, reviews, options, _say)
     print_metrics(figures)
@@ -89,7 +87,7 @@ def _review(args: argparse.Namespace, path: str, name: str, model_path: str | No
     _say(f"{name}: {len(tracked)} states of {path}")
     sources = {"run": path, "truth": ", ".join(args.truth) or "none", "model": model_path, "rig": rig_path or "not given"}
     options = EvaluationOptions(name, lag, args.align, args.image_sets, first_image)
-    found = review(tracked, model, _truth(args.truth, args.y_up, model), options, sources)
+    found = review(tracked, model, truth_of(args.truth, args.y_up, model), options, sources)
     images = _look_at_images(args, tracked, model, rig_path, found.period_s * 1e9, first_image)
     problems = [*found.problems, *_contradicted(tracked.info), *_untold(tracked.info), *images.problems]
     joints = None if found.joints is None else replace(found.joints, silhouettes=images.scores)
@@ -107,73 +105,6 @@ def _look_at_images(args: argparse.Namespace, tracked: Any, model: Any, rig_path
     masks = load_reference_masks(args.masks) if args.masks else {}
     options = ReviewOptions(pictures=args.pictures, first_image=first_image)
     return review_images(tracked, model, load_rig(rig_path), masks, period_ns, options, _say)
-
-
-def _truth(paths: Sequence[str], y_up: bool | None, model: Any):
-    """Joints, states, both or nothing.
-
-    Raises
-    ------
-    TrackerError : two files of one kind.
-    """
-    from ..errors import TrackerError
-    from ..evaluation.review import Truth
-    from ..evaluation.true_states import holds_states, load_true_states
-    from ..evaluation.truth import OWN_TIME, load_truth
-
-    states = [path for path in paths if holds_states(path)]
-    joints = [path for path in paths if path not in states]
-    for of, what in ((states, "states"), (joints, "joints")):
-        if len(of) > 1:
-            raise TrackerError(f"--truth: expected one file with {what}, got {', '.join(of)}")
-    return Truth(
-        load_truth(joints[0], y_up) if joints else None,
-        load_true_states(states[0], model, y_up) if states else None,
-        *(bool(of) and Path(of[0]).suffix.lower() in OWN_TIME for of in (joints, states)),
-    )
-
-
-def _names(runs: Sequence[str], given: Sequence[str]) -> list[str]:
-    """The names as given, "run" for a single one, or the names of the folders with a number where they are alike."""
-    from ..errors import TrackerError
-
-    given = given[-1:] if len(runs) == 1 else given
-    if given and (len(given) != len(runs) or len(set(given)) != len(given)):
-        raise TrackerError(f"--name: expected {len(runs)} different names, got {', '.join(given)}")
-    if given or len(runs) == 1:
-        return list(given) or ["run"]
-    names = [Path(run).resolve().stem for run in runs]
-    return [name if names.count(name) == 1 else f"{name}{i}" for i, name in enumerate(names, start=1)]
-
-
-def _one_each(runs: Sequence[str], given: Sequence[str], option: str) -> list[str | None]:
-    """A file per run: one for all, one for each, or none."""
-    from ..errors import TrackerError
-
-    if len(runs) > 1 and len(given) not in (0, 1, len(runs)):
-        raise TrackerError(f"{option}: expected one file for all runs or {len(runs)}, got {len(given)}")
-    return list(given) if len(given) == len(runs) else [given[-1] if given else None] * len(runs)
-
-
-def _targets(texts: list[str]) -> dict[str, Any]:
-    from ..errors import TrackerError
-    from ..evaluation.report_summary import parse_target
-
-    try:
-        return dict(parse_target(text) for text in texts)
-    except ValueError as error:
-        raise TrackerError(f"--target: {error}") from None
-
-
-def _lag(text: str) -> float | None:
-    from ..errors import TrackerError
-
-    if text == "auto":
-        return None
-    try:
-        return float(text)
-    except ValueError:
-        raise TrackerError(f"--lag: expected 'auto' or a number of images, got {text!r}") from None
 
 
 def _first_image(info: Any) -> int:
@@ -213,8 +144,3 @@ def _named(info: Any, key: str) -> str | None:
 
 def _say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
-
-
-def _complain(text: str) -> int:
-    _say(f"tracker_node evaluate: error: {text}")
-    return 2

@@ -14,8 +14,9 @@ from pydantic import BeforeValidator, Field, model_validator
 from ..errors import FileFormatError, SourceError
 from .rig_yaml import ImageSize
 from .source_address import filled, parse_source, relocated
-from .yaml_file import FileModel, Number, PositiveNumber, problem, read_mapping, validate
+from .yaml_file import FileModel, PositiveNumber, is_number, problem, read_mapping, validate
 
+MOST_LAG_IMAGES = 1000
 FILES = ("rig", "model", "initial_state", "occluders", "config")
 
 
@@ -68,11 +69,25 @@ def _files(value: Any) -> tuple[str, ...]:
     return tuple(names)
 
 
+def _lag(value: Any) -> Any:
+    if value != "auto" and not (is_number(value) and abs(value) <= MOST_LAG_IMAGES):
+        raise problem(f"'auto' or a number of images, at most {MOST_LAG_IMAGES}", value)
+    return value
+
+
+def _name(value: Any) -> str:
+    if not isinstance(value, str) or not value.strip():
+        raise problem("a name", value)
+    return value
+
+
 Files = Annotated[tuple[str, ...], BeforeValidator(_files)]
 Whole = Annotated[int, BeforeValidator(_whole)]
 Positive = Annotated[int, BeforeValidator(_at_least_one)]
 Sources = Annotated[str | dict[str, str], BeforeValidator(_sources)]
 Switch = Annotated[bool, BeforeValidator(_switch)]
+Lag = Annotated[str | float, BeforeValidator(_lag)]
+Name = Annotated[str, BeforeValidator(_name)]
 
 
 class ImagesEntry(FileModel):
@@ -111,9 +126,9 @@ class EvaluateEntry(FileModel):
     truth: Files = ()
     y_up: Switch | None = None
     align: Literal["auto", "first", "stamp"] = "auto"
-    lag: Literal["auto"] | Number = "auto"
+    lag: Lag = "auto"
     masks: str | None = None
-    name: str = "run"
+    name: Name = "run"
     image_sets: Whole = 0
     targets: tuple[str, ...] = ()
 
