@@ -57,7 +57,7 @@ def _check_evaluation(args: argparse.Namespace, entry: EvaluateEntry) -> None:
     from ..evaluation.reference_masks import load_reference_masks
     from ..evaluation.report_summary import parse_target
     from ..loaders.model_yaml import load_model
-    from ._evaluate_arguments import truth_of
+    from ._review_arguments import truth_of
 
     for target in entry.targets:
         try:
