@@ -8,18 +8,21 @@ import signal
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from transport import CPU_AFTER_S, RATE_HZ, cpu_s, wait_until, write_cameras
+from transport import CPU_AFTER_S, N_CAMERAS, RATE_HZ, cpu_s, wait_until, write_cameras
 
+from tracker_node.errors import TrackerError
 from tracker_node.loaders.bag_reader import BagReader
 from tracker_node.ros.child_process import Child
 
+RESULTS = ("state", "pose", "joint_states")
+TOPICS = (*(f"/cam{i + 1}/image_raw" for i in range(N_CAMERAS)), *(f"/tracker/{name}" for name in RESULTS))
 READY = "recorder: ready"
 RECORDED = "/cam[0-9]+/image_raw|/tracker/.*"
 START_S = 60.0
@@ -45,10 +48,13 @@ class Streams:
 
     @property
     def published(self) -> Counter[str]:
-        """Messages by topic."""
+        """Messages by topic; a topic of which no publisher has said anything, or that it has published none, is an error."""
         counts: Counter[str] = Counter()
         for name, count in _PUBLISHED.findall("\n".join(self.lines)):
             counts[name if name.startswith("/") else f"/{name}/image_raw"] = int(count)
+        missing = [topic for topic in TOPICS if not counts[topic]]
+        if missing:
+            raise TrackerError(f"no messages published, or not said how many: {', '.join(missing)}")
         return counts
 
     def end(self) -> None:
@@ -137,7 +143,7 @@ class Kill:
 
     Attributes
     ----------
-    loss_s : from the last recorded message of a topic to the kill, by topic.
+    loss_s : from the last recorded message of a topic to the kill, by topic; infinite where nothing can be read.
     problem : what the reader says of the bag.
     gaps : topics of which a message is missing before the last recorded one.
     """
@@ -165,7 +171,12 @@ def kill(bag: Path, seconds: float, *options: str) -> Kill:
                 stamps_ns.setdefault(message.topic, []).append(int(seconds_) * 10**9 + int(nanoseconds))
         problem = reader.problem
     gaps = [topic for topic, stamps in stamps_ns.items() if np.any(np.diff(stamps) > 1.5e9 / RATE_HZ)]
-    return Kill({topic: (killed_ns - stamp) * 1e-9 for topic, stamp in last_ns.items()}, problem, tuple(gaps))
+    return Kill(losses_s(last_ns, killed_ns), problem, tuple(gaps))
+
+
+def losses_s(last_ns: Mapping[str, int], killed_ns: int) -> dict[str, float]:
+    """By topic, of all that are published: from its last recorded message to the kill; infinite where there is none."""
+    return {topic: (killed_ns - last_ns[topic]) * 1e-9 if topic in last_ns else float("inf") for topic in TOPICS}
 
 
 def _result_messages() -> dict[str, Any]:
@@ -180,7 +191,7 @@ def _result_messages() -> dict[str, Any]:
     joints = JointState(name=names[6:], position=[0.0] * (n - 6), velocity=[0.0] * (n - 6))
     state = TrackedState(dof_names=names, values=[0.0] * n, velocities=[0.0] * n, model="human")
     state.covariance = state.velocity_covariance = [0.0] * (n * n)
-    return {"state": state, "pose": PoseWithCovarianceStamped(), "joint_states": joints}
+    return dict(zip(RESULTS, (state, PoseWithCovarianceStamped(), joints), strict=True))
 
 
 def publish_results() -> int:

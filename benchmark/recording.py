@@ -20,6 +20,7 @@ from pathlib import Path
 from _recorder_runs import kill, record, streams
 from transport import N_CAMERAS
 
+from tracker_node.errors import TrackerError
 from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
 
 SECONDS = {"quick": 8.0, "full": 60.0}
@@ -63,7 +64,11 @@ def main() -> int:
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that the folder is removed
     with tempfile.TemporaryDirectory(prefix="recording_", dir=args.folder) as folder:
-        metrics = measure(Path(folder), "quick" if args.quick else "full")
+        try:
+            metrics = measure(Path(folder), "quick" if args.quick else "full")
+        except TrackerError as error:
+            print(f"recording: error: {error}", file=sys.stderr)
+            return 2
     print_metrics(metrics)
     if args.json:
         write_metrics(args.json, metrics)
