@@ -10,6 +10,7 @@ the ingest has published and the tracker has not received is `lost_in_transport`
 no time of the processor misses some. Memory is the share that each process has of its pages (Pss), fitted by a robust line (Theil
 and Sen) from the end of the start; growth is what the line rises by until the end, in percent of where it began. The bag is
 written in files of a minute, and all but the last ones are deleted once they have been counted, so that the disk does not fill.
+Exit status 1 when image sets are lost, unaccounted or not recorded. Ctrl-C ends it early, with the figures so far.
 """
 
 from __future__ import annotations
@@ -93,8 +94,16 @@ def memory_mb(pid: int) -> float:
 
 
 def growth_percent(samples: list[tuple[float, float]], from_s: float) -> float:
-    """What a robust line through (time, MB) rises by from ``from_s`` to the end, in percent of its value there."""
-    times, values = np.array([sample for sample in samples if sample[0] >= from_s]).T
+    """What a robust line through (time, MB) rises by from ``from_s`` to the end, in percent of its value there.
+
+    Raises
+    ------
+    TrackerError : less than two samples from there on.
+    """
+    judged = [sample for sample in samples if sample[0] >= from_s]
+    if len(judged) < 2:
+        raise TrackerError("too short: memory was not looked at twice after the start; nothing can be said")
+    times, values = np.array(judged).T
     slope, intercept, _, _ = theilslopes(values, times)
     return float(100.0 * slope * (times[-1] - times[0]) / (intercept + slope * times[0]))
 
@@ -196,12 +205,12 @@ def _run(
     try:
         for name, command in commands.items():
             children[name] = Child(command, lines[name].append)
-        wait_until("the first state", lambda: bool(heard.arrivals_ns) or _ended(children) is not None, PATIENCE_S)
+        wait_until("the first state", lambda: bool(heard.arrivals_ns) or _ended(children) is not None or stopped(), PATIENCE_S)
         files = Files(bag)
         began_s = time.monotonic()
         from_ns = time.time_ns() + round(1e9 * plan.start_s)
         _watch(plan, children, heard, files, began_s, say, stopped)
-        to_ns = time.time_ns() - round(1e9)
+        to_ns, run_s = time.time_ns() - round(1e9), time.monotonic() - began_s
         children["ingest"].end(30.0)
         time.sleep(QUIET_S)
     finally:
@@ -211,7 +220,7 @@ def _run(
     for text in (line for name in commands for line in lines[name]):
         say(text)
     published = {m[1]: int(m[2]) for line in lines["ingest"] for m in [re.match(r"(\w+): (\d+) published", line)] if m}
-    return figures(plan, heard, files.counts(), published, (from_ns, to_ns), began_s + plan.start_s)
+    return figures(heard, files.counts(), published, (from_ns, to_ns), began_s + plan.start_s, run_s)
 
 
 def _ended(children: dict) -> str | None:
@@ -238,23 +247,34 @@ def _watch(plan: Plan, children: dict, heard: Heard, files: Files, began_s: floa
 
 
 def figures(
-    plan: Plan, heard: Heard, recorded_counts: Counter[str], published: dict[str, int], span_ns: tuple[int, int], from_s: float
+    heard: Heard, recorded_counts: Counter[str], published: dict[str, int], span_ns: tuple[int, int], from_s: float, run_s: float
 ) -> Metrics:
-    """The metrics of a run."""
+    """The metrics of a run that took ``run_s``, of which what came from ``from_s`` on, or within ``span_ns``, is judged.
+
+    Raises
+    ------
+    TrackerError : it was too short.
+    """
+    if span_ns[1] <= span_ns[0] or not {"tracker: status", "tracker: image sets"} <= set(heard.accounts):
+        raise TrackerError(f"too short: stopped after {run_s:.0f} s, before anything was judged")
     status, sets = heard.accounts["tracker: status"], heard.accounts["tracker: image sets"]
     growth = {name: growth_percent(samples, from_s) for name, samples in heard.memory.items()}
     latencies = heard.latencies_ms(span_ns[0])
     tracked, superseded = int(status["image sets tracked"]), int(status["image sets superseded"])
     formed = int(sets["complete"]) + int(sets["of fewer cameras"])
     accounted = {camera: _arrived(heard.accounts[f"tracker: {camera}"]) for camera in published}
+    used = sum(int(heard.accounts[f"tracker: {camera}"]["used"]) for camera in published)
     missing = {camera: n - accounted[camera] for camera, n in published.items()}
     # Images that are on their way while their process ends may go down with it: the last set, where it has no state.
     cut_off = max(heard.sent_ns) not in heard.arrivals_ns
     result: Metrics = {
-        "soak.minutes": plan.seconds / 60.0,
+        "soak.minutes": run_s / 60.0,
         "soak.cameras": len(published),
         "soak.images": sum(published.values()),
         "soak.sets": sum(span_ns[0] <= stamp < span_ns[1] for stamp in heard.sent_ns),
+        "soak.tracked": tracked,
+        "soak.images_used": used,
+        "soak.images_left_out": sum(accounted.values()) - used,
         "soak.lost": heard.lost(*span_ns),
         "soak.superseded": superseded,
         "soak.not_formed": sum(int(n) for name, n in sets.items() if name.startswith("not formed")),
@@ -269,6 +289,11 @@ def figures(
     for name, samples in heard.memory.items():
         result |= {f"soak.{name}_growth_percent": growth[name], f"soak.{name}_mb": samples[-1][1]}
     return result
+
+
+def all_sound(metrics: Metrics) -> bool:
+    """Whether no image set was lost, and everything is in an account and in the bag."""
+    return not any(metrics[f"soak.{name}"] for name in ("lost", "unaccounted_images", "unaccounted_sets", "recorder_lost"))
 
 
 def _arrived(values: dict[str, str]) -> int:
@@ -310,7 +335,7 @@ def main(arguments: list[str] | None = None) -> int:
     print_metrics(metrics)
     if args.json:
         write_metrics(args.json, metrics)
-    return 0
+    return 0 if all_sound(metrics) else 1
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ import soak
 from _contour_runs import Clip
 from ros_samples import write_recording
 
+from tracker_node.errors import TrackerError
 from tracker_node.loaders.model_yaml import load_model
 from tracker_node.loaders.rig_yaml import load_rig
 from tracker_node.loaders.state_yaml import load_state
@@ -32,8 +33,13 @@ def test_two_minutes(tmp_path):
     assert figures["soak.unaccounted_images"] == 0, said
     assert figures["soak.unaccounted_sets"] == 0
     assert figures["soak.recorder_lost"] == 0
-    reasons = figures["soak.superseded"] + figures["soak.not_formed"] + figures["soak.lost_in_transport"]
-    assert 0 <= figures["soak.lost"] <= reasons + 1  # each has its reason, but for one that ends with the ingest
+    n_sent, n_formed = figures["soak.images"] / N_CAMERAS, figures["soak.tracked"] + figures["soak.superseded"]
+    assert n_formed <= figures["soak.images_used"] <= N_CAMERAS * n_formed
+    accounted = figures["soak.images_used"] + figures["soak.images_left_out"] + figures["soak.lost_in_transport"]
+    assert 0 <= figures["soak.images"] - accounted <= N_CAMERAS  # the last set may go down with the ingest
+    assert figures["soak.tracked"] > 0.5 * n_sent, said
+    assert figures["soak.sets"] > 0.5 * n_sent, said
+    assert 0 <= figures["soak.lost"] <= n_sent - figures["soak.tracked"] + 1, said  # whatever was tracked has been heard of
     assert figures["soak.memory_growth_percent"] <= 5.0, said
     assert any(" min: " in line for line in said)
 
@@ -69,9 +75,21 @@ def test_images_that_go_down_with_their_process_are_the_last(states, lost):
             for camera in "ab"
         },
     }
-    figures = soak.figures(soak.Plan(None, None), heard, Counter({"/tracker/state": 2}), {"a": 3, "b": 3}, (1, 3), 0.0)
+    figures = soak.figures(heard, Counter({"/tracker/state": 2}), {"a": 3, "b": 3}, (1, 3), 0.0, 90.0)
+    assert figures["soak.minutes"] == 1.5
+    assert (figures["soak.tracked"], figures["soak.images_used"], figures["soak.images_left_out"]) == (2, 4, 0)
     assert figures["soak.lost_in_transport"] == lost
     assert figures["soak.unaccounted_images"] == 0
     assert figures["soak.lost"] == 0
     assert figures["soak.recorder_lost"] == 0
     assert figures["soak.memory_growth_percent"] == 0.0
+    assert soak.all_sound(figures)
+    assert not soak.all_sound({**figures, "soak.lost": 1})
+
+
+def test_a_run_that_was_stopped_early_is_too_short():
+    heard = soak.Heard([1, 2, 3], {1: 2})
+    with pytest.raises(TrackerError, match="too short: stopped after 4 s"):
+        soak.figures(heard, Counter(), {"a": 3}, (10, 5), 0.0, 4.0)
+    with pytest.raises(TrackerError, match="too short"):
+        soak.growth_percent([(1.0, 100.0), (2.0, 100.0)], 1.5)
