@@ -181,12 +181,18 @@ def graph_of(recording: Path) -> Iterator[Graph]:
 
 
 def run_drill(drill: Drill, recording: Path) -> Outcome:
-    """Inject the fault; what does not happen is not as expected."""
+    """Inject the fault; what does not happen, or ends in an error, is not as expected, and the next drill can be run."""
     with graph_of(recording) as graph:
         try:
             return drill.inject(graph)
         except AssertionError as error:
-            return Outcome(str(error).splitlines()[0], "?", expected=False)
+            return Outcome(_first_line(error), "?", expected=False)
+        except Exception as error:
+            return Outcome(f"{type(error).__name__}: {_first_line(error)}", "?", expected=False)
+
+
+def _first_line(error: Exception) -> str:
+    return next(iter(str(error).splitlines()), "(without a text)")
 
 
 @contextmanager

@@ -109,8 +109,9 @@ def _clock_back(graph: Graph) -> Outcome:
     said = graph.wait_said("tracker: clock", WARN, "went back")
     graph.wait_said("tracker: clock", OK, "forward", since=len(graph.said))
     went_back = any(b < a for a, b in pairwise(stamps(graph.states)))
-    seen = f"WARN clock: {said}; then OK; {len(graph.states) - before} of 8 sets tracked after the jump"
-    return Outcome(seen, "1 set at most", went_back)
+    n = len(graph.states) - before
+    seen = f"WARN clock: {said}; then OK; {n} of 8 sets tracked after the jump"
+    return Outcome(seen, f"{8 - n} sets", went_back and 7 <= n <= 8)
 
 
 def _offset_jumps(graph: Graph) -> Outcome:
@@ -197,9 +198,7 @@ DRILLS = (
     Drill("image of another encoding", "refused, the encoding named; the others go on", _refused(_yuv, "yuv422")),
     Drill("damaged JPEG", "refused, the camera named; the others go on", _bad_jpeg),
     Drill("clock jumps back", "the tracker begins again by itself", _clock_back),
-    Drill(
-        "a camera's clock jumps ahead", "sets of the others go on, its images counted; whole again after", _offset_jumps
-    ),
+    Drill("a camera's clock jumps ahead", "sets of the others go on, its images counted; whole again after", _offset_jumps),
     Drill("calibration with NaN", "named, nothing tracked; the right one is taken", _calibration(_nan, "nan")),
     Drill("uncalibrated camera", "named, nothing tracked; the right one is taken", _calibration(_uncalibrated, "uncalibrated")),
 )

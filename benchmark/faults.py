@@ -8,9 +8,9 @@ Each fuzzed file is read in another process, with limits of time and memory. It 
 field, or hold something that can be used (finite, cameras that project, bodies that can be posed) and is the same when it is
 written and read again; files that only write the same in another way must be read as the same. The seed is fixed.
 
-`fuzz.*` are files of rigs, bodies, robot descriptions, parameters, recordings and states, `fuzz_others.*` a tenth as many of meshes,
-clicks and tables, on top. Exit status 1 when a drill is not as expected or a file is not answered; drills that cannot be run here
-are `faults.skipped`.
+`fuzz.*` are files of rigs, bodies, robot descriptions, parameters, recordings and states, `fuzz_others.*` a tenth as many of
+meshes, clicks and tables, on top. Exit status 1 when a drill is not as expected or a file is not answered; drills that cannot
+be run here are `faults.skipped`.
 """
 
 from __future__ import annotations

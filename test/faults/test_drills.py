@@ -10,6 +10,7 @@ pytest.importorskip("tracker_msgs", reason="the interface package is not install
 
 import _image_drills
 import _process_drills
+import faults
 from _fault_graph import Drill, Graph, Outcome, recorded_and_ros, run_drill
 
 DRILLS = {drill.name: drill for drill in (*_image_drills.DRILLS, *_process_drills.DRILLS)}
@@ -51,6 +52,30 @@ def test_what_does_not_happen_is_not_as_expected(recording, monkeypatch):
     outcome = run_drill(Drill("nothing", "something", inject), recording)
     assert not outcome.expected
     assert "nobody" in outcome.seen
+
+
+@pytest.mark.parametrize("error", [OSError("no such\nthing"), AssertionError()])
+def test_an_error_is_not_as_expected_either(error, recording):
+    def inject(graph: Graph) -> Outcome:
+        raise error
+
+    outcome = run_drill(Drill("nothing", "something", inject), recording)
+    assert not outcome.expected
+    assert outcome.seen == ("OSError: no such" if str(error) else "(without a text)")
+
+
+@pytest.mark.parametrize(
+    ("metrics", "status"),
+    [
+        ({"faults.as_expected": 4, "faults.total": 4, "faults.skipped": 1}, 0),
+        ({"faults.as_expected": 3, "faults.total": 4, "faults.skipped": 0}, 1),
+        ({"fuzz.answered": 9, "fuzz.total": 10}, 1),
+        ({"fuzz.answered": 10, "fuzz.total": 10, "fuzz_others.answered": 0, "fuzz_others.total": 1}, 1),
+    ],
+)
+def test_the_exit_status_says_whether_all_was_as_expected(metrics, status, monkeypatch):
+    monkeypatch.setattr(faults, "drill", lambda only: metrics)
+    assert faults.main(["--only", "drills"]) == status
 
 
 def test_every_drill_is_in_the_documentation(repository):
