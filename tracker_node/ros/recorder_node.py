@@ -1,9 +1,9 @@
 """Topics into a bag, bytes as they are.
 
 Subscriptions are made as topics appear, with the quality of service that their publishers offer. Where nobody publishes yet,
-the most is asked for (reliable, and what was said before, which latched topics keep), and less when a publisher offers less: it does
-not count the first subscription, so that one that waits for its subscribers waits for the second. Callbacks only enqueue; a
-thread of its own writes.
+the most is asked for (reliable, and what was said before, which latched topics keep), and less when a publisher offers less: it
+does not count the first subscription, so that one that waits for its subscribers waits for the second. Callbacks only enqueue;
+a thread of its own writes.
 """
 
 from __future__ import annotations
