@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.parameter import Parameter
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from ros_graph import stamps
 from ros_samples import some_estimate, tracked_arm
 from sensor_msgs.msg import Image
@@ -15,8 +15,9 @@ from std_srvs.srv import SetBool, Trigger
 from tracker_msgs.msg import TrackedState
 from tracker_msgs.srv import SetState
 
+from tracker_node.camera.camera_model import CameraModel
 from tracker_node.loaders.rig_yaml import load_rig
-from tracker_node.ros.conversions import image_message
+from tracker_node.ros.conversions import camera_info_message, image_message
 from tracker_node.ros.image_inbox import InboxOptions
 from tracker_node.ros.qos import images_published
 from tracker_node.ros.tracker_node import TrackerNode, TrackerOptions
@@ -116,15 +117,19 @@ def test_the_newest_two_sets_win_and_the_others_are_counted(probe, build):
 
 
 def test_waiting_images_are_bounded_and_the_loss_is_counted(probe, build):
+    reports = probe.listen(DiagnosticArray, "/diagnostics")
     bench = build(lossless=False)
     bench.send(0)
     probe.spin_until(bench.tracker.stepping.is_set, "the first step")
     for i in range(1, 11):  # six more than may wait
         bench.send(i)
+    bench.node.report()
     bench.tracker.go.set()
     probe.spin_until(lambda: len(bench.states) == 3, "three states")
     assert stamps(bench.states)[-1] == 10 * 33_000_000
     assert bench.node._inbox.overflowed == {"cam1": 6, "cam2": 6, "cam3": 6} and bench.node.superseded == 2
+    said = [(s.level, s.message) for array in reports for s in array.status if s.name == "tracker: cam2"]
+    assert any(level == DiagnosticStatus.WARN and "images are lost (overflowed" in message for level, message in said)
 
 
 def test_lossless_tracks_every_set_in_order(probe, build):
@@ -207,6 +212,38 @@ def test_images_that_cannot_wait_for_the_lenses_are_counted(probe, build):
     bench = build(lossless=False, calibration_from_topics=True)
     for i in range(5):
         bench.send(i)
-    worker = bench.node._worker
-    probe.spin_until(lambda: worker.counts.idle["uncalibrated"].total() == 12, "all but three")
-    assert worker.counts.idle["uncalibrated"].total() + len(worker._not_yet) == 15
+    worker, overflowed = bench.node._worker, bench.node._inbox.overflowed
+    uncalibrated = worker.counts.idle["uncalibrated"]
+    probe.spin_until(lambda: len(worker._not_yet) == 3 and uncalibrated.total() + sum(overflowed.values()) == 12, "all others")
+    assert uncalibrated.total() >= 9
+
+
+def test_an_image_set_that_takes_for_ever_is_said_to(probe, build):
+    bench = build(lossless=True)
+    bench.send(0)
+    probe.spin_until(bench.tracker.stepping.is_set, "the step")
+    status, worker = probe.diagnostics, bench.node._worker
+    for seconds, level in ((10.0, DiagnosticStatus.WARN), (100.0, DiagnosticStatus.ERROR)):
+        worker.at_work_since_s -= seconds
+        probe.spin_until(lambda level=level: "tracker: rate" in status and status["tracker: rate"].level == level, "said")
+        assert status["tracker: rate"].message.startswith("at work on one image set for 1")
+    bench.tracker.go.set()
+    probe.spin_until(lambda: status["tracker: rate"].level != DiagnosticStatus.ERROR, "its end")
+
+
+def test_what_lasts_is_said_again_after_a_rest(probe, build):
+    """A subscriber that asks for more than is offered stays when the node has been inactive, and so do lenses."""
+    bench = build(lossless=True, calibration_from_topics=True)
+    lens = CameraModel(160, 120, np.array([[150.0, 0.0, 80.0], [0.0, 150.0, 60.0], [0.0, 0.0, 1.0]]))
+    bench.node._inbox.infos.update({f"cam{i}": camera_info_message(0, "f", lens) for i in (1, 2, 3)})
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    probe.node.create_subscription(TrackedState, "tracker/state", print, latched)
+    status = probe.diagnostics
+    mismatch, calibration = "tracker: quality of service of ~/state", "tracker: calibration"
+    for _ in range(2):
+        probe.spin_until(lambda: mismatch in status and status[mismatch].level == DiagnosticStatus.WARN, "the mismatch")
+        probe.spin_until(lambda: calibration in status and status[calibration].message == "complete", "the calibration")
+        bench.node.trigger_deactivate()
+        probe.spin_until(lambda: status[mismatch].message == status[calibration].message == "inactive", "the rest")
+        bench.node.report()
+        assert bench.node.activate()

@@ -14,7 +14,7 @@ from ..camera.camera_rig import CameraRig
 from ..errors import TrackerError
 from ..tracking.camera_fault import CameraFault
 from .conversions import camera_model_of
-from .diagnostics import ERROR, OK, STALE, WARN, Diagnostics, statuses_of
+from .diagnostics import ERROR, OK, PAUSED, STALE, WARN, Diagnostics, statuses_of
 from .image_inbox import ImageInbox
 from .tracking_worker import TrackingWorker
 
@@ -22,6 +22,7 @@ SILENT_S = 2.0  # a camera without an image for so long is reported
 _SAME_PX = 1.0  # lenses agree that put no ray farther apart than this
 _GRID = 5  # rays a side
 _UNUSED = ("late", "duplicate", "incomplete", "too_old", "ahead")  # what one camera alone may be to blame for
+_MUCH = 0.1  # of a camera's images lost on the way, or thrown away
 _FEW = 4  # images, of which nothing is said
 
 
@@ -39,6 +40,8 @@ class CameraDiagnostics:
         self._contradicted: set[str] = set()
         self._received_before: dict[str, int] = {}
         self._unused_before: dict[str, Counter[str]] = {}
+        self._gone_before: dict[str, Counter[str]] = {}
+        self._compared: set[str] = set()  # cameras of whose calibration something has been said
         self.restart()
 
     def restart(self) -> None:
@@ -63,13 +66,17 @@ class CameraDiagnostics:
             arrived = self._inbox.arrived[name]
             rate = (arrived - self._received_before.get(name, 0)) / elapsed_s
             n_new, self._received_before[name] = arrived - self._received_before.get(name, 0), arrived
-            unused = self._newly_unused(name, counters.get(name, {}))
+            unused, gone = self._newly_unused(name, counters.get(name, {})), self._newly_gone(name)
             level, said = self._verdict(name, worker, now) if name in cameras else (OK, "not in use")
             if level == OK and 2 * unused.total() > max(n_new, _FEW):
                 reasons = ", ".join(f"{reason} {n}" for reason, n in unused.items())
                 level, said = WARN, f"most of its images are in no set ({reasons})"
+            elif level == OK and gone.total() > _MUCH * (n_new + gone["lost in transport"]):
+                level, said = WARN, f"images are lost ({', '.join(f'{reason} {n}' for reason, n in gone.items())})"
             self._diagnostics.report(name, level, said, {"images per second": rate, **values}, hardware_id=name)
         self._before_s = now
+        for name in self._contradicted if worker.paused else ():
+            self._diagnostics.report(f"{name} against the others", OK, PAUSED, hardware_id=name)
         if not self._from_topics:
             self._report_calibration(cameras)
 
@@ -80,11 +87,20 @@ class CameraDiagnostics:
         self._unused_before[name] = unused
         return new
 
+    def _gone(self, name: str) -> Counter[str]:
+        """Images that did not get as far as the synchronizer, for want of time or room."""
+        return Counter({"lost in transport": self._inbox.lost[name], "overflowed": self._inbox.overflowed[name]})
+
+    def _newly_gone(self, name: str) -> Counter[str]:
+        gone = self._gone(name)
+        new = gone - self._gone_before.get(name, Counter())
+        self._gone_before[name] = gone
+        return new
+
     def _counts(self, name: str, worker: TrackingWorker, counter: Mapping[str, int]) -> dict[str, object]:
         counts = worker.counts
         idle = {reason: by_camera[name] for reason, by_camera in counts.idle.items()}
-        own = {"lost in transport": self._inbox.lost[name], "overflowed": self._inbox.overflowed[name]}
-        return {**counter, **own, "refused": counts.refused[name], **idle}
+        return {**counter, **self._gone(name), "refused": counts.refused[name], **idle}
 
     def _verdict(self, name: str, worker: TrackingWorker, now: float) -> tuple[bytes, str]:
         problem = worker.counts.problems.get(name)
@@ -106,6 +122,9 @@ class CameraDiagnostics:
             if name in infos:
                 level, said = compared_lenses(name, infos[name], self._rig[name].model)
                 self._diagnostics.report(f"calibration of {name}", level, said, hardware_id=name)
+                self._compared.add(name)
+        for name in self._compared - set(cameras):
+            self._diagnostics.report(f"calibration of {name}", OK, "not in use", hardware_id=name)
 
 
 def compared_lenses(camera: str, info: CameraInfo, lens: CameraModel) -> tuple[bytes, str]:

@@ -18,6 +18,7 @@ OK = DiagnosticStatus.OK
 WARN = DiagnosticStatus.WARN
 ERROR = DiagnosticStatus.ERROR
 STALE = DiagnosticStatus.STALE
+PAUSED = "paused by request"  # of parts that nothing is expected of meanwhile
 _TROUBLE = (WARN, ERROR)
 
 

@@ -12,7 +12,7 @@ from ..model.articulated_model import ArticulatedModel
 from ..observation.image_set import ImageSet
 from ..tracking.estimate import LimbStatus, Status, TrackEstimate
 from ..tracking.observability import unobservable
-from .diagnostics import ERROR, OK, WARN, Diagnostics
+from .diagnostics import ERROR, OK, PAUSED, WARN, Diagnostics
 from .tracking_setup import WorkerCounts
 from .tracking_worker import TrackingWorker
 
@@ -21,6 +21,7 @@ _LIMB_LEVELS = {LimbStatus.TRACKING: OK, LimbStatus.UNSEEN: WARN, LimbStatus.DEG
 _REMEMBERED = 150  # image sets that percentiles are of
 _ENOUGH = 20  # of them, for a verdict
 _SILENT_REPORTS = 2  # without an image set, until that is said to be wrong
+_LONG_S, _HANGS_S = 5.0, 60.0  # at work on one image set; compiled code may have to be loaded, or made
 _OTHER_CLOCK_MS = 6e4  # stamps that are farther from now are not of this clock
 
 
@@ -34,8 +35,9 @@ class TrackerDiagnostics:
         self._spread_ms: deque[float] = deque(maxlen=_REMEMBERED)
         self._before_s, self._tracked_before, self._superseded_before = time.monotonic(), 0, 0
         self._sets_before: Mapping[str, int] = {}
-        self._jumps_before = self._jumps_of_clock = 0
+        self._jumps_of_clock, self._jumps_before = 0, (0, 0)  # of stamps, and of the clock
         self._silent = 0
+        self._limbs_told: set[str] = set()
 
     def estimated(self, estimate: TrackEstimate, image_set: ImageSet, counts: WorkerCounts, now_ns: int) -> None:
         """One image set has been tracked and published, at ``now_ns`` of the clock that stamps are of."""
@@ -56,6 +58,7 @@ class TrackerDiagnostics:
         for limb in estimate.limbs:
             said = limb.status.name + (f": {limb.reason}" if limb.reason else "")
             values = {"probability of being lost": float(limb.probability)}
+            self._limbs_told.add(limb.name)
             self._diagnostics.report(f"limb {limb.name}", _LIMB_LEVELS[limb.status], said, values, logged=False)
 
     def clock_jumped(self) -> None:
@@ -72,12 +75,18 @@ class TrackerDiagnostics:
         self._silent = 0 if tracked or worker.busy else self._silent + 1
         self._diagnostics.report("rate", *_rate_verdict(worker, tracked, superseded, self._silent), values)
         self._report_sets(worker)
-        self._report_clock(worker.formation.clock_jumps + self._jumps_of_clock)
+        self._report_clock(worker.formation.clock_jumps)
         if worker.paused:
-            self._diagnostics.report("status", OK, "paused by request")
+            self._report_pause()
         else:
             self._report_times(worker)
             self._report_untold(worker.latest)
+
+    def _report_pause(self) -> None:
+        for part in ("status", "latency", "observability"):
+            self._diagnostics.report(part, OK, PAUSED)
+        for name in list(self._limbs_told):
+            self._diagnostics.report(f"limb {name}", OK, PAUSED, logged=False)
 
     def _report_times(self, worker: TrackingWorker) -> None:
         config = worker.config.synchronizer
@@ -114,10 +123,15 @@ class TrackerDiagnostics:
             level, said = WARN, f"{fewer} of {fewer + complete} are of fewer cameras than are in use"
         self._diagnostics.report("image sets", level, said, values)
 
-    def _report_clock(self, jumps: int) -> None:
-        jumped, self._jumps_before = jumps > self._jumps_before, jumps
-        said = "stamps went back: tracking has begun again" if jumped else "stamps go forward"
-        self._diagnostics.report("clock", WARN if jumped else OK, said, {"jumps": jumps})
+    def _report_clock(self, stamps: int) -> None:
+        clock, (stamps_before, clock_before) = self._jumps_of_clock, self._jumps_before
+        self._jumps_before = stamps, clock
+        level, said = OK, "stamps go forward"
+        if stamps > stamps_before:
+            level, said = WARN, "stamps went back: tracking has begun again"
+        elif clock > clock_before:
+            level, said = WARN, "the simulated clock went back"
+        self._diagnostics.report("clock", level, said, {"jumps": stamps, "jumps of the simulated clock": clock})
 
     def _report_untold(self, latest: TrackEstimate | None) -> None:
         """What the latest images do not tell of the body, by name; a warning where it is of the body as a whole."""
@@ -136,7 +150,11 @@ def _rate_verdict(worker: TrackingWorker, tracked: int, superseded: int, silent:
     if worker.fatal is not None:
         return ERROR, f"the tracking thread has ended: {worker.fatal}"
     if worker.paused:
-        return OK, "paused by request"
+        return OK, PAUSED
+    since_s = worker.at_work_since_s
+    at_work_s = 0.0 if since_s is None else time.monotonic() - since_s
+    if at_work_s > _LONG_S:
+        return WARN if at_work_s < _HANGS_S else ERROR, f"at work on one image set for {at_work_s:.0f} s"
     if superseded > 0:
         return WARN, f"too slow: {superseded} of {tracked + superseded} image sets are left out"
     if tracked == 0:

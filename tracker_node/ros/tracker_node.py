@@ -20,7 +20,7 @@ from .camera_diagnostics import SILENT_S, CameraDiagnostics
 from .conversions import camera_model_of
 from .diagnostics import ERROR, OK, WARN, Diagnostics
 from .image_inbox import ImageInbox, InboxOptions
-from .lifecycle import ACTIVE, FINALIZED, ManagedNode
+from .lifecycle import ACTIVE, ManagedNode
 from .parameter_overrides import refuse_unknown_qos, unknown_parameters
 from .parameters import ConfigParameters, FixedParameter
 from .qos_mismatch import QosMismatches
@@ -110,6 +110,8 @@ class TrackerNode(ManagedNode):
         self._inbox.subscribe(self._parameters_of_node.cameras)
         refuse_unknown_qos(self)
         self._cameras_told.restart()
+        if self._from_topics and self._worker.rig is not None:
+            self._diagnostics.report("calibration", OK, "complete")  # it is kept while inactive
         self._worker.start()
 
     def pause(self) -> None:
@@ -140,11 +142,6 @@ class TrackerNode(ManagedNode):
         if self._outputs is not None:
             self._outputs.wait_until_delivered()
         self.report()
-
-    @property
-    def finalized(self) -> bool:
-        """Whether the node has been shut down."""
-        return self.state == FINALIZED
 
     @property
     def autostart(self) -> bool:
@@ -221,14 +218,14 @@ class TrackerNode(ManagedNode):
         self._cameras_told.contradicted(estimate.faults)
 
     def _on_jump(self, jump: TimeJump) -> None:
-        self.get_logger().warning(f"time went back by {-jump.delta.nanoseconds * 1e-9:.3f} s: the tracker begins again")
+        """Only said: the tracker begins again when stamps go back, at the same image set however the clock's messages come."""
+        self.get_logger().warning(f"time went back by {-jump.delta.nanoseconds * 1e-9:.3f} s")
         if self._worker is not None:
-            self._worker.reset()
             self._told.clock_jumped()
 
     def report(self) -> None:
         """Once a second: rates, and each camera."""
-        self._mismatches.recheck()
+        self._mismatches.recheck(again=self.state == ACTIVE)
         if self._worker is not None and self.state == ACTIVE:
             self._told.report(self._worker)
             self._cameras_told.report(self._worker, self._parameters_of_node.cameras)

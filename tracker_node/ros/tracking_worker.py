@@ -48,6 +48,7 @@ class TrackingWorker:
     formation : the image sets, and what became of the images.
     latest : the latest estimate since the last reset.
     busy : tracking, or getting ready to.
+    at_work_since_s : steady time at which the image set at work was begun; None while there is none.
     paused : images are counted, and not used.
     fatal : why the thread has ended by itself.
     """
@@ -74,6 +75,7 @@ class TrackingWorker:
         self.counts = WorkerCounts()
         self.latest: TrackEstimate | None = None
         self.busy, self.paused = True, False
+        self.at_work_since_s: float | None = None
         self.fatal: Exception | None = None
 
     @property
@@ -256,7 +258,9 @@ class TrackingWorker:
             self.counts.superseded += len(sets) - _AT_ONCE
             sets = sets[-_AT_ONCE:]
         for image_set in sets:
+            self.at_work_since_s = time.monotonic()
             self._step(image_set)
+            self.at_work_since_s = None
             self._obey()
 
     def _step(self, image_set: ImageSet) -> None:
