@@ -186,7 +186,7 @@ def _broken_file(graph: Graph) -> Outcome:
     for i in (4, 5):
         image = folder / "cam2" / f"{i:04}.png"
         image.write_bytes(image.read_bytes()[:100])
-    graph.tracker("--lossless")
+    graph.tracker("--lossless", "--wait-for", "state=1")  # this process: the cameras show everything once
     arguments = ["--rig", folder / "rig.yaml", "--rate", "10", "--no-frame-skip", *LIVE]
     ingest = graph.launch("camera_ingest", *arguments)
     status = ingest.wait()
