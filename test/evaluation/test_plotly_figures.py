@@ -21,6 +21,14 @@ def test_digits_that_no_screen_shows_are_left_out():
     assert plain([123.456789, 1e-7 / 3, -0.0]) == [123.46, 3.3333e-08, -0.0]
 
 
+def test_times_of_an_hour_are_those_of_its_images():
+    times = 3600.0 + np.arange(4) / 240.0
+    (line,) = figure_of(Chart("c", "c", lines=[Line("a", times, np.zeros(4))]))["data"]
+    assert line["x"] == pytest.approx(times, abs=1e-5)
+    strips = figure_of(Strips("s", "s", "", ["one"], [Strip("one", times[1], times[2], "lost", "#000")]))["data"][0]
+    assert strips["base"] == pytest.approx([times[1]], abs=1e-5) and strips["x"] == pytest.approx([1 / 240], rel=1e-6)
+
+
 def test_long_heat_maps_show_the_largest_of_neighbors():
     values = np.zeros((2 * COLUMNS + 1, 2))
     values[7, 0], values[2 * COLUMNS, 1], values[100, 1] = 5.0, 7.0, np.nan

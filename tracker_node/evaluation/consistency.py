@@ -11,7 +11,8 @@ autocorrelation r_d(k) in direction d, its variance is
     2 / T^2 * sum over d, s, t of r_d(|s - t|)^2
 
 (Isserlis), which is 2 n / T_eff with T_eff <= T. Bounds of a run are those of a chi-square variable with n T_eff degrees of
-freedom, divided by T_eff. T_eff is measured on other runs than those judged.
+freedom, divided by T_eff. Benchmarks measure T_eff on other runs than those judged; a report, which
+has one run, on that run itself.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ from .document import TIME, Bars, Block, Chart, Curve, HeatMap, Line, Strips
 from .palette import BLACK, GREY, RED
 
 DIGITS = 5  # significant ones: far more than a screen shows
+X_DIGITS = 9  # those of times, which one zooms into
 COLUMNS = 400  # of a heat map
 _GRID = "#e8ecef"
 _FONT = {"family": "system-ui, Segoe UI, Roboto, DejaVu Sans, sans-serif", "size": 12, "color": BLACK}
@@ -34,9 +35,9 @@ def curve_data(curve: Curve) -> dict[str, Any]:
     return {"group": curve.group, "name": curve.name, "unit": curve.unit, "panels": panels}
 
 
-def plain(values: Iterable[float]) -> list[float | None]:
-    """Numbers with `DIGITS` significant digits; None for what JSON has not."""
-    return [None if not math.isfinite(value) else float(f"{value:.{DIGITS}g}") for value in map(float, values)]
+def plain(values: Iterable[float], digits: int = DIGITS) -> list[float | None]:
+    """Numbers with so many significant digits; None for what JSON has not."""
+    return [None if not math.isfinite(value) else float(f"{value:.{digits}g}") for value in map(float, values)]
 
 
 def _chart(chart: Chart) -> dict[str, Any]:
@@ -64,7 +65,7 @@ def _log_ticks(chart: Chart) -> str | int:
 def _trace(line: Line) -> dict[str, Any]:
     mode = "lines+markers" if line.points else "lines"
     style = {"color": line.color, "width": line.width, "dash": "dash" if line.dashed else "solid"}
-    return {"type": "scatter", "mode": mode, "name": line.label, "x": plain(line.x), "y": plain(line.y), "line": style}
+    return {"type": "scatter", "mode": mode, "name": line.label, "x": plain(line.x, X_DIGITS), "y": plain(line.y), "line": style}
 
 
 def _bars(bars: Bars) -> dict[str, Any]:
@@ -85,8 +86,9 @@ def _strips(block: Strips) -> dict[str, Any]:
         of = [strip for strip in block.strips if (strip.label, strip.color) == (label, color)]
         data.append({
             "type": "bar", "orientation": "h", "name": label, "marker": {"color": color, "line": {"width": 0}},
-            "y": [strip.row for strip in of], "base": plain(strip.start for strip in of),
-            "x": plain(strip.end - strip.start for strip in of), "customdata": plain(strip.end for strip in of),
+            "y": [strip.row for strip in of], "base": plain((strip.start for strip in of), X_DIGITS),
+            "x": plain((strip.end - strip.start for strip in of), X_DIGITS),
+            "customdata": plain((strip.end for strip in of), X_DIGITS),
             "hovertemplate": f"{label}, %{{base:.2f}} to %{{customdata:.2f}} s<extra>%{{y}}</extra>",
         })  # fmt: skip
     layout = _layout(110 + 30 * len(block.rows)) | {"barmode": "overlay", "bargap": 0.25, "hovermode": "closest"}
@@ -107,7 +109,8 @@ def _heat_map(block: HeatMap) -> dict[str, Any]:
     firsts = np.arange(0, len(block.times), step)
     values = np.fmax.reduceat(block.values, firsts, axis=0)
     data = {
-        "type": "heatmap", "x": plain(block.times[firsts]), "y": list(block.rows), "z": [plain(row) for row in values.T],
+        "type": "heatmap", "x": plain(block.times[firsts], X_DIGITS), "y": list(block.rows),
+        "z": [plain(row) for row in values.T],
         "colorscale": "Viridis", "zmin": 0, "zmax": block.top, "colorbar": {"title": {"text": block.label}, "thickness": 12},
         "hovertemplate": "%{y}, %{x:.2f} s: %{z:.1f}<extra></extra>",
     }  # fmt: skip
@@ -127,7 +130,7 @@ def _layout(height: int) -> dict[str, Any]:
 
 
 def _band(start: float, end: float) -> dict[str, Any]:
-    edges = plain([start, end])
+    edges = plain([start, end], X_DIGITS)
     return {"type": "rect", "xref": "x", "yref": "paper", "x0": edges[0], "x1": edges[1], "y0": 0, "y1": 1,
             "fillcolor": RED, "opacity": 0.15, "line": {"width": 0}, "layer": "below"}  # fmt: skip
 

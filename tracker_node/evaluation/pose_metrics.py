@@ -18,8 +18,8 @@ NEAR_M, NEAR_RAD = 0.05, np.deg2rad(5.0)  # 5 cm, 5 degrees
 _MIN_JOINTS = 3  # fewer can be turned onto each other in many ways
 
 
-def procrustes_aligned(estimate: np.ndarray, truth: np.ndarray, valid: np.ndarray, scale: bool = True) -> np.ndarray:
-    """Every set's estimate, moved, turned and (with ``scale``) resized to lie on its truth as closely as possible.
+def procrustes_aligned(estimate: np.ndarray, truth: np.ndarray, valid: np.ndarray) -> np.ndarray:
+    """Every set's estimate, moved, turned and resized to lie on its truth as closely as possible.
 
     The least-squares solution of Umeyama, IEEE PAMI 13 (1991), eq. 40-42; it never mirrors.
 
@@ -43,18 +43,18 @@ def procrustes_aligned(estimate: np.ndarray, truth: np.ndarray, valid: np.ndarra
     signs[:, 2] = np.where(np.linalg.det(U) * np.linalg.det(Vt) < 0, -1.0, 1.0)
     R = np.einsum("nij,nj,njk->nik", U, signs, Vt)
     variance = np.einsum("nm,nmi,nmi->n", weights, from_, from_)
-    size = (D * signs).sum(axis=1) / np.where(variance > 0, variance, 1.0) if scale else np.ones(len(D))
+    size = (D * signs).sum(axis=1) / np.where(variance > 0, variance, 1.0)
     aligned = size[:, None, None] * np.einsum("nij,nmj->nmi", R, from_) + mean_truth[:, None]
     return np.where(enough[:, None, None], aligned, estimate)
 
 
-def pa_mpjpe(estimate: np.ndarray, truth: np.ndarray, valid: np.ndarray, scale: bool = True) -> float:
+def pa_mpjpe(estimate: np.ndarray, truth: np.ndarray, valid: np.ndarray) -> float:
     """Mean joint error after `procrustes_aligned`: what is left is posture, without place, heading and size.
 
     Known as protocol 2 of Human3.6M (Ionescu et al., IEEE PAMI 36, 2014). Sets with fewer than three valid joints do not count.
     """
     judged = valid & (valid.sum(axis=1) >= _MIN_JOINTS)[:, None]
-    return mean_error(joint_errors(procrustes_aligned(estimate, truth, valid, scale), truth), judged)
+    return mean_error(joint_errors(procrustes_aligned(estimate, truth, valid), truth), judged)
 
 
 def pck(errors: np.ndarray, valid: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
@@ -73,11 +73,11 @@ def pck_auc(errors: np.ndarray, valid: np.ndarray) -> float:
     return float(pck(errors, valid, np.linspace(0.0, PCK_AUC_M, PCK_AUC_STEPS)).mean())
 
 
-def direction_errors(estimate: np.ndarray, truth: np.ndarray, undirected: bool = False) -> np.ndarray:
-    """(...) angles between vectors (..., 3); ``undirected``: between lines, at most 90 degrees. NaN for a vector of no length."""
+def direction_errors(estimate: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """(...) angles between vectors (..., 3); NaN for a vector of no length."""
     cross = np.linalg.norm(np.cross(estimate, truth), axis=-1)
     dot = (estimate * truth).sum(axis=-1)
-    angles = np.arctan2(cross, np.abs(dot) if undirected else dot)
+    angles = np.arctan2(cross, dot)
     return np.where((cross == 0.0) & (dot == 0.0), np.nan, angles)
 
 
