@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TwistWithCovarianceStamped
+from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
-from ros_cameras import PERIOD_NS, Cameras, N, files_of, options_of
+from ros_cameras import PERIOD_NS, Cameras, N, files_of, image_set_of, options_of, tracker_of
 from ros_graph import stamps
 from ros_samples import moving_state, placed
 from sensor_msgs.msg import CameraInfo, Image
@@ -17,6 +18,7 @@ from tracker_msgs.msg import TrackedState
 from tracker_msgs.srv import SetState
 
 from tracker_node.model.configuration import State
+from tracker_node.observation.image_set import ImageSet
 from tracker_node.ros.conversions import camera_info_message, estimate_of
 from tracker_node.ros.tracker_node import TrackerNode
 from tracker_node.tracking.estimate import Status
@@ -61,7 +63,8 @@ def test_paused_images_are_counted_and_not_used(probe, start):
     probe.spin_until(lambda: len(states) == 1, "a state")
     answer = probe.ask(SetBool, "tracker/enable", SetBool.Request(data=False))
     assert answer.success and "not used" in answer.message
-    probe.spin_until(told(probe, "tracker: rate", DiagnosticStatus.OK, "paused by request"), "said so")
+    for part in ("rate", "status", "latency", "observability", *(f"limb {limb}" for limb in states[0].limbs)):
+        probe.spin_until(told(probe, f"tracker: {part}", DiagnosticStatus.OK, "paused by request"), f"{part} says so")
     for i in (1, 2):
         cameras.send(i)
     probe.spin_until(lambda: values_of(probe, "tracker: cam1").get("paused") == "2", "two images of cam1 left out")
@@ -142,7 +145,7 @@ def test_latency_is_from_the_stamp_to_the_state(probe, start):
 
 
 def test_a_calibration_that_disagrees_with_the_rig_is_named(probe, recording, start):
-    _, _, cameras = start()
+    node, _, cameras = start()
     rig = options_of(recording).rig
     lens = rig["cam2"].model
     turned = replace(lens, K=lens.K * np.array([[1.05, 1.0, 1.0], [1.0, 1.05, 1.0], [1.0, 1.0, 1.0]]))
@@ -156,6 +159,9 @@ def test_a_calibration_that_disagrees_with_the_rig_is_named(probe, recording, st
     corner = np.array([0.0, 0.0]) - lens.K[:2, 2]  # the corner's ray moves by 5 % of its distance from the middle
     expected = 0.05 * np.linalg.norm(corner)
     assert f"{expected:.1f} px" in probe.diagnostics[part(2)].message
+    (result,) = node.set_parameters([Parameter("cameras", value=["cam1", "cam3"])])
+    assert result.successful
+    probe.spin_until(told(probe, part(2), DiagnosticStatus.OK, "not in use"), "cam2 is not in use")
 
 
 def test_a_mismatch_of_quality_is_over_when_its_end_has_left(probe, start):
@@ -168,26 +174,38 @@ def test_a_mismatch_of_quality_is_over_when_its_end_has_left(probe, start):
 
 
 def test_simulated_time_that_stands_still_keeps_nobody_silent(probe, launch, recording):
-    """Images are tracked and /diagnostics go out before the first /clock, and time may go back."""
+    """Images are tracked and /diagnostics go out before the first /clock, and time may go back.
+
+    The tracker begins again when stamps go back, and only then: the clock's message comes at any time between the images.
+    """
     from rosgraph_msgs.msg import Clock
 
     states = probe.listen(TrackedState, "tracker/state")
     tracker = launch("tracker", *files_of(recording), "--lossless", "--ros-args", "-p", "use_sim_time:=true")
     clock = probe.node.create_publisher(Clock, "/clock", 10)
+    probe.spin_until(lambda: clock.get_subscription_count() > 0, "the clock's subscriber")
     cameras = Cameras(probe, recording, options_of(recording).rig)
-    cameras.send(0)
+    late_ns = 50_000_000_000
+    cameras.send(0, stamp_ns=late_ns)
     probe.spin_until(lambda: len(states) == 1, "a state")
     probe.spin_until(told(probe, "tracker: lifecycle", DiagnosticStatus.OK, "active"), "diagnostics")
-    probe.spin_until(lambda: clock.get_subscription_count() > 0, "the clock's subscriber")
     for second in (50, 10):
         message = Clock()
         message.clock.sec = second
         clock.publish(message)
         clock.wait_for_all_acked()
     probe.spin_until(lambda: "time went back by 40.000 s" in tracker.err, "the jump is noticed")
+    probe.spin_until(told(probe, "tracker: clock", DiagnosticStatus.WARN, "the simulated clock went back"), "said so")
+    cameras.send(1, stamp_ns=late_ns + PERIOD_NS)
+    probe.spin_until(lambda: len(states) == 2, "a state after the clock's jump")
+    here = tracker_of(recording)
+    for i in range(2):
+        stamp_ns = late_ns + i * PERIOD_NS
+        images = tuple(replace(image, stamp_ns=stamp_ns) for image in image_set_of(recording, i).images)
+        assert np.array_equal(states[i].values, here.step(ImageSet(stamp_ns, images)).state.to_values())
     cameras.send(0)
-    probe.spin_until(lambda: len(states) == 2, "a state after the jump")
-    assert np.array_equal(states[1].values, states[0].values)
+    probe.spin_until(lambda: len(states) == 3, "a state after the stamps' jump")
+    assert np.array_equal(states[2].values, states[0].values)
     tracker.interrupt()
     assert tracker.wait() == 0
 
