@@ -9,6 +9,9 @@ import numpy as np
 import pypdf
 import pytest
 from browser import browser_tab
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.figure import Figure
 from stick_person import Motion, motion, write_run, write_state_bag
 
 from tracker_node.evaluation.association import Trajectories
@@ -17,6 +20,7 @@ from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.figure_files import file_name, write_figure_files
 from tracker_node.evaluation.report import ReportOptions, write_report
 from tracker_node.evaluation.report_html import render_html
+from tracker_node.evaluation.report_pdf import wrapped, write_pdf
 from tracker_node.evaluation.report_summary import Target, summary_table
 from tracker_node.evaluation.review import Review, Truth, review
 from tracker_node.evaluation.run_data import load_run
@@ -76,8 +80,28 @@ def test_the_page_draws_every_chart_in_a_browser(folder, report, charts):
         lines = tab.page.locator("#curve .scatterlayer .trace path.js-line")
         assert lines.count() >= 1
         assert tab.page.locator("figure img").count() >= 4
-        loaded = tab.page.evaluate("[...document.images].every(i => { i.loading = 'eager'; return i.src.startsWith('data:') })")
-        assert loaded
+        widths = tab.page.evaluate(WIDTHS)
+        assert len(widths) >= 4 and all(width > 0 for width in widths)
+        assert tab.page.evaluate(MARKS) == []
+
+
+WIDTHS = "Promise.all([...document.images].map(async i => { i.loading = 'eager'; await i.decode(); return i.naturalWidth }))"
+MARKS = """[...document.querySelectorAll('[data-chart]')].filter(e => {
+  const lines = [...e.querySelectorAll('.scatterlayer path.js-line')].filter(p => (p.getAttribute('d') || '').length > 3).length;
+  const bars = e.querySelectorAll('.barlayer .point path').length, maps = e.querySelectorAll('.heatmaplayer image').length;
+  const of = kind => e.data.filter(t => t.type === kind);
+  return !e.data.length || lines !== of('scatter').length || maps !== of('heatmap').length
+    || bars !== of('bar').reduce((n, t) => n + t.x.length, 0);
+}).map(e => e.dataset.chart)"""  # charts that do not show a line per series, a bar per value, an image per map
+
+
+def test_a_narrow_page_scrolls_its_parts_and_not_itself(folder):
+    with browser_tab() as tab:
+        tab.page.set_viewport_size({"width": 600, "height": 900})
+        tab.page.goto((folder / "two" / "report.html").as_uri())
+        tab.page.wait_for_function("document.documentElement.dataset.drawn", timeout=60_000)
+        assert tab.page.evaluate("document.documentElement.scrollWidth") <= 600
+        assert min(tab.page.evaluate("[...document.querySelectorAll('figure')].map(f => f.clientWidth)")) >= 140
 
 
 def test_a_curve_is_chosen_by_keyboard_and_by_button(folder):
@@ -197,3 +221,36 @@ def test_names_that_files_cannot_tell_apart_get_files_of_their_own(tmp_path):
 
 def test_a_page_without_charts_needs_no_plotly(folder):
     assert len(render_html(Document("t", "d", [], [], []))) < 20_000
+
+
+WIDE = "WWWW MMMM " * 60 + "W" * 400  # letters far wider than the mean
+
+
+@pytest.mark.parametrize("bold", [False, True])
+def test_lines_in_print_are_as_wide_as_is_measured(bold):
+    """By the boxes that matplotlib itself draws."""
+    lines = wrapped(WIDE, 8, 5.0, bold)
+    assert "".join(lines).replace(" ", "") == WIDE.replace(" ", "")
+    figure = Figure(figsize=(10, 2), dpi=300)
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    boxes = [figure.text(0, 0, line, size=8, weight="bold" if bold else "normal").get_window_extent(renderer) for line in lines]
+    widths = [box.width / 300 for box in boxes]
+    assert max(widths) <= 5.0 * 1.01 and min(widths[:8]) > 4.0
+
+
+def test_wide_text_ends_before_the_right_edge(tmp_path, monkeypatch):
+    """By the boxes that matplotlib draws on every page."""
+    edges = []
+
+    def measured(self, figure, **options):
+        figure.set_dpi(600)  # hinting for a screen widens text
+        renderer = FigureCanvasAgg(figure).get_renderer()
+        edges.extend(text.get_window_extent(renderer).x1 / figure.dpi for text in figure.texts)
+        assert min(text.get_fontsize() for text in figure.texts) >= 6.0
+
+    monkeypatch.setattr(PdfPages, "savefig", measured)
+    columns = [Column("figure", is_text=True), Column("value"), Column("meaning", is_text=True)]
+    table = Table("t", "Table", WIDE, columns, [["WWWW", 1.0, WIDE], ["W", 2.0, "M"]])
+    document = Document("MWM " * 20, "d", [("fact", WIDE)], [WIDE], [Section("s", "S", [table])])
+    assert write_pdf(tmp_path / "wide.pdf", document) > 0
+    assert len(edges) > 20 and 7.0 < max(edges) <= 8.27 - 0.55

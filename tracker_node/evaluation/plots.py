@@ -80,7 +80,7 @@ def draw_curve(curve: Curve, panel: int, figure: Figure, box: tuple[float, float
         (f"{x0:.3g}", left, bottom - 0.002, ("left", "top")),
         (f"{x1:.3g} s", left + width, bottom - 0.002, ("right", "top")),
     ):
-        figure.text(x, y, text, size=4.5, color=GREY, ha=align[0], va=align[1], parse_math=False)
+        figure.text(x, y, text, size=6, color=GREY, ha=align[0], va=align[1], parse_math=False)
 
 
 def _span(values: Sequence[np.ndarray]) -> tuple[float, float]:

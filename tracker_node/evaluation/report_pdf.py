@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import textwrap
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
+from functools import lru_cache, partial
 from pathlib import Path
 from types import TracebackType
 
@@ -12,7 +13,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
+from matplotlib.textpath import TextToPath
 
 from . import plots
 from .document import Block, Cell, Column, Curves, Document, Pictures, Table, Value, cell_text
@@ -21,8 +24,8 @@ from .palette import BLACK, BLUE, GREEN, GREY, ORANGE, RED
 PAGE_IN = (8.27, 11.69)  # A4
 MARGIN_IN = 0.6
 _WIDTH_IN = PAGE_IN[0] - 2 * MARGIN_IN
-_ROW_IN, _TEXT_SIZE = 0.152, 6.8
-_CHARACTER_IN = 0.0138 * _TEXT_SIZE * 0.52  # of DejaVu Sans, on average
+_ROW_IN, _TEXT_SIZE, _SMALLEST = 0.152, 6.8, 6.0
+_GAP_IN, _NARROWEST_IN = 0.16, 0.9  # beside the cells of a table; of a column whose text is broken
 _CURVES_ACROSS, _CURVE_IN = 3, 0.95
 _MARKS = {"good": GREEN, "bad": RED, "better": BLUE, "worse": RED, "code": GREY}
 _WORDS = {"good": " (met)", "bad": " (missed)"}
@@ -63,8 +66,7 @@ class PrintedPages:
 
     def text(self, text: str, size: float, color: str = BLACK, bold: bool = False) -> None:
         """A paragraph."""
-        across = round(_WIDTH_IN / (0.0138 * size * 0.53))
-        for line in textwrap.wrap(text, across) or [""]:
+        for line in wrapped(text, size, _WIDTH_IN, bold):
             height = 0.0138 * size * 1.4
             self._room(height)
             self._y_in -= height
@@ -101,18 +103,19 @@ class PrintedPages:
     def _table(self, table: Table) -> None:
         columns, rows = _without_keys(table)
         texts = [[_marked(cell, column) for cell, column in zip(row, columns, strict=True)] for row in rows]
-        widths = _widths(columns, texts)
-        size = _TEXT_SIZE * min(1.0, _WIDTH_IN / sum(widths))
-        widths = [width * size / _TEXT_SIZE for width in widths]
+        widths, size = _widths(columns, texts)
         self._room((2 if any(column.group for column in columns) else 1) * _ROW_IN + 3 * _ROW_IN)
         self._table_head(columns, widths, size)
         for row, cells in zip(rows, texts, strict=True):
-            if self._y_in < _ROW_IN:
+            parts = [wrapped(cell, size, width - _GAP_IN) for cell, width in zip(cells, widths, strict=True)]
+            lines = max(map(len, parts), default=1)
+            if self._y_in < lines * _ROW_IN:
                 self._new_page()
                 self._table_head(columns, widths, size)
-            self._y_in -= _ROW_IN
             colors = [_MARKS.get(cell.mark, BLACK) if isinstance(cell, Cell) else BLACK for cell in row]
-            self._cells(cells, columns, widths, size, colors)
+            for i in range(lines):
+                self._y_in -= _ROW_IN
+                self._cells([part[i] if i < len(part) else "" for part in parts], columns, widths, size, colors)
         self._y_in -= 0.06
 
     def _table_head(self, columns: Sequence[Column], widths: Sequence[float], size: float) -> None:
@@ -140,6 +143,8 @@ class PrintedPages:
             left += width
 
     def _curves(self, block: Curves) -> None:
+        lines = {line.label: line.color for curve in block.curves for _, of in curve.panels for line in of}
+        self.text("Lines: " + ", ".join(f"{label} ({_color_name(color)})" for label, color in lines.items()), 7, GREY)
         panels = [(curve, i) for curve in block.curves for i in range(len(curve.panels))]
         width = _WIDTH_IN / _CURVES_ACROSS
         for first in range(0, len(panels), _CURVES_ACROSS):
@@ -148,9 +153,6 @@ class PrintedPages:
                 box = self._box(place * width + 0.28, width - 0.34, _CURVE_IN, above=0.2, below=0.16)
                 plots.draw_curve(curve, panel, self._on(), box)
             self._y_in -= _CURVE_IN
-        lines = {line.label: line.color for curve in block.curves for _, of in curve.panels for line in of}
-        self._y_in -= 0.05
-        self.text("Lines: " + ", ".join(f"{label} ({_color_name(color)})" for label, color in lines.items()), 7, GREY)
 
     def _pictures(self, block: Pictures) -> None:
         self._y_in -= 0.07
@@ -163,7 +165,7 @@ class PrintedPages:
                 ax = self._axes(left, height * aspect, height, above=0.0, below=0.0, keep=True)
                 ax.imshow(_for_print(image, height), aspect="auto", interpolation="none")
                 ax.axis("off")
-                self._write(left, caption, 4.5, GREY, below=height + 0.08)
+                self._write(left, caption, _SMALLEST, GREY, below=height + 0.09)
                 left += height * aspect + 0.05
             self._y_in -= height + 0.14
 
@@ -239,10 +241,49 @@ def _without_keys(table: Table) -> tuple[list[Column], list[list[Value]]]:
     return [table.columns[i] for i in kept], [[row[i] for i in kept] for row in table.rows]
 
 
-def _widths(columns: Sequence[Column], texts: Sequence[Sequence[str]]) -> list[float]:
-    """Inches that every column needs."""
-    widths = [max(len(column.title), *(len(row[i]) for row in texts), 1) for i, column in enumerate(columns)]
-    return [width * _CHARACTER_IN + 0.16 for width in widths]
+def _widths(columns: Sequence[Column], texts: Sequence[Sequence[str]]) -> tuple[list[float], float]:
+    """Inches of every column, and the size of the text: smaller for a wide table, and then its widest column in several lines."""
+    cells = [[column.title, *(row[i] for row in texts)] for i, column in enumerate(columns)]
+    widest = [max(width_in(text, _TEXT_SIZE) for text in of) for of in cells]
+    size = min(_TEXT_SIZE, max(_SMALLEST, _TEXT_SIZE * (_WIDTH_IN - _GAP_IN * len(columns)) / max(sum(widest), 0.1)))
+    widths = [width * size / _TEXT_SIZE + _GAP_IN for width in widest]
+    texts_ = [i for i, column in enumerate(columns) if column.is_text]
+    beyond = sum(widths) - _WIDTH_IN
+    if beyond > 1e-6 and texts_:
+        i = max(texts_, key=lambda i: widths[i])
+        widths[i] = max(widths[i] - beyond, _NARROWEST_IN)
+    if sum(widths) > _WIDTH_IN + 1e-6:  # of very many runs
+        size *= (_WIDTH_IN - _GAP_IN * len(columns)) / (sum(widths) - _GAP_IN * len(columns))
+        widths = [width * _WIDTH_IN / sum(widths) for width in widths]
+    return widths, size
+
+
+@lru_cache(maxsize=20_000)
+def width_in(text: str, size: float, bold: bool = False) -> float:
+    """Inches that a line of text takes."""
+    font = FontProperties(size=size, weight="bold" if bold else "normal")
+    return float(TextToPath().get_text_width_height_descent(text, font, ismath=False)[0]) / 72.0
+
+
+def _width_of_part(text: str, size: float, bold: bool, n: int) -> float:
+    return width_in(text[:n], size, bold)
+
+
+def wrapped(text: str, size: float, across_in: float, bold: bool = False) -> list[str]:
+    """Lines no wider than ``across_in``; a word that is wider is broken."""
+    lines = [""]
+    for word in text.split():
+        longer = f"{lines[-1]} {word}".strip()
+        if width_in(longer, size, bold) <= across_in:
+            lines[-1] = longer
+            continue
+        lines += [word] if lines[-1] else []
+        lines[-1] = word
+        while width_in(lines[-1], size, bold) > across_in and len(lines[-1]) > 1:
+            rest = lines[-1]
+            fits = max(bisect_right(range(1, len(rest)), across_in, key=partial(_width_of_part, rest, size, bold)), 1)
+            lines[-1:] = [rest[:fits], rest[fits:]]
+    return lines
 
 
 def _for_print(bgr: np.ndarray, height_in: float) -> np.ndarray:
