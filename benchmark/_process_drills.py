@@ -214,6 +214,6 @@ DRILLS = (
         "the recorder ends at its limit, with a finished bag, and says why; tracking goes on",
         _disk_full(2, "free on the disk"),
     ),
-    Drill("bag played in a loop", "the tracker begins again by itself at each jump of the clock", _bag_loops),
+    Drill("bag played in a loop", "the tracker begins again by itself at each jump of the stamps", _bag_loops),
     Drill("damaged image files", "counted, the camera named; the others go on", _broken_file),
 )

@@ -131,11 +131,8 @@ def selection_of(args: argparse.Namespace):
     ------
     TrackerError : nothing is asked for, or a name or a regular expression is wrong.
     """
-    from rclpy.exceptions import InvalidTopicNameException
-    from rclpy.validate_full_topic_name import validate_full_topic_name
-
     from ..errors import TrackerError
-    from ..ros.recorder_node import TopicSelection
+    from ..ros.recorder_node import TopicSelection, is_topic_name
 
     patterns = [_compiled(text) for text in args.regex]
     patterns += [re.compile(rf"{re.escape('/' + name.strip('/'))}/.+") for name in args.namespace]
@@ -146,10 +143,8 @@ def selection_of(args: argparse.Namespace):
         name, _, type_name = text.partition(":")
         names["/" + name.lstrip("/")] = type_name or None
     for name in names:
-        try:
-            validate_full_topic_name(name)
-        except InvalidTopicNameException:
-            raise TrackerError(f"--topics: expected names of topics, got '{name}'") from None
+        if not is_topic_name(name):
+            raise TrackerError(f"--topics: expected names of topics, got '{name}'")
     if not names and not patterns:
         raise TrackerError("nothing to record: give --topics, --namespace, --regex or --all")
     return TopicSelection(names, tuple(patterns), tuple(_compiled(text) for text in args.exclude), args.images)

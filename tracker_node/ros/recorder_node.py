@@ -15,9 +15,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
+from rclpy.validate_full_topic_name import validate_full_topic_name
 from std_srvs.srv import SetBool, Trigger
 
 from ..errors import TrackerError
@@ -35,6 +37,14 @@ RATE_OVER_S = 10.0
 DEPTH = 100  # messages of a topic that may wait for the event loop
 _MOST = OfferedQos("reliable", "transient_local")
 IMAGE_CHOICES = {"all": (RAW, COMPRESSED), "raw": (RAW,), "compressed": (COMPRESSED,), "none": ()}
+
+
+def is_topic_name(name: str) -> bool:
+    """Whether ROS takes this for the full name of a topic."""
+    try:
+        return validate_full_topic_name(name)
+    except InvalidTopicNameException:
+        return False
 
 
 @dataclass(frozen=True)
