@@ -30,7 +30,7 @@ __all__ = [
 ]  # fmt: skip
 
 PERIOD_NS = round(1e9 / 30.0)
-TIMEOUT_S = 60.0
+TIMEOUT_S = 240.0
 QUEUE_S = 0.2
 _BACK_AND_FORTH = [*range(N), *range(N - 2, 0, -1)]  # so that the body never jumps
 

@@ -19,7 +19,7 @@ from tracker_node.ros.conversions import stamp_ns_of
 from tracker_node.ros.executor import make_executor
 from tracker_node.ros.qos import PROFILE_VARIABLE, images_published, use_fastdds_profile
 
-TIMEOUT_S = 60.0  # generous: compiled code may have to be made first
+TIMEOUT_S = 240.0  # generous: compiled code may have to be made first
 
 
 class Probe:

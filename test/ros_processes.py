@@ -29,7 +29,7 @@ class Process:
     def text(self) -> str:
         return "".join(self.lines)
 
-    def wait_for(self, text: str, timeout_s: float = 30.0) -> None:
+    def wait_for(self, text: str, timeout_s: float = 240.0) -> None:
         wait_until(lambda: text in self.text or self.process.poll() is not None, timeout_s, lambda: self.text)
         assert text in self.text, self.text
 
@@ -41,7 +41,7 @@ class Process:
         return status
 
 
-def wait_until(predicate, timeout_s: float = 30.0, explain=lambda: "") -> None:
+def wait_until(predicate, timeout_s: float = 240.0, explain=lambda: "") -> None:
     deadline = time.monotonic() + timeout_s
     while not predicate():
         assert time.monotonic() < deadline, explain()

@@ -333,7 +333,7 @@ def ask(stream, wanted):
     return [(topic, number, stream.recv(timeout=60)) for topic, number in answer["images"]]
 
 
-def wait_until(predicate, timeout_s=60.0):
+def wait_until(predicate, timeout_s=240.0):
     deadline = time.monotonic() + timeout_s
     while not predicate():
         assert time.monotonic() < deadline

@@ -43,7 +43,7 @@ def _track(folder: Path, fresh: bool) -> int:
     from .sample import run_verb
 
     bag = folder / "bag"
-    print("On its first start the tracker compiles its inner loops: up to a minute without a word")
+    print("On its first start the tracker compiles its inner loops, which takes minutes")
     if (bag / "metadata.yaml").exists() or (bag.is_dir() and list(bag.glob("*.mcap"))):
         shutil.rmtree(bag)  # of an earlier demo
     return run_verb("pipeline", folder / "sample" / "recording.yaml", "--output", folder)

@@ -25,7 +25,8 @@ from .executor import ros_process, spin
 from .qos import RESULT
 
 RECORDER_READY = "recorder: ready"
-_READY_S = 60.0
+_READY_S = 900.0  # on the first start of all, inner loops are compiled
+_TELL_S = 10.0  # without a process being ready, after which that is said
 _END_S = 60.0  # a tracker may still have image sets to track, a recorder messages to write
 _LAST_STATES_S = 0.3  # on their way to us when the tracker has ended
 _N_LISTENERS = 2  # to the state: the ingest (its flow control) and this process; with a recorder one more
@@ -168,9 +169,14 @@ class Pipeline:
             self._say(line)
 
     def _wait_for(self, what: str, ready: Callable[[], bool]) -> bool:
-        until_s = time.monotonic() + _READY_S
+        began_s = time.monotonic()
+        until_s, tell_s = began_s + _READY_S, began_s + _TELL_S
 
         def over() -> bool:
+            nonlocal tell_s
+            if time.monotonic() > tell_s:
+                self._say(f"waiting for {what}: on a first start inner loops are compiled, which takes minutes")
+                tell_s = until_s
             ended = any(child.returncode is not None for child in self._children.values())
             return ready() or ended or time.monotonic() > until_s
 
