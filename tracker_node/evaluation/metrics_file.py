@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import importlib.metadata
 import json
-import math
 import os
 import platform
 import shlex
@@ -20,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from .. import __version__
+from ..loaders.json_values import finite
 
 PACKAGES = {"numpy": "numpy", "numba": "numba", "scipy": "scipy", "opencv": "opencv-python-headless"}
 SIMD_LEVELS = ("avx512f", "avx2", "avx", "sse4_2", "sse2", "asimd", "neon")  # widest first
@@ -129,8 +129,7 @@ def _plain(value: float | int) -> float | int | None:
         return int(value)
     if isinstance(value, (int, np.integer)):
         return int(value)
-    number = float(value)
-    return number if math.isfinite(number) else None
+    return finite(value)
 
 
 def _text(value: float | int) -> str:
