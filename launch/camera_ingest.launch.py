@@ -5,35 +5,32 @@
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-SWITCH = ["true", "false"]
+from tracker_node.ros.launch_files import argument, value_of
 
 
 def generate_launch_description() -> LaunchDescription:
     arguments = [
-        DeclareLaunchArgument("rig", description="rig.yaml with cameras and their sources"),
+        argument("rig"),
         DeclareLaunchArgument("rate", default_value="", description="images per second of recordings; empty: what they say"),
-        DeclareLaunchArgument("shrink", default_value="1", description="make images so many times smaller"),
-        DeclareLaunchArgument("loop", default_value="true", choices=SWITCH, description="recordings begin again at their end"),
-        DeclareLaunchArgument("namespace", default_value="", description="before every relative topic"),
+        argument("shrink"),
+        argument("loop", default_value="true"),
+        argument("namespace"),
     ]
     return LaunchDescription([*arguments, OpaqueFunction(function=_ingest)])
 
 
 def _ingest(context) -> list:
-    def value(name: str) -> str:
-        return LaunchConfiguration(name).perform(context)
-
-    arguments = ["--rig", value("rig"), "--shrink", value("shrink")]
-    arguments += ["--rate", value("rate")] if value("rate") else []
-    arguments += ["--loop"] if value("loop") == "true" else []
+    rate = value_of(context, "rate")
+    arguments = ["--rig", value_of(context, "rig"), "--shrink", value_of(context, "shrink")]
+    arguments += ["--rate", rate] if rate else []
+    arguments += ["--loop"] if value_of(context, "loop") == "true" else []
     node = Node(
         package="tracker_node",
         executable="camera_ingest",
         name="camera_ingest",
-        namespace=value("namespace"),
+        namespace=value_of(context, "namespace"),
         arguments=arguments,
         output="screen",
     )

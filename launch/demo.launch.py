@@ -4,20 +4,19 @@
 """
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, EmitEvent, IncludeLaunchDescription, RegisterEventHandler
-from launch.conditions import IfCondition
+from launch.actions import DeclareLaunchArgument, EmitEvent, RegisterEventHandler
 from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
-from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from launch_ros.substitutions import FindPackageShare
+
+from tracker_node.ros.launch_files import argument, included
 
 
 def generate_launch_description() -> LaunchDescription:
     arguments = [
         DeclareLaunchArgument("output", default_value="out/demo", description="folder for the recording and the results"),
-        DeclareLaunchArgument("rviz", default_value="true", choices=["true", "false"], description="open RViz"),
+        argument("rviz", default_value="true"),
     ]
     demo = Node(
         package="tracker_node",
@@ -25,9 +24,5 @@ def generate_launch_description() -> LaunchDescription:
         arguments=["demo", "--out", LaunchConfiguration("output")],
         output="screen",
     )
-    source = PathJoinSubstitution([FindPackageShare("tracker_node"), "launch", "rviz.launch.py"])
-    rviz = IncludeLaunchDescription(
-        PythonLaunchDescriptionSource(source), condition=IfCondition(LaunchConfiguration("rviz"))
-    )
     end = RegisterEventHandler(OnProcessExit(target_action=demo, on_exit=[EmitEvent(event=Shutdown())]))
-    return LaunchDescription([*arguments, demo, rviz, end])
+    return LaunchDescription([*arguments, demo, included("rviz", (), only_if="rviz"), end])

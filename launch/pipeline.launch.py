@@ -7,8 +7,9 @@ from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, EmitEvent, OpaqueFunction, RegisterEventHandler
 from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
-from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+
+from tracker_node.ros.launch_files import argument, value_of
 
 FILES = ("rig", "model", "initial_state", "occluders", "config", "output")
 
@@ -16,10 +17,7 @@ FILES = ("rig", "model", "initial_state", "occluders", "config", "output")
 def generate_launch_description() -> LaunchDescription:
     arguments = [
         DeclareLaunchArgument("recording", default_value="", description="recording.yaml; what follows goes before what it says"),
-        DeclareLaunchArgument("rig", default_value="", description="rig.yaml with cameras and their sources"),
-        DeclareLaunchArgument("model", default_value="", description="model.yaml or URDF: the body"),
-        DeclareLaunchArgument("initial_state", default_value="", description="state.yaml: where the body is at first"),
-        DeclareLaunchArgument("occluders", default_value="", description="model of fixed things that may hide the body"),
+        *(argument(name, default_value="") for name in ("rig", "model", "initial_state", "occluders")),
         DeclareLaunchArgument("config", default_value="", description="parameters of the tracker"),
         DeclareLaunchArgument("output", default_value="", description="folder of the run; its bag must not exist"),
     ]
@@ -27,7 +25,7 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def _pipeline(context) -> list:
-    given = {name: LaunchConfiguration(name).perform(context) for name in ("recording", *FILES)}
+    given = {name: value_of(context, name) for name in ("recording", *FILES)}
     arguments = [given["recording"]] if given["recording"] else []
     for name in FILES:
         arguments += [f"--{name.replace('_', '-')}", given[name]] if given[name] else []

@@ -5,40 +5,28 @@
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-SWITCH = ["true", "false"]
+from tracker_node.ros.launch_files import argument, value_of
 
 
 def generate_launch_description() -> LaunchDescription:
     arguments = [
-        DeclareLaunchArgument("rig", description="rig.yaml: places and lenses of the cameras"),
-        DeclareLaunchArgument("model", description="model.yaml or URDF: the body"),
-        DeclareLaunchArgument(
-            "initial_state", default_value="", description="state.yaml: where the body is at first; empty: it is looked for"
-        ),
-        DeclareLaunchArgument("occluders", default_value="", description="model of fixed things that may hide the body"),
-        DeclareLaunchArgument("params_file", default_value="", description="parameters of the tracker"),
-        DeclareLaunchArgument(
-            "calibration",
-            default_value="rig",
-            choices=["rig", "camera_info"],
-            description="where lenses come from; camera_info suits resampled images",
-        ),
+        *map(argument, ("rig", "model", "initial_state", "occluders", "params_file")),
+        argument("calibration", default_value="rig"),
         DeclareLaunchArgument("name", default_value="tracker", description="the node's name; one for each of several trackers"),
-        DeclareLaunchArgument("namespace", default_value="", description="before every relative topic"),
+        argument("namespace"),
         DeclareLaunchArgument("frame_prefix", default_value="", description="before link frames; one for each of several bodies"),
-        DeclareLaunchArgument("link_frames", default_value="true", choices=SWITCH, description="publish the body's links on /tf"),
-        DeclareLaunchArgument("use_sim_time", default_value="false", choices=SWITCH, description="take the time from /clock"),
+        argument("link_frames"),
+        argument("use_sim_time"),
     ]
     return LaunchDescription([*arguments, OpaqueFunction(function=_nodes)])
 
 
 def _nodes(context) -> list:
     def value(name: str) -> str:
-        return LaunchConfiguration(name).perform(context)
+        return value_of(context, name)
 
     arguments = ["--rig", value("rig"), "--model", value("model"), "--calibration", value("calibration")]
     for option, name in (("--initial-state", "initial_state"), ("--occluders", "occluders"), ("--config", "params_file")):

@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from launch_stand_ins import declared_names
 
 pytestmark = pytest.mark.full
 ROOT = Path(__file__).resolve().parents[2]
@@ -57,7 +58,7 @@ def test_executables_and_interfaces_are_found():
 @pytest.mark.parametrize("name", LAUNCH_FILES)
 def test_launch_shows_the_arguments(name):
     shown = ros2("launch", "tracker_node", name, "--show-args")
-    declared = re.findall(r'DeclareLaunchArgument\(\s*"(\w+)"', (ROOT / "launch" / name).read_text())
+    declared = declared_names(name)
     assert declared and all(f"'{argument}'" in shown for argument in declared)
 
 

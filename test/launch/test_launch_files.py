@@ -1,93 +1,34 @@
-"""Launch files name executables that exist, options that those take, and arguments that included files have.
-
-Where the launch packages are not installed (they are not on PyPI), stand-ins take their place that keep their arguments, and
-resolve substitutions as launch does.
-"""
+"""Launch files name executables that exist, options that those take, and arguments that included files have."""
 
 import argparse
 import importlib
-import importlib.util
 import re
-import sys
-import types
+import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from camera_rigs import circle_rig
+from launch_stand_ins import Arguments, LaunchConfiguration, declared_by, description_of, launch_stand_ins, resolved
 
 from tracker_node.cli import main
+from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = sorted(path.name for path in (ROOT / "launch").glob("*.py"))
 OTHERS = {"robot_state_publisher": "robot_state_publisher", "rviz2": "rviz2"}
 
 
-class Kept:
-    """Anything of launch: its arguments, by position and name."""
-
-    def __init__(self, *args, **kwargs):
-        self.args, self.kwargs = args, kwargs
-
-
-class LaunchConfiguration(Kept):
-    def perform(self, context: dict[str, str]) -> str:
-        return context[self.args[0]]
-
-
-class FindPackageShare(Kept):
-    def perform(self, context: dict[str, str]) -> str:
-        assert self.args[0] == "tracker_node"
-        return str(ROOT)  # config/ and launch/ lie there as in share/tracker_node
-
-
-class PathJoinSubstitution(Kept):
-    def perform(self, context: dict[str, str]) -> str:
-        return "/".join(resolved(part, context) for part in self.args[0])
-
-
-class PythonExpression(Kept):
-    def perform(self, context: dict[str, str]) -> str:
-        return str(eval("".join(resolved(part, context) for part in self.args[0])))
-
-
-STAND_INS = {
-    "launch": ["LaunchDescription"],
-    "launch.actions": [
-        "DeclareLaunchArgument", "EmitEvent", "IncludeLaunchDescription", "OpaqueFunction", "RegisterEventHandler",
-    ],
-    "launch.conditions": ["IfCondition"],
-    "launch.event_handlers": ["OnProcessExit"],
-    "launch.events": ["Shutdown"],
-    "launch.launch_description_sources": ["PythonLaunchDescriptionSource"],
-    "launch.substitutions": [LaunchConfiguration, PathJoinSubstitution, PythonExpression],
-    "launch_ros": [],
-    "launch_ros.actions": ["Node"],
-    "launch_ros.parameter_descriptions": ["ParameterValue"],
-    "launch_ros.substitutions": [FindPackageShare],
-}  # fmt: skip
-
-
 @pytest.fixture
-def stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module_name, contents in STAND_INS.items():
-        module = types.ModuleType(module_name)
-        for item in contents:
-            kind = type(item, (Kept,), {}) if isinstance(item, str) else item
-            setattr(module, kind.__name__, kind)
-        monkeypatch.setitem(sys.modules, module_name, module)
-
-
-def resolved(item, context: dict[str, str]) -> str:
-    return item if isinstance(item, str) else item.perform(context)
-
-
-def description_of(name: str):
-    path = ROOT / "launch" / name
-    spec = importlib.util.spec_from_file_location(path.name.replace(".", "_"), path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.generate_launch_description()
+def stand_ins(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]:
+    """In a folder with a rig.yaml."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    write_rig_file(rig_file_of(circle_rig(2)), "rig.yaml")
+    with launch_stand_ins():
+        yield
 
 
 @dataclass
@@ -102,22 +43,22 @@ class Started:
     remappings: list
 
 
-def declared_by(name: str) -> dict[str, Kept]:
-    return {a.args[0]: a for a in description_of(name).args[0] if type(a).__name__ == "DeclareLaunchArgument"}
-
-
-def started_by(name: str, /, **given: str) -> list[Started]:
-    """The nodes of a launch file and of those that it includes, with these arguments."""
+def launched(name: str, /, **given: str) -> tuple[list[Started], Arguments]:
+    """The nodes of a launch file and of those that it includes, with these arguments, and the arguments of the first."""
     declared = declared_by(name)
     assert set(given) <= set(declared), f"{name} has no argument {set(given) - set(declared)}"
-    context = dict(given)
+    context = Arguments(given)
     for argument, action in declared.items():
         if argument not in context:
             assert "default_value" in action.kwargs, f"{name} needs {argument}"
             context[argument] = resolved(action.kwargs["default_value"], context)
         choices = action.kwargs.get("choices")
-        assert not choices or context[argument] in choices, (argument, context[argument])
-    return nodes_of(description_of(name).args[0], context)
+        assert not choices or context.get(argument) in choices, (argument, context.get(argument))
+    return nodes_of(description_of(name).args[0], context), context
+
+
+def started_by(name: str, /, **given: str) -> list[Started]:
+    return launched(name, **given)[0]
 
 
 def nodes_of(actions: list, context: dict[str, str]) -> list[Started]:
@@ -171,6 +112,7 @@ CASES = [
     ("pipeline", {"recording": "recording.yaml"}, ["pipeline"]),
     ("pipeline", {**BODY, "initial_state": "s.yaml", "occluders": "o.yaml", "config": "p.yaml", "output": "out"}, ["pipeline"]),
     ("rviz", {}, ["rviz2"]),
+    ("rviz", {"rig": "rig.yaml", "namespace": "lab", "use_sim_time": "true"}, ["rviz2"]),
     ("rig", BODY, ["tracker", "tracker_links", "camera_ingest"]),
     ("rig", {**BODY, "ingest": "false", "bag": "out/bag", "record_images": "raw", "split_mb": "4000", "compression": "zstd",
              "rviz": "true"},
@@ -197,10 +139,10 @@ def test_what_is_started_takes_its_arguments(stand_ins, name, given, expected):
 
 @pytest.mark.parametrize("name", FILES)
 def test_every_argument_is_described_and_used(stand_ins, name):
-    text = (ROOT / "launch" / name).read_text()
-    for argument, action in declared_by(name).items():
-        assert action.kwargs.get("description"), argument
-        assert len(re.findall(rf'"{argument}"', text)) >= 2, argument
+    declared = declared_by(name)
+    assert all(action.kwargs.get("description") for action in declared.values())
+    used = [launched(name, **given)[1].used for case, given, _ in CASES if f"{case}.launch.py" == name]
+    assert set().union(*used) == set(declared)
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -238,9 +180,20 @@ def test_a_replay_has_the_time_of_the_bag(stand_ins):
     assert {node.name: node.parameters.get("use_sim_time") for node in nodes} == {"again": True, "rviz2": "true", "player": None}
 
 
-def test_rviz_opens_a_layout_that_is_there(stand_ins):
+def test_without_a_rig_rviz_opens_the_shipped_layout(stand_ins):
     (rviz,) = started_by("rviz.launch.py")
-    assert Path(rviz.arguments[1]).is_file()
+    assert Path(rviz.arguments[1]).read_text() == (ROOT / "config/rviz/tracker.rviz").read_text()
+
+
+def test_rviz_shows_the_cameras_of_a_rig_in_its_namespace(stand_ins):
+    nodes = started_by("rig.launch.py", **BODY, namespace="lab", rviz="true")
+    layout = Path(next(node for node in nodes if node.name == "rviz2").arguments[1]).read_text()
+    topics = set(re.findall(r"Value: (/.+)", layout))
+    assert all(topic.startswith("/lab/") for topic in topics)
+    assert {"/lab/cam01/image_raw", "/lab/cam02/image_raw", "/lab/tracker/markers", "/lab/robot_description"} <= topics
+    assert not any("cam03" in topic for topic in topics)
+    (rviz,) = started_by("rviz.launch.py", layout="mine.rviz", namespace="lab")
+    assert rviz.arguments == ["-d", "mine.rviz"]
 
 
 @pytest.mark.full

@@ -23,7 +23,7 @@ def rviz_layout(graph: ViewedGraph) -> dict[str, Any]:
         _display("Grid", "Grid", Plane="XY", Color="160; 160; 164", **{"Cell Size": 1, "Plane Cell Count": 10}),
         _display("TF", "Frames", **{"Show Names": False, "Show Arrows": False, "Marker Scale": 0.3, "Frame Timeout": 15}),
         _display("MarkerArray", "Shapes", Topic=_topic(graph.topic("markers"), "Reliable"), Namespaces={}),
-        _robot_model(),
+        _robot_model(graph),
         _display("PoseWithCovariance", "Root", Topic=_topic(graph.topic("pose"), "Reliable"), Shape="Axes", **_ROOT_LOOK),
         *(_camera(graph, name) for name in graph.cameras),
         *(_mask(graph, name) for name in graph.cameras),
@@ -45,7 +45,7 @@ def rviz_layout(graph: ViewedGraph) -> dict[str, Any]:
                 {"Class": "rviz_default_plugins/Interact"},
                 {"Class": "rviz_default_plugins/MoveCamera"},
                 {"Class": "rviz_default_plugins/Measure"},
-                {"Class": "rviz_default_plugins/SetInitialPose", "Topic": _topic("/initialpose", "Reliable")},
+                {"Class": "rviz_default_plugins/SetInitialPose", "Topic": _topic(graph.resolved("initialpose"), "Reliable")},
             ],
             "Views": {"Current": _view(), "Saved": None},
         },
@@ -70,9 +70,9 @@ def _topic(name: str, reliability: str, durability: str = "Volatile") -> Mapping
     }
 
 
-def _robot_model() -> dict[str, Any]:
+def _robot_model(graph: ViewedGraph) -> dict[str, Any]:
     """Off at first, since the markers show the true shapes; it needs robot_state_publisher."""
-    latched = _topic("/robot_description", "Reliable", "Transient Local")
+    latched = _topic(graph.resolved("robot_description"), "Reliable", "Transient Local")
     fields: dict[str, Any] = {"Description Source": "Topic", "Description Topic": latched, "Visual Enabled": True, "Alpha": 0.5}
     return _display("RobotModel", "Robot model", **fields) | {"Enabled": False, "Value": False}
 
@@ -81,7 +81,7 @@ def _camera(graph: ViewedGraph, name: str) -> dict[str, Any]:
     """The camera's image with the shapes in it, as its calibration and place say."""
     visible = {display: display == "Shapes" for display in _VISIBLE} | {"Value": True}
     fields = {"Image Rendering": "background and overlay", "Overlay Alpha": 0.5, "Visibility": visible, "Zoom Factor": 1}
-    return _display("Camera", name, Topic=_topic(f"/{name}/image_raw", "Best Effort"), **fields)
+    return _display("Camera", name, Topic=_topic(graph.resolved(f"{name}/image_raw"), "Best Effort"), **fields)
 
 
 def _mask(graph: ViewedGraph, name: str) -> dict[str, Any]:

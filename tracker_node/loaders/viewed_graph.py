@@ -21,16 +21,22 @@ class ViewedGraph:
     joints : name and place in `JointState` of the joints whose angles are plotted.
     world_frame : the frame that stands still.
     tracker : name of the tracker's node.
+    namespace : of the tracker and the cameras.
     """
 
     cameras: tuple[str, ...]
     joints: tuple[tuple[str, int], ...]
     world_frame: str = "world"
     tracker: str = "tracker"
+    namespace: str = ""
 
     def topic(self, name: str) -> str:
         """A topic of the tracker."""
-        return f"/{self.tracker}/{name}"
+        return self.resolved(f"{self.tracker}/{name}")
+
+    def resolved(self, name: str) -> str:
+        """What a relative topic is called in the graph, such as a camera's, ``robot_description`` and ``initialpose``."""
+        return "/".join(["", *filter(None, (self.namespace.strip("/"), name))])
 
 
 def joints_to_plot(model: ArticulatedModel) -> tuple[tuple[str, int], ...]:

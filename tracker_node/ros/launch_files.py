@@ -1,0 +1,72 @@
+"""What the package's launch files share: the arguments that several of them take, and how one includes another.
+
+Launch files are read by the Python of `ros2 launch`; nothing else imports this.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from launch import LaunchContext
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.conditions import IfCondition
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.substitutions import FindPackageShare
+
+SWITCH = ["true", "false"]
+
+_SHARE = FindPackageShare("tracker_node")
+_SHARED: dict[str, dict[str, Any]] = {
+    "rig": {"description": "rig.yaml: cameras, their places and lenses, and their sources"},
+    "model": {"description": "model.yaml or URDF: the body"},
+    "initial_state": {"default_value": "", "description": "state.yaml: where the body is at first; empty: it is looked for"},
+    "occluders": {"default_value": "", "description": "model of fixed things that may hide the body"},
+    "params_file": {"default_value": "", "description": "parameters of the tracker"},
+    "calibration": {
+        "default_value": "camera_info",
+        "choices": ["rig", "camera_info"],
+        "description": "where lenses come from; camera_info suits resampled images",
+    },
+    "namespace": {"default_value": "", "description": "before every relative topic"},
+    "link_frames": {"default_value": "true", "choices": SWITCH, "description": "publish the body's links on /tf"},
+    "use_sim_time": {"default_value": "false", "choices": SWITCH, "description": "take the time from /clock"},
+    "shrink": {"default_value": "1", "description": "make images so many times smaller"},
+    "loop": {"default_value": "false", "choices": SWITCH, "description": "recordings begin again at their end"},
+    "rviz": {"default_value": "false", "choices": SWITCH, "description": "open RViz"},
+    "layout": {"default_value": "", "description": "of RViz; empty: one for the cameras of rig"},
+}
+
+
+def argument(name: str, **changes: Any) -> DeclareLaunchArgument:
+    """An argument that several launch files have, with what is different about it in this one.
+
+    Parameters
+    ----------
+    changes : ``default_value``, ``choices`` or ``description`` in place of the usual ones.
+    """
+    return DeclareLaunchArgument(name, **(_SHARED[name] | changes))
+
+
+def value_of(context: LaunchContext, name: str) -> str:
+    """What an argument is in this launch."""
+    return LaunchConfiguration(name).perform(context)
+
+
+def included(
+    name: str, passed: Iterable[str], own: Mapping[str, str] | None = None, only_if: str | None = None
+) -> IncludeLaunchDescription:
+    """Another launch file of this package.
+
+    Parameters
+    ----------
+    name : of the file, without ``.launch.py``.
+    passed : arguments of ours that it gets as they are.
+    own : further arguments of it, with their values.
+    only_if : argument of ours that must be ``true``.
+    """
+    path = PathJoinSubstitution([_SHARE, "launch", f"{name}.launch.py"])
+    values: dict[str, Any] = {argument: LaunchConfiguration(argument) for argument in passed} | dict(own or {})
+    condition = None if only_if is None else IfCondition(LaunchConfiguration(only_if))
+    return IncludeLaunchDescription(PythonLaunchDescriptionSource(path), launch_arguments=values.items(), condition=condition)
