@@ -31,13 +31,13 @@ def objective_for(options: ContourOptions, priors=(), hand=True, offset=0.0) -> 
     return ContourObjective(model, ShapeArrays.from_model(model), slots, maps, options, priors), state
 
 
-@pytest.mark.parametrize("sum_of_maps", [False, True])
+@pytest.mark.parametrize("distances", ["split", "sum", "silhouette", "edges"])
 @pytest.mark.parametrize("robust_scale_px", [30.0, 1e4])
-def test_gradient_matches_finite_differences(sum_of_maps, robust_scale_px):
-    options = ContourOptions(robust_scale_px=robust_scale_px, sum_of_maps=sum_of_maps, alignment=-2.0, inner_weight=0.5)
+def test_gradient_matches_finite_differences(distances, robust_scale_px):
+    options = ContourOptions(robust_scale_px=robust_scale_px, distances=distances, alignment=-2.0, inner_weight=0.5)
     prior = Prior(State(np.eye(4), np.zeros(2)), np.linspace(1.0, 8.0, 8) * 100)
     # Without the ellipsoid, whose sample points also turn along their contour; an offset keeps the sum's kink at zero away
-    objective, state = objective_for(options, (prior,), hand=False, offset=400.0 if sum_of_maps else 0.0)
+    objective, state = objective_for(options, (prior,), hand=False, offset=0.0 if distances == "split" else 400.0)
     equations = objective.linearize(state)
     assert equations.count > 100
     step = 1e-6

@@ -12,10 +12,11 @@ from ..camera.camera_rig import Camera, CameraRig
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..objective.shape_jacobian import ContourLines, normalized
+from ..objective.visible_samples import samples_seen
 from ..observation.image_set import ImageSet
 from ..observation.observer import Observer
 from ..render import contour_samples as cs
-from ..render.contour import N_COLUMNS, P, world_spheres
+from ..render.contour import P
 from ..render.raycaster import render_labels
 from ..render.shape_arrays import ShapeArrays
 from ..tracking.config import TrackerConfig
@@ -52,26 +53,13 @@ def visible_samples(
     configuration: Configuration, arrays: ShapeArrays, camera: Camera, n_samples: int, outward_px: float = 3.0
 ) -> VisibleSamples:
     """All contour samples of a body that a camera sees, those of one shape together."""
-    Ts = configuration.Ts_world_shape
-    spheres = np.empty((len(Ts), 4))
-    world_spheres(Ts, arrays.bounds, spheres)
-    most = cs.most_samples(arrays.packed, n_samples)
-    rows, pixels = np.empty((most, N_COLUMNS)), np.empty((most, cs.N_PIXEL_COLUMNS))
-    info = np.empty((most, cs.N_INFO_COLUMNS), dtype=np.int32)
-    T = camera.T_cam_world
-    place = (
-        camera.model.params,
-        np.ascontiguousarray(T[:3, :3]),
-        np.ascontiguousarray(T[:3, 3]),
-        np.ascontiguousarray(camera.center),
-    )
-    n = cs.collect_samples(arrays.packed, Ts, spheres, place, n_samples, outward_px, rows, pixels, info)
-    points = np.empty((n, 3))
-    for k in np.unique(info[:n, cs.SHAPE]):
-        own = info[:n, cs.SHAPE] == k
-        inside = (rows[:n][own, P : P + 3] - Ts[k, :3, 3]) @ Ts[k, :3, :3]
+    seen, Ts = samples_seen(configuration, arrays, camera, n_samples, outward_px), configuration.Ts_world_shape
+    shapes, points = seen.info[:, cs.SHAPE], np.empty((len(seen.info), 3))
+    for k in np.unique(shapes):
+        own = shapes == k
+        inside = (seen.rows[own, P : P + 3] - Ts[k, :3, 3]) @ Ts[k, :3, :3]
         points[own] = normalized(configuration.model.shapes[k].primitive, inside)
-    return VisibleSamples(pixels[:n], info[:n], points)
+    return VisibleSamples(seen.pixels, seen.info, points)
 
 
 class SilhouetteEvidence:

@@ -33,7 +33,7 @@ class ContourOptions:
     robust_scale_px: float = 8.0
     samples_per_line: int = 25
     sliding: bool = True
-    sum_of_maps: bool = False
+    distances: str = "split"
     outward_px: float = 3.0
     inner_weight: float = 0.3
     alignment: float = 0.6
@@ -46,11 +46,11 @@ class ContourOptions:
         options = np.zeros(kernel.N_OPTIONS)
         options[kernel.ROBUST_SCALE] = self.robust_scale_px
         options[kernel.SLIDING] = float(self.sliding)
-        options[kernel.SUM_OF_MAPS] = float(self.sum_of_maps)
+        options[kernel.DISTANCES] = kernel.KINDS.index(self.distances)
         options[kernel.OUTWARD_PX] = self.outward_px
         options[kernel.INNER_WEIGHT] = self.inner_weight
         options[kernel.ALIGNMENT] = self.alignment
-        options[kernel.BOUNDARY_WEIGHT] = 0.0 if self.sum_of_maps else self.boundary_weight
+        options[kernel.BOUNDARY_WEIGHT] = self.boundary_weight if self.distances == "split" else 0.0
         options[kernel.BOUNDARY_SCALE] = self.boundary_scale_px
         options[kernel.REACH] = self.reach_px
         return options

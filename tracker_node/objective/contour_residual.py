@@ -29,8 +29,11 @@ from ..render.contour_samples import JACOBIAN, N_PIXEL_COLUMNS, NU, NV, U, V, pr
 from ..render.contour_visibility import N_VIEW_COLUMNS, classify_samples, nearby_shapes, view_shapes
 
 # Indices of the option array
-ROBUST_SCALE, SLIDING, SUM_OF_MAPS, OUTWARD_PX, INNER_WEIGHT, ALIGNMENT, BOUNDARY_WEIGHT, BOUNDARY_SCALE, REACH = range(9)
+ROBUST_SCALE, SLIDING, DISTANCES, OUTWARD_PX, INNER_WEIGHT, ALIGNMENT, BOUNDARY_WEIGHT, BOUNDARY_SCALE, REACH = range(9)
 N_OPTIONS = 9
+# What a sample reads: values of the option DISTANCES
+KINDS = ("split", "sum", "silhouette", "edges")
+SPLIT, SUM, SILHOUETTE, EDGES = range(len(KINDS))
 # Indices of the statistics array
 COST, SQUARES, COUNT, WEIGHT, N_CANDIDATES, N_UNEXPLAINED = range(6)
 N_STATISTICS = 6
@@ -57,18 +60,21 @@ def bilinear(image, u, v):
 def _read_maps(silhouette, edges, u, v, nu, nv, outer, options):
     """Residual of a sample: (usable, r, r_u, r_v, weight).
 
-    The paper's sum takes the distance outside the silhouette plus the distance to the nearest edge for every sample. The split
-    form reads the *signed* silhouette distance for samples of the body's outline (its sign says which way to go from far
-    off), and the edges for contours within the body; a boundary that does not lie across the sample's normal (nu, nv) is
-    another part's, and is not used.
+    The paper's sum takes the distance outside the silhouette plus the distance to the nearest edge for every sample; `SILHOUETTE`
+    and `EDGES` take one of the two. The split form reads the *signed* silhouette distance for samples of the body's outline
+    (its sign says which way to go from far off), and the edges for contours within the body; a boundary that does not lie
+    across the sample's normal (nu, nv) is another part's, and is not used.
     """
     ok, value, gu, gv = bilinear(silhouette, u, v)
     if not ok:
         return False, 0.0, 0.0, 0.0, 0.0
-    if options[SUM_OF_MAPS] > 0.5:
+    kind = int(options[DISTANCES])
+    if kind != SPLIT:
         ok, edge, eu, ev = bilinear(edges, u, v)
-        if value <= 0.0:
+        if value <= 0.0 or kind == EDGES:
             value, gu, gv = 0.0, 0.0, 0.0
+        if kind == SILHOUETTE:
+            edge, eu, ev = 0.0, 0.0, 0.0
         return ok, value + edge, gu + eu, gv + ev, 1.0
     weight = 1.0
     if not outer:

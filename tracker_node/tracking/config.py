@@ -44,8 +44,9 @@ class EvidenceConfig:
     )  # fmt: skip
     distances: str = parameter(
         "split",
-        "split: outline against the signed silhouette distance, inner contours against edges; sum: the paper's sum of both",
-        choices=("split", "sum"),
+        "split: outline against the signed silhouette distance, inner contours against edges; sum: the paper's sum of both;"
+        " silhouette, edges: one of the two alone, to compare",
+        choices=("split", "sum", "silhouette", "edges"),
     )  # fmt: skip
     scene_sigma: float = parameter(4.0, "least standard deviation of a scene pixel", "grey levels", 0.5, 100)
     shadow: float = parameter(

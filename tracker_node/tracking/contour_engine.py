@@ -63,7 +63,7 @@ class ContourEngine:
             robust_scale_px=optimizer.robust_scale_px,
             samples_per_line=optimizer.samples_per_line,
             sliding=optimizer.sliding,
-            sum_of_maps=evidence.distances == "sum",
+            distances=evidence.distances,
             inner_weight=optimizer.inner_weight,
             alignment=optimizer.alignment,
             boundary_weight=optimizer.boundary_weight,
