@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from moving_person import moving, write_run
+from small_disk import limited_files
 from stick_person import motion as stick_motion
 from stick_person import write_state_bag
 from two_links import two_links
@@ -159,3 +160,22 @@ def test_angles_of_a_person_are_refused_for_a_body_that_is_none(tmp_path, capsys
     assert main(["export", str(folder), "--to", "c3d", "-o", str(tmp_path / "a.c3d")]) == 2
     said = capsys.readouterr().err
     assert "segments of a person" in said and "landmarks" in said and said.count("\n") == 2 and "Traceback" not in said
+
+
+@pytest.mark.parametrize("to", FORMATS)
+def test_a_full_disk_spares_what_was_there(run, tmp_path, capsys, to):
+    output = tmp_path / f"a.{to}"
+    command = ["export", str(run), "--to", to, "-o", str(output), "--force"]
+
+    def files() -> dict[str, bytes]:
+        return {str(path.relative_to(tmp_path)): path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+
+    assert main(command) == 0
+    before = files()
+    capsys.readouterr()
+    with limited_files(2000):  # what comes first fits, of a table too
+        assert main([*command, "--rate", "120"]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and f"a.{to}" in said and ("File too large" in said or "whole" in said)
+    assert files() == before
+    assert main([*command, "--rate", "120"]) == 0 and files().keys() == before.keys() and files() != before

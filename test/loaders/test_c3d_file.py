@@ -1,6 +1,5 @@
 """C3D files, written through ezc3d and read back by it and by another reader."""
 
-import resource
 import warnings
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from small_disk import limited_files
 
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.c3d_file import MOST_FRAMES, AnglesOverTime, dump_c3d, load_c3d
@@ -84,13 +84,8 @@ def test_a_file_that_cannot_be_written_is_an_error(tmp_path):
 def test_a_full_disk_is_an_error_and_spares_what_was_there(tmp_path, room):
     path = tmp_path / "a.c3d"
     path.write_bytes(b"mine")
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
-    try:
-        with pytest.raises(OSError, match=r"whole.*a\.c3d"):
-            dump_c3d(trajectories(500, 4), path)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    with limited_files(room), pytest.raises(OSError, match=r"whole.*a\.c3d"):
+        dump_c3d(trajectories(500, 4), path)
     assert path.read_bytes() == b"mine" and len(list(tmp_path.iterdir())) == 1
 
 

@@ -7,7 +7,6 @@ still's, brought to the recording's exposure.
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +15,7 @@ import numpy as np
 
 from ..errors import SourceError
 from ..loaders.image_source import open_source
+from ..loaders.whole_file import whole_file
 
 
 @dataclass(frozen=True)
@@ -111,9 +111,8 @@ def write_image(path: Path, image: np.ndarray) -> None:
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_name(f".{path.name}.{os.getpid()}")
-        temporary.write_bytes(cv2.imencode(".png", image)[1].tobytes())
-        temporary.replace(path)
+        with whole_file(path) as draft:
+            draft.write_bytes(cv2.imencode(".png", image)[1].tobytes())
     except OSError as error:
         raise SourceError(path, f"cannot be written: {error.strerror}") from error
 

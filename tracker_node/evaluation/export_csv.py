@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from ..loaders.csv_file import CsvWriter, exact
 from ..loaders.trc import METERS_PER_UNIT
+from ..loaders.whole_file import whole_file
 from .coordinates import model_coordinates, opensim_coordinates
 from .export_options import ExportOptions
 from .isb_angles import isb_angles
@@ -37,15 +39,24 @@ def write_tables(motion: RunMotion, folder: Path, tables: list[Table]) -> None:
     """``<name>.csv`` of each table into ``folder``: ``stamp_ns``, ``time_s`` since the first instant, and the columns.
 
     Those of `TABLES` that are not among them are deleted: they would be of another export, maybe in other axes and units.
+
+    Raises
+    ------
+    OSError : not all of them can be written; the folder is as it was.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    with ExitStack() as stack:  # each takes the place of an earlier one when all are written
+        for table in tables:
+            _write_table(motion, table, stack.enter_context(whole_file(folder / f"{table.name}.csv")))
     for name in set(TABLES) - {table.name for table in tables}:
         (folder / f"{name}.csv").unlink(missing_ok=True)
-    for table in tables:
-        with CsvWriter(folder / f"{table.name}.csv", ("stamp_ns", "time_s", *table.columns)) as writer:
-            for stamp, time_s, values, good in zip(motion.stamps_ns, motion.times_s, table.values, table.valid, strict=True):
-                cells = [exact(value) if ok else "" for value, ok in zip(values, good, strict=True)]
-                writer.write_rows([[int(stamp), exact(time_s), *cells]])
+
+
+def _write_table(motion: RunMotion, table: Table, path: Path) -> None:
+    with CsvWriter(path, ("stamp_ns", "time_s", *table.columns)) as writer:
+        for stamp, time_s, values, good in zip(motion.stamps_ns, motion.times_s, table.values, table.valid, strict=True):
+            cells = [exact(value) if ok else "" for value, ok in zip(values, good, strict=True)]
+            writer.write_rows([[int(stamp), exact(time_s), *cells]])
 
 
 def tables(motion: RunMotion, options: ExportOptions, kinematics: StateKinematics | None = None) -> list[Table]:

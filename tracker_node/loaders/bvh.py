@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from .trc import METERS_PER_UNIT
+from .whole_file import write_whole
 
 AXES_Y_UP = np.eye(3)[[1, 2, 0]]  # file = AXES_Y_UP @ world
 ORDER = "ZXY"
@@ -59,7 +60,7 @@ def dump_bvh(
     lines += [f"Frames: {len(Ts_world_link)}", f"Frame Time: {period_s:.10g}"]
     channels = np.concatenate([bones[i].channels for i in _depth_first(bones, 0)], axis=1)
     lines += [" ".join(f"{value:.9g}" for value in row) for row in channels]
-    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_whole(path, "\n".join(lines) + "\n")
 
 
 def _bones(

@@ -19,6 +19,7 @@ import numpy as np
 from ..errors import FileFormatError
 from .c3d_reader import read_c3d
 from .trc import METERS_PER_UNIT, MarkerTrajectories
+from .whole_file import whole_file
 
 MOST_FRAMES = 65535  # that the header can count; of longer recordings TRIAL:ACTUAL_END_FIELD tells, to programs that look for it
 _BLOCK = 512  # bytes
@@ -87,25 +88,10 @@ def dump_c3d(
         "residuals": np.where(valid, 0.0, -1.0).T[None],
         "camera_masks": np.zeros((7, values.shape[1], n), dtype=bool),
     }
-    _write_whole(file, Path(path), values.shape[1] * n)
-
-
-def _write_whole(file: Any, path: Path, n_values: int) -> None:
-    """Through a temporary file, and checked by its size: ezc3d does not notice when the disk is full or the folder read-only."""
-    path = path.resolve()
-    if path.exists() and not path.is_file():
-        raise OSError(errno.EINVAL, "not a regular file", str(path))
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.c3d")  # ezc3d would append the suffix to any other name
-    try:
-        temporary.touch()  # which says why, where nothing can be written
-        try:
-            file.write(str(temporary))
-            _check_size(temporary, n_values * _POINT_BYTES)
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, str(path)) from error  # the user has not asked for the temporary file
+    with whole_file(path, ".c3d") as draft:  # ezc3d appends the suffix to any other name
+        draft.touch()  # which says why, where nothing can be written: ezc3d does not notice
+        file.write(str(draft))
+        _check_size(draft, values.shape[1] * n * _POINT_BYTES)
 
 
 def _check_size(path: Path, n_data: int) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import FileFormatError
+from .whole_file import write_whole
 from .yaml_file import read_text
 
 _TRUE, _FALSE = ("yes", "y", "true", "1"), ("no", "n", "false", "0")
@@ -46,7 +47,7 @@ def dump_table(table: NumberTable, path: str | Path, title: str = "Coordinates")
     for time_s, values, valid in zip(table.times_s, table.values, table.valid, strict=True):
         cells = [repr(float(value)) if good else "nan" for value, good in zip(values, valid, strict=True)]
         lines.append("\t".join([repr(float(time_s)), *cells]))
-    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_whole(path, "\n".join(lines) + "\n")
 
 
 def load_table(path: str | Path) -> NumberTable:

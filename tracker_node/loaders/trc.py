@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import FileFormatError, UnknownNameError
+from .whole_file import write_whole
 from .yaml_file import read_text
 
 METERS_PER_UNIT = {"m": 1.0, "cm": 0.01, "mm": 0.001}
@@ -104,7 +105,7 @@ def dump_trc(markers: MarkerTrajectories, path: str | Path, y_up: bool = True, u
         cells[-1] = cells[-1] or "nan"  # OpenSim takes no notice of an empty cell at the end of a row, and misses it
         lines.append("\t".join(cells))
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_whole(path, "\n".join(lines) + "\n")
 
 
 def _marker_names(path: str | Path, line: str) -> tuple[str, ...]:

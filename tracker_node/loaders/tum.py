@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from .trajectory_file import PoseTrajectory
+from .whole_file import write_whole
 
 _SECOND_NS = 1_000_000_000
 
@@ -15,4 +16,4 @@ def dump_tum(poses: PoseTrajectory, path: str | Path) -> None:
     for stamp_ns, p, q in zip(poses.stamps_ns, poses.positions_m, poses.quaternions_xyzw, strict=True):
         seconds, nanoseconds = divmod(int(stamp_ns), _SECOND_NS)
         lines.append(" ".join([f"{seconds}.{nanoseconds:09d}", *(repr(float(value)) for value in (*p, *q))]))
-    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_whole(path, "\n".join(lines) + "\n")

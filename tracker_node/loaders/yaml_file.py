@@ -6,7 +6,6 @@ mapping may hold only the fields that its format knows.
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,6 +17,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, mo
 from pydantic_core import PydanticCustomError
 
 from ..errors import FileFormatError
+from .whole_file import write_whole
 
 LARGEST = 1e12  # no length, angle or pixel of a real scene is beyond
 MOST_VALUES = 1_000_000  # of a file, each alias counted as often as it is used
@@ -142,13 +142,7 @@ def write_mapping(values: Mapping[str, Any], path: str | Path, comment: str = ""
     text += yaml.dump(dict(values), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=110)
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise OSError(error.errno, error.strerror, str(path)) from error  # the user has not asked for the temporary file
+    write_whole(path, text)
 
 
 class FileModel(BaseModel):
