@@ -119,18 +119,7 @@ def track(tracker: Tracker, sets: Sequence[ImageSet]) -> Run:
 def judge(clip: Clip, run: Run, name: str, lag_images: float | None) -> Evaluation:
     """Errors against the joints triangulated from 2D detections; the lag counts sets of the run, None estimates it."""
     estimates = run.estimates
-    data = RunData(
-        path=Path(name),
-        dof_names=clip.model.chain.dof_names,
-        stamps_ns=np.array([e.stamp_ns for e in estimates], dtype=np.int64),
-        status=np.array([int(e.status) for e in estimates]),
-        values=np.array([e.state.to_values() for e in estimates]),
-        residual_px=np.array([e.residual_px for e in estimates]),
-        iterations=np.array([e.iterations for e in estimates]),
-        cameras=clip.rig.names,
-        camera_residuals_px=np.array([[c.residual_px for c in e.cameras] for e in estimates]),
-        camera_samples=np.array([[c.samples for c in e.cameras] for e in estimates]),
-    )
+    data = RunData.of_estimates(Path(name), clip.model, clip.rig, estimates)
     options = EvaluationOptions(name, lag_images, "first", image_sets=len(estimates))
     return evaluate(data, clip.model, clip.truth, options, own_time=True)
 

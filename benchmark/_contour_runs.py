@@ -115,18 +115,7 @@ def track(
 def judged(clip: Clip, run: Run, name: str) -> Evaluation:
     """The run against the truth of its own image sets."""
     estimates = run.estimates
-    data = RunData(
-        path=clip.folder,
-        dof_names=clip.model.chain.dof_names,
-        stamps_ns=np.array([e.stamp_ns for e in estimates], dtype=np.int64),
-        status=np.array([int(e.status) for e in estimates]),
-        values=np.array([e.state.to_values() for e in estimates]),
-        residual_px=np.array([e.residual_px for e in estimates]),
-        iterations=np.array([e.iterations for e in estimates]),
-        cameras=clip.rig.names,
-        camera_residuals_px=np.array([[c.residual_px for c in e.cameras] for e in estimates]),
-        camera_samples=np.array([[c.samples for c in e.cameras] for e in estimates]),
-    )
+    data = RunData.of_estimates(clip.folder, clip.model, clip.rig, estimates)
     options = EvaluationOptions(name, lag_images=0.0, align="stamp", image_sets=len(estimates))
     return evaluate(data, clip.model, load_truth(clip.folder / "truth.csv"), options)
 

@@ -13,26 +13,17 @@ import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
-from tracker_node.cli.synthesize import Request, default_motions, produce, show_progress
+from tracker_node.cli._contour_clips import rendered
+from tracker_node.cli.synthesize import Request, default_motions
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.evaluate import Evaluation, EvaluationOptions, evaluate
-from tracker_node.evaluation.image_sets import SourceStream
+from tracker_node.evaluation.contour_experiments import until_converged
+from tracker_node.evaluation.evaluate import Evaluation
 from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
-from tracker_node.evaluation.run_data import RunData
-from tracker_node.evaluation.truth import load_truth
-from tracker_node.loaders.image_source import SourceOptions
-from tracker_node.loaders.model_yaml import load_model
-from tracker_node.loaders.plate_file import load_plates
-from tracker_node.loaders.rig_yaml import load_rig
-from tracker_node.loaders.state_yaml import load_state
+from tracker_node.evaluation.tracked_clip import synthetic_clip, track_clip
 from tracker_node.tracking.config import TrackerConfig
-from tracker_node.tracking.tracker import Tracker
 
 CONES_IMAGES = {"quick": 30, "full": 120}
 CLIPS = {"quick": ("walk", "spinkick"), "full": ("walk", "cartwheel", "spinkick")}
-ABLATION_ITERATIONS = 50
 DEFAULT_CACHE = Path("out/synthetic")
 
 
@@ -52,7 +43,7 @@ def main() -> int:
         for job in _jobs(size, args.motions):
             if args.only and job.name not in args.only:
                 continue
-            folder = _recording(job, args.cache)
+            folder = rendered(job.name, job.request, args.cache)
             config = TrackerConfig()
             result = track(folder, job.name, config)
             figures |= _cone_figures(result) if job.name == "cones" else _mannequin_figures(result)
@@ -94,42 +85,14 @@ def _jobs(size: str, motions: str | None) -> list[Job]:
     return jobs + [Job(f"mannequin_{clip}", Request(motion=clip, motions=motions)) for clip in CLIPS[size]]
 
 
-def _recording(job: Job, cache: Path) -> Path:
-    """Folder of the recording, rendered if it is not there."""
-    count = "" if job.request.n_images is None else f"-{job.request.n_images}"
-    folder = cache / f"{job.name}{count}"
-    made = produce(job.request, folder, progress=show_progress)
-    print(f"{job.name}: {'rendered into' if made else 'found in'} {folder}", file=sys.stderr)
-    return folder
-
-
 def track(folder: Path, name: str, config: TrackerConfig) -> Evaluation:
     """Track a recording from its first pose, and hold the states against its truth."""
-    rig, model = load_rig(folder / "rig.yaml"), load_model(folder / "person.yaml")
-    tracker = Tracker(rig, model, config, load_plates(rig), load_state(folder / "state.yaml", model))
-    stream = SourceStream(rig, config.synchronizer, SourceOptions())
-    estimates = []
-    for image_set in stream:
-        estimates.append(tracker.step(image_set))
+
+    def show(done: int, total: int) -> None:
         if sys.stderr.isatty():
-            print(f"\r{name}: set {len(estimates)}", end="", file=sys.stderr, flush=True)
-    if stream.errors:
-        raise TrackerError(f"{folder}: {'; '.join(map(str, stream.errors))}")
-    run = RunData(
-        path=folder,
-        dof_names=model.chain.dof_names,
-        stamps_ns=np.array([e.stamp_ns for e in estimates], dtype=np.int64),
-        status=np.array([int(e.status) for e in estimates]),
-        values=np.array([e.state.to_values() for e in estimates]),
-        residual_px=np.array([e.residual_px for e in estimates]),
-        iterations=np.array([e.iterations for e in estimates]),
-        cameras=rig.names,
-        camera_residuals_px=np.array([[c.residual_px for c in e.cameras] for e in estimates]),
-        camera_samples=np.array([[c.samples for c in e.cameras] for e in estimates]),
-    )
-    truth = load_truth(folder / "truth.csv")
-    options = EvaluationOptions(name, lag_images=0.0, align="stamp", image_sets=len(truth.stamps_ns))
-    return evaluate(run, model, truth, options)
+            print(f"\r{name}: set {done} of {total}", end="", file=sys.stderr, flush=True)
+
+    return track_clip(synthetic_clip(folder, name), config, show).evaluation
 
 
 def _cone_figures(result: Evaluation) -> dict[str, float | int]:
@@ -164,9 +127,8 @@ def _sliding_figures(folder: Path, config: TrackerConfig) -> dict[str, float | i
     """
     figures: dict[str, float | int] = {}
     for sliding, name in ((True, "with"), (False, "without")):
-        optimizer = replace(config.optimizer, sliding=sliding, max_iterations=ABLATION_ITERATIONS)
         evidence = replace(config.evidence, kind="chamfer")
-        result = track(folder, f"sliding {name}", replace(config, optimizer=optimizer, evidence=evidence))
+        result = track(folder, f"sliding {name}", until_converged(replace(config, evidence=evidence), sliding))
         figures[f"sliding.iterations_{name}"] = float(result.iterations.mean())
         figures[f"sliding.error_{name}_mm"] = result.raw.mean_mm
     return dict(sorted(figures.items()))

@@ -36,6 +36,7 @@ from _contour_runs import (
 
 from tracker_node.cli.synthesize import FIGURE_IMAGES, Request
 from tracker_node.errors import TrackerError
+from tracker_node.evaluation.contour_experiments import displaced
 from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
 from tracker_node.loaders.trajectory_file import read_states
 from tracker_node.model.configuration import Configuration, State
@@ -134,14 +135,6 @@ def basin_figures(
         f"figure_basin.{name}_start_mm": float(1e3 * np.mean(errors_m)),
         f"figure_basin.{name}_end_median_mm": float(1e3 * np.median(ends_m)),
     }
-
-
-def displaced(pose: State, angle: float, shift_m: float, rng: np.random.Generator) -> State:
-    """Every joint off by ``angle`` one way or the other, the root turned by it and moved by ``shift_m`` in some direction."""
-    shift, axis = rng.standard_normal((2, 3))
-    signs = rng.choice([-1.0, 1.0], len(pose.joint_positions))
-    unit = (shift_m * shift / np.linalg.norm(shift), angle * axis / np.linalg.norm(axis))
-    return pose.retract(np.concatenate([*unit, angle * signs]))
 
 
 def _worst_joint_m(clip: Clip, state: State, truth: State) -> float:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..camera.camera_rig import CameraRig
 from ..errors import FileFormatError
 from ..loaders.bag_reader import STORAGE_SUFFIXES, BagReader
 from ..loaders.message_types import TRACKED_STATE
@@ -17,7 +18,7 @@ from ..loaders.motion_file import CovarianceTrajectory, read_covariances
 from ..loaders.trajectory_file import read_states
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..tracking.estimate import LimbStatus, Status
+from ..tracking.estimate import LimbStatus, Status, TrackEstimate
 from .smoothed_writer import FOLDER as SMOOTHED
 
 STATES_FILE, COVARIANCES_FILE, INFO_FILE, BAG_FOLDER = "states.csv", "covariances.csv", "run.json", "bag"
@@ -81,6 +82,22 @@ class RunData:
     bag: Path | None = None
     info: Mapping[str, Any] = field(default_factory=dict)
     details: RunDetails | None = None
+
+    @classmethod
+    def of_estimates(cls, path: Path, model: ArticulatedModel, rig: CameraRig, estimates: Sequence[TrackEstimate]) -> RunData:
+        """What a tracker of ``model`` before the cameras of ``rig`` has returned, one estimate for each image set."""
+        return cls(
+            path=path,
+            dof_names=model.chain.dof_names,
+            stamps_ns=np.array([e.stamp_ns for e in estimates], dtype=np.int64),
+            status=np.array([int(e.status) for e in estimates]),
+            values=np.array([e.state.to_values() for e in estimates]),
+            residual_px=np.array([e.residual_px for e in estimates]),
+            iterations=np.array([e.iterations for e in estimates]),
+            cameras=rig.names,
+            camera_residuals_px=np.array([[c.residual_px for c in e.cameras] for e in estimates]),
+            camera_samples=np.array([[c.samples for c in e.cameras] for e in estimates]),
+        )
 
     def __len__(self) -> int:
         return len(self.stamps_ns)
