@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 import cv2
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from trimesh.creation import box, icosphere
 
@@ -100,21 +101,24 @@ def draw_curves(reader: BagReader, layout: Path, path: Path) -> None:
     """Two tabs of a layout of PlotJuggler, with the curves that it names."""
     root = ElementTree.parse(layout).getroot()
     tabs = {tab.get("tab_name"): tab for tab in root.iter("Tab")}
-    plots = [(name, plot) for name in TABS for plot in tabs[name].iter("plot")]
-    columns = [[plot for tab, plot in plots if tab == name] for name in TABS]
+    columns = [list(tabs[name].iter("DockArea")) for name in TABS]
     figure, axes = plt.subplots(max(map(len, columns)), len(TABS), figsize=(14, 6.5), sharex=True, squeeze=False)
     for c, (name, column) in enumerate(zip(TABS, columns, strict=True)):
         axes[0, c].set_title(f"tab '{name}'")
-        for r, plot in enumerate(column):
-            for curve in plot.iter("curve"):
+        for r, area in enumerate(column):
+            for curve in area.iter("curve"):
                 seconds, values = curve_of(reader, curve.get("name"))
                 label = curve.get("name").removeprefix("/tracker/")
                 axes[r, c].plot(seconds, values, color=curve.get("color"), lw=1.3, label=label)
             axes[r, c].legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.03), frameon=False)
             axes[r, c].grid(alpha=0.3)
+            title = area.get("name").partition(":")[0]
+            axes[r, c].set_ylabel(title, fontsize=9)
+            if "," not in title:  # without a unit: numbers of something
+                axes[r, c].yaxis.set_major_locator(MaxNLocator(nbins=5, integer=True))
         for r in range(len(column), len(axes)):
             axes[r, c].set_visible(False)
-        axes[len(column) - 1, c].set_xlabel("s")
+        axes[len(column) - 1, c].set_xlabel("time, s")
         axes[len(column) - 1, c].tick_params(labelbottom=True)
     figure.tight_layout()
     figure.savefig(path, dpi=100)

@@ -243,6 +243,20 @@ def test_plotjuggler_finds_every_curve(layouts, recorded):
         assert int(splitter.get("count")) == len(splitter) == len(splitter.get("sizes").split(";"))
 
 
+UNITS = {"_px": "px", "_ms": "ms", "joint_states": "rad", "root_pose/position": "m", "velocities": "m/s"}
+
+
+def test_plots_say_their_units(layouts):
+    areas = ElementTree.parse(layouts / "plotjuggler/tracker.xml").getroot().iter("DockArea")
+    plots = [(area.get("name"), [curve.get("name") for curve in area.iter("curve")]) for area in areas]
+    shown = [panel for name, panel in panels_of(layouts).items() if name.startswith("Plot!")]
+    plots += [(panel["foxglovePanelTitle"], [path["value"] for path in panel["paths"]]) for panel in shown]
+    for title, curves in plots:
+        units = {unit for curve in curves for part, unit in UNITS.items() if part in curve}
+        assert len(units) <= 1 and all(title.endswith(f", {unit}") for unit in units), title
+        assert re.match(r"\w{4}", title)
+
+
 def test_the_pictures_of_the_documentation_can_be_made_again(repository, layouts, recorded, tmp_path):
     tool, layout = repository / "tools/monitoring_pictures.py", layouts / "plotjuggler/tracker.xml"
     run = [sys.executable, tool, recorded.bag, "--output", tmp_path, "--layout", layout]
@@ -251,3 +265,23 @@ def test_the_pictures_of_the_documentation_can_be_made_again(repository, layouts
         assert f"images/{name}" in (repository / "docs/monitoring.md").read_text()
         picture = cv2.imread(str(tmp_path / name))
         assert picture.std() > 5.0 and picture.shape[1] > 300
+
+
+def topics_of(layouts: Path) -> set[str]:
+    """Every topic that RViz and Foxglove are told of."""
+    rviz, foxglove = (layouts / "rviz/tracker.rviz").read_text(), (layouts / "foxglove/tracker.json").read_text()
+    return {*re.findall(r"Value: (/\S+)", rviz), *re.findall(r'"(/[\w/]+)', foxglove)}
+
+
+def test_in_a_namespace_are_tracker_and_cameras(recording, probe, launch, tmp_path):
+    rig, model = str(recording / "rig.yaml"), str(recording / "model.yaml")
+    assert main(["layouts", "--rig", rig, "--model", model, "--namespace", "/lab/", "--output", str(tmp_path)]) == 0
+    named = topics_of(tmp_path)
+    assert {"/lab/tracker/markers", "/lab/cam1/image_raw", "/lab/initialpose", "/diagnostics"} <= named
+    namespace = ("--ros-args", "-r", "__ns:=/lab")  # what `namespace:=lab` of the launch files becomes
+    launch("tracker", "--rig", rig, "--model", model, *namespace)
+    launch("camera_ingest", "--rig", rig, "--loop", *namespace)
+    there = probe.node.get_topic_names_and_types
+    probe.spin_until(lambda: named <= {name for name, _ in there()}, "all topics of the layouts")
+    curves = [curve.get("name") for curve in ElementTree.parse(tmp_path / "plotjuggler/tracker.xml").getroot().iter("curve")]
+    assert curves and all(curve.startswith(("/lab/tracker/state/", "/lab/tracker/joint_states/")) for curve in curves)

@@ -15,6 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     cameras.add_argument("--cameras", nargs="+", metavar="NAME", help="names of the cameras, where there is no rig.yaml")
     parser.add_argument("--model", type=Path, metavar="FILE", help="model.yaml or URDF: the body (default: the human)")
     parser.add_argument("--tracker", default="tracker", metavar="NAME", help="the tracker's node (default: %(default)s)")
+    parser.add_argument("--namespace", default="", metavar="NS", help="of the tracker and the cameras (default: none)")
     parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="gets rviz/, foxglove/ and plotjuggler/")
     parser.add_argument("--force", action="store_true", help="write over what is there")
 
@@ -32,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
     joints = joints_to_plot(load_model(args.model) if args.model else human_model())
     rig = load_rig(args.rig) if args.rig else None
     cameras, world = (rig.names, rig.world_frame) if rig else (tuple(args.cameras), "world")
-    graph = ViewedGraph(tuple(cameras), joints, world, args.tracker.strip("/"))
+    graph = ViewedGraph(tuple(cameras), joints, world, args.tracker.strip("/"), args.namespace)
     writers = {
         "rviz/tracker.rviz": write_rviz_layout,
         "foxglove/tracker.json": write_foxglove_layout,

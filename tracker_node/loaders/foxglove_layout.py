@@ -22,11 +22,13 @@ def foxglove_layout(graph: ViewedGraph) -> dict[str, Any]:
     """The layout as Foxglove exports and imports it: the panels' settings by their ids, and a tree of the ids."""
     state = graph.topic("state")
     plots = {
-        "Plot!residual": _plot("Residual", [(f"{state}.residual_px", "all cameras, px"), *_camera_residuals(graph)]),
+        "Plot!residual": _plot("Residual, px", [(f"{state}.residual_px", "all cameras"), *_camera_residuals(graph)]),
         "Plot!effort": _plot("Steps of the optimizer", [(f"{state}.iterations", "iterations")]),
-        "Plot!timings": _plot("Time, ms", [(f"{state}.{name}_ms", name) for name in ("observe", "optimize", "total")]),
+        "Plot!timings": _plot(
+            "Time for an image set, ms", [(f"{state}.{name}_ms", name) for name in ("observe", "optimize", "total")]
+        ),
         "Plot!joints": _plot("Joint angles, rad", [(f"{graph.topic('joint_states')}.position[{i}]", n) for n, i in graph.joints]),
-        "Plot!limbs": _plot("Probability that a limb is lost", [(f"{state}.limb_lost_probability[:]", "limbs")]),
+        "Plot!limbs": _plot("Probability that a limb is lost, 0 to 1", [(f"{state}.limb_lost_probability[:]", "limbs")]),
     }
     plots["Plot!limbs"]["paths"][0]["showLine"] = False  # all limbs are one series
     images = {f"Image!{name}": _image(graph, name) for name in graph.cameras}
@@ -71,15 +73,15 @@ def _three_dee(graph: ViewedGraph) -> dict[str, Any]:
         "topics": {
             graph.topic("markers"): {"visible": True},
             graph.topic("pose"): {"visible": True, "type": "axis", "axisScale": 0.2},
-            "/robot_description": robot,
-            **{f"/{name}/camera_info": {"visible": True} for name in graph.cameras},
+            graph.resolved("robot_description"): robot,
+            **{graph.resolved(f"{name}/camera_info"): {"visible": True} for name in graph.cameras},
         },
     }
 
 
 def _image(graph: ViewedGraph, name: str) -> dict[str, Any]:
-    mode = {"imageTopic": graph.topic(f"{name}/overlay"), "calibrationTopic": f"/{name}/camera_info", "rectifyImage": False}
-    return {"foxglovePanelTitle": name, "imageMode": mode}
+    topics = {"imageTopic": graph.topic(f"{name}/overlay"), "calibrationTopic": graph.resolved(f"{name}/camera_info")}
+    return {"foxglovePanelTitle": name, "imageMode": {**topics, "rectifyImage": False}}
 
 
 def _status(state: str) -> dict[str, Any]:

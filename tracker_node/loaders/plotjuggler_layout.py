@@ -28,31 +28,36 @@ def plotjuggler_layout(graph: ViewedGraph) -> str:
     return "<?xml version='1.0' encoding='UTF-8'?>\n" + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _tabs(graph: ViewedGraph) -> dict[str, list[list[str]]]:
-    """Name of a tab to its plots, one below the other, each a list of curves."""
+def _tabs(graph: ViewedGraph) -> dict[str, list[tuple[str, list[str]]]]:
+    """Name of a tab to its plots, one below the other, each a title with its unit and the curves."""
     state, joints = graph.topic("state"), graph.topic("joint_states")
-    half = (len(graph.joints) + 1) // 2
+    half, n_cameras = (len(graph.joints) + 1) // 2, len(graph.cameras)
     names = [name for name, _ in graph.joints]
     return {
         "Fit": [
-            [f"{state}/residual_px", *(f"{state}/camera_residuals_px[{i}]" for i in range(len(graph.cameras)))],
-            [f"{state}/status"],
-            [f"{state}/iterations", f"{state}/evaluations"],
+            ("residual, px", [f"{state}/residual_px", *(f"{state}/camera_residuals_px[{i}]" for i in range(n_cameras))]),
+            ("status: 1 tracking, 2 degraded, 3 lost", [f"{state}/status"]),
+            ("steps of the optimizer", [f"{state}/iterations", f"{state}/evaluations"]),
         ],
-        "Timings": [[f"{state}/observe_ms", f"{state}/optimize_ms", f"{state}/total_ms"]],
-        "Joint angles": [[f"{joints}/{name}/position" for name in part] for part in (names[:half], names[half:]) if part],
-        "Root": [[f"{state}/root_pose/position/{axis}" for axis in "xyz"], [f"{state}/velocities[{i}]" for i in range(3)]],
-        "Cameras": [[f"{state}/camera_samples[{i}]" for i in range(len(graph.cameras))]],
+        "Timings": [("time for an image set, ms", [f"{state}/{name}_ms" for name in ("observe", "optimize", "total")])],
+        "Joint angles": [
+            ("angle, rad", [f"{joints}/{name}/position" for name in part]) for part in (names[:half], names[half:]) if part
+        ],
+        "Root": [
+            ("position, m", [f"{state}/root_pose/position/{axis}" for axis in "xyz"]),
+            ("velocity, m/s", [f"{state}/velocities[{i}]" for i in range(3)]),
+        ],
+        "Cameras": [("samples in the fit", [f"{state}/camera_samples[{i}]" for i in range(n_cameras)])],
     }
 
 
-def _add_tab(tabs: ElementTree.Element, name: str, plots: list[list[str]]) -> None:
+def _add_tab(tabs: ElementTree.Element, name: str, plots: list[tuple[str, list[str]]]) -> None:
     tab = ElementTree.SubElement(tabs, "Tab", tab_name=name, containers="1")
     container = ElementTree.SubElement(tab, "Container")
     sizes = ";".join(f"{1.0 / len(plots):.6g}" for _ in plots)
     splitter = ElementTree.SubElement(container, "DockSplitter", orientation="-", count=str(len(plots)), sizes=sizes)
-    for curves in plots:
-        area = ElementTree.SubElement(splitter, "DockArea", name="...")
+    for title, curves in plots:
+        area = ElementTree.SubElement(splitter, "DockArea", name=title)
         plot = ElementTree.SubElement(area, "plot", mode="TimeSeries", style="Lines", flip_x="false", flip_y="false")
         ElementTree.SubElement(plot, "limitY")
         for i, curve in enumerate(curves):
