@@ -18,9 +18,10 @@ from tracker_node.evaluation.association import Trajectories
 from tracker_node.evaluation.document import Column, Document, Section, Table, strips_of
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.figure_files import file_name, write_figure_files
+from tracker_node.evaluation.print_layout import wrapped
 from tracker_node.evaluation.report import ReportOptions, write_report
 from tracker_node.evaluation.report_html import render_html
-from tracker_node.evaluation.report_pdf import wrapped, write_pdf
+from tracker_node.evaluation.report_pdf import write_pdf
 from tracker_node.evaluation.report_summary import Target, summary_table
 from tracker_node.evaluation.review import Review, Truth, review
 from tracker_node.evaluation.run_data import load_run
@@ -254,3 +255,26 @@ def test_wide_text_ends_before_the_right_edge(tmp_path, monkeypatch):
     document = Document("MWM " * 20, "d", [("fact", WIDE)], [WIDE], [Section("s", "S", [table])])
     assert write_pdf(tmp_path / "wide.pdf", document) > 0
     assert len(edges) > 20 and 7.0 < max(edges) <= 8.27 - 0.55
+
+
+def test_very_many_columns_are_continued_below(tmp_path, monkeypatch):
+    """Legibly, with the first column before each part, no group torn apart, and titles of any length."""
+    texts = []
+
+    def kept(self, figure, **options):
+        figure.set_dpi(600)
+        renderer = FigureCanvasAgg(figure).get_renderer()
+        texts.extend((t.get_text(), t.get_fontsize(), t.get_window_extent(renderer).x1 / figure.dpi) for t in figure.texts)
+
+    monkeypatch.setattr(PdfPages, "savefig", kept)
+    numbers = [Column(f"title {i:02}", 2, f"group {i // 4}") for i in range(40)]
+    columns = [Column("figure", is_text=True), *numbers, Column("M" * 200), Column("a note", is_text=True)]
+    rows = [[f"row {k}", *(100.0 * k + i for i in range(40)), 7.0, "said"] for k in range(3)]
+    write_pdf(tmp_path / "many.pdf", Document("t", "d", [], [], [Section("s", "S", [Table("t", "T", "", columns, rows)])]))
+    said = [text for text, _, _ in texts]
+    assert min(size for _, size, _ in texts) >= 6.0 and max(right for _, _, right in texts) <= 8.27 - 0.55
+    parts = said.count("figure")
+    assert 3 <= parts <= 8 and [said.count(f"row {k}") for k in range(3)] == [parts] * 3
+    assert all(said.count(f"title {i:02}") == said.count(f"{200 + i}.00") == 1 for i in range(40))
+    assert all(said.count(f"group {g}") == 1 for g in range(10))
+    assert "".join(text for text in said if set(text) == {"M"}) == "M" * 200

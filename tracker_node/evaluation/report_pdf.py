@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from functools import lru_cache, partial
 from pathlib import Path
 from types import TracebackType
 
@@ -13,22 +11,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
-from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
-from matplotlib.textpath import TextToPath
 
 from . import plots
-from .document import Block, Cell, Column, Curves, Document, Pictures, Table, Value, cell_text
+from .document import Block, Cell, Curves, Document, Pictures, Table
 from .palette import BLACK, BLUE, GREEN, GREY, ORANGE, RED
+from .print_layout import MARGIN_IN, PAGE_IN, SMALLEST, WIDTH_IN, TablePart, table_parts, wrapped
 
-PAGE_IN = (8.27, 11.69)  # A4
-MARGIN_IN = 0.6
-_WIDTH_IN = PAGE_IN[0] - 2 * MARGIN_IN
-_ROW_IN, _TEXT_SIZE, _SMALLEST = 0.152, 6.8, 6.0
-_GAP_IN, _NARROWEST_IN = 0.16, 0.9  # beside the cells of a table; of a column whose text is broken
+_ROW_IN = 0.152
 _CURVES_ACROSS, _CURVE_IN = 3, 0.95
 _MARKS = {"good": GREEN, "bad": RED, "better": BLUE, "worse": RED, "code": GREY}
-_WORDS = {"good": " (met)", "bad": " (missed)"}
 
 
 def write_pdf(path: str | Path, document: Document, progress: Callable[[str], None] = lambda text: None) -> int:
@@ -66,7 +58,7 @@ class PrintedPages:
 
     def text(self, text: str, size: float, color: str = BLACK, bold: bool = False) -> None:
         """A paragraph."""
-        for line in wrapped(text, size, _WIDTH_IN, bold):
+        for line in wrapped(text, size, WIDTH_IN, bold):
             height = 0.0138 * size * 1.4
             self._room(height)
             self._y_in -= height
@@ -76,7 +68,7 @@ class PrintedPages:
         """Of a section; on a page with the ``first`` of what stands below it."""
         self._room(0.5 + (0.3 if first is None else _needed_in(first)))
         self._y_in -= 0.15
-        self._line(0.6, GREY, _WIDTH_IN)
+        self._line(0.6, GREY, WIDTH_IN)
         self._y_in -= 0.24
         self._write(0.0, title, 11.5, BLACK, True)
         self._y_in -= 0.06
@@ -98,55 +90,55 @@ class PrintedPages:
             self._pictures(block)
         else:
             left = plots.label_in(block)
-            plots.draw(block, self._axes(left, _WIDTH_IN - left - 0.05, chart_in, above=0.22, below=0.42))
+            plots.draw(block, self._axes(left, WIDTH_IN - left - 0.05, chart_in, above=0.22, below=0.42))
 
     def _table(self, table: Table) -> None:
-        columns, rows = _without_keys(table)
-        texts = [[_marked(cell, column) for cell, column in zip(row, columns, strict=True)] for row in rows]
-        widths, size = _widths(columns, texts)
-        self._room((2 if any(column.group for column in columns) else 1) * _ROW_IN + 3 * _ROW_IN)
-        self._table_head(columns, widths, size)
-        for row, cells in zip(rows, texts, strict=True):
-            parts = [wrapped(cell, size, width - _GAP_IN) for cell, width in zip(cells, widths, strict=True)]
-            lines = max(map(len, parts), default=1)
+        for part in table_parts(table):
+            self._table_part(part)
+
+    def _table_part(self, part: TablePart) -> None:
+        self._room(_ROW_IN * (any(column.group for column in part.columns) + max(map(len, part.titles)) + 3))
+        self._table_head(part)
+        for row, cells in zip(part.rows, part.cells, strict=True):
+            lines = max(map(len, cells), default=1)
             if self._y_in < lines * _ROW_IN:
                 self._new_page()
-                self._table_head(columns, widths, size)
+                self._table_head(part)
             colors = [_MARKS.get(cell.mark, BLACK) if isinstance(cell, Cell) else BLACK for cell in row]
             for i in range(lines):
                 self._y_in -= _ROW_IN
-                self._cells([part[i] if i < len(part) else "" for part in parts], columns, widths, size, colors)
+                self._cells([cell[i] if i < len(cell) else "" for cell in cells], part, colors)
         self._y_in -= 0.06
 
-    def _table_head(self, columns: Sequence[Column], widths: Sequence[float], size: float) -> None:
+    def _table_head(self, part: TablePart) -> None:
+        columns, lines = part.columns, max(map(len, part.titles))
         if any(column.group for column in columns):
             self._y_in -= _ROW_IN
             left = 0.0
             for i, column in enumerate(columns):
                 if column.group and (i == 0 or columns[i - 1].group != column.group):
-                    self._write(left + 0.12, column.group, size, GREY, True)
-                left += widths[i]
-        self._y_in -= _ROW_IN
-        self._cells([column.title for column in columns], columns, widths, size, [GREY] * len(columns))
+                    self._write(left + 0.12, column.group, part.size, GREY, True)
+                left += part.widths[i]
+        for line in zip(*([""] * (lines - len(title)) + [*title] for title in part.titles), strict=True):
+            self._y_in -= _ROW_IN
+            self._cells(line, part, [GREY] * len(columns))
         self._y_in -= 0.045
-        self._line(0.5, GREY, sum(widths))
+        self._line(0.5, GREY, sum(part.widths))
 
-    def _cells(
-        self, cells: Sequence[str], columns: Sequence[Column], widths: Sequence[float], size: float, colors: Sequence[str]
-    ) -> None:
+    def _cells(self, cells: Sequence[str], part: TablePart, colors: Sequence[str]) -> None:
         left = 0.0
-        for cell, column, width, color in zip(cells, columns, widths, colors, strict=True):
+        for cell, column, width, color in zip(cells, part.columns, part.widths, colors, strict=True):
             if column.is_text:
-                self._write(left + (0.1 if left else 0.0), cell, size, color)
+                self._write(left + (0.1 if left else 0.0), cell, part.size, color)
             else:
-                self._write(left + width, cell, size, color, align="right")
+                self._write(left + width, cell, part.size, color, align="right")
             left += width
 
     def _curves(self, block: Curves) -> None:
         lines = {line.label: line.color for curve in block.curves for _, of in curve.panels for line in of}
         self.text("Lines: " + ", ".join(f"{label} ({_color_name(color)})" for label, color in lines.items()), 7, GREY)
         panels = [(curve, i) for curve in block.curves for i in range(len(curve.panels))]
-        width = _WIDTH_IN / _CURVES_ACROSS
+        width = WIDTH_IN / _CURVES_ACROSS
         for first in range(0, len(panels), _CURVES_ACROSS):
             self._room(_CURVE_IN)
             for place, (curve, panel) in enumerate(panels[first : first + _CURVES_ACROSS]):
@@ -158,14 +150,14 @@ class PrintedPages:
         self._y_in -= 0.07
         for row in block.rows:
             aspects = [image.shape[1] / image.shape[0] for _, image in row]
-            height = min((_WIDTH_IN - 0.05 * len(row)) / sum(aspects), 2.2)
+            height = min((WIDTH_IN - 0.05 * len(row)) / sum(aspects), 2.2)
             self._room(height + 0.2)
             left = 0.0
             for (caption, image), aspect in zip(row, aspects, strict=True):
                 ax = self._axes(left, height * aspect, height, above=0.0, below=0.0, keep=True)
                 ax.imshow(_for_print(image, height), aspect="auto", interpolation="none")
                 ax.axis("off")
-                self._write(left, caption, _SMALLEST, GREY, below=height + 0.09)
+                self._write(left, caption, SMALLEST, GREY, below=height + 0.09)
                 left += height * aspect + 0.05
             self._y_in -= height + 0.14
 
@@ -228,62 +220,6 @@ def _needed_in(block: Block) -> float:
     if isinstance(block, Pictures):
         return 2.9
     return 0.55 + (plots.height_in(block) or 0.7)
-
-
-def _marked(cell: Value, column: Column) -> str:
-    """Text of a cell; what is a light on a page is a word in print."""
-    return cell_text(cell, column) + (_WORDS.get(cell.mark, "") if isinstance(cell, Cell) else "")
-
-
-def _without_keys(table: Table) -> tuple[list[Column], list[list[Value]]]:
-    """Columns and rows without those of keys, which nobody copies from paper; what is left is legible."""
-    kept = [i for i, column in enumerate(table.columns) if column.title != "key"]
-    return [table.columns[i] for i in kept], [[row[i] for i in kept] for row in table.rows]
-
-
-def _widths(columns: Sequence[Column], texts: Sequence[Sequence[str]]) -> tuple[list[float], float]:
-    """Inches of every column, and the size of the text: smaller for a wide table, and then its widest column in several lines."""
-    cells = [[column.title, *(row[i] for row in texts)] for i, column in enumerate(columns)]
-    widest = [max(width_in(text, _TEXT_SIZE) for text in of) for of in cells]
-    size = min(_TEXT_SIZE, max(_SMALLEST, _TEXT_SIZE * (_WIDTH_IN - _GAP_IN * len(columns)) / max(sum(widest), 0.1)))
-    widths = [width * size / _TEXT_SIZE + _GAP_IN for width in widest]
-    texts_ = [i for i, column in enumerate(columns) if column.is_text]
-    beyond = sum(widths) - _WIDTH_IN
-    if beyond > 1e-6 and texts_:
-        i = max(texts_, key=lambda i: widths[i])
-        widths[i] = max(widths[i] - beyond, _NARROWEST_IN)
-    if sum(widths) > _WIDTH_IN + 1e-6:  # of very many runs
-        size *= (_WIDTH_IN - _GAP_IN * len(columns)) / (sum(widths) - _GAP_IN * len(columns))
-        widths = [width * _WIDTH_IN / sum(widths) for width in widths]
-    return widths, size
-
-
-@lru_cache(maxsize=20_000)
-def width_in(text: str, size: float, bold: bool = False) -> float:
-    """Inches that a line of text takes."""
-    font = FontProperties(size=size, weight="bold" if bold else "normal")
-    return float(TextToPath().get_text_width_height_descent(text, font, ismath=False)[0]) / 72.0
-
-
-def _width_of_part(text: str, size: float, bold: bool, n: int) -> float:
-    return width_in(text[:n], size, bold)
-
-
-def wrapped(text: str, size: float, across_in: float, bold: bool = False) -> list[str]:
-    """Lines no wider than ``across_in``; a word that is wider is broken."""
-    lines = [""]
-    for word in text.split():
-        longer = f"{lines[-1]} {word}".strip()
-        if width_in(longer, size, bold) <= across_in:
-            lines[-1] = longer
-            continue
-        lines += [word] if lines[-1] else []
-        lines[-1] = word
-        while width_in(lines[-1], size, bold) > across_in and len(lines[-1]) > 1:
-            rest = lines[-1]
-            fits = max(bisect_right(range(1, len(rest)), across_in, key=partial(_width_of_part, rest, size, bold)), 1)
-            lines[-1:] = [rest[:fits], rest[fits:]]
-    return lines
 
 
 def _for_print(bgr: np.ndarray, height_in: float) -> np.ndarray:
