@@ -1,12 +1,16 @@
 """Images in any order are those of the files."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 from small_clip import RATE_HZ, make_clip
 
+from tracker_node.camera.camera_rig import CameraRig
 from tracker_node.errors import FileFormatError, SourceError, UnknownNameError
 from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.studio import images as images_module
 from tracker_node.studio.images import RecordedImages, _Recent
 
 
@@ -74,3 +78,22 @@ def test_what_is_kept_is_bounded():
         assert recent.get(0) is not None or i >= 3
         recent.get(i - 1)
     assert sum(recent.get(i) is not None for i in range(20)) == 3 and recent.get(19) is not None
+
+
+def test_a_jump_back_in_a_video_does_not_read_it_anew(tmp_path, monkeypatch):
+    """What is not kept any more is read from a place near it."""
+    clip = make_clip(tmp_path, n_images=1)
+    path, n = tmp_path / "cam01.avi", 80
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), RATE_HZ, (160, 120))
+    for i in range(n):
+        writer.write(np.full((120, 160, 3), 3 * i, np.uint8))
+    writer.release()
+    rig = CameraRig((replace(load_rig(clip.rig_file)["cam01"], source=str(path)),))
+    monkeypatch.setattr(images_module, "_DECODED_BYTES", 1)
+    images = RecordedImages(rig)
+    reader = images._readers["cam01"]
+    assert [round(images.bgr("cam01", i).mean() / 3) for i in range(n)] == list(range(n))
+    read = []
+    monkeypatch.setattr(type(reader._source), "_pass", lambda self, i, capture: read.append(i))
+    assert round(images.bgr("cam01", 50).mean() / 3) == 50
+    assert read[-1] == 50 and len(read) <= 3

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import re
+from bisect import bisect_left
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,10 +18,14 @@ from .source_image import JPEG, jpeg_size
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm")
 DEFAULT_FOLDER_RATE_HZ = 30.0  # still images carry no rate
 _MJPG = cv2.VideoWriter.fourcc(*"MJPG")
+_NEAR = 20  # images are rather read in passing than jumped over
 
 
 class VideoSource(ImageSource):
-    """A video file, through OpenCV."""
+    """A video file, through OpenCV.
+
+    Images that have been passed once are found again by their times, so that a later pass need not begin at the beginning.
+    """
 
     def _capture(self) -> cv2.VideoCapture:
         threads = self.options.threads
@@ -30,6 +35,7 @@ class VideoSource(ImageSource):
         return capture
 
     def _open(self) -> tuple[int, int, float, int]:
+        self._passed_ms: list[float] = []
         capture = self._capture()
         try:
             rate_hz, count = capture.get(cv2.CAP_PROP_FPS), int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
@@ -50,17 +56,41 @@ class VideoSource(ImageSource):
             raise SourceError(self.path, "is no video of JPEG images that could be passed on as they are")
         return capture
 
+    def _pass(self, i: int, capture: cv2.VideoCapture) -> None:
+        """Keep the time of an image; of files whose images have none of their own, only those before."""
+        if i == len(self._passed_ms):
+            time_ms = capture.get(cv2.CAP_PROP_POS_MSEC)
+            if not self._passed_ms or time_ms > self._passed_ms[-1]:
+                self._passed_ms.append(time_ms)
+
+    def _capture_near(self, start: int) -> tuple[cv2.VideoCapture, int]:
+        """The file, open before image ``start`` or one not long before it, and which one comes next.
+
+        Where a jump ends is inexact with some codecs; the time of the image there tells.
+        """
+        capture, last = self._capture(), min(start, len(self._passed_ms)) - 1
+        if last < _NEAR:
+            return capture, 0
+        if capture.set(cv2.CAP_PROP_POS_FRAMES, last) and capture.grab():
+            time_ms = capture.get(cv2.CAP_PROP_POS_MSEC)
+            i = bisect_left(self._passed_ms, time_ms)
+            if i <= last and self._passed_ms[i] == time_ms:
+                return capture, i + 1
+        capture.release()
+        return self._capture(), 0
+
     def _read(self, start: int, end: int) -> Iterator[tuple[int, np.ndarray | bytes]]:
         as_jpeg = self.options.capture.publish == JPEG
-        capture = self._packets() if as_jpeg else self._capture()
+        capture, begin = (self._packets(), 0) if as_jpeg else self._capture_near(start)
         try:
-            for i in range(end):
-                # Skipped images are decoded too: seeking is inexact with some codecs, and others are made from them.
+            for i in range(begin, end):
+                # Skipped images are decoded too: others are made from them.
                 ok, image = (capture.grab(), None) if i < start or self._skips(i) else capture.read()
                 if not ok:
                     first = max(i, start)
                     self._missing(end - first, f"ends after {i} images, {end} were expected")
                     return
+                self._pass(i, capture)
                 if image is not None:
                     yield i, image.tobytes() if as_jpeg else image
         finally:

@@ -59,7 +59,7 @@ class PreloadedSource(ImageSource):
     def _read(self, start: int, end: int) -> Iterator[tuple[int, Any]]:
         self.counts.missing += self._unreadable.missing
         self.counts.problems += self._unreadable.problems
-        yield from self._images
+        yield from ((i, image) for i, image in self._images if start <= i < end)
 
     def _settings(self) -> CaptureSettings:
         return self._source._settings()

@@ -130,16 +130,17 @@ class ImageSource(ABC):
         for image in self.images():
             yield image.stamp_ns, image.bgr
 
-    def images(self) -> Iterator[SourceImage]:
-        """Images as they are to be published."""
+    def images(self, first: int | None = None) -> Iterator[SourceImage]:
+        """Images as they are to be published, from number ``first`` of the file on, which is in what the options choose."""
         self.counts = ReadCounts()
         self._skip_before_ns, self._n_before_pass = None, 0
+        begin, end = self.options.start, self.options.start + self.n_images
         while True:
             before = self.counts.read + self.counts.skipped
-            for i, content in self._read(self.options.start, self.options.start + self.n_images):
+            for i, content in self._read(begin if first is None else first, end):
                 self.counts.read += 1
                 yield self._prepared(self.stamp_ns(i + self._n_before_pass), content)
-            self._n_before_pass += self.n_images
+            self._n_before_pass, first = self._n_before_pass + self.n_images, None
             if not self.options.loop or self.counts.read + self.counts.skipped == before:
                 return
 

@@ -11,10 +11,10 @@ from typing import Generic, TypeVar
 import cv2
 import numpy as np
 
-from ..camera.camera_rig import Camera, CameraRig
+from ..camera.camera_rig import CameraRig
 from ..errors import FileFormatError, SourceError, TrackerError, UnknownNameError
 from ..evaluation.image_sets import make_synchronizer, opened_sources
-from ..loaders.image_source import ImageSource, SourceOptions, open_camera_source
+from ..loaders.image_source import ImageSource, SourceOptions
 from ..loaders.source_image import SourceImage
 from ..observation.image_set import CameraImage, ImageSet
 from ..tracking.config import SynchronizerConfig
@@ -22,7 +22,7 @@ from ..tracking.config import SynchronizerConfig
 _JPEG_BYTES = 256 * 2**20
 _DECODED_BYTES = 128 * 2**20
 _QUALITY = 88
-_READ_ON = 40  # images that are rather read in passing than looked for from the beginning of the file
+_READ_ON = 20  # images that are rather read in passing than looked for
 _STAMP_ONLY = np.zeros((1, 1), np.uint8)
 
 Item = TypeVar("Item")
@@ -53,13 +53,13 @@ class RecordedImages:
 
     def __init__(self, rig: CameraRig, options: SourceOptions | None = None, synchronizer: SynchronizerConfig | None = None):
         self.problems: list[str] = []
-        self._rig, self._options = rig, options or SourceOptions()
+        options = options or SourceOptions()
         try:
-            self._sources = opened_sources(rig, self._options, self.problems)
+            self._sources = opened_sources(rig, options, self.problems)
         except SourceError:
             self._sources = {}
         self._number_of = {name: self._stamped(name) for name in [*self._sources]}
-        self._readers = {name: _Reader(source, rig[name], self._options) for name, source in self._sources.items()}
+        self._readers = {name: _Reader(source) for name, source in self._sources.items()}
         self.sets = _sets_of(self._sources, self._number_of, synchronizer or SynchronizerConfig()) if self._sources else ()
         self._jpegs: _Recent[bytes] = _Recent(_JPEG_BYTES, len)
         self._decoded: _Recent[np.ndarray] = _Recent(_DECODED_BYTES, lambda image: image.nbytes)
@@ -137,8 +137,8 @@ class RecordedImages:
 class _Reader:
     """One source, read on from where it is, or anew from where it is asked for."""
 
-    def __init__(self, source: ImageSource, camera: Camera, options: SourceOptions):
-        self._source, self._camera, self._options = source, camera, options
+    def __init__(self, source: ImageSource):
+        self._source = source
         self._lock = threading.Lock()
         self._images: Iterator[SourceImage] | None = None
         self._next = 0
@@ -149,7 +149,7 @@ class _Reader:
             raise FileFormatError("request", "image", f"a number in [{numbers.start}, {numbers.stop - 1}]", number)
         with self._lock:
             if self._images is None or not self._next <= number <= self._next + _READ_ON:
-                self._images = open_camera_source(self._camera, replace(self._options, start=number)).images()
+                self._images = self._source.images(number)
             self._next, wanted_ns = number + 1, self._source.stamp_ns(number)
             image = next((image for image in self._images if image.stamp_ns >= wanted_ns), None)
             if image is None or image.stamp_ns != wanted_ns:
