@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import FileFormatError, SourceError, TrackerError, UnknownNameError
+from ._sizes import size_option
 
 if TYPE_CHECKING:
     from ..calibration.board import Board
@@ -59,9 +60,7 @@ def board_of(args: argparse.Namespace) -> Board:
     from ..calibration.board import Board
 
     option, text = ("--charuco", args.charuco) if args.charuco else ("--chessboard", args.chessboard)
-    columns, _, rows = text.partition("x")
-    if not (columns.isdigit() and rows.isdigit() and 3 <= int(columns) <= 100 and 3 <= int(rows) <= 100):
-        raise _bad(option, "columns x rows from 3x3 to 100x100, such as 4x5", text)
+    columns, rows = size_option(option, text, "columns x rows from 3x3 to 100x100, such as 4x5", 3, 100)
     if not _SQUARE_M[0] <= args.square <= _SQUARE_M[1]:
         hint = f"; {args.square:g} mm would be {1e-3 * args.square:g}" if 1e3 * _SQUARE_M[0] <= args.square else ""
         raise _bad("--square", f"the edge of a square in metres, {_SQUARE_M[0]} to {_SQUARE_M[1]}{hint}", args.square)
@@ -72,9 +71,9 @@ def board_of(args: argparse.Namespace) -> Board:
         raise UnknownNameError("dictionary", args.dictionary, names)
     kind = "charuco" if args.charuco else "chessboard"
     n_markers = len(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, args.dictionary)).bytesList)
-    if kind == "charuco" and int(columns) * int(rows) // 2 > n_markers:
+    if kind == "charuco" and columns * rows // 2 > n_markers:
         raise _bad(option, f"a board of at most the {n_markers} markers of {args.dictionary}, one on every second square", text)
-    return Board(kind, int(columns), int(rows), args.square, args.marker_share, args.dictionary, args.inverted, args.legacy)
+    return Board(kind, columns, rows, args.square, args.marker_share, args.dictionary, args.inverted, args.legacy)
 
 
 def sources_of(args: argparse.Namespace, stamps: str | None = None) -> dict[str, ImageSource]:

@@ -6,6 +6,7 @@ import argparse
 from dataclasses import replace
 
 from ._run_images import refuse_to_overwrite
+from ._sizes import size_option
 from ._sources import add_sources_argument, sources_by_name
 
 SUMMARY = "make a rig from control points of known place, clicked on in one image of every camera (DLT)"
@@ -42,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
     from ..loaders.rig_yaml import rig_file_of, write_rig_file
 
     refuse_to_overwrite(args, args.output)
-    size, seen = _size(args.size), load_control_points(args.points)
+    size, seen = size_option("--size", args.size), load_control_points(args.points)
     sources = sources_by_name(args.sources, seen)
     for name, points in seen.items():
         check_control_points(name, points, size)
@@ -99,12 +100,3 @@ def _common(seen):
         rows = [number[name] for name in points.names]
         places[rows], pixels[rows, c], weights[rows, c] = points.points, points.pixels, 1.0
     return places, pixels, weights
-
-
-def _size(text: str) -> tuple[int, int]:
-    from ..errors import FileFormatError
-
-    width, _, height = text.partition("x")
-    if not (width.isdigit() and height.isdigit() and int(width) > 0 and int(height) > 0):
-        raise FileFormatError("command line", "--size", "width x height in pixels, such as 768x576", text)
-    return int(width), int(height)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from ._sizes import size_option
+
 SUMMARY = "make a model of a flat plate with a picture on it: a photo or print file, or a ChArUco board that is drawn"
 EXAMPLE = "tracker_node calibrate texture --charuco 4x5 --square 0.054 --border 20 --border-grey 20 -o plate.yaml"
 
@@ -60,9 +62,7 @@ def _drawn(args: argparse.Namespace):
     from ..calibration.texture import charuco_picture
     from ..errors import UnknownNameError
 
-    columns, _, rows = args.charuco.partition("x")
-    if not (columns.isdigit() and rows.isdigit() and 2 <= int(columns) <= 100 and 2 <= int(rows) <= 100):
-        raise _bad("--charuco", "columns x rows of squares, such as 4x5", args.charuco)
+    columns, rows = size_option("--charuco", args.charuco, "columns x rows from 2x2 to 100x100, such as 4x5", 2, 100)
     if args.square is None or not 0.0 < args.square < 10.0:
         raise _bad("--square", "the edge of a square in metres, with --charuco", args.square)
     if not 0.1 <= args.marker_share < 1.0:
@@ -72,7 +72,7 @@ def _drawn(args: argparse.Namespace):
         raise UnknownNameError("dictionary", args.dictionary, names)
     texels_per_m = max(1000.0, 40.0 / args.square)
     try:
-        board = (int(columns), int(rows), args.square, args.marker_share, args.dictionary, args.inverted)
+        board = (columns, rows, args.square, args.marker_share, args.dictionary, args.inverted)
         return charuco_picture(*board, texels_per_m), texels_per_m
     except cv2.error as error:
         raise _bad("--charuco", "a board that OpenCV can draw with this dictionary", str(error).strip()) from None

@@ -6,18 +6,12 @@ import argparse
 import sys
 from pathlib import Path
 
+from ._sizes import image_size
+
 SUMMARY = "publish videos, image folders, bags, devices, network streams or topics as the ROS cameras of a rig"
 EXAMPLE = """tracker_node camera_ingest --rig rig.yaml --loop --shrink 2
   tracker_node camera_ingest --rig rig.yaml --source left=rtsp://10.0.0.2/a right=v4l2:/dev/video0 --capture right.gain=4
   tracker_node camera_ingest --source left=http://10.0.0.3/video --record out/board"""
-
-
-def image_size(text: str) -> tuple[int, int]:
-    """``640x480`` -> (640, 480)."""
-    width, _, height = text.lower().partition("x")
-    if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
-        raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT, got '{text}'")
-    return int(width), int(height)
 
 
 def named_source(text: str) -> tuple[str, str]:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ._run_images import refuse_to_overwrite
+from ._sizes import size_option
 from ._sources import add_sources_argument, sources_by_name
 
 SUMMARY = "turn calibrations of other programs (Pose2Sim, aniposelib, Caliscope, ROS, OpenCV, Qualisys, DLT) into a rig.yaml"
@@ -85,28 +86,18 @@ def _load(kind: str, files: list[str], args: argparse.Namespace):
     from ..loaders.pose2sim_toml import load_pose2sim
     from ..loaders.qualisys_xml import load_qualisys
 
+    size = None if args.size is None else size_option("--size", args.size)
     if kind == rig_formats.CAMERA_INFO:
         return _rig_of_lenses(files, args.like)
     if kind == rig_formats.OPENCV:
-        return load_opencv(files, _size(args.size))
+        return load_opencv(files, size)
     if len(files) > 1:
         raise FileFormatError(files[1], "(file)", f"one file with all cameras ({kind})", f"{len(files)} files")
     if kind == rig_formats.DLT:
-        return _rig_of_dlt(files[0], _size(args.size))
+        return _rig_of_dlt(files[0], size)
     if kind == rig_formats.RIG:
         raise FileFormatError(files[0], "(file)", "another program's calibration", "a rig.yaml, which needs no import")
     return load_pose2sim(files[0]) if kind == rig_formats.TOML else load_qualisys(files[0])
-
-
-def _size(text: str | None) -> tuple[int, int] | None:
-    from ..errors import SourceError
-
-    if text is None:
-        return None
-    width, _, height = text.lower().partition("x")
-    if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
-        raise SourceError("--size", f"expected a size such as 1280x720, got '{text}'")
-    return int(width), int(height)
 
 
 def _rig_of_lenses(files: list[str], like: str | None):

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ..synthesis.scenes import SceneConfig
+from ._sizes import size_option
 
 SUMMARY = "render a person in a room, seen by several cameras, with exact joint centres as truth"
 EXAMPLE = (
@@ -117,10 +118,7 @@ def run(args: argparse.Namespace) -> int:
 def _scene(args: argparse.Namespace) -> SceneConfig:
     from ..errors import FileFormatError
 
-    try:
-        width, height = (int(part) for part in args.size.split("x"))
-    except ValueError:
-        raise FileFormatError("command line", "--size", "WIDTHxHEIGHT in pixels, e.g. 640x480", args.size) from None
+    width, height = size_option("--size", args.size)
     for name, value, low in (("--cameras", args.cameras, 1), ("--images", args.images, 1), ("--rate", args.rate, 1e-3)):
         if value is not None and value < low:
             raise FileFormatError("command line", name, f"a number of at least {low}", value)

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ._recording import add_recording_argument, evaluate_recording, fill_in
-from .camera_ingest import image_size, named_source
+from ._sizes import image_size
+from .camera_ingest import named_source
 
 if TYPE_CHECKING:
     from ..camera.camera_rig import CameraRig
