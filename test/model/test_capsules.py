@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from tracker_node.model.capsules import END, END_RADIUS, START, START_RADIUS, inner_capsules
-from tracker_node.model.primitives import Box, Ellipsoid, Mesh, TruncatedCone
+from tracker_node.model.capsules import inner_capsules
+from tracker_node.model.primitives import Box, Ellipsoid, TruncatedCone
+from tracker_node.model.round_cones import END, END_RADIUS, START, START_RADIUS
 
 SHAPES = {
     "tube": TruncatedCone(0.05, 0.05, 0.0, -0.2, 0.3),
@@ -69,8 +70,3 @@ def test_round_cones_fill_their_shape(name, share):
     for center, radius in spheres(capsules, 101):
         covered |= ((points - center) ** 2).sum(axis=1) < radius**2
     assert covered.mean() > share
-
-
-def test_a_mesh_has_none():
-    mesh = Mesh(np.eye(3), [[0, 1, 2]])
-    assert inner_capsules(mesh).shape == (0, 8)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from ..errors import UnknownNameError
 from ..geometry import se3
+from .capsules import inner_capsules
 from .kinematic_chain import KinematicChain
 from .primitives import Primitive
+from .round_cones import END, START
 
 DEFAULT_COLOR_RGB = (180, 180, 180)  # of a shape whose color nobody has stated
 
@@ -75,6 +78,18 @@ class ArticulatedModel:
     def has_colors(self) -> bool:
         """False for a body on which no shape has a stated color: there is nothing that color could tell."""
         return any(shape.has_color for shape in self.shapes)
+
+    @cached_property
+    def capsules(self) -> tuple[np.ndarray, ...]:
+        """Round cones within each shape (`inner_capsules`), (n, 8) in the frame of its link; worked out once, when first asked
+        for: those of a mesh take a moment."""
+        result = []
+        for shape in self.shapes:
+            rows = inner_capsules(shape.primitive)
+            for at in (START, END):
+                rows[:, at : at + 3] = se3.apply(shape.T_link_shape, rows[:, at : at + 3])
+            result.append(rows)
+        return tuple(result)
 
     def landmark_index(self, name: str) -> int:
         if name not in self.landmark_names:

@@ -1,30 +1,30 @@
 """Round cones inside of shapes, for telling whether parts of a body have run into each other.
 
-A round cone is all that a sphere covers whose center goes straight from one point to another while its radius changes
-evenly (a capsule, where the radius stays). Those made here lie wholly *within* their shape, so that parts which only touch, or
-overlap a little as flesh does, are not taken to collide. Flat shapes get three side by side.
+Those made here lie wholly *within* their shape, so that parts which only touch, or overlap a little as flesh does, are not taken
+to collide. Flat shapes get three side by side, meshes up to five (`mesh_capsules`).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from .mesh_capsules import capsules_in_mesh
 from .primitives import Box, Ellipsoid, Primitive, TruncatedCone
+from .round_cones import END, N_CAPSULE, START
 
-START, START_RADIUS, END, END_RADIUS, N_CAPSULE = 0, 3, 4, 7, 8
 _ROUND = 1.15  # half-axes of a smaller ratio count as equal
 _REACH = 0.75  # how far towards the sharp end of an ellipse's axis a circle in it is put, as a share of the farthest
 
 
 def inner_capsules(primitive: Primitive) -> np.ndarray:
-    """(n, `N_CAPSULE`) round cones (start, its radius, end, its radius) in the shape's frame, metres; none for a mesh."""
+    """(n, `N_CAPSULE`) round cones (start, its radius, end, its radius) in the shape's frame, metres."""
     if isinstance(primitive, TruncatedCone):
         return _in_cone(primitive)
     if isinstance(primitive, Ellipsoid):
         return _in_ellipsoid(np.array(primitive.radii))
     if isinstance(primitive, Box):
         return _in_box(0.5 * np.array(primitive.size))
-    return np.zeros((0, N_CAPSULE))
+    return capsules_in_mesh(primitive)
 
 
 def _in_cone(cone: TruncatedCone) -> np.ndarray:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..geometry import se3
 from ..model.articulated_model import ArticulatedModel
-from ..model.capsules import END, END_RADIUS, N_CAPSULE, START, START_RADIUS, inner_capsules
 from ..model.configuration import Configuration, State
 from ..model.kinematic_chain import KinematicChain
+from ..model.round_cones import END, END_RADIUS, N_CAPSULE, START, START_RADIUS
 from .collision_kernels import add_collisions, pair_gaps, place_capsules
 from .normal_equations import NormalEquations
 
@@ -16,9 +15,9 @@ from .normal_equations import NormalEquations
 class CollisionObjective:
     """Cost (depth / sigma)^2 of every pair of parts that have run into each other; none where they have not.
 
-    A part is a shape, seen as the round cones within it (`model.capsules`); meshes have none. Two parts are left out if they are
-    rigidly joined, if no third part is between them along the chain, or if one is and they overlap in the neutral pose (upper arm
-    and trunk, both thighs). Others that overlap there (hand and thigh of hanging arms) may do so that far anywhere.
+    A part is a shape, seen as the round cones within it (`model.capsules`). Two parts are left out if they are rigidly joined, if
+    no third part is between them along the chain, or if one is and they overlap in the neutral pose (upper arm and trunk, both
+    thighs). Others that overlap there (hand and thigh of hanging arms) may do so that far anywhere.
 
     Parameters
     ----------
@@ -29,13 +28,14 @@ class CollisionObjective:
         if not sigma_m > 0.0:
             raise ValueError(f"expected a positive sigma_m, got {sigma_m}")
         self.model, self.sigma_m = model, sigma_m
-        rows = [_in_link(inner_capsules(shape.primitive), shape.T_link_shape) for shape in model.shapes]
+        steps = _steps_between(model)
+        nothing = (np.zeros((0, N_CAPSULE)),) * len(model.shapes)
+        rows = model.capsules if (steps > 1).any() else nothing  # those of a mesh take a moment, and a rigid body needs none
         self._starts = np.concatenate([[0], np.cumsum([len(r) for r in rows])]).astype(np.int64)
         self._capsules = np.concatenate([np.zeros((0, N_CAPSULE)), *rows])
         self._parts = np.repeat(np.arange(len(rows)), np.diff(self._starts))
         self._bounds = np.array([_bounding_sphere(r) for r in rows]).reshape(-1, 4)
         self._world_capsules, self._world_bounds = np.empty_like(self._capsules), np.empty_like(self._bounds)
-        steps = _steps_between(model)
         pairs = [(i, j) for i in range(len(rows)) for j in range(i) if steps[i, j] > 1 and len(rows[i]) and len(rows[j])]
         self.pairs = np.array(pairs, dtype=np.int64).reshape(-1, 2)
         self._allowed = np.zeros(len(pairs))
@@ -72,13 +72,6 @@ class CollisionObjective:
             self._capsules, self._bounds, self._parts, self.model.shape_links, configuration.Ts_world_link,
             self._world_capsules, self._world_bounds,
         )  # fmt: skip
-
-
-def _in_link(capsules: np.ndarray, T_link_shape: np.ndarray) -> np.ndarray:
-    moved = capsules.copy()
-    for at in (START, END):
-        moved[:, at : at + 3] = se3.apply(T_link_shape, capsules[:, at : at + 3])
-    return moved
 
 
 def _bounding_sphere(capsules: np.ndarray) -> np.ndarray:

@@ -7,30 +7,12 @@ import math
 import numba as nb
 import numpy as np
 
-from ..model.capsules import END, END_RADIUS, START, START_RADIUS
+from ..model.round_cones import END, END_RADIUS, START, START_RADIUS, nearest_on
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _nearest_on(cone, x, y, z):
-    """Where on a round cone (0 at its start, 1 at its end) the sphere is whose surface is nearest to a point.
-
-    With t0 the foot of the perpendicular of length h on the axis of length l, and the radius growing by r over it, the distance
-    is least at t0 + r h / (l sqrt(l^2 - r^2)).
-    """
-    dx, dy, dz = cone[END] - cone[START], cone[END + 1] - cone[START + 1], cone[END + 2] - cone[START + 2]
-    wx, wy, wz = x - cone[START], y - cone[START + 1], z - cone[START + 2]
-    grows = cone[END_RADIUS] - cone[START_RADIUS]
-    length_sq = dx * dx + dy * dy + dz * dz
-    if length_sq <= grows * grows + 1e-18:  # one end's sphere holds all
-        return 1.0 if grows > 0.0 else 0.0
-    foot = (wx * dx + wy * dy + wz * dz) / length_sq
-    height = math.sqrt(max(wx * wx + wy * wy + wz * wz - foot * foot * length_sq, 0.0))
-    return min(max(foot + grows * height / math.sqrt(length_sq * (length_sq - grows * grows)), 0.0), 1.0)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -81,11 +63,11 @@ def round_cone_gap(one, other):
     best, best_s, best_t = np.inf, 0.0, 0.0
     for end in range(2):
         at = END if end else START
-        s, t = float(end), _nearest_on(other, one[at], one[at + 1], one[at + 2])
+        s, t = float(end), nearest_on(other, one[at], one[at + 1], one[at + 2])
         gap = _gap_at(one, other, s, t)
         if gap < best:
             best, best_s, best_t = gap, s, t
-        s, t = _nearest_on(one, other[at], other[at + 1], other[at + 2]), float(end)
+        s, t = nearest_on(one, other[at], other[at + 1], other[at + 2]), float(end)
         gap = _gap_at(one, other, s, t)
         if gap < best:
             best, best_s, best_t = gap, s, t

@@ -1,0 +1,173 @@
+"""Round cones within a triangle mesh.
+
+A grid is laid over the mesh, and its cells that the surface closes in are found by filling: it does not matter which way faces
+look, whether triangles share vertices, or whether there are gaps of less than a cell. About the middle of each such cell goes
+the largest ball that the surface leaves room for. Of the round cones from ball to ball that stay within the mesh, one that holds
+most cells is taken; then one that holds most of the others; until what is left is not worth it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from .primitives import Mesh
+from .round_cones import END, N_CAPSULE, START, count_held, point_gaps
+
+_CELLS = 3000  # of the grid
+_FEWEST_ACROSS, _MOST_ALONG = 5, 41  # cells; odd, so that one row of them lies in the middle
+_SPACING = 0.6  # of samples of the surface, in cells: a point half a cell from all of them would let the filling leak
+_FLAT = 1e-3  # a mesh whose box is thinner than this share of its length holds nothing
+_SHELL = 0.3  # a mesh of which less is solid is taken for the shell of what it closes in
+_APART = 0.4  # balls that are closer to a larger one, in its radii, are left out
+_SMALLEST = 0.2  # and those that are so much smaller than the largest
+_BALLS = 150  # at most; where there are more, they are taken farther apart
+_MOST = 5  # round cones of one mesh
+_WORTH = 0.05  # a further one must hold so much of what the first one does
+_TURNS = 4  # of looking for the other end
+_ROOM = 0.98  # share of its radius that the surface must leave a round cone everywhere
+
+
+def capsules_in_mesh(mesh: Mesh) -> np.ndarray:
+    """(n, `N_CAPSULE`) round cones within a mesh, in its frame, metres; at most five.
+
+    None for a mesh without volume. Cavities count as solid, and so does what an open mesh goes around: a tube, a bowl.
+    """
+    corners = mesh.vertices[mesh.faces]
+    if not len(corners):
+        return np.zeros((0, N_CAPSULE))
+    middle = corners.reshape(-1, 3).mean(axis=0)
+    axes = _axes(corners - middle)
+    corners = (corners - middle) @ axes.T
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    if not (high - low).min() > _FLAT * (high - low).max():
+        return np.zeros((0, N_CAPSULE))
+    rows = _cover(*_balls(corners, low, high))
+    for at in (START, END):
+        rows[:, at : at + 3] = rows[:, at : at + 3] @ axes + middle
+    return rows
+
+
+def _axes(corners: np.ndarray) -> np.ndarray:
+    """Directions (3, 3) of the grid, as rows: the mesh's own, or its principal ones if their box is plainly smaller."""
+    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    if not areas.sum() > 0.0:
+        return np.eye(3)
+    sums, weights = corners.sum(axis=1), areas / areas.sum()
+    mean = weights @ sums / 3.0
+    second = np.einsum("f,fci,fcj->ij", weights, corners, corners) + np.einsum("f,fi,fj->ij", weights, sums, sums)
+    principal = np.linalg.eigh(second / 12.0 - np.outer(mean, mean))[1].T
+    own_box, box = (np.prod(np.ptp(corners.reshape(-1, 3) @ axes.T, axis=0)) for axes in (np.eye(3), principal))
+    return principal if box < 0.9 * own_box else np.eye(3)
+
+
+def _balls(corners: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, cKDTree]:
+    """Middles (n, 3) of the cells within, the radii (n,) of the largest balls about them, and samples of the surface."""
+    size = high - low
+    counts = np.round(size / np.cbrt(size.prod() / _CELLS)).astype(int) // 2 * 2 + 1
+    counts = np.clip(counts, _FEWEST_ACROSS, _MOST_ALONG)
+    cell = size / counts
+    samples = _samples((corners - low) / cell)
+    cells = tuple(np.clip(samples.astype(int), 0, counts - 1).T)
+    surface = np.zeros(counts, dtype=bool)
+    surface[cells] = True
+    filled = _filled(surface)
+    outer = surface & ~ndimage.binary_erosion(filled, np.ones((3, 3, 3)))  # walls within the mesh do not count
+    centers = low + (np.argwhere(filled & ~outer) + 0.5) * cell
+    tree = cKDTree(low + samples[outer[cells]] * cell)
+    room = np.minimum(centers - low, high - centers).min(axis=1)  # counts where samples are far apart, in a wire
+    return centers, np.minimum(tree.query(centers)[0], room), tree
+
+
+def _samples(corners: np.ndarray) -> np.ndarray:
+    """Points (n, 3) of triangles (m, 3, 3), such that no point of these is half a unit from all of them."""
+    opposite = np.linalg.norm(np.roll(corners, -1, axis=1) - np.roll(corners, 1, axis=1), axis=2)
+    tips = (opposite.argmin(axis=1)[:, None] + np.arange(3)) % 3  # slivers are cut from their tip on
+    corners = np.take_along_axis(corners, tips[:, :, None], axis=1)
+    parts = np.ceil(np.stack([opposite.max(axis=1), opposite.min(axis=1)], axis=1) / _SPACING).astype(int)
+    kinds, kind = np.unique(parts, axis=0, return_inverse=True)
+    points = [np.einsum("wc,mcx->mwx", _weights(*n), corners[kind.ravel() == i]).reshape(-1, 3) for i, n in enumerate(kinds)]
+    return np.concatenate(points)
+
+
+def _weights(along: int, across: int) -> np.ndarray:
+    """Barycentric coordinates (n, 3) of points in a triangle that is cut so often; one that is not cut is its middle."""
+    if along <= 1:
+        return np.full((1, 3), 1.0 / 3.0)
+    s, t = np.meshgrid(np.linspace(0.0, 1.0, along + 1), np.linspace(0.0, 1.0, max(across, 1) + 1))
+    return np.stack([1.0 - s, s * (1.0 - t), s * t], axis=-1).reshape(-1, 3)
+
+
+def _filled(surface: np.ndarray) -> np.ndarray:
+    """Cells of the surface and those that they close in; in a shell, or an open mesh, those between cells of the surface along
+    two of the axes."""
+    solid = ndimage.binary_fill_holes(surface)
+    shell = surface | (np.sum([_between(surface, axis) for axis in range(3)], axis=0) >= 2)
+    return solid if (solid & ~surface).sum() > _SHELL * (shell & ~surface).sum() else shell
+
+
+def _between(surface: np.ndarray, axis: int) -> np.ndarray:
+    before = np.logical_or.accumulate(surface, axis)
+    behind = np.flip(np.logical_or.accumulate(np.flip(surface, axis), axis), axis)
+    return before & behind
+
+
+def _cover(centers: np.ndarray, radii: np.ndarray, tree: cKDTree) -> np.ndarray:
+    """Round cones (n, `N_CAPSULE`) that hold most of ``centers`` together."""
+    balls = np.column_stack([centers, radii])[_chosen(centers, radii)]
+    rows, left, least = np.zeros((0, N_CAPSULE)), centers, 1.0
+    while len(rows) < _MOST and len(left):
+        row, held = _best(balls, left, tree)
+        if held < least:
+            break
+        gaps = np.empty(len(left))
+        point_gaps(row[None], left, gaps)
+        rows, left, least = np.vstack([rows, row]), left[gaps >= 0.0], max(least, _WORTH * held)
+    return rows
+
+
+def _chosen(centers: np.ndarray, radii: np.ndarray, apart: float = _APART) -> list[int]:
+    """Balls to build from: the largest first, and none near one that was taken."""
+    chosen: list[int] = []
+    free = radii > _SMALLEST * radii.max(initial=0.0)
+    for i in np.argsort(-radii, kind="stable"):
+        if free[i]:
+            chosen.append(int(i))
+            free &= ((centers - centers[i]) ** 2).sum(axis=1) > (apart * radii[i]) ** 2
+        if len(chosen) > _BALLS:
+            return _chosen(centers, radii, 1.5 * apart)
+    return chosen
+
+
+def _best(balls: np.ndarray, points: np.ndarray, tree: cKDTree) -> tuple[np.ndarray, int]:
+    """The round cone found to hold most of ``points``, and how many: the best ball, the best other end for it, the best other
+    end for that ..."""
+    cones = np.hstack([balls, balls])
+    counts = _counts(cones, points)
+    end = int(counts.argmax())
+    best, most = cones[end], int(counts[end])
+    for _ in range(_TURNS):
+        cones = np.hstack([np.broadcast_to(balls[end], balls.shape), balls])
+        counts = _counts(cones, points)
+        order = np.argsort(-counts, kind="stable")
+        other = next((int(i) for i in order if counts[i] <= most or _has_room(cones[i], tree)), end)
+        if counts[other] <= most:
+            break
+        best, most, end = cones[other], int(counts[other]), other
+    return best, most
+
+
+def _counts(cones: np.ndarray, points: np.ndarray) -> np.ndarray:
+    counts = np.empty(len(cones), dtype=np.int64)
+    count_held(cones, points, counts)
+    return counts
+
+
+def _has_room(cone: np.ndarray, tree: cKDTree) -> bool:
+    """Whether the surface leaves a round cone room from one end to the other, asked every half of its least radius."""
+    one, other = cone[START : START + 4], cone[END : END + 4]
+    steps = 2 + int(min(np.linalg.norm(other[:3] - one[:3]) / (0.5 * min(one[3], other[3])), 200.0))
+    shares = np.linspace(0.0, 1.0, steps)[:, None]
+    balls = (1.0 - shares) * one + shares * other
+    return bool((tree.query(balls[:, :3])[0] >= _ROOM * balls[:, 3]).all())
