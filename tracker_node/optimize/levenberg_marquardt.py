@@ -35,8 +35,11 @@ def clip_to_limits(state: State, chain: KinematicChain) -> State:
     return State(state.T_world_root, np.clip(state.joint_positions, chain.lower, chain.upper))
 
 
-def _step(equations: NormalEquations, damping: float, lower: np.ndarray, upper: np.ndarray) -> np.ndarray | None:
-    """The step (n_dof,) to the minimum of the damped quadratic within ``lower`` and ``upper``; None where it has none."""
+def _step(equations: NormalEquations, state: State, chain: KinematicChain, damping: float) -> np.ndarray | None:
+    """The step (n_dof,) from ``state`` to the minimum of the damped quadratic within the limits; None where it has none."""
+    anywhere = np.full(N_ROOT_DOF, np.inf)
+    lower = np.append(-anywhere, chain.lower - state.joint_positions)
+    upper = np.append(anywhere, chain.upper - state.joint_positions)
     H, step = equations.H.copy(), np.empty(equations.g.size)
     diagonal = np.diag(equations.H)
     H[np.diag_indices_from(H)] += damping * diagonal + 1e-9 * max(float(diagonal.max(initial=0.0)), 1e-12)
@@ -45,10 +48,7 @@ def _step(equations: NormalEquations, damping: float, lower: np.ndarray, upper: 
 
 def stepped(equations: NormalEquations, state: State, chain: KinematicChain, damping: float) -> State:
     """``state`` after one step within the joints' limits, by its ``equations`` alone; where these have none, as it is."""
-    anywhere = np.full(N_ROOT_DOF, np.inf)
-    lower = np.append(-anywhere, chain.lower - state.joint_positions)
-    upper = np.append(anywhere, chain.upper - state.joint_positions)
-    step = _step(equations, damping, lower, upper)
+    step = _step(equations, state, chain, damping)
     if step is None:
         return state
     return clip_to_limits(state.retract(step), chain)
@@ -58,15 +58,12 @@ def minimize(
     objective: LeastSquaresObjective, start: State, chain: KinematicChain, options: LevenbergMarquardtOptions
 ) -> OptimizerResult:
     """Walk downhill from ``start``; deterministic."""
-    anywhere = np.full(N_ROOT_DOF, np.inf)
-    lower, upper = np.append(-anywhere, chain.lower), np.append(anywhere, chain.upper)
     state = clip_to_limits(start, chain)
     equations = objective.linearize(state)
     evaluations, damping, converged, iterations, accepted = 1, options.damping, False, 0, True
     while iterations < options.max_iterations and not converged:
         iterations += 1
-        here = np.append(np.zeros(N_ROOT_DOF), state.joint_positions)
-        step = _step(equations, damping, lower - here, upper - here)
+        step = _step(equations, state, chain, damping)
         if step is None:
             accepted, damping = False, damping * options.damping_up
             continue
