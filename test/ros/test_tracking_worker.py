@@ -1,6 +1,7 @@
 """What the worker does when the tracker is slow or fails; the tracker here is one that a test can hold and break."""
 
 import threading
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from ros_graph import stamps
-from ros_samples import some_estimate, tracked_arm
+from ros_samples import some_estimate, some_state, tracked_arm
 from sensor_msgs.msg import Image
 from std_srvs.srv import SetBool, Trigger
 from tracker_msgs.msg import TrackedState
@@ -17,11 +18,13 @@ from tracker_msgs.srv import SetState
 
 from tracker_node.camera.camera_model import CameraModel
 from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.model.configuration import State
 from tracker_node.ros.conversions import camera_info_message, image_message
 from tracker_node.ros.image_inbox import InboxOptions
 from tracker_node.ros.qos import images_published
 from tracker_node.ros.tracker_node import TrackerNode, TrackerOptions
-from tracker_node.tracking.estimate import Status
+from tracker_node.tracking.config import SynchronizerConfig, TrackerConfig
+from tracker_node.tracking.estimate import Status, Timings
 
 
 class HeldTracker:
@@ -29,7 +32,7 @@ class HeldTracker:
 
     def __init__(self):
         self.go, self.stepping, self.failing = threading.Event(), threading.Event(), set()
-        self.status = Status.DEGRADED
+        self.status, self.total_ms = Status.DEGRADED, 4.0
         self.told = []  # states, "reset" and "look anew"
 
     def step(self, image_set):
@@ -37,7 +40,8 @@ class HeldTracker:
         assert self.go.wait(30.0)
         if image_set.stamp_ns in self.failing:
             raise RuntimeError("no good")
-        return replace(some_estimate(tracked_arm(), image_set.stamp_ns), status=self.status)
+        timings = Timings(0.0, 0.0, self.total_ms)
+        return replace(some_estimate(tracked_arm(), image_set.stamp_ns), status=self.status, timings=timings)
 
     def reset(self):
         self.told.append("reset")
@@ -59,19 +63,23 @@ class Bench:
         options = TrackerOptions(rig, tracked_arm(), inbox=inbox, make_tracker=lambda *_: self.tracker, **changes)
         self.node = TrackerNode(options)
         probe.add_node(self.node)
-        self.states = probe.listen(TrackedState, "tracker/state")
+        self.states, self._reports = probe.listen(TrackedState, "tracker/state"), probe.listen(DiagnosticArray, "/diagnostics")
         create = probe.node.create_publisher
         self.cameras = [create(Image, f"{name}/image_raw", images_published(50)) for name in rig.names]
         assert self.node.start()
         probe.spin_until(lambda: all(c.get_subscription_count() for c in self.cameras), "subscriptions")
 
-    def send(self, i: int) -> None:
+    def send(self, i: int, first_ns: int = 0) -> None:
         """One image set, until the node has all of it."""
         before = dict(self.node._inbox.last_arrival_s)
         for camera in self.cameras:
-            camera.publish(image_message(i * 33_000_000, "f", np.full((120, 160, 3), i, np.uint8)))
+            camera.publish(image_message(first_ns + i * 33_000_000, "f", np.full((120, 160, 3), i % 256, np.uint8)))
         arrival = self.node._inbox.last_arrival_s
         self.probe.spin_until(lambda: len(arrival) == 3 and all(arrival[c] != before.get(c) for c in arrival), "arrival")
+
+    def said(self, part: str) -> list[tuple[bytes, str]]:
+        """Level and message of every report on a part so far."""
+        return [(s.level, s.message) for array in self._reports for s in array.status if s.name == f"tracker: {part}"]
 
     def change_parameters(self, scale: float) -> None:
         """A new tracker is made; it is this one again."""
@@ -117,7 +125,6 @@ def test_the_newest_two_sets_win_and_the_others_are_counted(probe, build):
 
 
 def test_waiting_images_are_bounded_and_the_loss_is_counted(probe, build):
-    reports = probe.listen(DiagnosticArray, "/diagnostics")
     bench = build(lossless=False)
     bench.send(0)
     probe.spin_until(bench.tracker.stepping.is_set, "the first step")
@@ -128,7 +135,7 @@ def test_waiting_images_are_bounded_and_the_loss_is_counted(probe, build):
     probe.spin_until(lambda: len(bench.states) == 3, "three states")
     assert stamps(bench.states)[-1] == 10 * 33_000_000
     assert bench.node._inbox.overflowed == {"cam1": 6, "cam2": 6, "cam3": 6} and bench.node.superseded == 2
-    said = [(s.level, s.message) for array in reports for s in array.status if s.name == "tracker: cam2"]
+    said = bench.said("cam2")
     assert any(level == DiagnosticStatus.WARN and "images are lost (overflowed" in message for level, message in said)
 
 
@@ -247,3 +254,88 @@ def test_what_lasts_is_said_again_after_a_rest(probe, build):
         probe.spin_until(lambda: status[mismatch].message == status[calibration].message == "inactive", "the rest")
         bench.node.report()
         assert bench.node.activate()
+
+
+def test_a_tracker_that_is_too_slow_is_said_to_be_until_it_keeps_up(probe, build):
+    bench = build(lossless=False)
+    bench.send(0)
+    probe.spin_until(bench.tracker.stepping.is_set, "the first step")
+    for i in range(1, 5):
+        bench.send(i)
+    bench.tracker.go.set()
+
+    def slow() -> list[int]:
+        found = enumerate(bench.said("rate"))
+        return [k for k, (level, said) in found if level == DiagnosticStatus.WARN and said.startswith("too slow: 2 of ")]
+
+    probe.spin_until(slow, "too slow")
+    bench.send(5)
+    probe.spin_until(lambda: len(bench.states) == 4, "a state in time")
+    probe.spin_until(lambda: (DiagnosticStatus.OK, "tracking") in bench.said("rate")[slow()[-1] :], "that it keeps up")
+
+
+def test_results_that_come_late_are_said_to(probe, build):
+    """Images of 40 s ago, then fresh ones, where 20 s are allowed: a busy machine changes nothing."""
+    bench = build(lossless=True, config=TrackerConfig(synchronizer=SynchronizerConfig(queue_s=20.0)))
+    bench.tracker.go.set()
+    late = (DiagnosticStatus.WARN, "results come more than 20 s after their images")
+    for ago_s, n, expected in ((40, 20, late), (5, 150, (DiagnosticStatus.OK, "from an image's stamp to the state"))):
+        first_ns = time.time_ns() - ago_s * 10**9
+        for i in range(n):
+            bench.send(i, first_ns)
+        before = len(bench.said("latency"))
+        probe.spin_until(lambda n=before, expected=expected: expected in bench.said("latency")[n:], str(expected))
+
+
+def test_image_sets_that_take_longer_than_the_next_is_away_are_said_to(probe, build):
+    bench = build(lossless=True)
+    bench.tracker.go.set()
+    slow = (DiagnosticStatus.WARN, "an image set takes longer than the 33 ms from one to the next")
+    fine = (DiagnosticStatus.OK, "stamps are not of this clock")
+    for total_ms, sets, expected in ((50.0, range(20), slow), (4.0, range(20, 50), fine)):
+        bench.tracker.total_ms = total_ms
+        for i in sets:
+            bench.send(i)
+        before = len(bench.said("latency"))
+        probe.spin_until(lambda n=before, expected=expected: expected in bench.said("latency")[n:], str(expected))
+
+
+def test_parameters_change_after_a_failed_first_set_and_the_start_stays_as_configured(probe, build):
+    initial = some_state(tracked_arm())
+    bench = build(lossless=True, initial_state=initial)
+    bench.tracker.failing = {0}
+    bench.tracker.go.set()
+    bench.send(0)
+    probe.spin_until(lambda: len(bench.states) == 1, "what is said of the failure")
+    assert bench.states[0].status == Status.LOST and np.array_equal(bench.states[0].values, initial.to_values())
+    bench.change_parameters(11.0)
+    bench.send(1)
+    probe.spin_until(lambda: len(bench.states) == 2, "a state")
+    assert bench.tracker.told == []  # a new tracker begins as it was made: at the initial state, or with a search
+
+
+def test_a_search_goes_on_after_a_set_that_failed_in_it(probe, build):
+    bench = build(lossless=True)
+    bench.tracker.status, bench.tracker.failing = Status.INITIALISING, {33_000_000}
+    bench.tracker.go.set()
+    bench.send(0)
+    bench.send(1)
+    probe.spin_until(lambda: len(bench.states) == 2, "a guess and a failure")
+    assert [s.status for s in bench.states] == [Status.INITIALISING, Status.LOST]
+    bench.change_parameters(11.0)
+    probe.spin_until(lambda: bench.tracker.told == ["look anew"], "the search, told to the new tracker")
+
+
+def test_nothing_is_kept_of_a_recording_that_begins_again_with_a_failure(probe, build):
+    bench = build(lossless=True)
+    bench.tracker.failing = {33_000_000}
+    bench.tracker.go.set()
+    bench.send(0, first_ns=10**12)
+    bench.send(1)
+    probe.spin_until(lambda: len(bench.states) == 2, "a state and a failure")
+    neutral = State.neutral(tracked_arm()).to_values()
+    assert np.array_equal(bench.states[1].values, neutral) and not np.array_equal(bench.states[0].values, neutral)
+    bench.change_parameters(11.0)
+    bench.send(2)
+    probe.spin_until(lambda: len(bench.states) == 3, "a state")
+    assert bench.tracker.told == ["reset"]

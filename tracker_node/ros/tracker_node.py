@@ -12,6 +12,7 @@ from rclpy.parameter import Parameter
 
 from ..camera.camera_model import CameraModel
 from ..errors import TrackerError
+from ..model.configuration import State
 from ..observation.image_set import ImageSet
 from ..tracking.config import TrackerConfig
 from ..tracking.estimate import TrackEstimate
@@ -97,7 +98,7 @@ class TrackerNode(ManagedNode):
             self._inbox,
             self._setup(config, cameras),
             self._on_estimate,
-            model=options.model,
+            initial_state=options.initial_state or State.neutral(options.model),
             lossless=self._lossless,
             on_error=self.get_logger().error,
         )

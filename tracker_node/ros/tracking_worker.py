@@ -11,7 +11,6 @@ from collections.abc import Callable
 
 from ..camera.camera_rig import CameraRig
 from ..errors import TrackerError
-from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from ..observation.image_set import CameraImage, ImageSet
 from ..tracking.config import TrackerConfig
@@ -40,13 +39,14 @@ class TrackingWorker:
     ----------
     setup : as it is at first; images wait while it has no tracker. Later ones come by `use`.
     on_estimate : called in the thread with each estimate and its image set.
+    initial_state : what is said of the body, together with that it is lost, when image sets fail before any was tracked.
     lossless : every image set is tracked, in order; otherwise only the newest two of those that wait, and the others are
         counted: one that came late is made up for, a tracker that is too slow does not fall behind.
 
     Attributes
     ----------
     formation : the image sets, and what became of the images.
-    latest : the latest estimate since the last reset.
+    latest : the latest estimate since the last reset, also that of an image set that failed.
     busy : tracking, or getting ready to.
     at_work_since_s : steady time at which the image set at work was begun; None while there is none.
     paused : images are counted, and not used.
@@ -59,12 +59,12 @@ class TrackingWorker:
         setup: TrackingSetup,
         on_estimate: Callable[[TrackEstimate, ImageSet], None],
         *,
-        model: ArticulatedModel,
+        initial_state: State,
         lossless: bool = False,
         on_error: Callable[[str], None] = lambda text: None,
     ):
         self._inbox, self._setup, self._on_estimate = inbox, setup, on_estimate
-        self._model, self._lossless, self._on_error = model, lossless, on_error
+        self._initial_state, self._lossless, self._on_error = initial_state, lossless, on_error
         self._thread: threading.Thread | None = None
         self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._stopping, self._finishing = threading.Event(), False
@@ -74,6 +74,7 @@ class TrackingWorker:
         self.formation = SetFormation(setup.cameras, setup.config.synchronizer)
         self.counts = WorkerCounts()
         self.latest: TrackEstimate | None = None
+        self._tracked: TrackEstimate | None = None  # the latest that the tracker has given
         self.busy, self.paused = True, False
         self.at_work_since_s: float | None = None
         self.fatal: Exception | None = None
@@ -104,25 +105,25 @@ class TrackingWorker:
         """A new tracker begins as has been asked since the latest image set, or where that has left the body."""
         if self._requests.told is not None:
             self._requests.told.tell(tracker)
-        elif self.latest is not None and self.latest.status is Status.INITIALISING:
+        elif self._tracked is not None and self._tracked.status is Status.INITIALISING:
             tracker.look_anew()
-        elif self.latest is not None:
-            tracker.set_state(self.latest.state)
+        elif self._tracked is not None:
+            tracker.set_state(self._tracked.state)
 
     @property
     def start_state(self) -> State | None:
         """Where the next image set begins as far as is known: as asked, else where the body was. None: not at a given state."""
-        request, latest = self._requests.asked, self.latest
+        request, tracked = self._requests.asked, self._tracked
         if request is not None:
             return request.state
-        return None if latest is None else latest.state
+        return None if tracked is None else tracked.state
 
     def reset(self) -> None:
         """Forget everything, as after a backward jump of time."""
 
         def forget() -> None:
             self.formation.reset()
-            self._last_ns, self.latest = None, None
+            self._last_ns = self.latest = self._tracked = None
 
         self._begin(StartRequest(lambda tracker: tracker.reset()), forget)
 
@@ -134,7 +135,7 @@ class TrackingWorker:
         """Look for the body wherever it may be; what has been learnt stays."""
 
         def forget() -> None:
-            self.latest = None
+            self.latest = self._tracked = None
 
         self._begin(StartRequest(lambda tracker: tracker.look_anew()), forget)
 
@@ -270,12 +271,13 @@ class TrackingWorker:
             return
         if self._last_ns is not None and image_set.stamp_ns < self._last_ns:
             tracker.reset()  # the clock went backward: a recording began again
+            self.latest = self._tracked = None
             if self._requests.told is not None:
                 self._requests.told.tell(tracker)
         self._last_ns = image_set.stamp_ns
         began = time.perf_counter()
         try:
-            estimate = self.latest = tracker.step(image_set)
+            estimate = self.latest = self._tracked = tracker.step(image_set)
             self._requests.followed()
         except Exception as error:
             estimate = self.latest = self._failed(image_set, error, 1e3 * (time.perf_counter() - began))
@@ -286,7 +288,7 @@ class TrackingWorker:
     def _failed(self, image_set: ImageSet, error: Exception, total_ms: float) -> TrackEstimate:
         self.counts.failed += 1
         self._on_error(f"image set {image_set.stamp_ns}: {_described(error)}")
-        state = State.neutral(self._model) if self.latest is None else self.latest.state
+        state = self._initial_state if self._tracked is None else self._tracked.state
         reason = f"{type(error).__name__}: {error}"
         return unknown_estimate(image_set.stamp_ns, reason, state, self._setup.cameras, total_ms)
 
