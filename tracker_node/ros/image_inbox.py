@@ -16,6 +16,7 @@ from ..observation.image_set import CameraImage
 from .conversions import bgr_of_compressed, decode_raw_image
 from .qos import images_subscribed, overridable
 from .qos_mismatch import QosMismatches
+from .sequence_gaps import SequenceGaps, with_number
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ class ImageInbox:
     ----------
     arrived : camera -> images received.
     overflowed : camera -> images thrown away because too many waited.
-    lost : camera -> images that were sent and did not arrive, as far as the transport knows.
+    lost : camera -> images that were sent and did not arrive, or were replaced by newer ones before we took them.
     infos : camera -> its latest calibration message.
     last_arrival_s : camera -> steady time of its latest image.
     """
@@ -88,7 +89,12 @@ class ImageInbox:
                 self._subscriptions[camera] = self._subscribed(camera)
 
     def _subscribed(self, camera: str) -> list[Subscription]:
-        def enqueue(content) -> None:
+        gaps = SequenceGaps(lambda: images.get_publisher_count())
+        lost_before = self.lost[camera]  # by earlier subscriptions
+
+        def enqueue(content, number: int | None) -> None:
+            gaps.came(number)
+            self.lost[camera] = lost_before + gaps.lost
             self._enqueue(Received(camera, content))
 
         def remember(info: CameraInfo) -> None:
@@ -96,10 +102,9 @@ class ImageInbox:
                 self.infos[camera] = info
                 self._condition.notify()
 
-        lost_before = self.lost[camera]  # by earlier subscriptions; each counts from 0
-
         def count_lost(event) -> None:
-            self.lost[camera] = lost_before + event.total_count
+            gaps.told(event.total_count)
+            self.lost[camera] = lost_before + gaps.lost
 
         qos, create = images_subscribed(self._options.lossless), self._node.create_subscription
         topic, kind = f"{camera}/image_raw", Image
@@ -107,7 +112,7 @@ class ImageInbox:
             topic, kind = f"{topic}/compressed", CompressedImage
         events = self._mismatches.of_subscription(camera, topic)
         events.message_lost = count_lost
-        images = create(kind, topic, enqueue, **overridable(qos), event_callbacks=events, raw=kind is Image)
+        images = create(kind, topic, with_number(enqueue), **overridable(qos), event_callbacks=events, raw=kind is Image)
         return [images, create(CameraInfo, f"{camera}/camera_info", remember, qos)]
 
     def _enqueue(self, received: Received) -> None:

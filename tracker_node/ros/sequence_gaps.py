@@ -1,0 +1,69 @@
+"""Messages that never came to a subscription, by the numbers that publishers give theirs."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+
+def with_number(callback: Callable[[Any, int | None], None]) -> Callable[..., None]:
+    """A subscription's callback that is also told the number of the message, None where the middleware does not give one.
+
+    rclpy hands over what it knows of a message when a callback takes two arguments: as two by the usual executors, but as one
+    pair by the events executor of Jazzy.
+    """
+
+    def receive(*received: Any) -> None:
+        message, info = received if len(received) == 2 else received[0]
+        callback(message, info.get("publication_sequence_number"))
+
+    two = [inspect.Parameter(name, inspect.Parameter.POSITIONAL_ONLY) for name in ("message", "info")]
+    receive.__signature__ = inspect.Signature(two)  # type: ignore[attr-defined]
+    return receive
+
+
+class SequenceGaps:
+    """Counts what one subscription has missed.
+
+    A publisher numbers its messages one by one, but they do not say which publisher they are of. A number goes on from the
+    nearest one below it that is a publisher's latest; or it is the first of a publisher that has not been heard of yet, and what
+    that sent before was not for us.
+
+    Parameters
+    ----------
+    publishers : how many there are now.
+    """
+
+    def __init__(self, publishers: Callable[[], int]):
+        self._publishers = publishers
+        self._latest: list[int] = []  # of each publisher, that heard of last at the end
+        self._missing = self._told = 0
+
+    @property
+    def lost(self) -> int:
+        """Messages so far: by their numbers, or, without any, as the middleware tells."""
+        return self._missing if self._latest else self._told
+
+    def told(self, total: int) -> None:
+        """So many messages are lost, says the middleware, which does not count those that it replaces by newer ones."""
+        self._told = total
+
+    def came(self, number: int | None) -> None:
+        """A message with this number."""
+        if number is None:
+            return
+        if number - 1 not in self._latest:
+            self._look(number)
+        else:
+            self._latest.remove(number - 1)
+        self._latest.append(number)
+
+    def _look(self, number: int) -> None:
+        """What a number means that does not follow on another."""
+        n_publishers = max(1, self._publishers())
+        del self._latest[:-n_publishers]  # of those that have left
+        before = max((latest for latest in self._latest if latest < number), default=None)
+        if before is not None and len(self._latest) == n_publishers:
+            self._missing += number - before - 1
+            self._latest.remove(before)
