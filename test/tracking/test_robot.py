@@ -1,13 +1,17 @@
-"""A robot from its description, of boxes and cylinders, before cameras that another renderer draws: its turns and its slide."""
+"""Robots from their descriptions, of boxes and cylinders and of mesh files, before cameras that another renderer draws."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
+from mesh_robot import folded, of_meshes
 from small_studio import RATE_HZ, Recording
 
 from tracker_node.loaders.model_yaml import load_model
+from tracker_node.model.articulated_model import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
+from tracker_node.objective.collision import CollisionObjective
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.synthesis.cones import ModelSubject
 from tracker_node.synthesis.scenes import SceneConfig, Studio, make_rig
@@ -19,18 +23,22 @@ ROBOT = Path(__file__).resolve().parents[2] / "config" / "models" / "robot_arm.u
 SCENE = SceneConfig(
     n_cameras=3, width=320, height=240, focal_px=270.0, radius=2.2, target_height=0.7, noise_levels=2.0, surroundings="clutter"
 )
+SMALL = from_dict({"evidence.kind": "region", "region.first_scales": "8 5 3 2 1"})  # images, and a start nearby
 
 
 @cache
 def robot_at_work(n_images: int = 15) -> Recording:
     """It turns, reaches out to the end of its slide's way and back from it, on a base that stays."""
-    rig, model = make_rig(SCENE), load_model(ROBOT)
     t = np.arange(n_images) / RATE_HZ
     joints = np.stack([0.4 + 1.2 * t, 0.3 + 0.7 * np.sin(2.0 * t), 0.9 + 0.6 * np.sin(3.0 * t), np.minimum(0.16 + 0.4 * t, 0.25)])
     base = np.eye(4)
     base[:3, 3] = 0.1, -0.05, 0.0
-    states, subject, sets = tuple(State(base, q) for q in joints.T), ModelSubject(model), []
-    with Studio(rig, SCENE) as studio:
+    return filmed(load_model(ROBOT), tuple(State(base, q) for q in joints.T), SCENE)
+
+
+def filmed(model: ArticulatedModel, states: tuple[State, ...], scene: SceneConfig) -> Recording:
+    rig, subject, sets = make_rig(scene), ModelSubject(model), []
+    with Studio(rig, scene) as studio:
         plates = {camera.name: studio.empty_image(i, 0) for i, camera in enumerate(rig)}
         for i, state in enumerate(states):
             stamp_ns = 10**9 + round(i * 1e9 / RATE_HZ)
@@ -42,9 +50,8 @@ def robot_at_work(n_images: int = 15) -> Recording:
 
 def test_a_robot_is_followed_to_the_end_of_its_slide():
     clip = robot_at_work()
-    config = from_dict({"evidence.kind": "region", "region.first_scales": "8 5 3 2 1"})  # small images, a start nearby
     start = clip.states[0].retract(np.array([0.02, -0.015, 0.01, 0.02, -0.02, 0.03, 0.05, -0.05, 0.06, -0.02]))
-    tracker = Tracker(clip.rig, clip.model, config, None, start)
+    tracker = Tracker(clip.rig, clip.model, SMALL, None, start)
     found = [tracker.step(s) for s in clip.sets]
     assert {e.status for e in found[2:]} == {Status.TRACKING}
     joints = np.array([e.state.joint_positions for e in found])
@@ -61,3 +68,30 @@ def test_a_robot_is_found_without_a_first_pose():
     found = [tracker.step(s) for s in clip.sets[:4]]
     assert found[-1].status is Status.TRACKING
     assert clip.errors_mm(found)[-1].max() < 15.0
+
+
+def folding(model: ArticulatedModel, n_images: int = 10) -> tuple[State, ...]:
+    """The arm folds until the hand is 37 mm from the column."""
+    return tuple(State(np.eye(4), folded(model, 100.0 + 3.0 * i)) for i in range(n_images))
+
+
+def test_a_robot_of_mesh_files_is_followed(tmp_path):
+    model = of_meshes(tmp_path)
+    clip = filmed(model, folding(model), SCENE)
+    tracker = Tracker(clip.rig, model, SMALL, None, clip.states[0])
+    found = [tracker.step(s) for s in clip.sets]
+    assert Status.LOST not in {e.status for e in found}
+    assert clip.errors_mm(found)[2:].max() < 15.0
+
+
+def test_one_camera_does_not_put_a_hand_into_the_column(tmp_path):
+    """From a start with the hand within it. Without the collisions it stays there, seen from the front."""
+    model = of_meshes(tmp_path)
+    clip = filmed(model, folding(model)[-3:], replace(SCENE, n_cameras=1))
+    start, collisions = State(np.eye(4), folded(model, 140.0)), CollisionObjective(model)
+    depths = []
+    for config in (SMALL, replace(SMALL, collision=replace(SMALL.collision, enabled=False))):
+        tracker = Tracker(clip.rig, model, config, None, start)
+        depths.append([-collisions.gaps(tracker.step(s).state).min() for s in clip.sets][-1])
+    assert depths[0] < 0.005
+    assert depths[1] > 0.02
