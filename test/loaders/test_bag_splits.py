@@ -12,6 +12,7 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from tracker_node.errors import UnknownNameError
+from tracker_node.loaders.bag_check import check_bag
 from tracker_node.loaders.bag_metadata import OfferedQos
 from tracker_node.loaders.bag_queue import BagQueue
 from tracker_node.loaders.bag_reader import BagReader
@@ -142,3 +143,84 @@ def test_a_process_killed_while_it_writes_leaves_all_but_the_last_moment(
         assert numbers == list(range(len(numbers)))
     assert len(found["/b"]) <= len(found["/a"]) <= len(found["/b"]) + 1
     assert len(found["/a"]) > 5 * megabytes
+
+
+def write_latched(path: Path, **options) -> BagWriter:
+    """A hundred messages in files of twenty; of two latched topics one speaks again in the third file."""
+    with BagWriter(path, split_ns=20 * PERIOD_NS, repeat_latched=True, **options) as writer:
+        for topic, durability in (("/a", "volatile"), ("/model", "transient_local"), ("/map", "transient_local")):
+            writer.add_topic(topic, "std_msgs/msg/String", OfferedQos(durability=durability, depth=1))
+        said = {("/map", 3): "map", ("/model", 5): "old model", ("/model", 50): "new model"}
+        for i in range(100):
+            for (topic, at), content in said.items():
+                if at == i:
+                    writer.write_message(topic, i * PERIOD_NS, bag_samples.text(content))
+            writer.write_message("/a", i * PERIOD_NS, bag_samples.text(f"a{i}"))
+    return writer
+
+
+@pytest.mark.parametrize("compression", ["none", "zstd"])
+def test_every_file_begins_with_what_latched_topics_said_last(tmp_path: Path, compression: str) -> None:
+    writer = write_latched(tmp_path / "run", compression=compression)
+    for i, model in enumerate(["old model", "old model", "old model", "new model", "new model"]):
+        with (tmp_path / "run" / f"run_{i}.mcap").open("rb") as stream:
+            found = [(c.topic, m) for _, c, m in make_reader(stream, validate_crcs=True).iter_messages()]
+        if i == 0:
+            assert [topic for topic, _ in found].count("/map") == [topic for topic, _ in found].count("/model") == 1
+            continue
+        begin = dict(found[:3])
+        assert set(begin) == {"/map", "/model", "/a"} and model.encode() in begin["/model"].data
+        assert begin["/map"].log_time == begin["/model"].log_time == begin["/a"].log_time == 20 * i * PERIOD_NS
+        assert begin["/map"].publish_time == 3 * PERIOD_NS
+        with BagReader(tmp_path / "run" / f"run_{i}.mcap") as alone:
+            assert next(message for _, message in alone.decoded("/model")).data == model
+    assert writer.repeated == {"/map": 4, "/model": 4}
+    check = check_bag(tmp_path / "run")
+    assert check.problems == check.notes == []
+    counts = {each.topic.name: each.count for each in check.topics}
+    assert counts == {"/a": 100, "/map": 5, "/model": 6} and information(tmp_path / "run")["message_count"] == 111
+
+
+def test_the_rest_of_a_bag_is_the_same_with_what_is_told_again(tmp_path: Path) -> None:
+    write_latched(tmp_path / "run")
+    with AnyReader([tmp_path / "run"]) as theirs, BagReader(tmp_path / "run") as ours:
+        texts = [theirs.deserialize(data, c.msgtype).data for c, _, data in theirs.messages() if c.topic == "/a"]
+        models = [message.data for _, message in ours.decoded("/model")]
+    assert texts == [f"a{i}" for i in range(100)]
+    assert models == ["old model"] * 3 + ["new model"] * 3  # so whoever keeps the last has the right one
+
+
+def test_a_message_that_comes_first_in_its_file_takes_the_place_of_the_last_one(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "run", repeat_latched=True) as writer:
+        writer.add_topic("/model", "std_msgs/msg/String", OfferedQos(durability="transient_local", depth=1))
+        writer.write_message("/model", 1, bag_samples.text("old"))
+        writer.split()
+        writer.split()
+        writer.write_message("/model", 2, bag_samples.text("new"))
+    assert [entry["message_count"] for entry in information(tmp_path / "run")["files"]] == [1, 0, 1]
+
+
+def test_large_latched_messages_do_not_fill_every_file(tmp_path: Path) -> None:
+    """Their size does not count for where a file ends, or each would end after one message."""
+    with BagWriter(tmp_path / "run", split_bytes=10_000, repeat_latched=True) as writer:
+        writer.add_topic("/map", "std_msgs/msg/String", OfferedQos(durability="transient_local", depth=1))
+        writer.write_message("/map", 0, bag_samples.text("m" * 20_000))
+        for i in range(100):
+            writer.write_message("/a", i, bag_samples.text("a" * 500))
+    counts = [entry["message_count"] for entry in information(tmp_path / "run")["files"]]
+    assert counts[0] == 1 and 3 < len(counts) < 12 and all(count > 10 for count in counts[1:-1])
+
+
+def test_a_queue_counts_every_message_once(tmp_path: Path) -> None:
+    bag = BagQueue(BagWriter(tmp_path / "run", repeat_latched=True))
+    for topic, durability in (("/a", "volatile"), ("/map", "transient_local")):
+        qos = OfferedQos(durability=durability)
+        bag.add_topic(topic, "std_msgs/msg/String", qos, message_type("std_msgs/msg/String"))
+        bag.put(topic, 0, bytes([0, 1, 0, 0, 7]))
+    for i in range(1, 4):
+        bag.split()
+        bag.put("/a", i, bytes([0, 1, 0, 0, i]))
+    bag.close()
+    assert bag.written == {"/a": 4, "/map": 1} and not bag.dropped.total()
+    with BagReader(tmp_path / "run") as reader:
+        assert reader.topic("/map").message_count == 4

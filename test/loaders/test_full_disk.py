@@ -66,6 +66,25 @@ def test_what_had_come_before_the_disk_was_full_is_written_to_the_room_kept_for_
     assert numbers(disk / "run") == list(range(taken + 1))
 
 
+def test_what_is_told_again_is_not_counted_on_a_full_disk_either(small_disk) -> None:
+    path = small_disk(12) / "run"
+    bag = BagQueue(BagWriter(path, split_bytes=MB, repeat_latched=True))
+    for topic, durability in (("/map", "transient_local"), ("/a", "volatile")):
+        bag.add_topic(topic, STRING, OfferedQos(durability=durability), message_type(STRING))
+    bag.put("/map", 0, message(0))
+    n_put = 0
+    while bag.put("/a", n_put, message(n_put)) and n_put < 1000:
+        n_put += 1
+        while bag.waiting_bytes > MB and not bag.problem:
+            time.sleep(0.001)
+    with pytest.raises(TrackerError, match="No space left on device"):
+        bag.close()
+    assert bag.written["/a"] + bag.dropped["/a"] == n_put + 1 and bag.written["/map"] == 1 and not bag.dropped["/map"]
+    with BagReader(path) as reader:
+        counts = {name: topic.message_count for name, topic in reader.topics.items()}
+    assert counts["/a"] == bag.written["/a"] > 30 and counts["/map"] > 3
+
+
 def test_a_limit_on_free_room_stops_before_the_disk_is_full(small_disk) -> None:
     disk = small_disk(40)
     bag, n_put = record(disk / "run", 300, min_free_bytes=10 * MB, flush_s=0.01)

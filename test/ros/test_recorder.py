@@ -282,8 +282,10 @@ def test_too_little_room_is_refused_at_the_start(small_disk, capsys: pytest.Capt
 
 
 def test_pause_and_split_by_service(node: Node, tmp_path: Path, start) -> None:
-    recorder = start("recorder", "--output", str(tmp_path / "run"), "--topics", "/a:std_msgs/msg/String")
+    recorder = start("recorder", "--output", str(tmp_path / "run"), "--topics", "/a:std_msgs/msg/String", "/model")
     recorder.wait_for("recorder: ready")
+    model = node.create_publisher(String, "/model", LATCHED)
+    model.publish(String(data="person"))
     heard = Heard(node)
     pause, split = node.create_client(SetBool, "/recorder/pause"), node.create_client(Trigger, "/recorder/split")
     wait_until(lambda: pause.service_is_ready() and split.service_is_ready())
@@ -295,7 +297,7 @@ def test_pause_and_split_by_service(node: Node, tmp_path: Path, start) -> None:
 
     a = node.create_publisher(String, "/a", 100)
     send(a, [String(data="before")] * 40)  # a steady rate, of which silence would be told
-    heard.until(lambda: heard.value("bag", "messages") == "40")
+    heard.until(lambda: heard.value("bag", "messages") == "41")
     assert call(pause, SetBool.Request(data=True)) == "paused"
     send(a, [String(data="meanwhile")])
     heard.until(lambda: (DiagnosticStatus.OK, "paused") in heard.said)
@@ -312,6 +314,9 @@ def test_pause_and_split_by_service(node: Node, tmp_path: Path, start) -> None:
     assert sorted(file.name for file in (tmp_path / "run").glob("*.mcap")) == ["run_0.mcap", "run_1.mcap"]
     with BagReader(tmp_path / "run") as reader:
         assert [message.data for _, message in reader.decoded("/a")] == ["before"] * 40 + ["after"]
+    with BagReader(tmp_path / "run" / "run_1.mcap") as alone:
+        assert [message.data for _, message in alone.decoded("/model")] == ["person"]
+    assert "42 messages of 2 topics" in recorder.text  # each once
 
 
 def test_publishers_that_offer_less_than_was_expected(node: Node, tmp_path: Path, start) -> None:

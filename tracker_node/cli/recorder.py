@@ -111,6 +111,7 @@ def _open_bag(args: argparse.Namespace):
         split_bytes=round(args.split_mb * MB),
         split_ns=round(args.split_s * 1e9),
         compression=args.compression,
+        repeat_latched=True,
     )
     return BagQueue(writer, args.queue_mb * MB, flush_s=args.flush_s, min_free_bytes=min_free_bytes, to_disk=args.sync)
 

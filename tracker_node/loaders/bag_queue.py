@@ -59,7 +59,7 @@ class BagQueue:
 
     Attributes
     ----------
-    written, dropped : messages by topic; those dropped had come, but there was no room for them.
+    written, dropped : messages by topic, each once; those dropped had come, but there was no room for them.
     problem : why nothing is written any more; empty if it can be.
     """
 
@@ -172,10 +172,10 @@ class BagQueue:
             elif not self.problem:
                 self._stop(_REMOVED)
         self._oldest_s = None
-        in_bag = self._writer.topics
+        in_bag, again = self._writer.topics, self._writer.repeated
         for topic, count in self.written.items():
-            self.dropped[topic] += count - in_bag[topic].message_count
-            self.written[topic] = in_bag[topic].message_count
+            self.written[topic] = in_bag[topic].message_count - again[topic]
+            self.dropped[topic] += count - self.written[topic]
 
     def _stop(self, problem: str) -> None:
         """Take nothing more."""

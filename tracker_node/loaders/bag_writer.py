@@ -17,6 +17,7 @@ from typing import Any
 
 from ..errors import FileFormatError, TrackerError, UnknownNameError
 from .bag_file import BagFile, DiskReserve
+from .bag_latched import LatchedMessages
 from .bag_metadata import OfferedQos, TimeSpan, TopicRecord, bag_information, write_metadata
 from .mcap_writer import COMPRESSIONS
 from .message_types import MessageType, message_type, typestore
@@ -48,6 +49,12 @@ class BagWriter:
     custom : short texts for ``custom_data`` of the metadata.
     split_bytes, split_ns : begin another file when this one has become so large, or spans so much time; 0 for never.
     compression : of the chunks, one of `COMPRESSIONS`.
+    repeat_latched : every file after the first begins with what each latched topic has said last, recorded at the time of the
+        split and sent when it was, so that the file can be played on its own.
+
+    Attributes
+    ----------
+    repeated : messages that the bag holds for that reason, by topic; known once it is closed.
 
     Raises
     ------
@@ -63,6 +70,7 @@ class BagWriter:
         split_bytes: int = 0,
         split_ns: int = 0,
         compression: str = "none",
+        repeat_latched: bool = False,
     ):
         if compression not in COMPRESSIONS:
             raise UnknownNameError("compression", compression, COMPRESSIONS)
@@ -74,6 +82,8 @@ class BagWriter:
         self._finished: dict[str, TimeSpan] = {}  # earlier files
         self._finished_bytes = 0
         self._in_files: Counter[str] = Counter()  # messages in them
+        self._latched = LatchedMessages(repeat_latched)
+        self.repeated: Counter[str] = Counter()
         self._closed = False
         self._make_folder()
         self._reserve = DiskReserve(self.path / _RESERVE_FILE)
@@ -144,9 +154,15 @@ class BagWriter:
         publish_ns = stamp_ns if publish_ns is None else max(0, publish_ns)
         if self._is_full(stamp_ns):
             self.split()
-        record.message_count += 1
+        for name, sent_ns, again in self._latched.take(topic):
+            self._put(self._topics[name], stamp_ns, sent_ns, again)
         message = bytes(data)  # bytes of bytes are no copy
-        self._with_reserve(lambda: self._file.write(topic, record.message_count, stamp_ns, publish_ns, message))
+        self._put(record, stamp_ns, publish_ns, message)
+        self._latched.keep(record, publish_ns, message)
+
+    def _put(self, topic: TopicRecord, stamp_ns: int, publish_ns: int, message: bytes) -> None:
+        topic.message_count += 1
+        self._with_reserve(lambda: self._file.write(topic.name, topic.message_count, stamp_ns, publish_ns, message))
 
     def write_message(self, topic: str, stamp_ns: int, message: Any) -> None:
         """One message of a type of `message_types.typestore`; the topic is announced if it is new."""
@@ -178,6 +194,7 @@ class BagWriter:
         """
         self._with_reserve(self._finish_file)
         self._file = self._next_file()
+        self._latched.begin_file()
         for record in self._topics.values():
             self._file.add_topic(record)
 
@@ -203,7 +220,7 @@ class BagWriter:
     def _is_full(self, stamp_ns: int) -> bool:
         if 0 < self._split_ns <= self._file.age_ns(stamp_ns):
             return True
-        return 0 < self._split_bytes <= self._file.size
+        return 0 < self._split_bytes <= self._file.size - self._latched.size
 
     def _next_file(self) -> BagFile:
         name = f"{self.path.resolve().name}_{len(self._finished)}.mcap"
@@ -219,7 +236,12 @@ class BagWriter:
         file.finish(bag_information({file.path.name: file.span}, topics, self.custom))
         self._finished[file.path.name] = file.span
         self._finished_bytes += file.path.stat().st_size
+        self._add_counts(counts)
+
+    def _add_counts(self, counts: Counter[str]) -> None:
+        """Of a file that nothing more comes to."""
         self._in_files.update(counts)
+        self.repeated.update(topic for topic in self._latched.told if counts[topic])
 
     def _with_reserve(self, action: Callable[[], None], again: bool = False) -> None:
         """On a full disk give back the room that was kept, and write to it what has come so far, or all of ``action``."""
@@ -239,7 +261,7 @@ class BagWriter:
         """Count as not written what is not in a file."""
         if not self._file.finished:
             self._file.drop_chunk()
-            self._in_files.update(self._file.counts)
+            self._add_counts(self._file.counts)
             self._finished_bytes += self._file.size
             self._file.close()
         for topic in self._topics.values():
