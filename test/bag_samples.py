@@ -35,6 +35,14 @@ def image(stamp_ns: int, pixels: np.ndarray, encoding: str = "bgr8"):
     )
 
 
+def pose(stamp_ns: int):
+    types = typestore().types
+    with_covariance = types["geometry_msgs/msg/PoseWithCovariance"]
+    return types["geometry_msgs/msg/PoseWithCovarianceStamped"](
+        header=header(stamp_ns), pose=with_covariance(pose=tracked_state(stamp_ns).root_pose, covariance=np.zeros(36))
+    )
+
+
 def tracked_state(stamp_ns: int, residual_px: float = 1.5):
     types = typestore().types
     vector, quaternion = types["geometry_msgs/msg/Point"], types["geometry_msgs/msg/Quaternion"]

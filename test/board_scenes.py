@@ -77,7 +77,7 @@ def corners_seen(
 def picture(camera: Camera, board: Board, T_world_board: np.ndarray, noise: float = 2.0, seed: int = 0) -> np.ndarray:
     """(h, w) uint8 of the board with a white border before gray, each pixel of four samples; rays are OpenCV's."""
     texels = 64.0 / board.square_m
-    face = _face(board, texels)
+    face = face_of(board, texels)
     model, fine = camera.model, 2
     v, u = np.mgrid[0 : model.height * fine, 0 : model.width * fine]
     pixels = (np.stack([u.ravel(), v.ravel()], axis=1) + 0.5) / fine - 0.5
@@ -96,7 +96,8 @@ def picture(camera: Camera, board: Board, T_world_board: np.ndarray, noise: floa
     return np.clip(image + dirt, 0, 255).astype(np.uint8)
 
 
-def _face(board: Board, texels: float) -> np.ndarray:
+def face_of(board: Board, texels: float) -> np.ndarray:
+    """Gray picture of the board with a white border of one square, so many texels a metre."""
     square = round(board.square_m * texels)
     if board.kind == "charuco":
         markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 
 from tracker_node.camera.camera_model import CameraModel
 from tracker_node.camera.camera_rig import Camera, CameraRig
 from tracker_node.geometry import se3
+from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
 
 SIZE = (320, 240)
 N_IMAGES, RATE_HZ = 40, 30.0
@@ -54,3 +57,15 @@ def ball_images(rig: CameraRig, n: int = N_IMAGES, seed: int = 0) -> dict[str, l
             noisy = image + rng.normal(0.0, 1.5, image.shape)
             images[camera.name].append(np.clip(np.rint(noisy), 0, 255).astype(np.uint8))
     return images
+
+
+def write_balls(folder: Path, n_cameras: int = 3, n_images: int = 16) -> None:
+    """``rig.yaml`` with folders of images beside it."""
+    rig = balls_rig(n_cameras)
+    for name, images in ball_images(rig, n_images).items():
+        (folder / name).mkdir(parents=True)
+        for i, image in enumerate(images):
+            cv2.imwrite(str(folder / name / f"{i:03}.png"), image)
+    rig_file = rig_file_of(rig)
+    cameras = {name: entry.model_copy(update={"source": name}) for name, entry in rig_file.cameras.items()}
+    write_rig_file(rig_file.model_copy(update={"cameras": cameras}), folder / "rig.yaml")

@@ -5,9 +5,10 @@ import importlib
 import json
 import re
 import shlex
-from pathlib import Path
 
 import pytest
+from doc_commands import parsed, parser_of
+from doc_pages import PAGES, commands_of, mentions_of
 
 from tracker_node.cli import main
 from tracker_node.cli._subverbs import subverbs
@@ -20,8 +21,6 @@ from tracker_node.loaders.rig_yaml import load_rig, read_rig_file
 from tracker_node.loaders.state_yaml import load_state
 from tracker_node.model.human import human_model
 from tracker_node.model.kinematic_chain import N_ROOT_DOF
-
-ROOT = Path(__file__).resolve().parents[1]
 
 
 def example(repository, tmp_path, section: str, language: str, page: str = "formats.md"):
@@ -70,9 +69,6 @@ def test_limits_in_the_conventions_are_those_of_the_human(repository):
     assert documented == degrees
 
 
-PAGES = ("README.md", "CONTRIBUTING.md", *sorted(f"docs/{page.name}" for page in (ROOT / "docs").glob("*.md")))
-
-
 @pytest.mark.parametrize("page", PAGES)
 def test_links_lead_somewhere(repository, page):
     for target, anchor in re.findall(r"\]\(([^)#\s]*)(#[^)]*)?\)", (repository / page).read_text()):
@@ -88,42 +84,13 @@ def test_links_lead_somewhere(repository, page):
             assert anchor[1:] in headings, (target, anchor)
 
 
-def code_blocks(text: str) -> str:
-    """The lines of a page's fenced and indented blocks of code, continued lines joined."""
-    fenced = re.findall(r"^```\w*\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
-    rest = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
-    indented = re.findall(r"^    .*$", rest, re.MULTILINE)
-    return "\n".join([*fenced, *(line.strip() for line in indented)]).replace("\\\n", " ")
-
-
-def commands(page, program: str) -> tuple[list[list[str]], list[list[str]]]:
+def commands(page: str, program: str) -> tuple[list[list[str]], list[list[str]]]:
     """Arguments of ``program`` where a page shows it in a block of code, and where it mentions it in a sentence."""
-    start = re.compile(rf"(?:\$ )?(?:ros2 run )?(?:[\w./]*/bin/)?{program}(?= |$)")
-    text = page.read_text()
-    lines = [line.strip() for line in code_blocks(text).splitlines()]
-    shown = [shlex.split(line[start.match(line).end() :], comments=True) for line in lines if start.match(line)]
-    prose = re.sub(r"^```.*?^```|^    .*$", "", text, flags=re.MULTILINE | re.DOTALL if "```" in text else re.MULTILINE)
-    spans = re.findall(r"`([^`]+)`", prose)
-    mentioned = [span[start.match(span).end() :].replace("\n", " ").split() for span in spans if start.match(span)]
+    start = re.compile(rf"(?:[A-Z_]+=\S+ )?(?:ros2 run )?(?:[\w./]*/bin/)?{program}(?= |$)")
+    lines = [command.text for command in commands_of(page)]
+    shown = [shlex.split(line[start.match(line).end() :]) for line in lines if start.match(line)]
+    mentioned = [span[start.match(span).end() :].split() for span in mentions_of(page) if start.match(span)]
     return [c for c in shown if c], [c for c in mentioned if c and "<" not in c[0]]
-
-
-def parser_of(verb: str) -> argparse.ArgumentParser:
-    assert verb in verbs(), verb
-    return main._parser_of(verb, importlib.import_module(f"tracker_node.cli.{verb}"))
-
-
-def check_parses(arguments: list[str]) -> None:
-    """A whole command, as the real parser sees it."""
-    verb, *rest = arguments
-    if verb in ("--help", "--version"):
-        return
-    split = rest.index("--ros-args") if "--ros-args" in rest else len(rest)
-    assert split == len(rest) or verb in main.NODES
-    try:
-        parser_of(verb).parse_args(rest[:split])
-    except SystemExit as leaving:
-        assert leaving.code == 0, arguments  # --help
 
 
 def option_strings(parser: argparse.ArgumentParser) -> set[str]:
@@ -135,10 +102,10 @@ def option_strings(parser: argparse.ArgumentParser) -> set[str]:
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_commands_of_the_pages_exist(repository, page, capsys):
-    shown, mentioned = commands(repository / page, "tracker_node")
+def test_commands_of_the_pages_exist(page, capsys):
+    shown, mentioned = commands(page, "tracker_node")
     for arguments in shown:
-        check_parses(arguments)
+        parsed(arguments)
     for verb, *rest in mentioned:
         if verb in ("--help", "--version"):
             continue
@@ -155,7 +122,7 @@ def test_make_targets_of_the_pages_exist(repository, page):
     targets = set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
     variables = set(re.findall(r"^([A-Z_]+) [:?]?=|\$\(([A-Z_]+)\)", makefile, re.MULTILINE))
     known = {name for pair in variables for name in pair}
-    shown, mentioned = commands(repository / page, "make")
+    shown, mentioned = commands(page, "make")
     for arguments in shown + mentioned:
         for word in arguments:
             name, is_variable, _ = word.strip('"').partition("=")
@@ -200,7 +167,7 @@ def test_help_of_every_verb_has_a_description_and_examples_that_parse(verb, caps
     lines = [line.split() for line in module.EXAMPLE.strip().splitlines()]
     assert any(line[:2] == ["tracker_node", verb] for line in lines)
     for line in module.EXAMPLE.strip().splitlines():
-        check_parses(shlex.split(line)[1:])
+        parsed(shlex.split(line)[1:])
 
 
 @pytest.mark.parametrize(("verb", "what"), [(verb, what) for verb in verbs() for what in subverbs(verb)])
@@ -215,7 +182,7 @@ def test_help_of_every_subverb_has_a_description_and_examples_that_parse(verb, w
     lines = [line.split() for line in module.EXAMPLE.strip().splitlines()]
     assert any(line[:3] == ["tracker_node", verb, what] for line in lines)
     for line in module.EXAMPLE.strip().splitlines():
-        check_parses(shlex.split(line)[1:])
+        parsed(shlex.split(line)[1:])
 
 
 def undescribed(parser: argparse.ArgumentParser) -> list[str]:

@@ -1,26 +1,94 @@
-"""The commands of the tutorial and of the README, run in their order as they stand there, on the first images of the sample."""
+"""The commands of every page, run in their order as they stand there, on short recordings (`doc_walkthrough.py`).
+
+The tutorial and the README run on the first images of the sample, with the edits that they ask for.
+"""
 
 import os
 import re
-import shlex
 import shutil
-import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import cv2
 import pytest
 import yaml
+from doc_commands import CHANGED, NOT_RUN, is_run, why_not_run
+from doc_given import GIVEN
+from doc_pages import PAGES, Block, Command, blocks_of, commands_of, mentions_of
+from doc_place import Place, Shelf
+from doc_walkthrough import Walkthrough
 
 from tracker_node.loaders import wheel_cache
 from tracker_node.loaders.sample_data import SAMPLES, fetch_sample
 
 N_IMAGES = 6
 CAMERAS = ("cam01", "cam02", "cam03", "cam04")
-# Nodes that wait for other programs' images, and what only shows or takes an hour; each has tests of its own.
-NOT_RUN = ("tracker", "reproduce", "sample", "studio", "layouts")
+WITH_SAMPLE = ("README.md", "docs/tutorial.md")
+COMMANDS = [command for page in PAGES for command in commands_of(page)]
 
-pytestmark = pytest.mark.slow
+
+@pytest.fixture(scope="session")
+def shelf(tmp_path_factory) -> Shelf:
+    return Shelf(tmp_path_factory.mktemp("shelf"))
+
+
+@pytest.fixture
+def walkthrough(tmp_path, monkeypatch, shelf, ros_domain_id) -> Iterator[Walkthrough]:
+    """In an empty folder, which is the current one."""
+    monkeypatch.chdir(tmp_path)
+    values = {"venv": sys.prefix, "domain": str(ros_domain_id)}
+    walk = Walkthrough(Place(tmp_path, shelf, values))
+    yield walk
+    walk.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", [page for page in PAGES if page not in WITH_SAMPLE and any(map(is_run, commands_of(page)))])
+def test_page(page, walkthrough):
+    walkthrough.follow(page)
+    assert walkthrough.done == [command for command in commands_of(page) if is_run(command)]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=str)
+def test_every_command_is_run_or_listed_with_a_check_in_its_place(command, repository):
+    entry = why_not_run(command)
+    assert (entry is None) == is_run(command), f"{command}: neither run nor listed in test/doc_commands.py"
+    if entry is not None:
+        entry.check(command)
+        assert (repository / entry.tests).is_file(), entry.tests
+
+
+def test_a_command_that_is_neither_is_noticed(walkthrough):
+    unknown = Command("docs/index.md", "", "cowsay moo")
+    assert not is_run(unknown) and why_not_run(unknown) is None
+    with pytest.raises(AssertionError, match="neither run nor listed"):
+        walkthrough.do(unknown)
+    with pytest.raises(AssertionError, match="--fast"):
+        walkthrough.do(Command("docs/index.md", "", "tracker_node track_offline --fast"))
+
+
+def test_the_tables_have_no_line_too_many():
+    assert not [entry.pattern for entry in NOT_RUN if not any(entry.fits(command) for command in COMMANDS)]
+    assert not [change.pattern for change in CHANGED if not any(re.search(change.pattern, c.text) for c in COMMANDS)]
+    sections = {(command.page, command.section) for command in COMMANDS}
+    assert not [place for place in GIVEN if place not in sections]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_whole_commands_within_sentences_stand_in_a_block_somewhere(page):
+    """Where they are run; whole is what has three words or more behind the program, and no gap."""
+    shown = {command.text for command in COMMANDS}
+    for mention in mentions_of(page):
+        words = mention.split()
+        if words[0] == "tracker_node" and len(words) > 3 and not re.search(r"<|\.\.\.|\b[A-Z]{2,}", mention):
+            assert mention in shown or any(re.match(entry.pattern, mention) for entry in NOT_RUN), mention
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_only_shell_blocks_have_commands(page):
+    for block in blocks_of(page):
+        assert block.commands or not re.search(r"^\s*tracker_node ", block.text, re.MULTILINE), block
 
 
 @pytest.fixture(scope="module")
@@ -44,19 +112,33 @@ def write_start_of(video: Path, target: Path, size: tuple[int, int] | None = Non
     written.release()
 
 
-def blocks_of(page: Path) -> list[str]:
-    """The page's blocks of code in their order, fenced and indented, continued lines joined."""
-    text = page.read_text().replace("\\\n", " ")
-    found = re.finditer(r"^```\w*\n(.*?)^```|((?:^    [^\n]*\n)+)", text, re.MULTILINE | re.DOTALL)
-    return [match[1] or re.sub(r"^    ", "", match[2], flags=re.MULTILINE) for match in found]
+def edits_of_the_tutorial(sample: dict[str, Path]) -> Callable[[Block], None]:
+    """What is done by hand between the commands: videos cut short, entries of rigs, the file of the recording."""
+    rig = None
+
+    def after(block: Block) -> None:
+        nonlocal rig
+        written = [match[1] for match in re.finditer(r"-o (mine\S*\.yaml)", block.text)]
+        rig = Path(written[-1]) if written else rig
+        if block.text.startswith("tracker_node sample"):
+            cut_short(sample)
+        elif re.match(r" *(pixel_map|plate):", block.text):
+            assert rig is not None
+            edited(rig, block.text)
+        elif block.text.startswith("rig: "):
+            Path("recording.yaml").write_text(block.text)
+
+    return after
 
 
-def run(line: str, folder: Path) -> None:
-    """A command of a page; it has to end well."""
-    arguments = shlex.split(line, comments=True)[1:]
-    command = [sys.executable, "-m", "tracker_node.cli.main", *arguments]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600, check=False)
-    assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
+def cut_short(sample: dict[str, Path]) -> None:
+    """Short videos, and stills as ``calibrate plate`` looks for them, in the videos' pixels, in the current folder."""
+    for name in CAMERAS:
+        write_start_of(sample[f"videos/{name}.mp4"], Path(f"videos/{name}.mp4"))
+        video = cv2.VideoCapture(f"videos/{name}.mp4")
+        size = int(video.get(cv2.CAP_PROP_FRAME_WIDTH)), int(video.get(cv2.CAP_PROP_FRAME_HEIGHT))
+        still = cv2.resize(cv2.imread(f"stills/{name}.png"), size)
+        cv2.imwrite(f"stills/{name[:3]}_{name[3:]}.png", still)
 
 
 def edited(rig: Path, block: str) -> None:
@@ -71,35 +153,16 @@ def edited(rig: Path, block: str) -> None:
     rig.write_text(yaml.safe_dump(values))
 
 
-def test_the_tutorial(repository, sample, tmp_path):
-    from tracker_node.calibration import balancing
-
-    balancing.copy_files(sample, tmp_path)
-    balancing.write_plates(tmp_path)
-    for name in CAMERAS:  # as calibrate plate looks for them, and short
-        shutil.copyfile(tmp_path / f"stills/{name}.png", tmp_path / f"stills/{name[:3]}_{name[3:]}.png")
-        write_start_of(sample[f"videos/{name}.mp4"], tmp_path / f"videos/{name}.mp4")
-    n_run, rig = 0, None
-    for block in blocks_of(repository / "docs/tutorial.md"):
-        for line in block.splitlines():
-            if not line.startswith("tracker_node ") or line.split()[1] in NOT_RUN:
-                continue
-            if "--stills" in line:  # stills have the calibration's size, so this one is for a recording of one's own
-                continue
-            run(line, tmp_path)
-            written = re.search(r"-o (mine\S*\.yaml)", line)
-            rig = tmp_path / written[1] if written else rig
-            n_run += 1
-        if rig is not None and re.match(r" +(pixel_map|plate):", block):
-            edited(rig, block)
-        if block.startswith("rig: "):
-            (tmp_path / "recording.yaml").write_text(block)
-    assert n_run >= 9
-    assert all((tmp_path / run / "report.html").is_file() for run in ("run1", "run2", "run3"))
-    assert (tmp_path / "live/bag/metadata.yaml").is_file()
+@pytest.mark.slow
+def test_the_tutorial(sample, walkthrough):
+    walkthrough.follow("docs/tutorial.md", edits_of_the_tutorial(sample))
+    assert walkthrough.done == [command for command in commands_of("docs/tutorial.md") if is_run(command)]
+    assert all(Path(run, "report.html").is_file() for run in ("run1", "run2", "run3"))
+    assert Path("live/bag/metadata.yaml").is_file()
 
 
-def test_the_readme(repository, sample, tmp_path):
+@pytest.mark.slow
+def test_the_readme(sample, walkthrough, tmp_path):
     """Its files have other names, and all videos the size of the calibration."""
     shutil.copyfile(sample["calibration.toml"], tmp_path / "Calib.toml")
     shutil.copyfile(sample["truth.trc"], tmp_path / "first.trc")
@@ -110,9 +173,6 @@ def test_the_readme(repository, sample, tmp_path):
         shutil.copyfile(sample[f"stills/{name}.png"], tmp_path / f"empty/{named}.png")
     description = "rig: rig.yaml\nmodel: person.yaml\ninitial_state: start.yaml\noutput: described\nimages: {shrink: 4}\n"
     (tmp_path / "recording.yaml").write_text(description)
-    lines = [line for block in blocks_of(repository / "README.md") for line in block.splitlines()]
-    commands = [line for line in lines if line.startswith("tracker_node ") and line.split()[1] not in NOT_RUN]
-    for line in commands:
-        run(line, tmp_path)
-    assert len(commands) >= 7
+    walkthrough.follow("README.md")
+    assert walkthrough.done == [command for command in commands_of("README.md") if is_run(command)]
     assert (tmp_path / "out/run1/states.csv").is_file() and (tmp_path / "described/bag/metadata.yaml").is_file()

@@ -2,29 +2,21 @@
 
 import numpy as np
 import pytest
+from cross_files import control_point_rows
+from cross_files import write_control_points as write
 
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.control_points import COLUMNS, load_control_points
 from tracker_node.loaders.rig_yaml import load_rig
-from tracker_node.synthesis.cross import control_points, cross_rig
+from tracker_node.synthesis.cross import cross_rig
 
 RIG = cross_rig()
 
 
 @pytest.fixture
 def rows():
-    points = control_points(np.random.default_rng(0))
-    result = []
-    for camera in RIG:
-        for i, (point, pixel) in enumerate(zip(points, camera.project(points)[0], strict=True)):
-            result.append([camera.name, f"p{i}", *map(repr, map(float, (*point, *pixel)))])
-    return result
-
-
-def write(path, rows, header=COLUMNS):
-    path.write_text("\n".join(",".join(row) for row in [header, *rows]) + "\n")
-    return path
+    return control_point_rows()
 
 
 @pytest.mark.parametrize("constraint", ["none", "square"])

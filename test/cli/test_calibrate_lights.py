@@ -1,43 +1,26 @@
 """``calibrate lights``: images and states of a body to a rig with its lights, and what is refused."""
 
-from dataclasses import replace
-
-import cv2
 import numpy as np
 import pytest
+from cross_files import write_lit_cross
 
 from tracker_node.cli.main import main
-from tracker_node.loaders.model_yaml import dump_model
-from tracker_node.loaders.rig_yaml import load_rig, rig_file_of, write_rig_file
-from tracker_node.loaders.state_yaml import dump_state
-from tracker_node.model.configuration import Configuration
-from tracker_node.model.yellow_stick import yellow_stick
-from tracker_node.synthesis.cross import cross_rig, measured_lights, twisting_somersault
-from tracker_node.synthesis.target_images import TargetStudio
+from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.synthesis.cross import cross_rig
 
 
 @pytest.fixture
 def folder(tmp_path):
     """Rig, model, two states, and images of two of the three cameras."""
-    model, rig = yellow_stick(), cross_rig()
-    rough = replace(rig, lights=measured_lights(rig.lights, np.random.default_rng(1)))
-    write_rig_file(rig_file_of(rough), tmp_path / "rig.yaml")
-    dump_model(model, tmp_path / "body.yaml")
-    with TargetStudio(rig, "pyrender", supersampling=1, noise_levels=1.0) as studio:
-        for k, field in enumerate((5, 25)):
-            state = twisting_somersault(model).state(field)
-            dump_state(state, model, tmp_path / f"pose{k}.yaml")
-            (tmp_path / f"pose{k}").mkdir()
-            for name, image in zip(rig.names[:2], studio.images(Configuration(model, state), None, k), strict=False):
-                cv2.imwrite(str(tmp_path / f"pose{k}" / f"{name}.png"), image)
+    write_lit_cross(tmp_path)
     return tmp_path
 
 
 def arguments(folder, output="lit.yaml"):
     return [
         "calibrate", "lights", "--rig", f"{folder}/rig.yaml", "--model", f"{folder}/body.yaml",
-        "--state", f"{folder}/pose0.yaml", f"{folder}/pose1.yaml",
-        "--images", f"{folder}/pose0/{{name}}.png", f"{folder}/pose1/{{name}}.png", "-o", f"{folder}/{output}",
+        "--state", f"{folder}/pose1.yaml", f"{folder}/pose2.yaml",
+        "--images", f"{folder}/pose1/{{name}}.png", f"{folder}/pose2/{{name}}.png", "-o", f"{folder}/{output}",
     ]  # fmt: skip
 
 
@@ -70,12 +53,12 @@ def test_bad_input_is_named_and_nothing_written(folder, capsys):
         assert message.count("\n") == 1
         return message
 
-    (folder / "pose1" / "left.png").write_text("no picture")
+    (folder / "pose2" / "left.png").write_text("no picture")
     assert "left.png': cannot be read as an image" in said({})
-    first, second = f"{folder}/pose0/{{name}}.png", f"{folder}/pose1/{{name}}.png"
+    first, second = f"{folder}/pose1/{{name}}.png", f"{folder}/pose2/{{name}}.png"
     assert "there is no image of any camera" in said({first: "nowhere/{name}.png", second: "nowhere/{name}.png"})
-    assert "expected a pattern with {name}" in said({second: "pose1/{camera}.png"})
-    assert main([*arguments(folder), "--state", f"{folder}/pose0.yaml"]) == 2
+    assert "expected a pattern with {name}" in said({second: "pose2/{camera}.png"})
+    assert main([*arguments(folder), "--state", f"{folder}/pose1.yaml"]) == 2
     assert "one pattern for each of 1 states" in capsys.readouterr().err
     (folder / "lit.yaml").write_text("precious")
     assert main(arguments(folder)) == 2 and "is there already" in capsys.readouterr().err

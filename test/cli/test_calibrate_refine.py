@@ -6,21 +6,10 @@ import cv2
 import numpy as np
 import pytest
 from camera_rigs import circle_rig, disturbed
+from openpose_points import write_points
 
 from tracker_node.cli.main import main
 from tracker_node.loaders.rig_yaml import load_rig, read_rig_file, rig_file_of, write_rig_file
-
-
-def write_points(folder, rig, n_images=12, n_joints=10) -> None:
-    rng = np.random.default_rng(1)
-    for i in range(n_images):
-        joints = rng.uniform([-0.5, -0.5, 0.2], [0.5, 0.5, 1.8], (n_joints, 3))
-        for camera in rig:
-            pixels, visible = camera.project(joints)
-            values = np.column_stack([pixels + rng.normal(size=pixels.shape), 0.8 * visible])
-            file = folder / f"{camera.name}_json" / f"{camera.name}.{i:04d}.json"
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_text(json.dumps({"people": [{"pose_keypoints_2d": values.ravel().tolist()}]}))
 
 
 @pytest.fixture

@@ -2,37 +2,16 @@
 
 import json
 
-import cv2
-import numpy as np
 import pytest
+from swinging_disc import LATE_S, write_swinging_disc
 
 from tracker_node.cli.main import main
 from tracker_node.loaders.rig_yaml import load_rig
 
-RATE_HZ, N, LATE_S = 60.0, 80, 0.0533
-SIZE = (160, 120)
-
 
 @pytest.fixture
 def rig(tmp_path):
-    """Two cameras side by side before a disc that swings; the second is late by its own clock."""
-    lines = ["cameras:"]
-    for name, x, late_s in (("left", -0.5, 0.0), ("right", 0.5, LATE_S)):
-        video = cv2.VideoWriter(str(tmp_path / f"{name}.avi"), cv2.VideoWriter.fourcc(*"MJPG"), RATE_HZ, SIZE)
-        for i in range(N):
-            t = i / RATE_HZ + late_s
-            place = np.array([0.3 * np.sin(5.0 * t) - x, 0.5 * np.sin(9.0 * t + 1.0) * np.sin(2.3 * t), 3.0])
-            u, v = 150.0 * place[:2] / place[2] + [80.0, 60.0]
-            image = np.full((SIZE[1], SIZE[0], 3), 60, np.uint8)
-            cv2.circle(image, (round(16 * float(u)), round(16 * float(v))), 16 * 9, (60, 220, 120), -1, cv2.LINE_AA, shift=4)
-            video.write(image)
-        video.release()
-        pose = f"[[1, 0, 0, {x}], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]"
-        lens = "image_size: [160, 120], K: [[150, 0, 80], [0, 150, 60], [0, 0, 1]]"
-        lines.append(f"  {name}: {{{lens}, T_world_cam: {pose}, source: {name}.avi, time_offset_s: 0.01}}")
-    path = tmp_path / "rig.yaml"
-    path.write_text("\n".join(lines) + "\n")
-    return path
+    return write_swinging_disc(tmp_path)
 
 
 def test_a_late_camera(rig, tmp_path, capsys):

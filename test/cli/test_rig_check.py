@@ -6,28 +6,19 @@ import shutil
 import cv2
 import numpy as np
 import pytest
-from moving_balls import ball_images, balls_rig
+from moving_balls import write_balls
 
 from tracker_node.cli.main import main
 from tracker_node.evaluation.doctor import examine
 from tracker_node.evaluation.doctor_input import record
 from tracker_node.loaders.rig_yaml import load_rig, rig_file_of, write_rig_file
 
-N = 16
-
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """A rig of three cameras with folders of images."""
     folder = tmp_path_factory.mktemp("balls")
-    rig = balls_rig(3)
-    for name, images in ball_images(rig, N).items():
-        (folder / name).mkdir()
-        for i, image in enumerate(images):
-            cv2.imwrite(str(folder / name / f"{i:03}.png"), image)
-    rig_file = rig_file_of(rig)
-    cameras = {name: entry.model_copy(update={"source": name}) for name, entry in rig_file.cameras.items()}
-    write_rig_file(rig_file.model_copy(update={"cameras": cameras}), folder / "rig.yaml")
+    write_balls(folder)
     return folder
 
 

@@ -1,0 +1,281 @@
+"""What the pages of the documentation take to be there: recordings, films, clicks and runs under the names that they use.
+
+`GIVEN` says with which files a section of a page begins, in a folder that is empty but for them.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import bag_samples
+import board_films
+import cv2
+import moving_person
+import numpy as np
+import stick_person
+import textured_plate
+from camera_rigs import circle_rig, disturbed
+from cross_files import write_control_points, write_lit_cross
+from doc_pages import ROOT
+from doc_place import Place, run
+from moving_balls import write_balls
+from openpose_points import write_points
+from stream_servers import RtspServer, write_stream
+from swinging_disc import write_swinging_disc
+from v4l2_camera import V4l2Camera
+
+from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.loaders.bag_writer import BagWriter
+from tracker_node.loaders.camera_info_yaml import dump_camera_info
+from tracker_node.loaders.model_yaml import dump_model, load_model
+from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
+from tracker_node.loaders.state_yaml import dump_state
+from tracker_node.loaders.trajectory_file import JointTrajectory, StateRow, StateTrajectory, read_joints, write_states
+from tracker_node.loaders.trc import MarkerTrajectories, dump_trc
+from tracker_node.model.configuration import Configuration, State
+from tracker_node.model.human import human_model
+from tracker_node.render.raycaster import render_color
+
+RATE_HZ = 30.0
+
+
+def arm(place: Place) -> None:
+    place.lay(place.shelf.arm)
+    place.lay(place.shelf.arm / "model.yaml", "person.yaml")
+    description = "rig: rig.yaml\nmodel: person.yaml\ninitial_state: start.yaml\noutput: described\n"
+    (place.folder / "recording.yaml").write_text(description)
+
+
+def arm_runs(place: Place) -> None:
+    arm(place)
+    for name in ("out/run", "out/run1", "out/run2"):
+        place.lay(place.shelf.arm / "run", name)
+
+
+def arm_bag(place: Place) -> None:
+    arm(place)
+    place.lay(place.shelf.arm / "run" / "bag", "out/run1")
+
+
+def arm_live(place: Place) -> None:
+    arm(place)
+    place.lay(place.shelf.arm / "run" / "bag", "out/live/bag")
+
+
+def arm_truth(place: Place) -> None:
+    joints = read_joints(place.shelf.arm / "truth.csv")
+    write_trc(place.folder / "markers.trc", joints)
+    place.lay(place.shelf.arm / "truth.csv", "out/digitized/joints.csv")
+
+
+def two_arms(place: Place) -> None:
+    arm(place)
+    for name in ("anna", "bert"):
+        place.lay(place.shelf.arm / "model.yaml", f"{name}.yaml")
+
+
+def scaled_arm(place: Place) -> None:
+    arm(place)
+    (place.folder / "person.yaml").rename(place.folder / "scaled.yaml")
+
+
+def rough_arm_rig(place: Place) -> None:
+    """What ``calibrate plate`` starts from: no pictures of the empty scene, but stills."""
+    arm(place)
+    for plate in place.folder.glob("*_plate.png"):
+        place.lay(plate, f"stills/{plate.name.removesuffix('_plate.png')}.png")
+
+
+def long_bag(place: Place) -> None:
+    """Fifteen seconds of states and poses."""
+    (place.folder / "out").mkdir()
+    with BagWriter(place.folder / "out/run1") as writer:
+        for i in range(round(15.0 * RATE_HZ)):
+            stamp_ns = bag_samples.START_NS + i * bag_samples.PERIOD_NS
+            writer.write_message("/tracker/state", stamp_ns, bag_samples.tracked_state(stamp_ns))
+            writer.write_message("/tracker/pose", stamp_ns, bag_samples.pose(stamp_ns))
+
+
+def person_run(place: Place) -> None:
+    """A run of a person, as if tracked; and a live recording of it."""
+    model = human_model()
+    moving_person.write_run(place.folder / "out/run", moving_person.moving(60))
+    stamps = np.arange(40) * stick_person.PERIOD_NS
+    motion = stick_person.Motion(model, stamps, tuple(moving_person.states(model, 40)))
+    (place.folder / "recording").mkdir()
+    stick_person.write_state_bag(place.folder / "recording/bag", motion)
+    dump_model(model, place.folder / "person.yaml")
+
+
+def static_trial(place: Place) -> None:
+    """A person who stands still, and a run that has found exactly that."""
+    model = human_model()
+    state, stamps = State.neutral(model), np.round(np.arange(5) * 1e9 / RATE_HZ).astype(np.int64)
+    positions = np.repeat(Configuration(model, state).landmarks_world[None], 5, axis=0)
+    valid = np.ones(positions.shape[:2], dtype=bool)
+    write_trc(place.folder / "static.trc", JointTrajectory(model.landmark_names, stamps, positions, valid))
+    (place.folder / "out/static").mkdir(parents=True)
+    rows = tuple(StateRow(int(stamp), "TRACKING", "", state.to_values()) for stamp in stamps)
+    write_states(place.folder / "out/static/states.csv", StateTrajectory(model.chain.dof_names, rows, model.chain.dof_units))
+
+
+def write_trc(path: Path, joints: JointTrajectory) -> None:
+    times = joints.stamps_ns * 1e-9
+    dump_trc(MarkerTrajectories(joints.names, times, joints.positions_m, RATE_HZ, joints.valid), path)
+
+
+def person_clip(place: Place) -> None:
+    """A person to be tracked, with the files of other programs that say who and where."""
+    place.lay(place.shelf.person)
+    place.lay(place.shelf.person / "rig.yaml", "rig_refined.yaml")
+    write_trc(place.folder / "first.trc", read_joints(place.shelf.person / "truth.csv"))
+
+
+def robot(place: Place) -> None:
+    place.lay(place.shelf.robot)
+    shipped_files(place)
+
+
+def shipped_files(place: Place) -> None:
+    """The package's ``config/``, as somebody finds it who stands in the source tree."""
+    (place.folder / "config").symlink_to(ROOT / "config")
+
+
+def board_recordings(place: Place) -> None:
+    place.lay(place.shelf.films)
+
+
+def control_points(place: Place) -> None:
+    points = write_control_points(place.folder / "control_points.csv")
+    place.lay(points, "out/object/control_points.csv")
+    places = ("a,0,0,0", "b,0.5,0,0", "c,0,0.5,0", "d,0,0,0.5", "e,0.5,0.5,0", "f,0.2,0.1,0.4")
+    (place.folder / "object.csv").write_text("\n".join(("point,x,y,z", *places)) + "\n")
+
+
+def lit_cross(place: Place) -> None:
+    write_lit_cross(place.folder)
+
+
+def calibrations(place: Place) -> None:
+    """Calibrations of other programs."""
+    write_rig_file(rig_file_of(circle_rig(2)), place.folder / "known.yaml")
+    for to, name in (("pose2sim", "Calib.toml"), ("qualisys", "Calib.qca.txt"), ("dlt", "dltcoefs.csv")):
+        run("rig", "export", place.folder / "known.yaml", "--to", to, "-o", place.folder / name)
+    for name, camera in zip(("left", "right"), circle_rig(2), strict=True):
+        dump_camera_info(name, camera.model, place.folder / f"{name}.yaml")
+    K = np.array([[900.0, 0.0, 640.0], [0.0, 900.0, 360.0], [0.0, 0.0, 1.0]])
+    _write_storage(place.folder / "intrinsics.yml", {"M1": K, "D1": np.zeros((1, 5)), "M2": K, "D2": np.zeros((1, 5))})
+    _write_storage(place.folder / "extrinsics.yml", {"R": np.eye(3), "T": np.array([[-0.2], [0.0], [0.0]])})
+
+
+def _write_storage(path: Path, values: dict[str, np.ndarray]) -> None:
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    for name, value in values.items():
+        storage.write(name, value)
+    storage.release()
+
+
+def swinging_disc(place: Place) -> None:
+    write_swinging_disc(place.folder, 300)
+
+
+def balls(place: Place) -> None:
+    write_balls(place.folder)
+
+
+def board_on_the_floor(place: Place) -> None:
+    """Two cameras whose world is anywhere; a board that lies still, a wand, a plumb line, and points of known place."""
+    rig = CameraRig(board_films.rig().cameras[:2])
+    write_rig_file(rig_file_of(rig), place.folder / "rig.yaml")
+    for camera, name in zip(rig, "ab", strict=True):
+        image = board_films.image_of(camera, board_films.LYING, board_films.pose(0.4, 0.6))
+        cv2.imwrite(str(place.folder / f"{name}.png"), image)
+    at = np.array([0.0, 0.9, 0.0])
+    for file, points in {
+        "control_points": {"a": (0, 0, 0), "b": (0.2, 0, 0), "c": (0, 0.2, 0), "d": (0, 0, 0.2)},
+        "axes": {"origin": (0, 0, 0), "x": (0.2, 0, 0), "y": (0.05, 0.2, 0)},
+        "wand": {"1a": (-0.25, 0, 0), "1b": (0.25, 0, 0), "2a": (-0.25, 0.1, 0.1), "2b": (0.25, 0.1, 0.1)},
+        "plumb": {"top": (0.1, 0, 0.2), "bottom": (0.1, 0, -0.1)},
+    }.items():
+        _write_clicks(place.folder / f"{file}.csv", rig, points, at, with_places=file == "control_points")
+
+
+def _write_clicks(path: Path, rig: CameraRig, points: dict, at: np.ndarray, with_places: bool) -> None:
+    lines = ["camera,point,x,y,z,u,v" if with_places else "camera,point,u,v"]
+    for camera in rig:
+        for name, point in points.items():
+            u, v = camera.project(at + point)[0]
+            lines.append(",".join([camera.name, name, *(map(str, point) if with_places else ()), str(u), str(v)]))
+    path.write_text("\n".join(lines) + "\n")
+
+
+def moved_cameras(place: Place) -> None:
+    write_points(place.folder / "pose", circle_rig())
+    write_rig_file(rig_file_of(disturbed(circle_rig())), place.folder / "rig.yaml")
+
+
+def plate(place: Place) -> None:
+    """A board on a plate before three cameras, and a picture for another one."""
+    shipped_files(place)
+    cv2.imwrite(str(place.folder / "poster.png"), textured_plate.picture())
+    run("calibrate", "texture", "--charuco", "4x5", "--square", "0.054", "--border", "30", "-o", place.folder / "shown.yaml")
+    model = load_model(place.folder / "shown.yaml")
+    dump_state(textured_plate.TRUE, model, place.folder / "start.yaml")
+    rig = textured_plate.rig()
+    for camera in rig:
+        view = render_color(Configuration(model, textured_plate.TRUE), camera)
+        image, (u0, v0, u1, v1) = np.full((camera.model.height, camera.model.width, 3), 128, np.uint8), view.region
+        image[v0:v1, u0:u1][view.labels > 0] = view.rgb[view.labels > 0].astype(np.uint8)
+        (place.folder / camera.name).mkdir()
+        for i in range(3):
+            cv2.imwrite(str(place.folder / camera.name / f"{i}.png"), image)
+    rig_file = rig_file_of(rig)
+    cameras = {name: entry.model_copy(update={"source": name}) for name, entry in rig_file.cameras.items()}
+    write_rig_file(rig_file.model_copy(update={"cameras": cameras}), place.folder / "rig.yaml")
+
+
+def live_cameras(place: Place) -> None:
+    """A stream on the loopback, a camera whose driver is played, and a rig of both."""
+    server = RtspServer(write_stream(place.folder / "stream.ts"))
+    place.closing.callback(server.close)
+    camera = V4l2Camera(place.folder)
+    place.env |= camera.env | {"ROS_HOME": str(place.folder)}
+    place.values |= {"rtsp": server.url, "v4l2": str(camera.path)}
+    cameras = []
+    for name, (width, height) in (("left", (160, 120)), ("right", (64, 48))):
+        lens = CameraModel(width, height, np.array([[150.0, 0.0, width / 2], [0.0, 150.0, height / 2], [0.0, 0.0, 1.0]]))
+        cameras.append(Camera(name, lens, np.eye(4)))
+    write_rig_file(rig_file_of(CameraRig(tuple(cameras))), place.folder / "rig.yaml")
+
+
+GRAPH = ("camera_ingest --rig rig.yaml --loop", "tracker --rig rig.yaml --model person.yaml --initial-state start.yaml")
+
+# (page, section) -> what the section begins with, and commands that run in the background meanwhile
+GIVEN: dict[tuple[str, str], tuple[tuple[Callable[[Place], None], ...], tuple[str, ...]]] = {
+    ("docs/bags.md", "Recording"): ((arm,), GRAPH),
+    ("docs/bags.md", "Checking and repairing"): ((arm_bag,), ()),
+    ("docs/bags.md", "Playing"): ((long_bag,), ()),
+    ("docs/bags.md", "Tracking again"): ((arm_bag,), ()),
+    ("docs/calibration.md", "Body and rig from the images"): ((scaled_arm,), ()),
+    ("docs/calibration.md", "Clocks"): ((swinging_disc,), ()),
+    ("docs/cameras.md", "From a board"): ((board_recordings,), ()),
+    ("docs/cameras.md", "From control points"): ((control_points,), ()),
+    ("docs/cameras.md", "Lights"): ((lit_cross,), ()),
+    ("docs/evaluation.md", "Evaluation"): ((arm_runs, arm_live, arm_truth), ()),
+    ("docs/exports.md", "Exports"): ((person_run,), ()),
+    ("docs/formats.md", "The human, and yours"): ((static_trial,), ()),
+    ("docs/monitoring.md", "Watching it"): ((arm,), ()),
+    ("docs/nodes.md", "Several subjects"): ((two_arms,), ()),
+    ("docs/nodes.md", "pipeline"): ((arm,), ()),
+    ("docs/own_body.md", "A robot"): ((robot,), ()),
+    ("docs/own_cameras.md", "1. Bring your calibration in"): ((calibrations, board_recordings, control_points), ()),
+    ("docs/own_cameras.md", "3. Is anything wrong?"): ((balls,), ()),
+    ("docs/own_cameras.md", "4. Where the world is"): ((board_on_the_floor,), ()),
+    ("docs/own_cameras.md", "5. Check the places of the cameras, and mend them"): ((moved_cameras,), ()),
+    ("docs/own_cameras.md", "6. Pictures of the empty room"): ((rough_arm_rig,), ()),
+    ("docs/own_cameras.md", "7. Track"): ((person_clip,), ()),
+    ("docs/own_cameras.md", "A plate with a picture on it"): ((plate,), ()),
+    ("docs/sources.md", "Images from anything"): ((live_cameras,), ()),
+    ("docs/start.md", "Where tracking begins"): ((arm,), ()),
+    ("docs/studio.md", "Studio: pages to work in"): ((arm_runs, arm_truth, control_points), ()),
+}

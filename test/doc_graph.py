@@ -1,0 +1,77 @@
+"""Nodes that pages of the documentation start, and what pages ask of them with ``ros2``."""
+
+import importlib
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import yaml
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from ros_graph import NodeProcess, Probe
+from std_srvs.srv import SetBool
+
+
+def name_of(verb: str, arguments: list[str]) -> str:
+    """Of a node, as its command line gives it."""
+    return next((word.removeprefix("__node:=") for word in arguments if word.startswith("__node:=")), verb)
+
+
+@contextmanager
+def running_node(probe: Probe, verb: str, arguments: list[str], env: dict[str, str]) -> Iterator[None]:
+    """A node that does its work while the block runs, and ends well by Ctrl-C; a player may have come to its end before."""
+    settled_s = time.monotonic() + 0.3  # what a node of this name has said before is not about this one
+    probe.spin_until(lambda: time.monotonic() > settled_s)
+    probe.diagnostics.clear()
+    process = NodeProcess(verb, *arguments, env=env)
+    try:
+        works = _works(probe, verb, name_of(verb, arguments), process)
+        probe.spin_until(lambda: process.ended or works(), f"{verb} at work")
+        assert not process.ended or verb == "player", process.err
+        yield
+        if not process.ended:
+            process.interrupt()
+        assert process.wait() == 0 and "Traceback" not in process.err, process.err
+    finally:
+        process.close()
+
+
+def _works(probe: Probe, verb: str, name: str, process: NodeProcess) -> Callable[[], bool]:
+    """Whether the node does what it is for, as it says itself."""
+    if verb == "rectify":
+        return lambda: "rectify: ready" in process.out
+    if verb == "player":
+        return probe.node.create_client(SetBool, f"/{name}/pause").service_is_ready
+    if verb == "tracker":
+        return lambda: _said(probe, f"{name}: lifecycle").message == "active"
+    what = {"recorder": "messages", "camera_ingest": "published"}[verb]
+
+    def counts() -> bool:
+        parts = [part for part in probe.diagnostics if part.startswith(f"{name}: ")]
+        numbers = [v.value for part in parts for v in _said(probe, part).values if v.key == what]
+        return bool(numbers) and "0" not in numbers
+
+    return counts
+
+
+def _said(probe: Probe, part: str):
+    """The latest status of a part on /diagnostics, empty if there is none."""
+    from diagnostic_msgs.msg import DiagnosticStatus
+
+    return probe.diagnostics.get(part, DiagnosticStatus())
+
+
+def ask(probe: Probe, words: list[str]) -> None:
+    """``ros2 service call`` or ``ros2 param set``, asked by a node of ours, since the wheels have no ros2 command."""
+    kind, verb, name, what, *rest = words
+    given = yaml.safe_load(rest[0]) if rest else {}
+    if (kind, verb) == ("service", "call"):
+        package, _, service_name = what.split("/")
+        service = getattr(importlib.import_module(f"{package}.srv"), service_name)
+        answer = probe.ask(service, name, service.Request(**given))
+        assert answer.success, (words, answer.message)
+    else:
+        assert (kind, verb) == ("param", "set"), words
+        request = SetParameters.Request(parameters=[Parameter(what, value=given).to_parameter_msg()])
+        (result,) = probe.ask(SetParameters, f"{name}/set_parameters", request).results
+        assert result.successful, (words, result.reason)
