@@ -52,7 +52,7 @@ def convergence_figure(panels: Mapping[str, Mapping[str, Profile]], unit: str) -
         for (name, profile), color in zip(profiles.items(), CYCLE, strict=False):
             ax.plot(profile.changes, profile.scores, color=color, lw=1.6, label=name)
         ax.axvline(0.0, color=GREY, lw=0.7, ls=":")
-        _plain(ax, title, f"difference from the true value [{unit}]")
+        plain_axes(ax, title, f"difference from the true value [{unit}]")
         ax.set_ylim(bottom=0)
     axes[0].set_ylabel("rms RGB difference [grey levels]")
     axes[0].legend(frameon=False, fontsize=8)
@@ -68,7 +68,7 @@ def success_figure(starts: Sequence[str], rates: Mapping[str, Sequence[float]]) 
     ax.set_xticks(np.arange(len(starts)), starts)
     ax.set_ylim(-0.03, 1.03)
     ax.set_ylabel("share that arrives")
-    _plain(ax, "", "error of the start")
+    plain_axes(ax, "", "error of the start")
     ax.legend(frameon=False, fontsize=8, loc="lower left")
     return figure
 
@@ -104,7 +104,7 @@ def matching_figure(target: np.ndarray, view: ColoredView, camera: Camera) -> Fi
         ("(a) target", target), ("(b) generated", generated), ("(c) mask", np.where(mask, 255, 0)),
         ("(d) target through mask", np.where(mask[:, :, None], target, 0)), ("(e) match, white is good", match),
     )  # fmt: skip
-    cut = _body_box((target.max(axis=2) > 0) | mask if _is_on_black(target) else mask, margin=25)
+    cut = body_box((target.max(axis=2) > 0) | mask if _is_on_black(target) else mask, margin=25)
     figure = Figure(figsize=(11.5, 11.5 / 5 * (cut[1] - cut[0]) / (cut[3] - cut[2]) + 0.35), layout="constrained")
     for ax, (title, panel) in zip(figure.subplots(1, 5), panels, strict=True):
         piece = panel[cut[0] : cut[1], cut[2] : cut[3]]
@@ -122,7 +122,7 @@ def bodies_figure(bodies: Mapping[str, Configuration], rig: CameraRig) -> Figure
         for title, body in bodies.items()
         for camera in rig
     }
-    boxes = {camera.name: _body_box(_any_body([images[t, camera.name] for t in bodies]), margin=12) for camera in rig}
+    boxes = {camera.name: body_box(_any_body([images[t, camera.name] for t in bodies]), margin=12) for camera in rig}
     top, bottom = min(box[0] for box in boxes.values()), max(box[1] for box in boxes.values())
     widths = [boxes[camera][3] - boxes[camera][2] for _, camera in images]
     figure = Figure(figsize=(5.6 * sum(widths) / (bottom - top), 6.0), layout="constrained")
@@ -150,7 +150,7 @@ def plan_figure(rig: CameraRig, paths: Mapping[str, np.ndarray]) -> Figure:
         ax.plot(*np.asarray(path)[:, :2].T, "o-", ms=2.5, lw=1.0, color=color, label=name)
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.12)
-    _plain(ax, "", "x [m]")
+    plain_axes(ax, "", "x [m]")
     ax.set_ylabel("y [m]")
     if ax.get_legend_handles_labels()[0]:
         ax.legend(frameon=False, fontsize=8)
@@ -175,7 +175,7 @@ def _draw_camera(ax: Axes, camera: Camera, middle: np.ndarray) -> None:
 
 def _strip(images: Sequence[np.ndarray]) -> np.ndarray:
     """Images side by side on white, cut about their bodies."""
-    boxes = [_body_box(image.max(axis=2) > 0, margin=6) for image in images]
+    boxes = [body_box(image.max(axis=2) > 0, margin=6) for image in images]
     top, bottom = min(b[0] for b in boxes), max(b[1] for b in boxes)
     half = max(b[3] - b[2] for b in boxes) // 2 + 1
     pieces = []
@@ -198,7 +198,7 @@ def _is_on_black(image: np.ndarray) -> bool:
     return bool(np.mean(image.max(axis=2) == 0) > 0.5)
 
 
-def _body_box(mask: np.ndarray, margin: int) -> tuple[int, int, int, int]:
+def body_box(mask: np.ndarray, margin: int) -> tuple[int, int, int, int]:
     """Rows and columns (top, bottom, left, right) about what is set; the whole picture where nothing is."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):
@@ -209,7 +209,8 @@ def _body_box(mask: np.ndarray, margin: int) -> tuple[int, int, int, int]:
     )  # fmt: skip
 
 
-def _plain(ax: Axes, title: str, x_label: str) -> None:
+def plain_axes(ax: Axes, title: str, x_label: str) -> None:
+    """A light grid, no frame, small labels."""
     ax.grid(color="#e3e3e3", lw=0.7)
     ax.set_axisbelow(True)
     ax.spines[["top", "right"]].set_visible(False)
