@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from tracker_node.errors import FileFormatError
+from tracker_node.errors import FileFormatError, TrackerError
 from tracker_node.loaders.owned_folder import OwnedFolder
 
 
@@ -104,3 +104,21 @@ def test_a_broken_ledger_is_named(tmp_path, text):
     (tmp_path / ".written.json").write_text(text)
     with pytest.raises(FileFormatError, match=r"written\.json"):
         OwnedFolder(tmp_path)
+
+
+def test_a_folder_is_claimed_by_one_process_until_that_ends_or_dies(tmp_path):
+    program = (
+        "import sys; from tracker_node.loaders.owned_folder import OwnedFolder\n"
+        "with OwnedFolder(sys.argv[1]).claimed():\n"
+        "    print('claimed', flush=True); sys.stdin.read()\n"
+    )
+    for end in (lambda process: process.stdin.close(), lambda process: process.kill()):
+        command = [sys.executable, "-c", program, str(tmp_path)]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+            assert other.stdout.readline() == "claimed\n"
+            with pytest.raises(TrackerError, match=rf"process {other.pid} works in this folder"), OwnedFolder(tmp_path).claimed():
+                pass
+            end(other)
+            other.wait()
+            with OwnedFolder(tmp_path).claimed():
+                assert (tmp_path / ".claimed").read_text() == f"{os.getpid()}\n"

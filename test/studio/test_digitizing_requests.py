@@ -1,6 +1,9 @@
 """Whatever a request says, the digitizing desk answers or refuses it in words, and what it has saved can be read."""
 
 import json
+import os
+from contextlib import ExitStack
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -82,3 +85,13 @@ def test_any_request_is_answered_or_refused_in_words(session, wanted):
     now = desk.sheet(Asked(set=0, sheet="first"))["clicks"]
     saved = again.clicked("first", 0)
     assert {camera: {name: list(pixel) for name, pixel in points.items()} for camera, points in saved.items()} == now
+
+
+def test_a_second_studio_on_the_same_clicks_is_refused_until_the_first_ends(session):
+    second = replace(session, closing=ExitStack())
+    with session.closing:
+        Desk(session).add_point(AskedName(name="hip"))
+        with pytest.raises(TrackerError, match=rf"clicks: process {os.getpid()} works in this folder"):
+            Desk(second).facts()
+    with second.closing:
+        assert Desk(second).facts()["points"] == ["hip"]

@@ -2,7 +2,7 @@
 
 What was written is remembered by its SHA-256 in ``.written.json``. A file that somebody else has made or changed is refused, so
 nobody's work is lost to a program that saves by itself. Several programs may write into one folder: a file that another one has
-changed since is refused as well.
+changed since is refused as well. One that keeps in memory what the files hold claims the folder for itself.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..errors import FileFormatError
+from ..errors import FileFormatError, TrackerError
 
 _LEDGER = ".written.json"
 _DRAFTS = ".drafts"
+_CLAIM = ".claimed"
 
 
 class OwnedFolder:
@@ -72,6 +73,27 @@ class OwnedFolder:
             known = name in self._digests
             got = "one that was changed by something else since" if known else "one that this program has not written"
             raise FileFormatError(path, "(file)", "a file of ours to replace; move this one away", got)
+
+    @contextmanager
+    def claimed(self) -> Iterator[None]:
+        """While nobody else may claim the folder, which is made; the operating system ends the claim of a process that has died.
+
+        Raises
+        ------
+        TrackerError : another process has claimed it; says which.
+        """
+        self.path.mkdir(parents=True, exist_ok=True)
+        with (self.path / _CLAIM).open("a+", encoding="utf-8") as claim:
+            try:
+                fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                claim.seek(0)
+                problem = f"process {claim.read().strip() or '(unknown)'} works in this folder; end it, or name another folder"
+                raise TrackerError(f"{self.path}: {problem}") from None
+            claim.truncate(0)
+            claim.write(f"{os.getpid()}\n")
+            claim.flush()
+            yield
 
     @contextmanager
     def _alone(self) -> Iterator[None]:

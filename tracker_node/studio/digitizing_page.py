@@ -72,9 +72,8 @@ class Desk:
 
     @cached_property
     def _store(self) -> ClickStore:
-        files = self._session.files
-        places = {} if files.control_points is None else load_places(files.control_points)
-        return ClickStore(files.clicks, self._rig.names, places)
+        known = self._session.files.control_points
+        return ClickStore(self._session.claimed_clicks, self._rig.names, {} if known is None else load_places(known))
 
     @property
     def _rig(self) -> CameraRig:

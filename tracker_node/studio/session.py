@@ -14,6 +14,7 @@ from ..camera.camera_rig import CameraRig
 from ..errors import TrackerError
 from ..evaluation.config_file import load_config
 from ..loaders.model_yaml import load_model
+from ..loaders.owned_folder import OwnedFolder
 from ..loaders.rig_yaml import load_rig
 from ..loaders.state_yaml import load_state
 from ..model.articulated_model import ArticulatedModel
@@ -76,6 +77,12 @@ class StudioSession:
         if self.model is None:
             raise TrackerError("this page needs a body: start with --model person.yaml")
         return self.model
+
+    @made_once
+    def claimed_clicks(self) -> Path:
+        """The folder of digitized points, which no other studio works in until this one ends, or a `TrackerError`."""
+        self.closing.enter_context(OwnedFolder(self.files.clicks).claimed())
+        return self.files.clicks
 
     def needed_images(self) -> RecordedImages:
         """The images, or a `TrackerError` that says why there are none."""
