@@ -24,6 +24,7 @@ RUNTIME_REQUIREMENTS = [
     "rosbags>=0.11,<0.12",
     "scipy>=1.11",
     "starlette>=0.40",
+    "threadpoolctl>=3.1",
     "trimesh>=4.0",
     "uvicorn>=0.30",
     "websockets>=13.0",

@@ -1,6 +1,7 @@
 """Markerless model-based 3D motion tracking for ROS 2."""
 
 import os
+import sys
 
 __version__ = "0.1.0"
 
@@ -23,10 +24,16 @@ def _use_one_blas_thread() -> None:
     """Let linear algebra run on the thread that asks for it; OPENBLAS_NUM_THREADS overrides it.
 
     Our matrices have some tens of rows. OpenBLAS shares even those out, and waiting for its threads costs a thousand times
-    what the sum does (a triangular solve of 12 x 12: 15 us alone, 8 ms shared out, on a busy machine). To be done before
-    it is loaded.
+    what the sum does (a triangular solve of 12 x 12: 15 us alone, 8 ms shared out, on a busy machine). The variable is read
+    when it is loaded; where it has been before us, with numpy, it is told.
     """
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if "OPENBLAS_NUM_THREADS" in os.environ:
+        return
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    if "numpy" in sys.modules:
+        import threadpoolctl
+
+        threadpoolctl.threadpool_limits(1, user_api="blas")
 
 
 def _refuse_huge_images() -> None:
