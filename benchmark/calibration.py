@@ -15,13 +15,11 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
 from _calibration_boards import board_section, synthetic_rig_section
 from _calibration_dlt import dlt_section
 from _calibration_time import balancing_section, offset_section
 
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+from tracker_node.evaluation.metrics_file import report_metrics
 
 SLOW = ("offset",)
 
@@ -43,9 +41,7 @@ def main() -> int:
     for name, section in sections(args.quick).items():
         if name in args.only if args.only else not (args.quick and name in SLOW):
             figures |= section()
-    print_metrics(figures)
-    if args.json:
-        write_metrics(args.json, figures)
+    report_metrics(figures, args.json)
     return 0
 
 

@@ -23,7 +23,7 @@ from tracker_node.cli.synthesize import Request, default_motions, produce, show_
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.evaluate import Evaluation, EvaluationOptions, evaluate
 from tracker_node.evaluation.image_sets import SourceStream
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.evaluation.run_data import RunData
 from tracker_node.evaluation.truth import load_truth
 from tracker_node.loaders.image_source import SourceOptions
@@ -86,9 +86,7 @@ def main() -> int:
     except TrackerError as error:
         print(f"color_articulated: error: {error}", file=sys.stderr)
         return 2
-    print_metrics(figures)
-    if args.json:
-        write_metrics(args.json, figures)
+    report_metrics(figures, args.json)
     return 0
 
 
@@ -144,18 +142,7 @@ def track(folder: Path, name: str, color: dict, max_sets: int | None = None, pic
             break
     if stream.errors:
         raise TrackerError(f"{folder}: {'; '.join(map(str, stream.errors))}")
-    run = RunData(
-        path=folder,
-        dof_names=model.chain.dof_names,
-        stamps_ns=np.array([e.stamp_ns for e in estimates], dtype=np.int64),
-        status=np.array([int(e.status) for e in estimates]),
-        values=np.array([e.state.to_values() for e in estimates]),
-        residual_px=np.array([e.residual_px for e in estimates]),
-        iterations=np.array([e.iterations for e in estimates]),
-        cameras=rig.names,
-        camera_residuals_px=np.array([[c.residual_px for c in e.cameras] for e in estimates]),
-        camera_samples=np.array([[c.samples for c in e.cameras] for e in estimates]),
-    )
+    run = RunData.of_estimates(folder, model, rig, estimates)
     options = EvaluationOptions(name, lag_images=0.0, align="stamp", image_sets=n_sets)
     return Run(evaluate(run, model, truth, options), np.array([e.timings.total_ms for e in estimates]))
 

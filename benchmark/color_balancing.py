@@ -23,7 +23,7 @@ from tracker_node.cli.sample import prepare, run_verb
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.config_file import load_config
 from tracker_node.evaluation.image_sets import SourceStream
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.evaluation.run_offline import OfflineRun, run_offline
 from tracker_node.loaders.model_yaml import load_model
 from tracker_node.loaders.plate_file import load_plates
@@ -80,11 +80,9 @@ def main() -> int:
     wrong = [tracker.step(image_set).status for image_set in sets[:N_WRONG]]
     figures[f"{NAME}.beside_sets"] = len(wrong)
     figures[f"{NAME}.beside_but_tracking"] = sum(status is Status.TRACKING for status in wrong)
-    print_metrics(figures)
+    report_metrics(figures, args.json)
     if args.pictures:
         _write_pictures(args.pictures, rig, model, sets, estimates)
-    if args.json:
-        write_metrics(args.json, figures)
     return 0
 
 

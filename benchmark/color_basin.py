@@ -15,13 +15,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
 from _color_fits import Contestant, contestants
 from _color_scene import ColorScene, displaced, make_scene, root_error
 
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+from tracker_node.evaluation.metrics_file import report_metrics
 
 START_ERRORS = ((60, 6), (100, 10), (150, 15), (200, 20), (300, 30))  # mm, degrees
 TARGET = (200, 20)
@@ -68,9 +65,7 @@ def main(arguments: list[str] | None = None) -> int:
     metrics |= measure(
         "basin.same_renderer", make_scene(n_states, backend="raycaster"), trials, (TARGET,), ("stepping", "default")
     )  # fmt: skip
-    print_metrics(metrics)
-    if args.json:
-        write_metrics(args.json, metrics)
+    report_metrics(metrics, args.json)
     return 0
 
 

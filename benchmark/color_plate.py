@@ -19,16 +19,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
 from _charuco import COLUMNS, DICTIONARY, MARKER_SHARE, ROWS, SQUARE_M, CharucoReference
 
 from tracker_node.calibration.texture import BLACK, GREY, WHITE, charuco_picture, framed, plate_model
 from tracker_node.camera.camera_rig import CameraRig
 from tracker_node.evaluation.config_file import load_config
 from tracker_node.evaluation.image_sets import SourceStream
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.geometry import so3
 from tracker_node.loaders.model_yaml import dump_model, load_model
 from tracker_node.loaders.pose2sim_toml import load_pose2sim
@@ -84,11 +81,9 @@ def main() -> int:
     thinned = range(0, len(recording.sets), 3)
     figures |= summary("plate.every_third", recording, track(recording, model, config, thinned), thinned)
     figures |= jumps(recording, model, config, JUMPS[:3] if args.quick else JUMPS)
-    print_metrics(figures)
+    report_metrics(figures, args.json)
     if args.pictures:
         write_pictures(args.pictures, recording, model, estimates)
-    if args.json:
-        write_metrics(args.json, figures)
     return 0
 
 

@@ -20,14 +20,11 @@ from typing import Any
 
 import numpy as np
 import trimesh
-
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
 from _color_scene import ColorScene, make_scene
 from _reference import reference_ms
 
 from tracker_node.camera.camera_rig import Camera, CameraRig
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.model.configuration import Configuration
 from tracker_node.objective.color_score import ColorObjective
 from tracker_node.render.extent import body_extent
@@ -138,9 +135,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
     args = parser.parse_args(arguments)
     metrics = measure(10 if args.quick else 100)
-    print_metrics(metrics)
-    if args.json:
-        write_metrics(args.json, metrics)
+    report_metrics(metrics, args.json)
     return 0
 
 

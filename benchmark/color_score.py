@@ -13,18 +13,14 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
 from _color_scene import ColorScene, make_scene
 from _reference import reference_ms
 
 from tracker_node.camera.camera_rig import CameraRig
 from tracker_node.camera.light import Light
-from tracker_node.evaluation.metrics_file import cpu, print_metrics, write_metrics
+from tracker_node.evaluation.metrics_file import cpu, report_metrics
 from tracker_node.objective.color_score import ColorObjective, ColorOptions
 from tracker_node.objective.photometric import PhotometricObjective
 
@@ -127,10 +123,8 @@ def main() -> int:
     parser.add_argument("--json", metavar="FILE", help="also write the figures to FILE")
     args = parser.parse_args()
     metrics = measure(50 if args.quick else 1000)
-    print_metrics(metrics)
+    report_metrics(metrics, args.json)
     print(f"target of score.fused_ms_1t: {TARGET_MS.get(str(cpu()['simd']), 0.25)} ms ({cpu()['simd']})")
-    if args.json:
-        write_metrics(args.json, metrics)
     return 0
 
 

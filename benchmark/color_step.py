@@ -14,14 +14,11 @@ import time
 from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
 from _color_fits import contestants
 from _color_scene import ColorScene, displaced, make_scene, root_error
 from _reference import reference_ms
 
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.objective.color_score import ColorObjective
 
 START_M, START_RAD = 0.06, np.radians(6.0)
@@ -79,9 +76,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
     args = parser.parse_args(arguments)
     metrics = measure(make_scene(2), 4) if args.quick else measure(make_scene(N_STATES), args.trials)
-    print_metrics(metrics)
-    if args.json:
-        write_metrics(args.json, metrics)
+    report_metrics(metrics, args.json)
     return 0
 
 

@@ -19,15 +19,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
 from _contour_runs import add_common_arguments, configured, print_circumstances
 from _reference import reference_ms
 
 from tracker_node.cli.synthesize import Request, produce, show_progress
 from tracker_node.evaluation.image_sets import SourceStream
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.loaders.image_source import SourceOptions
 from tracker_node.loaders.model_yaml import load_model
 from tracker_node.loaders.plate_file import load_plates
@@ -60,9 +57,7 @@ def main(arguments: list[str] | None = None) -> int:
     figures["core.regions_only"] = int(region.evidence.kind == "region")
     print(f"evidence: {region.evidence.kind}")
     print_circumstances()
-    print_metrics(figures)
-    if args.json:
-        write_metrics(args.json, figures)
+    report_metrics(figures, args.json)
     return 0
 
 

@@ -16,8 +16,6 @@ from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
 from _planted_faults import PLANTED, Clip
 
 from tracker_node.camera.camera_rig import CameraRig
@@ -26,7 +24,7 @@ from tracker_node.cli.synthesize import Request, default_motions, produce
 from tracker_node.evaluation.doctor import examine
 from tracker_node.evaluation.doctor_recording import CameraRecording
 from tracker_node.evaluation.finding import Finding
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.loaders.image_source import open_camera_source
 from tracker_node.loaders.pose2sim_toml import load_pose2sim
 from tracker_node.loaders.rig_yaml import load_rig
@@ -123,9 +121,7 @@ def main(arguments: list[str] | None = None) -> int:
     if named:
         metrics["doctor.named"] = min(named)
     metrics["doctor.false_alarms"] = false_alarms
-    print_metrics(metrics)
-    if args.json:
-        write_metrics(args.json, metrics)
+    report_metrics(metrics, args.json)
     return 0
 
 

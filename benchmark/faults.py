@@ -22,12 +22,11 @@ import tempfile
 import time
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
 from fuzzing import Answers, run
 
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+from tracker_node.evaluation.metrics_file import report_metrics
 
 SEED, N_FILES = 6, 10_000
 CORE = ("rig", "rig_file", "model", "slides", "part", "config", "plain_config", "recording", "state", "urdf")
@@ -100,9 +99,7 @@ def main(arguments: list[str] | None = None) -> int:
         metrics |= drill(args.drills)
     if args.only != "drills":
         metrics |= fuzz(args.files // 10 if args.quick else args.files, args.seed)
-    print_metrics(metrics)
-    if args.json:
-        write_metrics(args.json, metrics)
+    report_metrics(metrics, args.json)
     return 0 if all_as_expected(metrics) else 1
 
 

@@ -23,15 +23,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
 from transport import cpu_s, wait_until
 
 from tracker_node.camera.camera_model import CameraModel
 from tracker_node.camera.camera_rig import Camera, CameraRig
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.loaders.image_source import open_source
 from tracker_node.loaders.rig_yaml import load_rig, rig_file_of, write_rig_file
 
@@ -214,9 +211,7 @@ def main() -> int:
     except TrackerError as error:
         print(f"ingest: error: {error}", file=sys.stderr)
         return 2
-    print_metrics(metrics)
-    if args.json:
-        write_metrics(args.json, metrics)
+    report_metrics(metrics, args.json)
     return 0
 
 

@@ -18,14 +18,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
 from _reference import reference_ms
 
 from tracker_node.camera.camera_model import CameraModel
 from tracker_node.camera.camera_rig import Camera
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.human import human_model
 from tracker_node.observation.appearance import ColorModel, SceneModel, body_log_odds
@@ -200,9 +197,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
     args = parser.parse_args(arguments)
     metrics = measure(0.1 if args.quick else 1.0)
-    print_metrics(metrics)
-    if args.json:
-        write_metrics(args.json, metrics)
+    report_metrics(metrics, args.json)
     return 0
 
 

@@ -21,9 +21,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
 from _contour_runs import Clip, add_common_arguments, configured, print_circumstances, recorded
 from transport import cpu_s, wait_until
 
@@ -31,7 +28,7 @@ from tracker_node.camera.camera_rig import CameraRig
 from tracker_node.cli.synthesize import Request
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.config_file import dump_config
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import Status
@@ -64,9 +61,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     print(f"evidence: {config.evidence.kind}, threads: {config.threads}")
     print_circumstances()
-    print_metrics(figures)
-    if args.json:
-        write_metrics(args.json, figures)
+    report_metrics(figures, args.json)
     return 0
 
 

@@ -21,7 +21,7 @@ from _recorder_runs import kill, record, streams
 from transport import N_CAMERAS
 
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+from tracker_node.evaluation.metrics_file import report_metrics
 
 SECONDS = {"quick": 8.0, "full": 60.0}
 KILLED_AFTER_S = {"quick": (1.0, 1.3), "full": (1.0, 1.2, 1.4, 1.6, 1.8)}
@@ -69,9 +69,7 @@ def main() -> int:
         except TrackerError as error:
             print(f"recording: error: {error}", file=sys.stderr)
             return 2
-    print_metrics(metrics)
-    if args.json:
-        write_metrics(args.json, metrics)
+    report_metrics(metrics, args.json)
     return 0 if all(metrics[key] <= most for key, most in TARGETS.items()) else 1
 
 

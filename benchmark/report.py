@@ -20,14 +20,13 @@ import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
 from _contour_runs import print_circumstances
 from _reference import reference_ms
 
 from tracker_node.cli.synthesize import Request, produce, show_progress
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.evaluation.run_offline import OfflineRun, run_offline
 from tracker_node.loaders.model_yaml import load_model
 from tracker_node.loaders.rig_yaml import load_rig
@@ -67,9 +66,7 @@ def main(arguments: list[str] | None = None) -> int:
         "report.build_in_reference": 1e3 * build_s / reference,
     }
     print_circumstances()
-    print_metrics(figures)
-    if args.json:
-        write_metrics(args.json, figures)
+    report_metrics(figures, args.json)
     return 0
 
 

@@ -29,18 +29,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import theilslopes
-
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
 from _contour_runs import DEFAULT_CACHE, Clip, configured, print_circumstances, recorded
 from live import N_IMAGES, there_and_back
+from scipy.stats import theilslopes
 from transport import wait_until
 
 from tracker_node.cli.synthesize import Request
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.config_file import dump_config
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.tracking.config import TrackerConfig
 
 RATE_HZ, MINUTES = 30.0, 60.0
@@ -332,9 +329,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"soak: error: {error}", file=sys.stderr)
         return 2
     print_circumstances()
-    print_metrics(metrics)
-    if args.json:
-        write_metrics(args.json, metrics)
+    report_metrics(metrics, args.json)
     return 0 if all_sound(metrics) else 1
 
 

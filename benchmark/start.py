@@ -20,7 +20,7 @@ from contour_accuracy import DEFAULT_CACHE
 
 from tracker_node.cli.synthesize import Request, produce, show_progress
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+from tracker_node.evaluation.metrics_file import report_metrics
 
 N_IMAGES = 30  # the quick cones of contour_accuracy.py
 STARTS = {"quick": 2, "full": 5}
@@ -43,9 +43,7 @@ def main() -> int:
         "start.first_start_s": first,
         "start.starts": len(others),
     }
-    print_metrics(figures)
-    if args.json:
-        write_metrics(args.json, figures)
+    report_metrics(figures, args.json)
     return 0
 
 

@@ -25,7 +25,7 @@ import numpy as np
 from tracker_node.camera.camera_model import CameraModel
 from tracker_node.camera.camera_rig import Camera, CameraRig
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
 
 N_CAMERAS, WIDTH, HEIGHT, RATE_HZ = 6, 640, 480, 30.0
@@ -190,9 +190,7 @@ def main() -> int:
     seconds = SECONDS["quick" if args.quick else "full"]
     print(f"{N_CAMERAS} cameras of {WIDTH}x{HEIGHT}, {RATE_HZ:g} Hz, {seconds:g} s, between two processes")
     metrics = measure(seconds)
-    print_metrics(metrics)
-    if args.json:
-        write_metrics(args.json, metrics)
+    report_metrics(metrics, args.json)
     return 0
 
 

@@ -1,27 +1,22 @@
 """The color benchmarks run, and count and measure what they say; on small images, drawn by the renderer that scores."""
 
-import importlib
 import json
-import sys
 
+import _color_fits
+import _color_scene
+import color_basin
+import color_step
 import numpy as np
 import pytest
 
 
 @pytest.fixture(scope="module")
-def benchmarks(repository):
-    sys.path.insert(0, str(repository / "benchmark"))
-    yield {name: importlib.import_module(name) for name in ("_color_fits", "_color_scene", "color_basin", "color_step")}
-    sys.path.remove(str(repository / "benchmark"))
+def scene():
+    return _color_scene.make_scene(2, width=384, backend="raycaster")
 
 
-@pytest.fixture(scope="module")
-def scene(benchmarks):
-    return benchmarks["_color_scene"].make_scene(2, width=384, backend="raycaster")
-
-
-def test_starts_are_exactly_so_far_off(benchmarks, scene):
-    tools, rng = benchmarks["_color_scene"], np.random.default_rng(0)
+def test_starts_are_exactly_so_far_off(scene):
+    tools, rng = _color_scene, np.random.default_rng(0)
     starts = [tools.displaced(scene.truth[1], 0.2, np.radians(20.0), rng) for _ in range(20)]
     for start in starts:
         assert tools.root_error(start, scene.truth[1]) == pytest.approx((200.0, 20.0))
@@ -39,14 +34,14 @@ class Knows:
         return self
 
 
-def test_arrivals_are_counted(benchmarks, scene):
+def test_arrivals_are_counted(scene):
     knows = Knows(scene)
-    assert benchmarks["color_basin"].arrival_rate(scene, knows, 200, 20, 8) == 0.5
+    assert color_basin.arrival_rate(scene, knows, 200, 20, 8) == 0.5
     assert [images is scene.images[i % 2] for i, images in enumerate(knows.seen)] == [True] * 8
 
 
-def test_every_optimizer_has_its_figures(benchmarks, scene):
-    metrics = benchmarks["color_step"].measure(scene, 2)
+def test_every_optimizer_has_its_figures(scene):
+    metrics = color_step.measure(scene, 2)
     for name in ("stepping", "stepping_published", "simplex", "alignment", "default"):
         assert 0.0 < metrics[f"step.{name}_ms"] <= metrics[f"step.{name}_ms_p95"]
         assert metrics[f"step.{name}_error_mm_p50"] < 20.0
@@ -54,13 +49,13 @@ def test_every_optimizer_has_its_figures(benchmarks, scene):
     assert metrics["step.default_error_mm_p90"] < 5.0
 
 
-def test_the_default_arrives_from_200_mm_and_20_degrees(benchmarks, scene):
-    default = benchmarks["_color_fits"].contestants(scene)["default"]
-    assert benchmarks["color_basin"].arrival_rate(scene, default, 200, 20, 6) == 1.0
+def test_the_default_arrives_from_200_mm_and_20_degrees(scene):
+    default = _color_fits.contestants(scene)["default"]
+    assert color_basin.arrival_rate(scene, default, 200, 20, 6) == 1.0
 
 
-def test_writes_json(benchmarks, scene, tmp_path, monkeypatch):
-    basin = benchmarks["color_basin"]
+def test_writes_json(scene, tmp_path, monkeypatch):
+    basin = color_basin
     monkeypatch.setattr(basin, "make_scene", lambda *_, **__: scene)
     monkeypatch.setattr(basin, "measure", lambda prefix, *_: {f"{prefix}.x": 1.0})
     assert basin.main(["--quick", "--json", str(tmp_path / "basin.json")]) == 0

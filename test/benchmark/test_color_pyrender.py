@@ -1,8 +1,7 @@
 """The benchmark against pyrender times the same body in the same place."""
 
-import importlib.util
-import sys
 
+import color_pyrender as benchmark
 import numpy as np
 import pytest
 
@@ -13,16 +12,7 @@ from tracker_node.render.opengl_context import RendererError
 
 
 @pytest.fixture(scope="module")
-def benchmark(repository):
-    spec = importlib.util.spec_from_file_location("color_pyrender", repository / "benchmark" / "color_pyrender.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-@pytest.fixture(scope="module")
-def metrics(benchmark):
+def metrics():
     try:
         return benchmark.measure(rounds=1)
     except RendererError as error:
@@ -37,7 +27,7 @@ def test_figures(metrics):
         assert metrics[key] == pytest.approx(metrics[f"score.pyrender_{name}_ms"] / fused)
 
 
-def test_plain_pyrender_draws_the_body_that_is_scored(benchmark, metrics):
+def test_plain_pyrender_draws_the_body_that_is_scored(metrics):
     scene = benchmark.make_scene(1)
     camera, configuration = scene.rig.cameras[0], Configuration(scene.model, scene.truth[0])
     plain = benchmark.PlainPyrender(scene, camera, configuration)

@@ -1,8 +1,7 @@
 """The accuracy benchmark's machinery, on a recording of three image sets."""
 
-import importlib.util
-import sys
 
+import contour_accuracy as benchmark
 import numpy as np
 import pytest
 
@@ -11,16 +10,7 @@ from tracker_node.synthesis.scenes import SceneConfig
 from tracker_node.tracking.config import from_dict
 
 
-@pytest.fixture(scope="module")
-def benchmark(repository):
-    spec = importlib.util.spec_from_file_location("contour_accuracy", repository / "benchmark" / "contour_accuracy.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_a_recording_is_tracked_and_judged(benchmark, tmp_path):
+def test_a_recording_is_tracked_and_judged(tmp_path):
     scene = SceneConfig(n_cameras=3, width=320, height=240, focal_px=290.0)
     produce(Request(subject="model", motion="waves", n_images=3, scene=scene), tmp_path)
     config = from_dict({"evidence": {"kind": "chamfer"}})  # limbs are a few pixels wide here
@@ -37,12 +27,12 @@ def test_a_recording_is_tracked_and_judged(benchmark, tmp_path):
     assert mannequin["cones.mpjpe_mm"] <= mannequin["cones.mpjpe_raw_mm"]
 
 
-def test_without_the_clips_it_says_what_is_not_measured(benchmark, capsys):
+def test_without_the_clips_it_says_what_is_not_measured(capsys):
     jobs = benchmark._jobs("full", None)
     assert [job.name for job in jobs] == ["cones", "mannequin_swing"]
     message = capsys.readouterr().err
     assert "NOT MEASURED: mannequin_walk, mannequin_cartwheel, mannequin_spinkick" in message and "--motions" in message
 
 
-def test_with_the_clips_all_targets_are_measured(benchmark):
+def test_with_the_clips_all_targets_are_measured():
     assert [job.name for job in benchmark._jobs("quick", "clips")] == ["cones", "mannequin_walk", "mannequin_spinkick"]

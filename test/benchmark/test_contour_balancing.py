@@ -1,8 +1,7 @@
 """What the benchmark of the Balancing clip is made of; the clip itself takes minutes."""
 
-import importlib.util
-import sys
 
+import contour_balancing as benchmark
 import numpy as np
 import pytest
 
@@ -13,17 +12,7 @@ from tracker_node.model.human import human_model
 from tracker_node.observation.image_set import CameraImage, ImageSet
 
 
-@pytest.fixture(scope="module")
-def benchmark(repository):
-    path = repository / "benchmark" / "contour_balancing.py"
-    spec = importlib.util.spec_from_file_location("contour_balancing", path)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["contour_balancing"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_disturbed_starts_are_off_in_every_degree_of_freedom(benchmark):
+def test_disturbed_starts_are_off_in_every_degree_of_freedom():
     model = human_model()
     rng, start = np.random.default_rng(1), State.neutral(model)
     off = [benchmark.disturbed(start, rng).difference(start) for _ in range(20)]
@@ -34,7 +23,7 @@ def test_disturbed_starts_are_off_in_every_degree_of_freedom(benchmark):
     assert np.abs(np.mean(off, axis=0)).max() < np.radians(6.0)  # not always the same way
 
 
-def test_parameters_on_the_command_line_win_over_the_file(benchmark):
+def test_parameters_on_the_command_line_win_over_the_file():
     changes = ["evidence.kind=region", "threads=1", "optimizer.sliding=false", "region.clamp=1e0"]
     config = benchmark.configured(benchmark.CONFIG, changes)
     assert (config.evidence.kind, config.threads, config.optimizer.sliding, config.region.clamp) == ("region", 1, False, 1.0)
@@ -45,13 +34,13 @@ def test_parameters_on_the_command_line_win_over_the_file(benchmark):
         benchmark.configured(benchmark.CONFIG, ["evidence.kind=magic"])
 
 
-def test_time_is_turned_round_about_an_instant(benchmark):
+def test_time_is_turned_round_about_an_instant():
     image = CameraImage("cam01", 130, np.zeros((2, 2, 3), np.uint8))
     (mirrored,) = benchmark._mirrored(ImageSet(120, (image,)), 200)
     assert mirrored.stamp_ns == 270 and mirrored.pixels is image.pixels
 
 
-def test_joints_without_truth_say_nothing_and_others_must_be_near_it(benchmark):
+def test_joints_without_truth_say_nothing_and_others_must_be_near_it():
     from_undisturbed, off = np.full((25, 3), 0.01), np.full((25, 3), 0.05)
     known = np.ones((25, 3), dtype=bool)
     assert benchmark.arrived(from_undisturbed, ErrorSeries(off, known))

@@ -1,10 +1,9 @@
 """The benchmark of the box: its motion, its images, and that a few of them are tracked as told."""
 
-import importlib.util
-import sys
 from itertools import pairwise
 from pathlib import Path
 
+import contour_box as box
 import numpy as np
 import pytest
 
@@ -19,16 +18,7 @@ N = 8
 
 
 @pytest.fixture(scope="module")
-def box(repository):
-    spec = importlib.util.spec_from_file_location("contour_box", repository / "benchmark" / "contour_box.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-@pytest.fixture(scope="module")
-def film(box):
+def film():
     """(model, rig, states, image sets)."""
     model, rig = box.box_model(), box.box_rig()
     states = box.box_states(model, N)
@@ -38,7 +28,7 @@ def film(box):
         pytest.skip(str(error))  # says what to install
 
 
-def test_the_box_moves_as_told_and_stays_in_view(box):
+def test_the_box_moves_as_told_and_stays_in_view():
     model, rig = box.box_model(), box.box_rig()
     states = box.box_states(model, 200)
     for before, after in pairwise(states):
@@ -64,7 +54,7 @@ def test_images_show_the_red_box_where_it_is(film):
 
 
 @pytest.mark.parametrize(("name", "position_mm"), [("box_3cams", 0.5), ("box_1cam", 5.0)])
-def test_the_box_is_tracked(box, film, name, position_mm):
+def test_the_box_is_tracked(film, name, position_mm):
     model, rig, states, sets = film
     cameras = box.CAMERAS[name]
     clip = box.Clip(Path(), CameraRig(tuple(rig.cameras[i] for i in cameras)), model, box.displaced(states[0]))

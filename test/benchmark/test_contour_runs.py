@@ -1,9 +1,14 @@
 """The benchmarks of contours without plates, each at a tiny size: figure, persons, long run, core, live."""
 
-import importlib.util
-import sys
+import importlib
 from dataclasses import replace
 
+import _contour_runs
+import _fitted_body
+import contour_figure
+import contour_mannequin
+import core
+import live
 import numpy as np
 import pytest
 
@@ -24,23 +29,6 @@ SCENE = SceneConfig(
     surroundings="clutter", plates=False, lossless=True,
 )  # fmt: skip
 N_IMAGES = 6
-
-
-@pytest.fixture(scope="module")
-def programs(repository):
-    """Loads a benchmark program by name."""
-
-    def load(name: str):
-        spec = importlib.util.spec_from_file_location(name, repository / "benchmark" / f"{name}.py")
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[spec.name] = module
-        spec.loader.exec_module(module)
-        return module
-
-    names = ("contour_figure", "contour_mannequin", "contour_long_run", "core", "live")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(repository / "benchmark"))
-        yield {name: load(name) for name in names} | {"runs": sys.modules["_contour_runs"], "body": sys.modules["_fitted_body"]}
 
 
 @pytest.fixture(scope="module")
@@ -65,8 +53,8 @@ def estimate(stamp_ns: int, state: State) -> TrackEstimate:
     )  # fmt: skip
 
 
-def test_a_run_on_truth_has_no_error_and_one_beside_it_has_that(programs, figure):
-    runs, program = programs["runs"], programs["contour_figure"]
+def test_a_run_on_truth_has_no_error_and_one_beside_it_has_that(figure):
+    runs, program = _contour_runs, contour_figure
     clip = runs.Clip.load(figure)
     truth = program.true_states(clip)
     shift = np.zeros(clip.model.n_dof)
@@ -78,8 +66,8 @@ def test_a_run_on_truth_has_no_error_and_one_beside_it_has_that(programs, figure
         assert figures["x.lost_sets"] == lost and figures["x.lost_limbs"] == (4 if lost else 0)
 
 
-def test_lost_limbs_are_named_with_their_image_sets(programs, figure, capsys):
-    runs, program = programs["runs"], programs["contour_figure"]
+def test_lost_limbs_are_named_with_their_image_sets(figure, capsys):
+    runs, program = _contour_runs, contour_figure
     clip = runs.Clip.load(figure)
     bent = np.zeros(clip.model.n_dof)
     bent[clip.model.chain.dof_names.index("left_elbow_flexion")] = -1.0  # takes the wrist 0.26 m away
@@ -89,8 +77,8 @@ def test_lost_limbs_are_named_with_their_image_sets(programs, figure, capsys):
     assert capsys.readouterr().err == "x: left arm more than 150 mm off in sets 1-2, 4-4\n"
 
 
-def test_strides_and_cameras_are_those_asked_for(programs, figure):
-    clip = programs["runs"].Clip.load(figure)
+def test_strides_and_cameras_are_those_asked_for(figure):
+    clip = _contour_runs.Clip.load(figure)
     sets = list(clip.with_cameras([0, 2]).sets(stride=2))
     assert [one.stamp_ns for one in sets] == [round(i * 1e9 / 30) for i in (0, 2, 4)]
     assert sets[0].cameras == ("cam01", "cam03")
@@ -99,9 +87,9 @@ def test_strides_and_cameras_are_those_asked_for(programs, figure):
     assert len(list(clip.sets(stride=2, limit=2))) == 2
 
 
-def test_figure_tracks_and_judges(programs, figure):
-    program = programs["contour_figure"]
-    clip = programs["runs"].Clip.load(figure)
+def test_figure_tracks_and_judges(figure):
+    program = contour_figure
+    clip = _contour_runs.Clip.load(figure)
     figures = program.sequence_figures(clip, "stride2", ["evidence.kind=region", "threads=1"], None)
     assert figures["figure_stride2.sets"] == 3 and np.isfinite(figures["figure_stride2.joint_error_mm"])
     figures = program.sequence_figures(clip, "figure", ["evidence.kind=region", "threads=1"], None)
@@ -112,9 +100,9 @@ def test_figure_tracks_and_judges(programs, figure):
     assert figures["figure.motion_mm_per_image"] < 43.0
 
 
-def test_basin_starts_are_off_by_what_is_said(programs, figure):
-    program = programs["contour_figure"]
-    clip = programs["runs"].Clip.load(figure)
+def test_basin_starts_are_off_by_what_is_said(figure):
+    program = contour_figure
+    clip = _contour_runs.Clip.load(figure)
     pose = program.true_states(clip)[0]
     start = program.displaced(pose, np.radians(6.0), 0.02, np.random.default_rng(1))
     off = start.difference(pose)
@@ -123,8 +111,8 @@ def test_basin_starts_are_off_by_what_is_said(programs, figure):
     assert 0 < (off[6:] > 0).sum() < 16
 
 
-def test_basin_counts_trials_that_arrive(programs, figure, monkeypatch):
-    program, runs = programs["contour_figure"], programs["runs"]
+def test_basin_counts_trials_that_arrive(figure, monkeypatch):
+    program, runs = contour_figure, _contour_runs
     clip = runs.Clip.load(figure)
     truth = program.true_states(clip)
     seen: list[ImageSet] = []
@@ -141,8 +129,8 @@ def test_basin_counts_trials_that_arrive(programs, figure, monkeypatch):
     assert 3.0 < (first - second).std() < 8.0  # the same still pose under another noise: sqrt(2) times its sigma
 
 
-def test_parameters_of_the_command_line(programs):
-    configured = programs["runs"].configured
+def test_parameters_of_the_command_line():
+    configured = _contour_runs.configured
     config = configured(["evidence.kind=region", "optimizer.tolerance=0.5"], threads=1, synchronizer__image_period_s=0.1)
     assert (config.evidence.kind, config.optimizer.tolerance, config.threads) == ("region", 0.5, 1)
     assert config.synchronizer.image_period_s == 0.1
@@ -152,8 +140,8 @@ def test_parameters_of_the_command_line(programs):
         configured(["evidence.kinds=region"])
 
 
-def test_a_person_is_tracked_with_another_body(programs, person):
-    program, runs, body = programs["contour_mannequin"], programs["runs"], programs["body"]
+def test_a_person_is_tracked_with_another_body(person):
+    program, runs, body = contour_mannequin, _contour_runs, _fitted_body
     clip = runs.Clip.load(person)
     dump_model(human_model(), person / "fitted.yaml")
     other = body.fitted_body(clip, TrackerConfig())  # the one that lies there
@@ -170,15 +158,15 @@ def test_a_person_is_tracked_with_another_body(programs, person):
 
 
 @pytest.mark.parametrize("name", ["contour_mannequin", "contour_long_run"])
-def test_without_the_clips_it_says_so(programs, name, monkeypatch, capsys):
-    program = programs[name]
+def test_without_the_clips_it_says_so(name, monkeypatch, capsys):
+    program = importlib.import_module(name)
     monkeypatch.setattr(program, "default_motions", lambda: None)
     assert program.main(["--quick"]) == 2
     assert "--motions or TRACKER_SHARED_DATA" in capsys.readouterr().err
 
 
-def test_core_times_image_sets_after_the_first_ones(programs, figure):
-    program = programs["core"]
+def test_core_times_image_sets_after_the_first_ones(figure):
+    program = core
     config = program.configuration(1, ["evidence.kind=region"])
     times, stages, counts = program.measure(figure, config, rounds=2)
     assert len(times) == 2 * (N_IMAGES - program.WARM_UP) and times.max() > stages[1] > 0.0
@@ -188,32 +176,32 @@ def test_core_times_image_sets_after_the_first_ones(programs, figure):
     assert program.full_images(config).evidence.reach_px > 640
 
 
-def test_live_figures_compare_what_was_sent_with_what_came(programs):
+def test_live_figures_compare_what_was_sent_with_what_came():
     sent = [i * 10**8 for i in range(11)]
     states = [(s, s + (5 + i) * 10**6, int(Status.TRACKING)) for i, s in enumerate(sent) if i not in (3, 4)]
     states[-1] = (*states[-1][:2], int(Status.LOST))
-    figures = programs["live"].live_figures(sent, [(-5, 0, 0), *states])
+    figures = live.live_figures(sent, [(-5, 0, 0), *states])
     assert figures["live.lost"] == 2 and figures["live.sets"] == 11 and figures["live.not_tracking"] == 1
     assert figures["live.rate_hz"] == pytest.approx(10.0)
     assert figures["live.latency_ms_max"] == pytest.approx(15.0) and figures["live.latency_ms_p50"] == pytest.approx(11.0)
-    assert programs["live"].live_figures(sent, [])["live.lost"] == 11
+    assert live.live_figures(sent, [])["live.lost"] == 11
 
 
-def test_live_images_go_forward_and_backward(programs, figure, tmp_path):
-    clip = programs["runs"].Clip.load(figure)
-    rig = load_rig(programs["live"].there_and_back(clip, tmp_path))
+def test_live_images_go_forward_and_backward(figure, tmp_path):
+    clip = _contour_runs.Clip.load(figure)
+    rig = load_rig(live.there_and_back(clip, tmp_path))
     shown = [path.resolve().stem for path in sorted((tmp_path / "cam02").iterdir())]
     assert shown == [f"{i:06d}" for i in (0, 1, 2, 3, 4, 5, 4, 3, 2, 1)]
     assert rig["cam02"].source == str(tmp_path / "cam02")
 
 
-def test_live_graph(programs, figure, monkeypatch):
+def test_live_graph(figure, monkeypatch):
     """States come for images that are sent; how many in time is the machine's business here."""
     pytest.importorskip("rclpy")
-    program = programs["live"]
+    program = live
     monkeypatch.setattr(program, "SETTLE_S", 0.2)
-    clip = programs["runs"].Clip.load(figure)
-    figures = program.measure(clip, programs["runs"].configured([], evidence__kind="region"), 2.0)
+    clip = _contour_runs.Clip.load(figure)
+    figures = program.measure(clip, _contour_runs.configured([], evidence__kind="region"), 2.0)
     assert 40 <= figures["live.sets"] <= 61 and figures["live.lost"] < figures["live.sets"]
     assert figures["live.rate_hz"] == pytest.approx(30.0, rel=0.2)
     assert 0.0 < figures["live.latency_ms_p50"] <= figures["live.latency_ms_p95"] <= figures["live.latency_ms_max"]

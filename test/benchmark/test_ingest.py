@@ -1,13 +1,8 @@
 """The benchmark of the ingest: its videos say their numbers through codec and halving, its figures count what is missing."""
 
-import sys
-from pathlib import Path
-
-import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmark"))
 
 import ingest
+import pytest
 
 from tracker_node.loaders.image_source import open_source
 

@@ -1,23 +1,13 @@
 """The kernel benchmark runs, and measures what it says."""
 
-import importlib.util
 import json
-import sys
 import time
 
+import kernels
 import pytest
 
 
-@pytest.fixture(scope="module")
-def kernels(repository):
-    spec = importlib.util.spec_from_file_location("kernels", repository / "benchmark" / "kernels.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_figures_of_every_kernel(kernels):
+def test_figures_of_every_kernel():
     metrics = kernels.measure(seconds=0.0, threads=False)
     names = kernels.make_cases(kernels.make_scene())
     for name in names:
@@ -28,13 +18,13 @@ def test_figures_of_every_kernel(kernels):
     assert 0.03 < metrics["kernels.body_share"] < metrics["kernels.region_share"]
 
 
-def test_times_are_times(kernels):
+def test_times_are_times():
     times = kernels.times_ms(lambda: time.sleep(0.003), 0.05)
     assert len(times) >= 10
     assert times.min() >= 3.0
 
 
-def test_writes_json(kernels, tmp_path, monkeypatch, capsys):
+def test_writes_json(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(kernels, "measure", lambda seconds: {"kernels.x.ms_p50": seconds})
     assert kernels.main(["--quick", "--json", str(tmp_path / "kernels.json")]) == 0
     assert json.loads((tmp_path / "kernels.json").read_text())["metrics"] == {"kernels.x.ms_p50": 0.1}

@@ -1,13 +1,8 @@
 """What the benchmark of the report makes its recording of, and how it reads a browser's times."""
 
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmark"))
-
 import report as benchmark
 
 

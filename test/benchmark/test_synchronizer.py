@@ -1,10 +1,6 @@
 """The benchmark of the synchronizer: what must hold in every situation, and the files that it writes."""
 
 import json
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmark"))
 
 import synchronizer
 

@@ -1,15 +1,10 @@
 """The Balancing sample: its rigs from the real files, and what the refinement does for a blob that it does not see."""
 
 import shutil
-import sys
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmark"))
-
 from _calibration_time import cap_centers, cap_rms_px
 
 from tracker_node.calibration import balancing

@@ -1,9 +1,8 @@
 """The doctor names what is wrong with a rig, and says nothing of one that is sound."""
 
-import importlib.util
-import sys
 from dataclasses import replace
 
+import _planted_faults as faults
 import numpy as np
 import pytest
 from moving_balls import N_IMAGES, RATE_HZ, ball_images, balls_rig
@@ -13,16 +12,7 @@ from tracker_node.evaluation.doctor_recording import CameraRecording
 
 
 @pytest.fixture(scope="module")
-def faults(repository):
-    spec = importlib.util.spec_from_file_location("_planted_faults", repository / "benchmark" / "_planted_faults.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-@pytest.fixture(scope="module")
-def clip(faults):
+def clip():
     rig = balls_rig()
     return faults.Clip(rig, ball_images(rig), dict.fromkeys(rig.names, RATE_HZ))
 
@@ -51,12 +41,12 @@ def test_a_sound_rig_gives_no_alarm(clip):
         "wrong_focal_length", "clock_offset", "exposure_change", "interlaced_video", "duplicate_images", "low_image_rate",
     ],
 )  # fmt: skip
-def test_each_fault_alone_is_named_with_its_camera_and_nothing_else(fault, clip, faults):
+def test_each_fault_alone_is_named_with_its_camera_and_nothing_else(fault, clip):
     planted = faults.PLANTED[fault]
     assert told(planted.plant(clip)) == [(planted.fault, tuple(clip.rig.names[i] for i in planted.cameras))]
 
 
-def test_what_is_fitted_is_what_was_planted(clip, faults):
+def test_what_is_fitted_is_what_was_planted(clip):
     focal = examine(*_rig_and_recordings(faults.wrong_focal_length(clip, 1.15))).findings[0]
     assert focal.values["factor"] == pytest.approx(1.0 / 1.15, abs=0.02)
     clock = examine(*_rig_and_recordings(faults.clock_offset(clip, 0.2))).findings[0]
@@ -82,7 +72,7 @@ def test_places_that_are_inverted(clip):
     assert ("place", ()) in told(replace(clip, rig=replace(clip.rig, cameras=inverted)))
 
 
-def test_of_two_cameras_either_may_be_wrong_and_the_doctor_says_so(clip, faults):
+def test_of_two_cameras_either_may_be_wrong_and_the_doctor_says_so(clip):
     pair = replace(clip, rig=clip.rig.subset(["cam1", "cam2"]))
     (finding,) = examine(*_rig_and_recordings(faults.clock_offset(pair, 0.2))).findings
     assert finding.fault == "clock"

@@ -52,6 +52,13 @@ def print_metrics(metrics: Mapping[str, float | int]) -> None:
     print(format_metrics(metrics))
 
 
+def report_metrics(metrics: Mapping[str, float | int], path: str | Path | None) -> None:
+    """Print ``metrics``, and write them to the JSON file ``path`` too where one is named."""
+    print_metrics(metrics)
+    if path:
+        write_metrics(path, metrics)
+
+
 def format_metrics(metrics: Mapping[str, float | int]) -> str:
     """One line a figure; keys to the left, numbers aligned at the decimal point."""
     if not metrics:
