@@ -5,12 +5,15 @@ import os
 import subprocess
 import sys
 import tomllib
-from importlib.metadata import distribution
+from collections.abc import Iterable
+from importlib.metadata import distribution, packages_distributions, requires
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 import tracker_node
 
@@ -90,6 +93,28 @@ def test_installation_has_what_ros2_run_looks_for() -> None:
     assert all(os.access(prefix / "lib/tracker_node" / name, os.X_OK) for name in EXECUTABLES)
     entry_points = distribution("tracker_node").entry_points
     assert [entry.name for entry in entry_points if entry.group == "console_scripts"] == ["tracker_node"]
+
+
+def distribution_names(requirements: Iterable[str]) -> set[str]:
+    """Of requirements that hold here, without extras."""
+    parsed = [Requirement(text) for text in requirements]
+    return {canonicalize_name(one.name) for one in parsed if one.marker is None or one.marker.evaluate({"extra": ""})}
+
+
+def test_what_is_installed_beside_a_ros_from_apt_is_whole_and_has_nothing_of_ros(repository: Path) -> None:
+    """`pip install --no-deps -r requirements/runtime.txt` leaves nothing out, and hides nothing of ROS that apt has installed."""
+    lines = (repository / "requirements/runtime.txt").read_text().splitlines()
+    listed = distribution_names(line for line in lines if not line.startswith("#"))
+    tree = ast.parse((repository / "setup.py").read_text())
+    assigned = {node.targets[0].id: node.value for node in tree.body if isinstance(node, ast.Assign)}
+    needed = distribution_names(ast.literal_eval(assigned["RUNTIME_REQUIREMENTS"]))
+    for name in listed:
+        needed |= distribution_names(requires(name) or [])
+    assert needed <= listed
+    contracts = toml(repository / "pyproject.toml")["tool"]["importlinter"]["contracts"]
+    ros_modules = next(c for c in contracts if c["type"] == "forbidden")["forbidden_modules"]
+    providers = {canonicalize_name(name) for module in ros_modules for name in packages_distributions().get(module, [])}
+    assert not providers & listed and not [name for name in listed if name.startswith("ros-")]
 
 
 def test_command_line_does_not_import_ros() -> None:
