@@ -3,17 +3,20 @@
 A grid is laid over the mesh, and its cells that the surface closes in are found by filling: it does not matter which way faces
 look, whether triangles share vertices, or whether there are gaps of less than a cell. About the middle of each such cell goes
 the largest ball that the surface leaves room for. Of the round cones from ball to ball that stay within the mesh, one that holds
-most cells is taken; then one that holds most of the others; until what is left is not worth it.
+most cells is taken, and its ends moved as long as that helps; then one that holds most of the others; until what is left is
+not worth it.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from .primitives import Mesh
-from .round_cones import END, N_CAPSULE, START, count_held, point_gaps
+from .round_cones import END, END_RADIUS, N_CAPSULE, START, START_RADIUS, count_held, point_gaps
 
 _CELLS = 3000  # of the grid
 _FEWEST_ACROSS, _MOST_ALONG = 5, 41  # cells; odd, so that one row of them lies in the middle
@@ -26,7 +29,31 @@ _BALLS = 150  # at most; where there are more, they are taken farther apart
 _MOST = 5  # round cones of one mesh
 _WORTH = 0.05  # a further one must hold so much of what the first one does
 _TURNS = 4  # of looking for the other end
-_ROOM = 0.98  # share of its radius that the surface must leave a round cone everywhere
+_MOVES, _STEP = 10, 0.5  # of the ends; the first by this share of their radius
+_WAYS = np.vstack([np.eye(3), -np.eye(3)])
+_LEAST_ROOM = 0.98  # share of its radius that the surface must leave a round cone everywhere
+
+
+@dataclass(frozen=True, eq=False)
+class _Room:
+    """What the surface leaves: samples of it, and the box about them (which counts where samples are far apart, in a wire)."""
+
+    surface: cKDTree
+    low: np.ndarray
+    high: np.ndarray
+
+    def radii(self, centers: np.ndarray) -> np.ndarray:
+        """(n,) of the largest balls about points (n, 3) within."""
+        to_box = np.minimum(centers - self.low, self.high - centers).min(axis=1)
+        return np.minimum(self.surface.query(centers)[0], to_box)
+
+    def holds(self, cone: np.ndarray) -> bool:
+        """Whether there is room for a round cone from one end to the other, asked every half of its least radius."""
+        one, other = cone[START : START + 4], cone[END : END + 4]
+        steps = 2 + int(min(np.linalg.norm(other[:3] - one[:3]) / (0.5 * min(one[3], other[3])), 200.0))
+        shares = np.linspace(0.0, 1.0, steps)[:, None]
+        balls = (1.0 - shares) * one + shares * other
+        return bool((self.radii(balls[:, :3]) >= _LEAST_ROOM * balls[:, 3]).all())
 
 
 def capsules_in_mesh(mesh: Mesh) -> np.ndarray:
@@ -43,7 +70,7 @@ def capsules_in_mesh(mesh: Mesh) -> np.ndarray:
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     if not (high - low).min() > _FLAT * (high - low).max():
         return np.zeros((0, N_CAPSULE))
-    rows = _cover(*_balls(corners, low, high))
+    rows = _cover(*_cells(corners, low, high))
     for at in (START, END):
         rows[:, at : at + 3] = rows[:, at : at + 3] @ axes + middle
     return rows
@@ -62,8 +89,8 @@ def _axes(corners: np.ndarray) -> np.ndarray:
     return principal if box < 0.9 * own_box else np.eye(3)
 
 
-def _balls(corners: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, cKDTree]:
-    """Middles (n, 3) of the cells within, the radii (n,) of the largest balls about them, and samples of the surface."""
+def _cells(corners: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, _Room]:
+    """Middles (n, 3) of the cells within, and the room that they have."""
     size = high - low
     counts = np.round(size / np.cbrt(size.prod() / _CELLS)).astype(int) // 2 * 2 + 1
     counts = np.clip(counts, _FEWEST_ACROSS, _MOST_ALONG)
@@ -75,9 +102,7 @@ def _balls(corners: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.n
     filled = _filled(surface)
     outer = surface & ~ndimage.binary_erosion(filled, np.ones((3, 3, 3)))  # walls within the mesh do not count
     centers = low + (np.argwhere(filled & ~outer) + 0.5) * cell
-    tree = cKDTree(low + samples[outer[cells]] * cell)
-    room = np.minimum(centers - low, high - centers).min(axis=1)  # counts where samples are far apart, in a wire
-    return centers, np.minimum(tree.query(centers)[0], room), tree
+    return centers, _Room(cKDTree(low + samples[outer[cells]] * cell), low, high)
 
 
 def _samples(corners: np.ndarray) -> np.ndarray:
@@ -113,12 +138,13 @@ def _between(surface: np.ndarray, axis: int) -> np.ndarray:
     return before & behind
 
 
-def _cover(centers: np.ndarray, radii: np.ndarray, tree: cKDTree) -> np.ndarray:
+def _cover(centers: np.ndarray, room: _Room) -> np.ndarray:
     """Round cones (n, `N_CAPSULE`) that hold most of ``centers`` together."""
+    radii = room.radii(centers)
     balls = np.column_stack([centers, radii])[_chosen(centers, radii)]
     rows, left, least = np.zeros((0, N_CAPSULE)), centers, 1.0
     while len(rows) < _MOST and len(left):
-        row, held = _best(balls, left, tree)
+        row, held = _grown(*_best(balls, left, room), left, room)
         if held < least:
             break
         gaps = np.empty(len(left))
@@ -140,7 +166,7 @@ def _chosen(centers: np.ndarray, radii: np.ndarray, apart: float = _APART) -> li
     return chosen
 
 
-def _best(balls: np.ndarray, points: np.ndarray, tree: cKDTree) -> tuple[np.ndarray, int]:
+def _best(balls: np.ndarray, points: np.ndarray, room: _Room) -> tuple[np.ndarray, int]:
     """The round cone found to hold most of ``points``, and how many: the best ball, the best other end for it, the best other
     end for that ..."""
     cones = np.hstack([balls, balls])
@@ -151,23 +177,38 @@ def _best(balls: np.ndarray, points: np.ndarray, tree: cKDTree) -> tuple[np.ndar
         cones = np.hstack([np.broadcast_to(balls[end], balls.shape), balls])
         counts = _counts(cones, points)
         order = np.argsort(-counts, kind="stable")
-        other = next((int(i) for i in order if counts[i] <= most or _has_room(cones[i], tree)), end)
+        other = next((int(i) for i in order if counts[i] <= most or room.holds(cones[i])), end)
         if counts[other] <= most:
             break
         best, most, end = cones[other], int(counts[other]), other
     return best, most
 
 
+def _grown(row: np.ndarray, held: int, points: np.ndarray, room: _Room) -> tuple[np.ndarray, int]:
+    """A round cone with its ends moved as long as it holds more points, or as many and is larger; and how many."""
+    step, size = _STEP, float(_volumes(row[None])[0])
+    for _ in range(_MOVES):
+        before = size, held
+        for at in (START, END):
+            trials = np.tile(row, (len(_WAYS), 1))
+            trials[:, at : at + 3] += step * row[at + 3] * _WAYS
+            trials[:, at + 3] = room.radii(trials[:, at : at + 3])
+            counts, sizes = _counts(trials, points), _volumes(trials)
+            best = int(np.lexsort((sizes, counts))[-1])
+            if (counts[best], sizes[best]) > (held, size) and room.holds(trials[best]):
+                row, held, size = trials[best], int(counts[best]), float(sizes[best])
+        step *= 0.5 if (size, held) == before else 1.0
+    return row, held
+
+
+def _volumes(cones: np.ndarray) -> np.ndarray:
+    """(n,), of the frustum between the ends and half a ball at either; a fair measure unless one end swallows the other."""
+    one, other = cones[:, START_RADIUS], cones[:, END_RADIUS]
+    length = np.linalg.norm(cones[:, END : END + 3] - cones[:, START : START + 3], axis=1)
+    return np.pi / 3.0 * (length * (one**2 + one * other + other**2) + 2.0 * (one**3 + other**3))
+
+
 def _counts(cones: np.ndarray, points: np.ndarray) -> np.ndarray:
     counts = np.empty(len(cones), dtype=np.int64)
     count_held(cones, points, counts)
     return counts
-
-
-def _has_room(cone: np.ndarray, tree: cKDTree) -> bool:
-    """Whether the surface leaves a round cone room from one end to the other, asked every half of its least radius."""
-    one, other = cone[START : START + 4], cone[END : END + 4]
-    steps = 2 + int(min(np.linalg.norm(other[:3] - one[:3]) / (0.5 * min(one[3], other[3])), 200.0))
-    shares = np.linspace(0.0, 1.0, steps)[:, None]
-    balls = (1.0 - shares) * one + shares * other
-    return bool((tree.query(balls[:, :3])[0] >= _ROOM * balls[:, 3]).all())
