@@ -41,10 +41,12 @@ def test_figures_per_camera_come_from_the_bag_beside_the_states(tmp_path):
     assert run.camera_residuals_px[:, 0].tolist() == [2.0, 3.0] * 3
 
 
-def test_smoothed_states_belong_to_the_run_beside_them(tmp_path):
+def test_smoothed_states_and_a_bag_belong_to_the_run_beside_them(tmp_path):
     write_run(tmp_path / "run" / "smoothed", motion(4))
     (tmp_path / "run" / "run.json").write_text('{"model": "person.yaml"}')
     assert load_run(tmp_path / "run" / "smoothed").info == {"model": "person.yaml"}
+    write_state_bag(tmp_path / "run" / "bag", motion(4))
+    assert load_run(tmp_path / "run" / "bag").info == {"model": "person.yaml"}
 
 
 def test_what_the_tracker_says_beside_its_states(tmp_path):

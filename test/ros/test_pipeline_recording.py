@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from ros_samples import moving_state, tracked_arm
 
+from tracker_node.cli.main import main
 from tracker_node.loaders.bag_reader import BagReader
 from tracker_node.model.configuration import Configuration
 
@@ -66,6 +67,14 @@ def test_live_and_offline_give_the_same_states_of_it(launch, described, tmp_path
         figures = json.loads((folder / "report.json").read_text())["metrics"]
         assert figures["arm.image_sets"] == 8 and figures["arm.lost_sets"] == 0
         assert figures["arm.mpjpe_no_lag_correction_mm"] < 30.0
+    told = json.loads((described / "run" / "report.json").read_text())["metrics"]
+    info = json.loads((described / "run" / "run.json").read_text())
+    assert info["options"]["model"] == str(described / "model.yaml") and info["options"]["start"] == 1
+    assert (info["image_sets"], info["lost_sets"], info["status_counts"]["TRACKING"]) == (8, 0, 8)
+    assert info["parameters"] == json.loads((tmp_path / "offline" / "run.json").read_text())["parameters"]
+    again = ["evaluate", described / "run", "--truth", described / "truth.csv", "--align", "stamp", "--name", "arm", "--no-pdf"]
+    assert main([*map(str, again), "--output", str(tmp_path / "again")]) == 0  # nobody names the body, or the rig
+    assert json.loads((tmp_path / "again" / "report.json").read_text())["metrics"] == told
 
 
 def test_the_command_line_goes_before_the_file(launch, described, tmp_path):
@@ -79,10 +88,14 @@ def test_the_command_line_goes_before_the_file(launch, described, tmp_path):
 
 
 def test_mistakes_are_one_line(launch, described, tmp_path):
+    offline = tmp_path / "offline"
+    offline.mkdir()
+    (offline / "states.csv").write_text("of an offline run")
     wrong = described / "wrong.yaml"
     wrong.write_text(RECORDING.replace("model.yaml", "nobody.yaml"))
     processes = {
         "model": launch("pipeline", wrong),
+        "states.csv": launch("pipeline", described / "recording.yaml", "--output", offline),
         "--rig and --model": launch("pipeline", "--bag", tmp_path / "bag"),
         "camera 'left'": launch("track_offline", described / "recording.yaml", "--source", "left=x", "--output", tmp_path / "a"),
         "--output": launch("track_offline", "--rig", described / "rig.yaml", "--model", described / "model.yaml"),
@@ -90,3 +103,4 @@ def test_mistakes_are_one_line(launch, described, tmp_path):
     for said, process in processes.items():
         assert process.wait() == 2, said
         assert said in process.err and len(process.err.splitlines()) == 1, process.err
+    assert [path.name for path in offline.iterdir()] == ["states.csv"]

@@ -36,7 +36,8 @@ _LIMB_GAPS = ("trc", "c3d", "csv")  # formats that can leave out a single landma
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add("run", metavar="RUN", help="folder written by track_offline, its folder smoothed, or a bag with tracked states")
+    add("run", metavar="RUN",
+        help="folder written by track_offline or pipeline, a folder smoothed in it, or a bag with tracked states")  # fmt: skip
     add("--to", required=True, choices=FORMATS, help="the format; csv writes several tables into a folder")
     add("-o", "--output", required=True, metavar="PATH", help="file to write (csv: folder)")
     add("--model", metavar="FILE", help="body model; default: what run.json names")

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from ._recording import add_recording_argument, evaluate_recording, fill_in
+from ._run_json import end_of_live_run, start_of_live_run
 from .camera_ingest import add_source_arguments, cameras_of, source_options
 from .tracker import add_body_arguments
 
@@ -22,7 +23,9 @@ BUILT_IN = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_body_arguments(parser, required=False)
     add_source_arguments(parser)
-    parser.add_argument("--output", type=Path, metavar="FOLDER", help="folder of the run: the bag is bag/ in it")
+    parser.add_argument(
+        "--output", type=Path, metavar="FOLDER", help="folder of the run: bag/, and run.json, which says how it was made"
+    )
     parser.add_argument(
         "--bag", type=Path, metavar="FOLDER", help="record states, poses, joints, calibrations and diagnostics to this bag"
     )
@@ -44,6 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from ..errors import TrackerError
+    from ..evaluation.run_writer import write_summary
     from ..loaders.rig_yaml import load_rig
     from ..ros.pipeline import PipelineOptions, run_pipeline
 
@@ -75,12 +79,34 @@ def run(args: argparse.Namespace) -> int:
         n_expected=n_images,
         ros_args=args.ros_args,
     )
+    folder, start = _run_folder(args), start_of_live_run(args, n_images)
+    if folder is not None:
+        write_summary(folder, start)  # now, for a run that is killed
     status, progress = run_pipeline(options)
+    if folder is not None:
+        write_summary(folder, end_of_live_run(start, progress))
     counts = ", ".join(f"{n} {status.name}" for status, n in sorted(progress.statuses.items()))
     print(f"{progress.sets} image sets: {counts or 'none'}" + (f"; bag {args.bag}" if args.bag else ""))
     if status == 0 and recording is not None and args.bag is not None:
         status = evaluate_recording(recording, args, args.bag, args.output or args.bag.parent)
     return status
+
+
+def _run_folder(args: argparse.Namespace) -> Path | None:
+    """Where `evaluate` looks for ``run.json``: above the bag; None for a bag that stands alone.
+
+    Raises
+    ------
+    BagExistsError : an offline run is there.
+    """
+    from ..evaluation.run_writer import BAG, STATES
+    from ..loaders.bag_writer import BagExistsError
+
+    if args.bag is None or args.bag.name != BAG:
+        return None
+    if (args.bag.parent / STATES).exists():
+        raise BagExistsError(args.bag.parent / STATES)
+    return args.bag.parent
 
 
 def _check_files(rig, args: argparse.Namespace) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ._recording import add_recording_argument, evaluate_recording, fill_in
+from ._run_json import named_options
 from ._sizes import image_size
 from .camera_ingest import named_source
 
@@ -104,7 +105,7 @@ def run(args: argparse.Namespace) -> int:
             smooth_s=_lag(args.smooth),
             masks=args.masks,
             through_masks=args.through_masks,
-            named_options={key: _plain(value) for key, value in vars(args).items() if not key.startswith("_")},
+            named_options=named_options(args),
         ),
         args.output,
         None if args.quiet else _Progress(),
@@ -180,9 +181,3 @@ def _report(summary: dict[str, Any], output: Path, quiet: bool) -> None:
     time_text = f"; {ms['p50']:.1f} ms a set (95 %: {ms['p95']:.1f})" if ms["p50"] is not None else ""
     print(f"{summary['image_sets']} image sets: {counts or 'none'}{time_text}")
     print(f"results in {output}")
-
-
-def _plain(value: Any) -> Any:
-    if value == math.inf:
-        return "all"
-    return str(value.resolve()) if isinstance(value, Path) else value

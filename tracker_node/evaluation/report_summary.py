@@ -197,7 +197,7 @@ def dof_comparison_table(reviews: Sequence[Review]) -> Table | None:
 
 
 def parameter_table(reviews: Sequence[Review]) -> Table | None:
-    """Tracker parameters in which the runs differ, of those that have a ``run.json``, which a live recording has not."""
+    """Tracker parameters in which the runs differ, of those that have a ``run.json``, which a recorder's bag alone has not."""
     both = [(review.name, review.run.info.get("parameters")) for review in reviews]
     told = {name: parameters for name, parameters in both if isinstance(parameters, dict)}
     names = dict.fromkeys(name for run in told.values() for name in run)

@@ -131,7 +131,8 @@ def load_run(path: str | Path, topic: str | None = None) -> RunData:
     if not path.exists():
         raise FileFormatError(path, "(path)", "a run folder or a bag", "nothing there")
     bag = _bag_in(path)
-    info = _read_info((path.parent if path.name == SMOOTHED else path) / INFO_FILE) if path.is_dir() else {}
+    told_beside = path.name in (SMOOTHED, BAG_FOLDER)  # of a part of a run by the file of the run
+    info = _read_info((path.parent if told_beside else path) / INFO_FILE) if path.is_dir() else {}
     if path.is_dir() and (path / STATES_FILE).exists():
         run = _from_csv(path / STATES_FILE)
         if bag is not None:

@@ -14,6 +14,7 @@ from ..loaders.bag_writer import BagExistsError, BagWriter
 from ..loaders.message_types import TRACKED_STATE, typestore
 from ..loaders.trajectory_file import JointsWriter, PosesWriter, StateRow, StatesWriter
 from ..loaders.urdf_writer import urdf_of
+from ..loaders.whole_file import write_whole
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration
 from ..observation.image_set import ImageSet
@@ -25,6 +26,12 @@ from . import estimate_messages as messages
 BAG, STATES, JOINTS, POSES, SUMMARY = "bag", "states.csv", "joints.csv", "poses.csv", "run.json"
 DESCRIPTION, STRING = "/robot_description", "std_msgs/msg/String"
 FLUSH_EVERY = 30  # image sets
+
+
+def write_summary(folder: Path, summary: dict[str, Any]) -> None:
+    """``run.json`` of the run in ``folder``, which is made if it is not there."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(folder / SUMMARY, json.dumps(summary, indent=2, allow_nan=False) + "\n")
 
 
 class RunWriter:
@@ -133,7 +140,7 @@ class RunWriter:
 
     def write_summary(self, summary: dict[str, Any]) -> None:
         """``run.json``."""
-        (self.output / SUMMARY).write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        write_summary(self.output, summary)
 
     def close(self) -> None:
         """Finish every file."""
