@@ -8,9 +8,13 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS is not installed")
 pytest.importorskip("tracker_msgs", reason="the interface package is not installed")
 
+from ros_cameras import Cameras, options_of
 from ros_graph import NodeProcess, Probe, remove_left_segments, ros_context, shared_memory_files
 from ros_processes import start
 from ros_samples import write_recording
+from tracker_msgs.msg import TrackedState
+
+from tracker_node.ros.tracker_node import TrackerNode
 
 __all__ = ["start"]  # a fixture too
 
@@ -56,3 +60,23 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("recording") / "arm"
     write_recording(folder, 12)
     return folder
+
+
+@pytest.fixture
+def start_tracker(probe: Probe, recording: Path) -> Iterator[Callable[..., tuple[TrackerNode, list[TrackedState], Cameras]]]:
+    """Makes an active tracker in this process, its states, and cameras to feed it; options as keywords."""
+    nodes: list[TrackerNode] = []
+
+    def start(**changes):
+        options = options_of(recording, **changes)
+        node = TrackerNode(options)
+        nodes.append(node)
+        probe.add_node(node)
+        states = probe.listen(TrackedState, "tracker/state")
+        assert node.start()
+        return node, states, Cameras(probe, recording, options.rig)
+
+    yield start
+    for node in nodes:
+        node.close()
+        node.destroy_node()

@@ -3,14 +3,13 @@
 import shutil
 import signal
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from ros_cameras import PERIOD_NS, Cameras, N, image_set_of, options_of, tracker_of
-from ros_graph import Probe, stamps
+from ros_cameras import PERIOD_NS, N, image_set_of, options_of, tracker_of
+from ros_graph import stamps
 from ros_samples import moving_state, placed
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, JointState
 from std_msgs.msg import String
@@ -32,28 +31,7 @@ from tracker_node.ros.conversions import (
     urdf_of,
 )
 from tracker_node.ros.qos import LATCHED
-from tracker_node.ros.tracker_node import TrackerNode
 from tracker_node.tracking.estimate import Status
-
-
-@pytest.fixture
-def start(probe: Probe, recording: Path):
-    """A tracker in this process, its states, and cameras to feed it."""
-    nodes = []
-
-    def build(**changes):
-        options = options_of(recording, **changes)
-        node = TrackerNode(options)
-        nodes.append(node)
-        probe.add_node(node)
-        states = probe.listen(TrackedState, "tracker/state")
-        node.start()
-        return node, states, Cameras(probe, recording, options.rig)
-
-    yield build
-    for node in nodes:
-        node.close()
-        node.destroy_node()
 
 
 @pytest.mark.parametrize("checked", ["0", "1"])  # with 1, rclpy checks the type of every message field
@@ -88,8 +66,8 @@ def test_two_processes_say_what_the_tracker_says(probe, launch, recording, check
     assert [d.data for d in description] == [urdf_of(options.model)]
 
 
-def test_state_of_the_body_is_right(probe, recording, start):
-    node, states, cameras = start()
+def test_state_of_the_body_is_right(probe, recording, start_tracker):
+    node, states, cameras = start_tracker()
     for i in range(4):
         cameras.send(i)
     probe.spin_until(lambda: len(states) == 4, "four states")
@@ -98,8 +76,8 @@ def test_state_of_the_body_is_right(probe, recording, start):
     assert states[-1].status == Status.TRACKING and node.fatal is None
 
 
-def test_set_state_and_reset(probe, recording, start):
-    _, states, cameras = start()
+def test_set_state_and_reset(probe, recording, start_tracker):
+    _, states, cameras = start_tracker()
     cameras.send(0)
     probe.spin_until(lambda: len(states) == 1, "a state")
     answer = probe.ask(SetState, "tracker/set_state", SetState.Request(dof_names=["elbow_flexion"], values=[9.0]))
@@ -116,8 +94,8 @@ def test_set_state_and_reset(probe, recording, start):
     assert np.array_equal(states[2].values, states[0].values)
 
 
-def test_initial_pose_moves_the_body(probe, recording, start):
-    _, states, cameras = start()
+def test_initial_pose_moves_the_body(probe, recording, start_tracker):
+    _, states, cameras = start_tracker()
     publisher = probe.node.create_publisher(PoseWithCovarianceStamped, "initialpose", 10)
     probe.spin_until(lambda: publisher.get_subscription_count() > 0, "subscription to initialpose")
     message = PoseWithCovarianceStamped()
@@ -132,8 +110,8 @@ def test_initial_pose_moves_the_body(probe, recording, start):
     assert states[0].status != Status.TRACKING  # there is no body
 
 
-def test_a_recording_that_begins_again_is_tracked_again(probe, recording, start):
-    _, states, cameras = start()
+def test_a_recording_that_begins_again_is_tracked_again(probe, recording, start_tracker):
+    _, states, cameras = start_tracker()
     late_ns = 100_000_000_000
     for i in range(2):
         cameras.send(i, stamp_ns=late_ns + i * PERIOD_NS)
@@ -145,8 +123,8 @@ def test_a_recording_that_begins_again_is_tracked_again(probe, recording, start)
     assert np.array_equal(states[2].values, states[0].values)  # from the initial state, nothing remembered
 
 
-def test_unusable_images_are_named_and_do_no_harm(probe, recording, start):
-    _, states, cameras = start()
+def test_unusable_images_are_named_and_do_no_harm(probe, recording, start_tracker):
+    _, states, cameras = start_tracker()
     cameras.images["cam2"].publish(image_message(0, "f", np.zeros((10, 20, 3), np.uint8)))
     status = probe.diagnostics
     probe.spin_until(lambda: "tracker: cam2" in status and status["tracker: cam2"].level == DiagnosticStatus.ERROR, "report")
@@ -156,11 +134,11 @@ def test_unusable_images_are_named_and_do_no_harm(probe, recording, start):
     probe.spin_until(lambda: status["tracker: cam2"].level == DiagnosticStatus.OK, "recovery")
 
 
-def test_image_sets_are_accounted_for(probe, recording, start):
+def test_image_sets_are_accounted_for(probe, recording, start_tracker):
     """An instant of one camera alone makes no set where two are asked for."""
     options = options_of(recording)
     config = replace(options.config, synchronizer=replace(options.config.synchronizer, min_cameras=2))
-    _, states, cameras = start(config=config)
+    _, states, cameras = start_tracker(config=config)
     cameras.send(0)
     cameras.send(1, ("cam1",))
     cameras.send(2)
@@ -174,10 +152,10 @@ def test_image_sets_are_accounted_for(probe, recording, start):
     assert accounts()["not formed, incomplete"] == "1" and accounts()["not formed, ahead"] == "0"
 
 
-def test_a_camera_that_stops_is_named_and_the_others_go_on(probe, recording, start):
+def test_a_camera_that_stops_is_named_and_the_others_go_on(probe, recording, start_tracker):
     options = options_of(recording)
     config = replace(options.config, synchronizer=replace(options.config.synchronizer, min_cameras=2, queue_s=0.1))
-    _, states, cameras = start(config=config)
+    _, states, cameras = start_tracker(config=config)
     cameras.send(0)
     probe.spin_until(lambda: len(states) == 1, "a state")
     sent = 1
@@ -194,8 +172,8 @@ def test_a_camera_that_stops_is_named_and_the_others_go_on(probe, recording, sta
     assert len(states) > 1 and states[-1].camera_samples[1] == 0
 
 
-def test_calibration_from_topics(probe, recording, start):
-    _, states, cameras = start(calibration_from_topics=True)
+def test_calibration_from_topics(probe, recording, start_tracker):
+    _, states, cameras = start_tracker(calibration_from_topics=True)
     rig = load_rig(recording / "rig.yaml")
     cameras.send(0)
     cameras.infos["cam1"].publish(CameraInfo(width=160, height=120))  # K[0] = 0
@@ -212,11 +190,11 @@ def test_calibration_from_topics(probe, recording, start):
     probe.spin_until(lambda: len(states) == 1, "the waiting images are tracked")
 
 
-def test_parameters_change_at_run_time(probe, recording, start):
+def test_parameters_change_at_run_time(probe, recording, start_tracker):
     from rcl_interfaces.srv import DescribeParameters, SetParameters
     from rclpy.parameter import Parameter
 
-    _, states, cameras = start()
+    _, states, cameras = start_tracker()
     cameras.send(0)
     probe.spin_until(lambda: len(states) == 1, "a state")
     request = SetParameters.Request(parameters=[Parameter("region.scales", value="1").to_parameter_msg()])

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TwistWithCovarianceStamped
@@ -22,28 +21,7 @@ from tracker_msgs.srv import SetState
 from tracker_node.model.configuration import State
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.ros.conversions import camera_info_message, estimate_of
-from tracker_node.ros.tracker_node import TrackerNode
 from tracker_node.tracking.estimate import Status
-
-
-@pytest.fixture
-def start(probe, recording):
-    """An active tracker in this process, its states, and cameras to feed it."""
-    nodes = []
-
-    def build(**changes):
-        options = options_of(recording, **changes)
-        node = TrackerNode(options)
-        nodes.append(node)
-        probe.add_node(node)
-        states = probe.listen(TrackedState, "tracker/state")
-        assert node.start()
-        return node, states, Cameras(probe, recording, options.rig)
-
-    yield build
-    for node in nodes:
-        node.close()
-        node.destroy_node()
 
 
 def values_of(probe, name: str) -> dict[str, str]:
@@ -59,8 +37,8 @@ def told(probe, name: str, level: bytes, said: str = "") -> Callable[[], bool]:
     return predicate
 
 
-def test_paused_images_are_counted_and_not_used(probe, start):
-    node, states, cameras = start()
+def test_paused_images_are_counted_and_not_used(probe, start_tracker):
+    node, states, cameras = start_tracker()
     cameras.send(0)
     probe.spin_until(lambda: len(states) == 1, "a state")
     answer = probe.ask(SetBool, "tracker/enable", SetBool.Request(data=False))
@@ -80,10 +58,10 @@ def test_paused_images_are_counted_and_not_used(probe, start):
     assert (counts["received"], counts["paused"], counts["refused"]) == ("2", "2", "0")
 
 
-def test_the_body_is_looked_for_anew(probe, recording, start):
+def test_the_body_is_looked_for_anew(probe, recording, start_tracker):
     """Put far away, it is found without a word about where it is."""
     options = options_of(recording)
-    _, states, cameras = start(config=replace(options.config, start=replace(options.config.start, after_lost=10**6)))
+    _, states, cameras = start_tracker(config=replace(options.config, start=replace(options.config.start, after_lost=10**6)))
     far = State(placed(0.05, 3.0, 0.2), np.zeros(options.model.chain.n_axes)).to_values()
     names = list(options.model.chain.dof_names)
     assert probe.ask(SetState, "tracker/set_state", SetState.Request(dof_names=names, values=far.tolist())).success
@@ -98,15 +76,15 @@ def test_the_body_is_looked_for_anew(probe, recording, start):
     assert np.linalg.norm(estimate_of(states[-1]).state.T_world_root[:3, 3] - truth) < 0.05, states[-1].status_reason
 
 
-def test_looking_anew_is_refused_where_the_body_is_not_looked_for(probe, recording, start):
+def test_looking_anew_is_refused_where_the_body_is_not_looked_for(probe, recording, start_tracker):
     config = options_of(recording).config
-    start(config=replace(config, start=replace(config.start, enabled=False)))
+    start_tracker(config=replace(config, start=replace(config.start, enabled=False)))
     answer = probe.ask(Trigger, "tracker/reinitialize", Trigger.Request())
     assert not answer.success and "start.enabled" in answer.message
 
 
-def test_limbs_times_and_spread_are_told(probe, start):
-    _, states, cameras = start()
+def test_limbs_times_and_spread_are_told(probe, start_tracker):
+    _, states, cameras = start_tracker()
     for i in range(4):
         for k, camera in enumerate(("cam1", "cam2", "cam3")):
             cameras.send(i, (camera,), stamp_ns=i * PERIOD_NS + k * 2_000_000)
@@ -122,9 +100,9 @@ def test_limbs_times_and_spread_are_told(probe, start):
     assert probe.diagnostics["tracker: cam1"].hardware_id == "cam1"
 
 
-def test_velocity_with_covariance(probe, start):
+def test_velocity_with_covariance(probe, start_tracker):
     """The root's, as in the state; both are the world's axes."""
-    _, states, cameras = start()
+    _, states, cameras = start_tracker()
     twists = probe.listen(TwistWithCovarianceStamped, "tracker/twist")
     probe.spin_until(lambda: probe.node.count_subscribers("/tracker/twist") == 1, "the subscription")
     for i in range(3):
@@ -137,8 +115,8 @@ def test_velocity_with_covariance(probe, start):
     assert np.array_equal(np.reshape(twist.covariance, (6, 6)), covariance) and np.linalg.eigvalsh(covariance).min() > 0.0
 
 
-def test_latency_is_from_the_stamp_to_the_state(probe, start):
-    _, states, cameras = start()
+def test_latency_is_from_the_stamp_to_the_state(probe, start_tracker):
+    _, states, cameras = start_tracker()
     first_ns = probe.node.get_clock().now().nanoseconds - 5_000_000_000
     for i in range(3):
         cameras.send(i, stamp_ns=first_ns + i * PERIOD_NS)
@@ -146,8 +124,8 @@ def test_latency_is_from_the_stamp_to_the_state(probe, start):
     assert 4900.0 < float(values_of(probe, "tracker: latency")["latency p50 [ms]"]) < 60000.0 and len(states) == 3
 
 
-def test_a_calibration_that_disagrees_with_the_rig_is_named(probe, recording, start):
-    node, _, cameras = start()
+def test_a_calibration_that_disagrees_with_the_rig_is_named(probe, recording, start_tracker):
+    node, _, cameras = start_tracker()
     rig = options_of(recording).rig
     lens = rig["cam2"].model
     turned = replace(lens, K=lens.K * np.array([[1.05, 1.0, 1.0], [1.0, 1.05, 1.0], [1.0, 1.0, 1.0]]))
@@ -166,8 +144,8 @@ def test_a_calibration_that_disagrees_with_the_rig_is_named(probe, recording, st
     probe.spin_until(told(probe, part(2), DiagnosticStatus.OK, "not in use"), "cam2 is not in use")
 
 
-def test_a_mismatch_of_quality_is_over_when_its_end_has_left(probe, start):
-    start()  # lossless: asks for reliable images
+def test_a_mismatch_of_quality_is_over_when_its_end_has_left(probe, start_tracker):
+    start_tracker()  # lossless: asks for reliable images
     name = "tracker: quality of service of cam2"
     unreliable = probe.node.create_publisher(Image, "cam2/image_raw", qos_profile_sensor_data)
     probe.spin_until(told(probe, name, DiagnosticStatus.WARN, "reliability"), "the mismatch")

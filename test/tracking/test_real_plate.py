@@ -1,26 +1,14 @@
 """The first sets of the recorded ChArUco plate, through the tracker as its benchmark runs it."""
 
-import sys
 
+import color_plate as benchmark
 import numpy as np
-import pytest
 
 from tracker_node.evaluation.config_file import load_config
 from tracker_node.tracking.estimate import Status
 
 
-@pytest.fixture(scope="module")
-def benchmark(repository):
-    """The module benchmark/color_plate.py."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(repository / "benchmark"))
-        import color_plate
-
-        yield color_plate
-        sys.modules.pop("color_plate", None)
-
-
-def test_a_real_plate_is_followed_from_its_first_pose(benchmark, shared_data, repository):
+def test_a_real_plate_is_followed_from_its_first_pose(shared_data, repository):
     config = load_config(repository / "config" / "textured_plate.yaml")
     recording = benchmark.read(shared_data / benchmark.FOLDER, config, at_most=6)
     assert len(recording.sets) == 6
