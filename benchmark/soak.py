@@ -18,7 +18,6 @@ from __future__ import annotations
 import argparse
 import os
 import re
-import signal
 import sys
 import tempfile
 import threading
@@ -142,15 +141,15 @@ def measure(
     from tracker_node.ros.executor import ros_process, spin
 
     heard = Heard()
-    with tempfile.TemporaryDirectory(prefix="soak_") as name, ros_process([]) as stop:
-        folder = Path(name)
+    with tempfile.TemporaryDirectory(prefix="soak_") as name, ros_process([]) as interrupted:
+        folder, done = Path(name), threading.Event()
         node = _listener(plan, heard)
-        spinner = threading.Thread(target=spin, args=(node, stop), daemon=True)
+        spinner = threading.Thread(target=spin, args=(node, done), daemon=True)
         spinner.start()
         try:
-            return _run(plan, folder, heard, say, stopped)
+            return _run(plan, folder, heard, say, lambda: interrupted.is_set() or stopped())
         finally:
-            stop.set()
+            done.set()
             spinner.join(timeout=5.0)
             node.destroy_node()
 
@@ -317,14 +316,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", dest="changes", help="parameters of the tracker")
     args = parser.parse_args(arguments)
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    interrupted = threading.Event()
     minutes = args.minutes or (1.0 if args.quick else MINUTES)
     try:
         clip = recorded(f"cones-{N_IMAGES}", Request(subject="model", motion="waves", n_images=N_IMAGES), args.cache)
         plan = Plan(clip, configured(args.changes), seconds=60.0 * minutes, rate_hz=args.rate)
-        signal.signal(signal.SIGINT, lambda *_: interrupted.set())
-        signal.signal(signal.SIGTERM, lambda *_: interrupted.set())
-        metrics = measure(plan, lambda text: print(text, flush=True), interrupted.is_set)
+        metrics = measure(plan, lambda text: print(text, flush=True))
     except TrackerError as error:
         print(f"soak: error: {error}", file=sys.stderr)
         return 2

@@ -1,5 +1,8 @@
 """Two minutes of the soak: every image is accounted for, everything that was said is recorded, memory stays flat."""
 
+import os
+import signal
+import threading
 from collections import Counter
 
 import numpy as np
@@ -20,14 +23,25 @@ from tracker_node.tracking.config import TrackerConfig
 SECONDS, RATE_HZ, N_CAMERAS = 120.0, 10.0, 6
 
 
-@pytest.mark.slow
-def test_two_minutes(tmp_path):
-    folder = tmp_path / "arm"
+def the_arm(folder):
     write_recording(folder, 12, N_CAMERAS)
     model = load_model(folder / "model.yaml")
-    clip = Clip(folder, load_rig(folder / "rig.yaml"), model, load_state(folder / "state.yaml", model))
+    return Clip(folder, load_rig(folder / "rig.yaml"), model, load_state(folder / "state.yaml", model))
+
+
+def test_an_interrupt_ends_it(tmp_path):
+    plan = soak.Plan(the_arm(tmp_path / "arm"), TrackerConfig(), "model.yaml", 3600.0, RATE_HZ)
+    timer = threading.Timer(5.0, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    with pytest.raises(TrackerError, match=r"too short: stopped after \d+ s"):
+        soak.measure(plan)
+    timer.join()
+
+
+@pytest.mark.slow
+def test_two_minutes(tmp_path):
     said: list[str] = []
-    figures = soak.measure(soak.Plan(clip, TrackerConfig(), "model.yaml", SECONDS, RATE_HZ), said.append)
+    figures = soak.measure(soak.Plan(the_arm(tmp_path / "arm"), TrackerConfig(), "model.yaml", SECONDS, RATE_HZ), said.append)
     assert figures["soak.cameras"] == N_CAMERAS
     assert figures["soak.images"] > 0
     assert figures["soak.unaccounted_images"] == 0, said
