@@ -56,7 +56,7 @@ def write_film(path: Path, camera: Camera, board: Board, poses: list[np.ndarray]
     film.release()
 
 
-def write_films(folder: Path, n_images: int = 40) -> None:
+def write_films(folder: Path, n_images: int = 30) -> None:
     """``calib/cam01.mp4``...: a board carried before all cameras; ``lens/cam01.mp4``...: another, held near each of them."""
     seconds = np.arange(n_images) / RATE_HZ
     for camera in rig():

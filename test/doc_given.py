@@ -79,9 +79,10 @@ def scaled_arm(place: Place) -> None:
     (place.folder / "person.yaml").rename(place.folder / "scaled.yaml")
 
 
-def rough_arm_rig(place: Place) -> None:
-    """What ``calibrate plate`` starts from: no pictures of the empty scene, but stills."""
+def arm_with_stills(place: Place) -> None:
+    """What ``calibrate plate`` starts from, with stills."""
     arm(place)
+    (place.folder / "rig.yaml").rename(place.folder / "rig_refined.yaml")
     for plate in place.folder.glob("*_plate.png"):
         place.lay(plate, f"stills/{plate.name.removesuffix('_plate.png')}.png")
 
@@ -127,7 +128,7 @@ def write_trc(path: Path, joints: JointTrajectory) -> None:
 def person_clip(place: Place) -> None:
     """A person to be tracked, with the files of other programs that say who and where."""
     place.lay(place.shelf.person)
-    place.lay(place.shelf.person / "rig.yaml", "rig_refined.yaml")
+    place.lay(place.shelf.person / "rig.yaml", "rig_with_plates.yaml")
     write_trc(place.folder / "first.trc", read_joints(place.shelf.person / "truth.csv"))
 
 
@@ -261,6 +262,7 @@ GIVEN: dict[tuple[str, str], tuple[tuple[Callable[[Place], None], ...], tuple[st
     ("docs/cameras.md", "From a board"): ((board_recordings,), ()),
     ("docs/cameras.md", "From control points"): ((control_points,), ()),
     ("docs/cameras.md", "Lights"): ((lit_cross,), ()),
+    ("docs/engines.md", "Choosing an engine"): ((arm,), GRAPH),
     ("docs/evaluation.md", "Evaluation"): ((arm_runs, arm_live, arm_truth), ()),
     ("docs/exports.md", "Exports"): ((person_run,), ()),
     ("docs/formats.md", "The human, and yours"): ((static_trial,), ()),
@@ -272,7 +274,7 @@ GIVEN: dict[tuple[str, str], tuple[tuple[Callable[[Place], None], ...], tuple[st
     ("docs/own_cameras.md", "3. Is anything wrong?"): ((balls,), ()),
     ("docs/own_cameras.md", "4. Where the world is"): ((board_on_the_floor,), ()),
     ("docs/own_cameras.md", "5. Check the places of the cameras, and mend them"): ((moved_cameras,), ()),
-    ("docs/own_cameras.md", "6. Pictures of the empty room"): ((rough_arm_rig,), ()),
+    ("docs/own_cameras.md", "6. Pictures of the empty room"): ((arm_with_stills,), ()),
     ("docs/own_cameras.md", "7. Track"): ((person_clip,), ()),
     ("docs/own_cameras.md", "A plate with a picture on it"): ((plate,), ()),
     ("docs/sources.md", "Images from anything"): ((live_cameras,), ()),
