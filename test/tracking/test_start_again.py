@@ -1,5 +1,7 @@
 """A tracker of regions that begins at the wrong place: it says LOST, looks everywhere, and comes back."""
 
+import gc
+
 from start_scenes import largest_error_m, scene, standing
 
 from tracker_node.tracking.config import from_dict
@@ -22,9 +24,11 @@ TRUE = standing(
 
 def test_a_wrong_start_is_lost_and_comes_back():
     tracker = Tracker(SCENE.rig, SCENE.model, SMALL, SCENE.plates, WRONG)
-    estimates = [tracker.step(SCENE.image_set(n, SCENE.images(TRUE, n))) for n in range(6)]
+    estimates = [tracker.step(SCENE.image_set(n, SCENE.images(TRUE, n))) for n in range(8)]
     assert [estimate.status for estimate in estimates[1:3]] == [Status.LOST] * 2
     assert largest_error_m(SCENE.model, estimates[2].state, TRUE) > 0.4
     assert estimates[-1].status in (Status.TRACKING, Status.DEGRADED)
     assert largest_error_m(SCENE.model, estimates[-1].state, TRUE) < 0.1
     assert tracker.surety is not None and tracker.surety > 0.0
+    trackers = [thing for thing in gc.get_objects() if isinstance(thing, Tracker) and thing.model is tracker.model]
+    assert trackers == [tracker] and not tracker._starter._followers  # those that it was found with are gone, with all their memory

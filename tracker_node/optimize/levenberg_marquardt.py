@@ -42,7 +42,7 @@ def _step(equations: NormalEquations, state: State, chain: KinematicChain, dampi
     upper = np.append(anywhere, chain.upper - state.joint_positions)
     H, step = equations.H.copy(), np.empty(equations.g.size)
     diagonal = np.diag(equations.H)
-    H[np.diag_indices_from(H)] += damping * diagonal + 1e-9 * max(float(diagonal.max(initial=0.0)), 1e-12)
+    np.einsum("ii->i", H)[:] += damping * diagonal + 1e-9 * max(float(diagonal.max(initial=0.0)), 1e-12)
     return step if minimize_quadratic(H, equations.g, lower, upper, step) >= 0 else None
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..geometry import so3
 from ..model.configuration import Configuration
 from ..model.kinematic_chain import N_ROOT_DOF
 from .config import StatusConfig
@@ -43,7 +44,7 @@ class ImageEvidence:
         scale = np.sqrt(np.diag(self.information))
         scale = 1.0 / np.maximum(scale, 1e-3 * max(float(scale.max()), 1.0))
         scatter = self.scatter * np.outer(scale, scale)
-        scatter[np.diag_indices_from(scatter)] += _LEAST
+        np.einsum("ii->i", scatter)[:] += _LEAST
         half = np.linalg.solve(np.linalg.cholesky(scatter), scale[:, None] * self.information)
         return half.T @ half
 
@@ -62,7 +63,7 @@ def fit_covariance(H: np.ndarray, images: ImageEvidence | None, body: Configurat
     is taken at its word), ``body`` the model in that state.
     """
     total = H.copy()
-    total[np.diag_indices_from(total)] += _LEAST * max(float(np.diag(H).max()), 1.0)
+    np.einsum("ii->i", total)[:] += _LEAST * max(float(np.diag(H).max()), 1.0)
     inverse = np.linalg.inv(total)
     if images is None:
         return 0.5 * (inverse + inverse.T)
@@ -107,7 +108,11 @@ def link_bends(body: Configuration, directions: np.ndarray) -> np.ndarray:
     twists, chain = body.twists, body.model.chain
     shares = directions.T[:, :, None]
     speeds = chain.carried_by @ (shares * twists)
-    v, w = speeds[..., :3], speeds[..., 3:]
-    turned = np.concatenate([np.cross(w, twists[:, :3]) + np.cross(v, twists[:, 3:]), np.cross(w, twists[:, 3:])], axis=-1)
+    turned = (_brackets(twists) @ speeds[..., None])[..., 0]
     return chain.link_moved_by @ (shares * turned)
 
+
+def _brackets(twists: np.ndarray) -> np.ndarray:
+    """(n, 6, 6): times a twist, the Lie bracket of that with each of ``twists`` (n, 6)."""
+    v, w = so3.hat(twists[:, :3]), so3.hat(twists[:, 3:])
+    return -np.concatenate([np.concatenate([w, v], axis=2), np.concatenate([np.zeros_like(w), w], axis=2)], axis=1)

@@ -12,8 +12,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numba as nb
 import numpy as np
 
+from ..geometry import so3
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..objective.region_objective import PartEvidence
@@ -42,17 +44,34 @@ def limb_measures(evidence: PartEvidence, shapes: np.ndarray) -> np.ndarray | No
     sample. The middle camera is, of an even number, the better: some may be covered, and one may agree by chance. The worst part
     is that of the limb's shapes of which the least is found.
     """
-    expected = evidence.expected[:, shapes].sum(axis=1)
-    seen = expected >= _LEAST_IN_CAMERA
-    if not seen.any():
-        return None
-    parts, close_parts = evidence.expected[:, shapes].sum(axis=0), evidence.close[:, shapes].sum(axis=0)
-    told = parts >= _LEAST_OF_PART
-    expected, close = expected[seen], evidence.close[:, shapes].sum(axis=1)[seen]
-    total = expected.sum()
-    share, middle = close.sum() / total, np.sort(close / expected)[len(expected) // 2]
-    worst = (close_parts[told] / parts[told]).min() if told.any() else share
-    return np.array([share, middle, evidence.log_ratio[:, shapes].sum(axis=1)[seen].sum() / total, worst])
+    result = np.empty(len(MEASURES))
+    return result if _measure(evidence.expected, evidence.close, evidence.log_ratio, shapes, result) else None
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _measure(expected, close, log_ratio, shapes, result):
+    """Fill ``result`` with `MEASURES`; whether any camera says enough for that. Tables are (n_cameras, n_shapes)."""
+    n_cameras, n_shapes = expected.shape
+    shares, n_seen, total, total_close, surety = np.empty(n_cameras), 0, 0.0, 0.0, 0.0
+    for i in range(n_cameras):
+        here, found, ratio = 0.0, 0.0, 0.0
+        for j in range(n_shapes):
+            if shapes[j]:
+                here, found, ratio = here + expected[i, j], found + close[i, j], ratio + log_ratio[i, j]
+        if here >= _LEAST_IN_CAMERA:
+            shares[n_seen] = found / here
+            n_seen, total, total_close, surety = n_seen + 1, total + here, total_close + found, surety + ratio
+    if not n_seen:
+        return False
+    worst = np.inf
+    for j in range(n_shapes):
+        part = expected[:, j].sum() if shapes[j] else 0.0
+        if part >= _LEAST_OF_PART:
+            worst = min(worst, close[:, j].sum() / part)
+    share = total_close / total
+    result[0], result[1], result[2] = share, np.sort(shares[:n_seen])[n_seen // 2], surety / total
+    result[3] = worst if worst < np.inf else share
+    return True
 
 
 class LimbJudge:
@@ -163,7 +182,7 @@ class LimbJudge:
         T, tips = body.Ts_world_link[ends], np.array([limb.tip for limb in self.limbs])
         places = np.einsum("nij,nj->ni", T[:, :3, :3], tips) + T[:, :3, 3]
         v, w = body.twists[:, :3], body.twists[:, 3:]
-        J = (v[None] + np.cross(w[None], places[:, None])) * self._model.chain.link_moved_by[ends][:, :, None]
+        J = (v - w @ np.swapaxes(so3.hat(places), 1, 2)) * self._model.chain.link_moved_by[ends][:, :, None]  # v + w x place
         variances = np.linalg.eigvalsh(np.swapaxes(J, 1, 2) @ covariance @ J)[:, -1]
         return np.sqrt(np.maximum(variances, 0.0))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from statistics import median
 
 import numpy as np
 
@@ -243,8 +244,8 @@ class RegionEngine:
             params, R, t, _ = self._objective.slots[i].camera
             depth = float(R[2] @ middle + t[2])
             if depth > reach:  # else the camera looks elsewhere, or stands in the body's midst
-                scales.append(params[0] / depth)
-        return 2.0 * reach, float(np.median(scales)) if scales else _BODY_PX / (2.0 * reach)
+                scales.append(float(params[0]) / depth)
+        return 2.0 * reach, median(scales) if scales else _BODY_PX / (2.0 * reach)
 
     def _part_evidence(self, state: State, close_px: float) -> PartEvidence:
         """A contour of a large body may be farther off: what the model leaves out, clothes mostly, is so many pixels larger."""

@@ -142,8 +142,9 @@ class SelfCheck:
             own = slice(_N * i, _N * (i + 1))
             F[:, :, :3] = self._turns[i]
             NF = camera.normal @ F
-            L[own, own] = np.tensordot(F, NF, axes=((0, 1), (0, 1)))
-            e[own] = np.tensordot(F, camera.gradient, axes=((0, 1), (0, 1)))
+            rows = F.reshape(-1, _N).T
+            L[own, own] = rows @ NF.reshape(-1, _N)
+            e[own] = rows @ camera.gradient.ravel()
             by_dof = (moved.T.astype(np.float64) @ NF.reshape(n_links, 6 * _N)).reshape(-1, 6, _N)
             E[:, own] = np.einsum("da,dak->dk", twists, by_dof)
         H = fit.equations.H + 1e-9 * np.trace(fit.equations.H) / len(E) * np.eye(len(E))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -49,6 +50,7 @@ class Starter:
         self._make_engine, self._make_follower = make_engine, make_follower
         self._engine: Engine | None = None
         self._followers: list[Follower] = []
+        self._spent = False  # whether engines or followers have been let go since memory was last collected
         self.reset()
 
     def reset(self) -> None:
@@ -61,6 +63,10 @@ class Starter:
         """Nothing is looked for any more; what has moved is remembered."""
         self._contest: Contest | None = None
         self._pause = 0
+        if self._spent:  # some hundred megabytes, in reference cycles; the set before, the one that was found was still in use
+            gc.collect()
+        self._spent = self._engine is not None or bool(self._followers)
+        self._engine, self._followers = None, []
 
     @property
     def busy(self) -> bool:
@@ -109,7 +115,6 @@ class Starter:
             self._pause = self._config.every
             self.problem = f"the best pose does not hold: {found[1].status_reason}"
             return None
-        self._followers = [other for other in self._followers if other is not found[0]]
         return found
 
     def _chosen(self, starts: Sequence[Start], images: Images, image_set: ImageSet) -> list[State]:
