@@ -21,7 +21,9 @@ import argparse
 import sys
 from collections import Counter
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
 
 import cv2
@@ -61,8 +63,7 @@ def main() -> int:
     args = _arguments()
     try:
         config = configured(args.config, args.set)
-        named = None if args.start in ("own", "given") else Path(args.start)
-        clip = load_clip(args.sample, args.cache, rig=args.rig, model=args.model, start=named)
+        clip = _clip_of(args)
         n = args.sets or (20 if args.quick else len(clip.sets))
         given, figures, parts = clip, {}, args.only or PARTS
         if args.start == "own" and set(parts) != {"basin"}:
@@ -99,6 +100,11 @@ def _scalar(text: str) -> bool | int | float | str:
         except ValueError:
             continue
     return text
+
+
+def _clip_of(args: argparse.Namespace) -> Clip:
+    named = None if args.start in ("own", "given") else Path(args.start)
+    return load_clip(args.sample, args.cache, rig=args.rig, model=args.model, start=named)
 
 
 def make_tracker(clip: Clip, config: TrackerConfig, args: argparse.Namespace, start: State | None = None) -> Tracker:
@@ -187,29 +193,37 @@ def every_eighth(clip: Clip, config: TrackerConfig, n: int, args: argparse.Names
 
 
 def basin(clip: Clip, config: TrackerConfig, n: int, args: argparse.Namespace) -> dict[str, float | int]:
-    starts, sets = (5 if args.quick else BASIN_STARTS), clip.sets[:BASIN_SETS]
-    undisturbed = track(make_tracker(clip, config, args), sets)
-    wanted, reference = _joints(clip.model, undisturbed), judge(clip, undisturbed, "basin", LAG_IMAGES).raw
-    rng, successes, said_lost = np.random.default_rng(7), 0, 0
-    for number in range(starts):
-        start = disturbed(undisturbed.states[0], rng)
-        run = track(make_tracker(clip, config, args, start), sets)
-        errors = np.linalg.norm(_joints(clip.model, run) - wanted, axis=-1)
-        success = arrived(errors, judge(clip, run, "basin", LAG_IMAGES).raw)
-        successes += success
-        said_lost += not success and run.estimates[-1].status is not Status.TRACKING
+    starts = 5 if args.quick else BASIN_STARTS
+    undisturbed = track(make_tracker(clip, config, args), clip.sets[:BASIN_SETS])
+    reference = judge(clip, undisturbed, "basin", LAG_IMAGES).raw
+    rng = np.random.default_rng(7)
+    tasks = [(disturbed(undisturbed.states[0], rng), _joints(clip.model, undisturbed), config, args) for _ in range(starts)]
+    with ProcessPoolExecutor(args.processes, get_context("spawn")) as pool:
+        tried = list((pool.map if args.processes > 1 else map)(basin_trial, *zip(*tasks, strict=True)))
+    for number, (success, status, worst, off_mm) in enumerate(tried):
         if args.details:
-            worst = EVALUATED_JOINTS[int(errors[-1].argmax())]
-            print(f"basin {number}: {'ok' if success else 'LOST'}, {worst} {1e3 * errors[-1].max():.0f} mm", file=sys.stderr)
+            print(f"basin {number}: {'ok' if success else 'failed'}, {worst} {off_mm:.0f} mm, {status.name}", file=sys.stderr)
     name = f"balancing_basin.{BASIN_DEG:.0f}deg_{BASIN_MM:.0f}mm"
-    failures = starts - successes
+    failures = [status for success, status, *_ in tried if not success]
     return {
-        name: successes / starts,
+        name: 1.0 - len(failures) / starts,
         f"{name}_starts": starts,
-        f"{name}_failures": failures,
-        f"{name}_failures_told": said_lost,
+        f"{name}_failures": len(failures),
+        f"{name}_failures_told": sum(status is not Status.TRACKING for status in failures),
         f"{name}_reference_mm": float(np.nanmean(reference.per_set_mm()[-BASIN_JUDGED:])),
     }
+
+
+def basin_trial(
+    start: State, wanted_m: np.ndarray, config: TrackerConfig, args: argparse.Namespace
+) -> tuple[bool, Status, str, float]:
+    """Whether a run from ``start`` arrives at ``wanted_m`` (n, m, 3); what it says then, and its worst joint, millimetres."""
+    clip = _clip_of(args)
+    run = track(make_tracker(clip, config, args, start), clip.sets[:BASIN_SETS])
+    errors = np.linalg.norm(_joints(clip.model, run) - wanted_m, axis=-1)
+    success = arrived(errors, judge(clip, run, "basin", LAG_IMAGES).raw)
+    worst = int(errors[-1].argmax())
+    return success, run.estimates[-1].status, EVALUATED_JOINTS[worst], float(1e3 * errors[-1, worst])
 
 
 def arrived(errors_m: np.ndarray, against_truth: ErrorSeries) -> bool:
@@ -290,6 +304,7 @@ def _arguments() -> argparse.Namespace:
     add("--rig", type=Path, metavar="FILE", help="another rig than the sample's refined one")
     add("--model", type=Path, metavar="FILE", help="another body than the sample's")
     add("--start", default="own", metavar="own|given|FILE", help="where the body is at first: see above (default: own)")
+    add("--processes", type=int, default=1, metavar="N", help="starts of the basin side by side (default: %(default)s)")
     add("--details", action="store_true", help="errors per joint, and what is lost, on stderr")
     add("--pictures", type=Path, metavar="FOLDER", help="write contact sheets here")
     add("--sample", type=Path, default=Path("out/demo/sample"), metavar="FOLDER", help="made if it is not there")

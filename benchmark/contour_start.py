@@ -16,8 +16,10 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -66,8 +68,7 @@ def main(arguments: list[str] | None = None) -> int:
     figures: dict[str, float | int] = {}
     try:
         for name in args.only or CLIPS:
-            recording = load(name, args)
-            figures |= start_figures(name, recording, configured(args.changes), args)
+            figures |= start_figures(name, configured(args.changes), args)
     except TrackerError as error:
         print(f"contour_start: error: {error}", file=sys.stderr)
         return 2
@@ -86,6 +87,7 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     )
     add_common_arguments(parser, CLIPS)
     parser.add_argument("--trials", type=int, metavar="N", help="random first images of each clip")
+    parser.add_argument("--processes", type=int, default=1, metavar="N", help="trials side by side (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=1, help="of the first images (default: %(default)s)")
     parser.add_argument("--sample", type=Path, default=Path("out/demo/sample"), help="the Balancing clip (default: %(default)s)")
     parser.add_argument("--motions", default=default_motions(), metavar="FOLDER", help="captured clips (default: %(default)s)")
@@ -108,46 +110,91 @@ def load(name: str, args: argparse.Namespace) -> Recording:
     return Recording(found.rig, found.model, load_plates(found.rig) if plates else {}, list(found.sets()), truth, 0.0)
 
 
-def start_figures(name: str, recording: Recording, config: TrackerConfig, args: argparse.Namespace) -> dict[str, float | int]:
-    """Trials of one recording."""
-    trials = args.trials or TRIALS["quick" if args.quick else "full"]
+@dataclass(frozen=True)
+class Trial:
+    """One start: ``until`` image sets passed before there was a state, ``seconds`` took the longest of all."""
+
+    success: bool
+    seconds: float
+    until: int
+    mean_m: float
+    told: str
+
+
+def start_figures(name: str, config: TrackerConfig, args: argparse.Namespace) -> dict[str, float | int]:
+    """Trials of the recording ``name``."""
+    n, recording = args.trials or TRIALS["quick" if args.quick else "full"], load(name, args)
     last = len(recording.sets) - 2 * SETS_AFTER - (0 if recording.plates else config.start.watch)
-    firsts = np.random.default_rng(args.seed).choice(last, trials, replace=trials > last)
-    tracker = Tracker(recording.rig, recording.model, config, recording.plates)
-    tracker.step(recording.sets[0])  # compiles, or loads what was compiled
-    within, seconds, waited, means = [], [], [], []
-    for first in sorted(int(i) for i in firsts):
-        tracker.reset()
-        states, stamps, times, until = [], [], [], 0
-        for image_set in recording.sets[first : first + MOST_SETS + SETS_AFTER]:
-            began = time.perf_counter()
-            estimate = tracker.step(image_set)
-            times.append(time.perf_counter() - began)
-            if estimate.status is Status.INITIALISING:
-                until += 1
-            else:
-                states.append(estimate.state)
-                stamps.append(image_set.stamp_ns)
-            if len(states) == SETS_AFTER + 1:
-                break
-        errors = joint_errors(recording, states, stamps)
-        mean, largest = _mean_and_largest(errors[-1:])
-        within.append(mean < MEAN_M and largest < LARGEST_M)
-        seconds.append(max(times))
-        waited.append(until)
-        means.append(mean)
-        judged = int(np.isfinite(errors[-1:]).sum())
-        status = f"{estimate.status.name} {estimate.status_reason}".strip()
-        print(
-            f"{name}: image {first}: state after {until} sets, {max(times):.1f} s; at first {_mm(errors[:1])}, then"
-            f" {_mm(errors[-1:])}, {judged} joints judged; {status}",
-            file=sys.stderr, flush=True,
-        )  # fmt: skip
+    firsts = sorted(int(i) for i in np.random.default_rng(args.seed).choice(last, n, replace=n > last))
+    trials = []
+    for first, trial in zip(firsts, run_trials(name, firsts, config, args), strict=True):
+        print(f"{name}: image {first}: {trial.told}", file=sys.stderr, flush=True)
+        trials.append(trial)
     figures = {
-        "fraction": float(np.mean(within)), "seconds": float(np.mean(seconds)), "sets": float(np.mean(waited)),
-        "joint_error_median_mm": float(1e3 * np.median(means)), "trials": len(within),
+        "fraction": float(np.mean([t.success for t in trials])), "seconds": float(np.mean([t.seconds for t in trials])),
+        "sets": float(np.mean([t.until for t in trials])),
+        "joint_error_median_mm": float(1e3 * np.median([t.mean_m for t in trials])), "trials": len(trials),
     }  # fmt: skip
     return {f"start_{name}.{key}": value for key, value in figures.items()}
+
+
+@dataclass(eq=False)
+class Stage:
+    """What the trials of one process share."""
+
+    recording: Recording
+    tracker: Tracker
+
+
+_stages: dict[str, Stage] = {}
+
+
+def prepare_stage(name: str, config: TrackerConfig, args: argparse.Namespace) -> None:
+    """Load the recording ``name`` and compile; once in each process that runs trials of it."""
+    recording = load(name, args)
+    tracker = Tracker(recording.rig, recording.model, config, recording.plates)
+    tracker.step(recording.sets[0])
+    _stages[name] = Stage(recording, tracker)
+
+
+def run_trials(name: str, firsts: Sequence[int], config: TrackerConfig, args: argparse.Namespace) -> Iterator[Trial]:
+    """One after the other, or in processes side by side."""
+    if args.processes == 1:
+        prepare_stage(name, config, args)
+        yield from (trial_of(name, first) for first in firsts)
+        return
+    shared = (name, config, args)
+    with ProcessPoolExecutor(args.processes, get_context("spawn"), initializer=prepare_stage, initargs=shared) as pool:
+        yield from pool.map(trial_of, [name] * len(firsts), firsts)
+
+
+def trial_of(name: str, first: int) -> Trial:
+    return trial_from(first, _stages[name].recording, _stages[name].tracker)
+
+
+def trial_from(first: int, recording: Recording, tracker: Tracker) -> Trial:
+    """The tracker is shown the recording from image set ``first`` on."""
+    tracker.reset()
+    states, stamps, times, until = [], [], [], 0
+    for image_set in recording.sets[first : first + MOST_SETS + SETS_AFTER]:
+        began = time.perf_counter()
+        estimate = tracker.step(image_set)
+        times.append(time.perf_counter() - began)
+        if estimate.status is Status.INITIALISING:
+            until += 1
+        else:
+            states.append(estimate.state)
+            stamps.append(image_set.stamp_ns)
+        if len(states) == SETS_AFTER + 1:
+            break
+    errors = joint_errors(recording, states, stamps)
+    mean, largest = _mean_and_largest(errors[-1:])
+    judged = int(np.isfinite(errors[-1:]).sum())
+    told = (
+        f"state after {until} sets, {max(times):.1f} s; at first {_mm(errors[:1])}, then {_mm(errors[-1:])},"
+        f" {judged} joints judged; {estimate.status.name} {estimate.status_reason}".rstrip()
+    )
+    return Trial(mean < MEAN_M and largest < LARGEST_M, max(times), until, mean, told)
 
 
 def joint_errors(recording: Recording, states: Sequence[State], stamps: Sequence[int]) -> np.ndarray:
