@@ -1,22 +1,4 @@
-// What all pages share: navigation, requests, messages, and a view of an image that zooms and pans under its overlays.
-
-const PAGES = [
-  ["index.html", "Start"], ["pose.html", "Pose"], ["digitizing.html", "Points"], ["playback.html", "Playback"], ["live.html", "Live"],
-];
-
-/** Put the header with the navigation on top of the page; returns the facts of the session. */
-export async function openPage(current) {
-  const header = make("header", { class: "studio" }, make("span", { class: "title" }, "tracker_node studio"));
-  const links = PAGES.map(([file, name]) => make("a", { href: `/${file}`, ...(file === current ? { "aria-current": "page" } : {}) }, name));
-  const about = make("span", { class: "about" });
-  header.append(make("nav", {}, ...links), about);
-  document.body.prepend(header);
-  const session = await request("/api/session");
-  const names = [session.files.rig, session.files.model, session.files.run].filter(Boolean).map((path) => path.split("/").pop());
-  about.textContent = names.join("  ·  ");
-  about.title = Object.values(session.files).filter(Boolean).join("\n");
-  return session;
-}
+// What all pages share: requests, messages, and a view of an image that zooms and pans under its overlays.
 
 /** An element; attributes of the name of a property that is a function are listeners. */
 export function make(tag, attributes = {}, ...children) {
@@ -256,6 +238,9 @@ export class ViewGrid {
     this._arrange();
     return true;
   }
+
+  /** What a key does, if it is the number of a camera. */
+  actionOf(key) { return /^[1-9]$/.test(key) ? () => this.toggleAlone(Number(key)) : undefined; }
 
   _arrange() {
     const seen = this.views.filter((view) => !view.element.hidden);

@@ -1,8 +1,9 @@
 // The points page: named points clicked on in several views, reconstructed at once, saved as they are made.
 
-import { attempt, clamp, ImageView, isTyping, layoutViews, make, openPage, request, say } from "/common.js";
+import { attempt, clamp, ImageView, isTyping, layoutViews, make, request, say } from "/common.js";
 import { drawLoupe, drawMarks, drawStrip, seenIn } from "/digitizing_marks.js";
 import { showRepeatability, showTables } from "/digitizing_tables.js";
+import { openPage } from "/page.js";
 
 const GRAB = 8; // pixels of the screen from a mark that take hold of it
 const byId = (id) => document.getElementById(id);

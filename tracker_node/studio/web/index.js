@@ -1,4 +1,5 @@
-import { attempt, make, openPage } from "/common.js";
+import { attempt, make } from "/common.js";
+import { openPage } from "/page.js";
 
 const session = await attempt(() => openPage("index.html"));
 if (session) {

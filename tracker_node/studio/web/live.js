@@ -1,7 +1,8 @@
 // The live page: asks for what is new, draws it, asks again; what it is too slow for is left out.
 
-import { attempt, ImageView, layoutViews, make, openPage, request, say } from "/common.js";
+import { attempt, ImageView, layoutViews, make, request, say } from "/common.js";
 import { drawCurve, format, percentile, SHADES } from "/live_curves.js";
+import { openPage } from "/page.js";
 
 const KEPT = 4000; // states
 const SILENT_S = 3;

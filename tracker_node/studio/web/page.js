@@ -1,0 +1,44 @@
+// What every page begins with: the header with the navigation, its own facts, and what listens to people.
+
+import { attempt, make, request } from "/common.js";
+
+const PAGES = [
+  ["index.html", "Start"], ["pose.html", "Pose"], ["digitizing.html", "Points"], ["playback.html", "Playback"], ["live.html", "Live"],
+];
+
+/** Put the header with the navigation on top of the page; returns the facts of the session. */
+export async function openPage(current) {
+  const header = make("header", { class: "studio" }, make("span", { class: "title" }, "tracker_node studio"));
+  const links = PAGES.map(([file, name]) => make("a", { href: `/${file}`, ...(file === current ? { "aria-current": "page" } : {}) }, name));
+  const about = make("span", { class: "about" });
+  header.append(make("nav", {}, ...links), about);
+  document.body.prepend(header);
+  const session = await request("/api/session");
+  const names = [session.files.rig, session.files.model, session.files.run].filter(Boolean).map((path) => path.split("/").pop());
+  about.textContent = names.join("  ·  ");
+  about.title = Object.values(session.files).filter(Boolean).join("\n");
+  return session;
+}
+
+/** Open a page whose own facts are at `path`, and `begin(session, facts)`; without them the page says why. */
+export async function openPageWith(current, path, begin) {
+  const session = await attempt(() => openPage(current));
+  const facts = session && await attempt(() => request(path));
+  if (facts) begin(session, facts);
+  else document.querySelector("main").replaceChildren(make("p", { class: "notice" }, document.querySelector(".message")?.textContent ?? ""));
+}
+
+/** What buttons do, by their ids. */
+export function onClicks(actions) {
+  for (const [id, action] of Object.entries(actions)) document.getElementById(id).addEventListener("click", action);
+}
+
+/** `actionOf(event)` is what a key does, or nothing; keys of dialogs are their own. */
+export function onKeys(actionOf) {
+  document.addEventListener("keydown", (event) => {
+    const action = event.target.closest?.("dialog") ? undefined : actionOf(event);
+    if (!action) return;
+    event.preventDefault();
+    action();
+  });
+}
