@@ -6,6 +6,7 @@ from tracker_node.geometry import se3
 from tracker_node.model.articulated_model import ArticulatedModel, Landmark, Shape
 from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
+from tracker_node.model.landmark_names import mirrored_name
 from tracker_node.model.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 
 
@@ -67,6 +68,16 @@ def random_state(model: ArticulatedModel, rng: np.random.Generator, share: float
     middle, half = 0.5 * (model.chain.upper + model.chain.lower), 0.5 * (model.chain.upper - model.chain.lower)
     angles = middle + share * half * rng.uniform(-1.0, 1.0, model.chain.n_axes)
     return State(se3.exp(rng.normal(size=6)), angles)
+
+
+def mirrored_states(human: ArticulatedModel, seed: int) -> tuple[State, State]:
+    """A state at the origin, and the one with the same angles on the other side."""
+    state = State(np.eye(4), random_state(human, np.random.default_rng(seed)).joint_positions)
+    mirrored = State(np.eye(4), state.joint_positions.copy())
+    for i, axis in enumerate(human.chain.axes):
+        sign = -1.0 if axis.name.endswith(("bend_right", "turn_left")) else 1.0
+        mirrored.joint_positions[human.chain.axis_index(mirrored_name(axis.name))] = sign * state.joint_positions[i]
+    return state, mirrored
 
 
 def assert_same_body(shipped: ArticulatedModel, model: ArticulatedModel) -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import assert_same_body, random_state
+from bodies import assert_same_body, mirrored_states
 
 from tracker_node.loaders.model_yaml import load_model
 from tracker_node.model.configuration import Configuration, State
@@ -72,12 +72,7 @@ def test_landmarks_have_the_names_of_the_other_human():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_equal_angles_on_both_sides_are_a_mirrored_pose(seed):
-    state = random_state(MODEL, np.random.default_rng(seed))
-    mirrored = State(np.eye(4), state.joint_positions.copy())
-    state = State(np.eye(4), state.joint_positions)
-    for i, axis in enumerate(MODEL.chain.axes):
-        sign = -1.0 if axis.name.endswith(("bend_right", "turn_left")) else 1.0
-        mirrored.joint_positions[MODEL.chain.axis_index(mirrored_name(axis.name))] = sign * state.joint_positions[i]
+    state, mirrored = mirrored_states(MODEL, seed)
     names, shapes = MODEL.landmark_names, [shape.name for shape in MODEL.shapes]
     one, other = Configuration(MODEL, state), Configuration(MODEL, mirrored)
     for name, point in zip(names, one.landmarks_world, strict=True):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import random_state
+from bodies import mirrored_states, random_state
 
 from tracker_node.geometry import se3
 from tracker_node.loaders.model_yaml import load_model
@@ -95,12 +95,7 @@ def test_stature_scales_everything(stature):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_equal_angles_on_both_sides_are_a_mirrored_pose(seed):
-    state = random_state(MODEL, np.random.default_rng(seed))
-    mirrored = State(np.eye(4), state.joint_positions.copy())
-    state = State(np.eye(4), state.joint_positions)
-    for i, axis in enumerate(MODEL.chain.axes):
-        sign = -1.0 if axis.name.endswith(("bend_right", "turn_left")) else 1.0
-        mirrored.joint_positions[MODEL.chain.axis_index(mirrored_name(axis.name))] = sign * state.joint_positions[i]
+    state, mirrored = mirrored_states(MODEL, seed)
     points = dict(zip(MODEL.landmark_names, Configuration(MODEL, state).landmarks_world, strict=True))
     reflected = dict(zip(MODEL.landmark_names, Configuration(MODEL, mirrored).landmarks_world, strict=True))
     for name, point in points.items():
