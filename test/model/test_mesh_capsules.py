@@ -115,6 +115,14 @@ def test_thin_walls_around_a_cavity_count_as_solid():
     assert max(row[START_RADIUS], row[END_RADIUS]) > 0.085
 
 
+def test_the_hole_of_a_ring_stays_free():
+    made = trimesh.creation.torus(0.2, 0.03)
+    capsules = capsules_in_mesh(Mesh(made.vertices, made.faces))
+    x, y = np.meshgrid(np.linspace(-0.1, 0.1, 9), np.linspace(-0.1, 0.1, 9))
+    assert gaps(capsules, np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])).min() > 0.0
+    assert (gaps(capsules, np.array([[0.2, 0.0, 0.0], [0.0, 0.2, 0.0], [-0.2, 0.0, 0.0], [0.0, -0.2, 0.0]])) < 0.0).any()
+
+
 def test_they_go_with_the_mesh():
     rotation, shift = (0.3, 1.0, -0.4), np.array([1.0, 2.0, 3.0])
     mesh = MESHES["beam"][0]

@@ -8,12 +8,12 @@ from render_scenes import LIGHTS, colored_scene, icosahedron, look_at, picture, 
 from tracker_node.camera.camera_model import CameraModel
 from tracker_node.camera.light import Light, pack_lights
 from tracker_node.geometry import se3, so3
-from tracker_node.model.primitives import BOX_FACES, Box, Mesh
+from tracker_node.model.primitives import BOX_FACES, Box, Mesh, is_closed
 from tracker_node.render.lighting import displayed, irradiance, lights_in_camera
 from tracker_node.render.picture_sampling import sample
 from tracker_node.render.raycaster import cast, render_color
 from tracker_node.render.shading import surface_at
-from tracker_node.render.surface_arrays import is_closed, surface_arrays
+from tracker_node.render.surface_arrays import surface_arrays
 
 LENS = CameraModel(160, 120, np.array([[150.0, 0.0, 80.0], [0.0, 150.0, 60.0], [0.0, 0.0, 1.0]]))
 MANY = (*LIGHTS, Light("spot", (0.4, 0.1, 0.9), (0.0, 0.0, 3.0), (0.3, 0.0, -1.0), 1.9))

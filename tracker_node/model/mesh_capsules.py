@@ -15,14 +15,14 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from .primitives import Mesh
+from .primitives import Mesh, is_closed
 from .round_cones import END, END_RADIUS, N_CAPSULE, START, START_RADIUS, count_held, point_gaps
 
 _CELLS = 3000  # of the grid
 _FEWEST_ACROSS, _MOST_ALONG = 5, 41  # cells; odd, so that one row of them lies in the middle
 _SPACING = 0.6  # of samples of the surface, in cells: a point half a cell from all of them would let the filling leak
 _FLAT = 1e-3  # a mesh whose box is thinner than this share of its length holds nothing
-_SHELL = 0.3  # a mesh of which less is solid is taken for the shell of what it closes in
+_SHELL = 0.1  # an open mesh of which less is closed in is taken for the shell of what it goes around
 _APART = 0.4  # balls that are closer to a larger one, in its radii, are left out
 _SMALLEST = 0.2  # and those that are so much smaller than the largest
 _BALLS = 150  # at most; where there are more, they are taken farther apart
@@ -59,7 +59,8 @@ class _Room:
 def capsules_in_mesh(mesh: Mesh) -> np.ndarray:
     """(n, `N_CAPSULE`) round cones within a mesh, in its frame, metres; at most five.
 
-    None for a mesh without volume. Cavities count as solid, and so does what an open mesh goes around: a tube, a bowl.
+    None for a mesh without volume, or with walls too thin for the grid. Cavities count as solid, and so does what an open mesh
+    goes around (a tube, a bowl); the hole of a ring does not.
     """
     corners = mesh.vertices[mesh.faces]
     if not len(corners):
@@ -70,7 +71,7 @@ def capsules_in_mesh(mesh: Mesh) -> np.ndarray:
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     if not (high - low).min() > _FLAT * (high - low).max():
         return np.zeros((0, N_CAPSULE))
-    rows = _cover(*_cells(corners, low, high))
+    rows = _cover(*_cells(corners, low, high, is_closed(mesh)))
     for at in (START, END):
         rows[:, at : at + 3] = rows[:, at : at + 3] @ axes + middle
     return rows
@@ -89,7 +90,7 @@ def _axes(corners: np.ndarray) -> np.ndarray:
     return principal if box < 0.9 * own_box else np.eye(3)
 
 
-def _cells(corners: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, _Room]:
+def _cells(corners: np.ndarray, low: np.ndarray, high: np.ndarray, closed: bool) -> tuple[np.ndarray, _Room]:
     """Middles (n, 3) of the cells within, and the room that they have."""
     size = high - low
     counts = np.round(size / np.cbrt(size.prod() / _CELLS)).astype(int) // 2 * 2 + 1
@@ -99,7 +100,7 @@ def _cells(corners: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.n
     cells = tuple(np.clip(samples.astype(int), 0, counts - 1).T)
     surface = np.zeros(counts, dtype=bool)
     surface[cells] = True
-    filled = _filled(surface)
+    filled = ndimage.binary_fill_holes(surface) if closed else _filled(surface)
     outer = surface & ~ndimage.binary_erosion(filled, np.ones((3, 3, 3)))  # walls within the mesh do not count
     centers = low + (np.argwhere(filled & ~outer) + 0.5) * cell
     return centers, _Room(cKDTree(low + samples[outer[cells]] * cell), low, high)
@@ -125,8 +126,8 @@ def _weights(along: int, across: int) -> np.ndarray:
 
 
 def _filled(surface: np.ndarray) -> np.ndarray:
-    """Cells of the surface and those that they close in; in a shell, or an open mesh, those between cells of the surface along
-    two of the axes."""
+    """Cells of an open surface and those that they close in; if these are few, those that have it on both sides along two of
+    the axes."""
     solid = ndimage.binary_fill_holes(surface)
     shell = surface | (np.sum([_between(surface, axis) for axis in range(3)], axis=0) >= 2)
     return solid if (solid & ~surface).sum() > _SHELL * (shell & ~surface).sum() else shell

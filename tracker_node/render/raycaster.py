@@ -16,7 +16,7 @@ from ..camera.camera_rig import Camera
 from ..camera.light import Light, pack_lights
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration
-from ..model.primitives import Box, Mesh
+from ..model.primitives import Box, Mesh, is_closed
 from .lighting import lights_in_camera
 from .mesh_kernels import N_TRIANGLE_COLUMNS, draw_mesh, mesh_box, pose_vertices
 from .ray_coefficients import (
@@ -33,7 +33,7 @@ from .ray_table import MadeOnce, RayTable, ray_table
 from .renderer import ColoredView, Region, RenderedView
 from .shading import N_FRAME_COLUMNS, fill_frames, shade
 from .shape_arrays import OTHER, ShapeArrays
-from .surface_arrays import is_closed, surface_arrays
+from .surface_arrays import surface_arrays
 
 
 @dataclass(frozen=True, eq=False)

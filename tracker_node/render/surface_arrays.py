@@ -79,24 +79,6 @@ def _corner_normals(mesh: Mesh) -> np.ndarray:
     return np.repeat(normals[:, None], 3, axis=1)
 
 
-def is_closed(mesh: Mesh) -> bool:
-    """Whether a mesh encloses a volume, with all faces outward: its inside cannot be seen from outside.
-
-    Vertices at the same place (to a nanometre) count as one.
-    """
-    if not len(mesh.faces):
-        return False
-    welded = np.unique(np.round(mesh.vertices, 9), axis=0, return_inverse=True)[1].reshape(-1)
-    faces = welded[mesh.faces].astype(np.int64)
-    faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
-    start, end = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
-    n = len(mesh.vertices)
-    there, back = np.sort(start * n + end), np.sort(end * n + start)
-    corners = mesh.vertices[mesh.faces]
-    volume = (corners[:, 0] * np.cross(corners[:, 1], corners[:, 2])).sum()
-    return bool(volume > 0.0 and np.array_equal(there, back) and (np.diff(there) > 0).all())
-
-
 def _make_surface_arrays(model: ArticulatedModel) -> SurfaceArrays:
     n, album = len(model.shapes), _Album()
     colors, pictures = np.empty((n, 6, 3), dtype=np.float32), np.full((n, 6), NO_PICTURE, dtype=np.int64)
