@@ -289,6 +289,7 @@ def test_pause_and_split_by_service(node: Node, tmp_path: Path, start) -> None:
     heard = Heard(node)
     pause, split = node.create_client(SetBool, "/recorder/pause"), node.create_client(Trigger, "/recorder/split")
     wait_until(lambda: pause.service_is_ready() and split.service_is_ready())
+    heard.until(lambda: heard.value("bag", "messages") == "1")
 
     def call(client, request) -> str:
         answer = client.call_async(request)

@@ -178,8 +178,8 @@ def test_calibration_from_topics(probe, recording, start_tracker):
     cameras.send(0)
     cameras.infos["cam1"].publish(CameraInfo(width=160, height=120))  # K[0] = 0
     status = probe.diagnostics
-    probe.spin_until(lambda: "tracker: calibration" in status, "a report")
-    assert "uncalibrated" in status["tracker: calibration"].message and "cam1" in status["tracker: calibration"].message
+    probe.spin_until(lambda: "uncalibrated" in getattr(status.get("tracker: calibration"), "message", ""), "a report")
+    assert "cam1" in status["tracker: calibration"].message
     assert not states
     malformed = camera_info_message(0, "f", rig["cam1"].model)
     malformed.height = 0
