@@ -30,8 +30,6 @@ from tracker_node.render.contour_samples import (
     collect_samples,
     most_samples,
 )
-from tracker_node.render.opengl_context import RendererError
-from tracker_node.render.pyrender_backend import PyrenderRenderer
 from tracker_node.render.shape_arrays import ShapeArrays
 
 LENS = CameraModel(320, 240, np.array([[400.0, 0.0, 160.0], [0.0, 400.0, 120.0], [0.0, 0.0, 1.0]]))
@@ -82,16 +80,6 @@ def samples_of(configuration, camera, n_samples=25, caps=True):
     packed = camera.model.params, np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3]), camera.center
     n = collect_samples(arrays.packed, Ts, spheres, packed, n_samples, 1.0, rows, pixels, info)
     return rows[:n], pixels[:n], info[:n]
-
-
-@pytest.fixture(scope="module")
-def renderer():
-    try:
-        opened = PyrenderRenderer()
-    except RendererError as error:
-        pytest.skip(str(error))  # says what to install
-    with opened:
-        yield opened
 
 
 def outline_of(renderer, configuration, camera):

@@ -20,23 +20,12 @@ from tracker_node.model.primitives import Box, Ellipsoid
 from tracker_node.render import raycaster
 from tracker_node.render.backends import BACKENDS, make_renderer
 from tracker_node.render.extent import body_extent
-from tracker_node.render.opengl_context import RendererError
 from tracker_node.render.pyrender_backend import PyrenderRenderer
 
 K = np.array([[820.0, 0.0, 381.4], [0.0, 815.0, 290.8], [0.0, 0.0, 1.0]])
 PAL = CameraModel(768, 576, K)
 BENT = CameraModel(768, 576, K, "plumb_bob", np.array([-0.25, 0.1, 0.002, -0.001, 0.0]))
 FISHEYE = CameraModel(768, 576, K @ np.diag([0.7, 0.7, 1.0]), "equidistant", np.array([0.05, -0.01, 0.0, 0.0]))
-
-
-@pytest.fixture(scope="module")
-def renderer():
-    try:
-        opened = PyrenderRenderer()
-    except RendererError as error:
-        pytest.skip(str(error))  # says what to install
-    with opened:
-        yield opened
 
 
 def posed(model, seed):
