@@ -160,7 +160,6 @@ class RecorderNode(Node):
             use_default_callbacks=False,
         )
 
-        # Not with message info, which would tell when it was sent: the events executor cannot deliver that.
         def on_message(data: bytes) -> None:
             if self._topics[topic] is recorded:
                 self._on_message(topic, recorded, data)
