@@ -31,4 +31,4 @@ def test_a_wrong_start_is_lost_and_comes_back():
     assert largest_error_m(SCENE.model, estimates[-1].state, TRUE) < 0.1
     assert tracker.surety is not None and tracker.surety > 0.0
     trackers = [thing for thing in gc.get_objects() if isinstance(thing, Tracker) and thing.model is tracker.model]
-    assert trackers == [tracker] and not tracker._starter._followers  # those that it was found with are gone, with all their memory
+    assert trackers == [tracker] and not tracker._starter._followers  # the others are gone, and their memory
