@@ -57,13 +57,14 @@ class PythonExpression(Kept):
 
 
 STAND_INS = {
-    "launch": ["LaunchContext", "LaunchDescription"],
+    "launch": ["LaunchDescription"],
     "launch.actions": [
         "DeclareLaunchArgument", "EmitEvent", "IncludeLaunchDescription", "OpaqueFunction", "RegisterEventHandler",
     ],
     "launch.conditions": ["IfCondition"],
     "launch.event_handlers": ["OnProcessExit"],
     "launch.events": ["Shutdown"],
+    "launch.launch_context": ["LaunchContext"],
     "launch.launch_description_sources": ["PythonLaunchDescriptionSource"],
     "launch.substitutions": [LaunchConfiguration, PathJoinSubstitution, PythonExpression],
     "launch_ros": [],
