@@ -1,6 +1,7 @@
 """A person of the tracker's own shapes, moving before four small cameras, drawn with OpenGL: not by the tracker's renderer."""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Container
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -49,3 +50,18 @@ def recording(n_images: int = 12) -> Recording:
                 ImageSet(stamp_ns, tuple(CameraImage(c.name, stamp_ns, image) for c, image in zip(rig, images, strict=True)))
             )
     return Recording(rig, model, tuple(states), tuple(sets), plates)
+
+
+def changed(image_set: ImageSet, cameras: Container[str], pixels: Callable[[np.ndarray], np.ndarray] | None) -> ImageSet:
+    """The set with other pixels in some cameras; ``pixels`` None leaves them out, a function makes them from the old ones."""
+    images = [replace(i, pixels=pixels(i.pixels)) if i.camera in cameras and pixels else i for i in image_set.images]
+    return replace(image_set, images=tuple(i for i in images if pixels or i.camera not in cameras))
+
+
+def assert_same_bits(a: list[TrackEstimate], b: list[TrackEstimate]) -> None:
+    for x, y in zip(a, b, strict=True):
+        assert x.state.to_values().tobytes() == y.state.to_values().tobytes()
+        assert x.covariance.tobytes() == y.covariance.tobytes()
+        assert x.velocity.tobytes() == y.velocity.tobytes()
+        assert (x.status, x.status_reason, x.score, x.residual_px) == (y.status, y.status_reason, y.score, y.residual_px)
+        assert (x.cameras, x.iterations, x.evaluations) == (y.cameras, y.iterations, y.evaluations)

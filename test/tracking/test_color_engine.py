@@ -8,7 +8,7 @@ import pytest
 from naive import render_color
 from render_scenes import LENSES, look_at
 from small_clip import Clip, make_clip
-from small_studio import Recording, recording
+from small_studio import Recording, assert_same_bits, changed, recording
 
 from tracker_node.camera.camera_rig import CameraRig
 from tracker_node.errors import CalibrationError, ModelError
@@ -40,19 +40,6 @@ def track(clip: Recording, sets=None, state=None, model=None, **options) -> list
 @pytest.fixture(scope="module")
 def tracked(clip: Recording) -> list[TrackEstimate]:
     return track(clip)
-
-
-def changed(image_set: ImageSet, cameras, pixels) -> ImageSet:
-    """The set with other pixels in some cameras; ``pixels`` None leaves them out, a function makes them from the old ones."""
-    images = [replace(i, pixels=pixels(i.pixels)) if i.camera in cameras and pixels else i for i in image_set.images]
-    return replace(image_set, images=tuple(i for i in images if pixels or i.camera not in cameras))
-
-
-def assert_same_bits(a: list[TrackEstimate], b: list[TrackEstimate]) -> None:
-    for x, y in zip(a, b, strict=True):
-        assert x.state.to_values().tobytes() == y.state.to_values().tobytes()
-        assert x.covariance.tobytes() == y.covariance.tobytes()
-        assert (x.status, x.status_reason, x.score, x.residual_px) == (y.status, y.status_reason, y.score, y.residual_px)
 
 
 def test_the_body_is_followed(clip, tracked):
