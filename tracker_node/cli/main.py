@@ -96,5 +96,9 @@ def pipeline() -> int:
     return main(["pipeline", *sys.argv[1:]])
 
 
+def rectify() -> int:
+    return main(["rectify", *sys.argv[1:]])
+
+
 if __name__ == "__main__":
     sys.exit(main())
