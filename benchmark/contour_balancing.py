@@ -198,8 +198,12 @@ def basin(clip: Clip, config: TrackerConfig, n: int, args: argparse.Namespace) -
     reference = judge(clip, undisturbed, "basin", LAG_IMAGES).raw
     rng = np.random.default_rng(7)
     tasks = [(disturbed(undisturbed.states[0], rng), _joints(clip.model, undisturbed), config, args) for _ in range(starts)]
-    with ProcessPoolExecutor(args.processes, get_context("spawn")) as pool:
-        tried = list((pool.map if args.processes > 1 else map)(basin_trial, *zip(*tasks, strict=True)))
+    if args.processes > 1:
+        with ProcessPoolExecutor(args.processes, get_context("spawn"), initializer=_take, initargs=(args,)) as pool:
+            tried = list(pool.map(basin_trial, *zip(*tasks, strict=True)))
+    else:
+        _clips[:] = [clip]
+        tried = [basin_trial(*task) for task in tasks]
     for number, (success, status, worst, off_mm) in enumerate(tried):
         if args.details:
             print(f"basin {number}: {'ok' if success else 'failed'}, {worst} {off_mm:.0f} mm, {status.name}", file=sys.stderr)
@@ -214,11 +218,18 @@ def basin(clip: Clip, config: TrackerConfig, n: int, args: argparse.Namespace) -
     }
 
 
+_clips: list[Clip] = []  # the one that this process has trials of
+
+
+def _take(args: argparse.Namespace) -> None:
+    _clips[:] = [_clip_of(args)]
+
+
 def basin_trial(
     start: State, wanted_m: np.ndarray, config: TrackerConfig, args: argparse.Namespace
 ) -> tuple[bool, Status, str, float]:
     """Whether a run from ``start`` arrives at ``wanted_m`` (n, m, 3); what it says then, and its worst joint, millimetres."""
-    clip = _clip_of(args)
+    clip = _clips[0]
     run = track(make_tracker(clip, config, args, start), clip.sets[:BASIN_SETS])
     errors = np.linalg.norm(_joints(clip.model, run) - wanted_m, axis=-1)
     success = arrived(errors, judge(clip, run, "basin", LAG_IMAGES).raw)

@@ -4,7 +4,7 @@
 Each trial begins at another random image set, without an initial state. It succeeds if five image sets after the first one that
 has a state every joint is within 200 mm of the truth, and all of them within 80 mm on average; joints without a truth then are
 left out. ``seconds`` is the longest image set of a trial, the one with the search, on average; ``sets`` is how many pass until
-there is a state.
+there is a state. With ``--processes`` the seconds are those of a machine that is shared.
 
 Clips: ``balancing``, a real person, 4 cameras of 544x960; ``figure``, ten cones in fast motion before strong colors, 4 cameras;
 ``mannequin_walk``, a dressed person in a furnished room, 6 cameras. ``..._plates`` has pictures of the empty scene; the figure's
@@ -123,7 +123,7 @@ class Trial:
 
 def start_figures(name: str, config: TrackerConfig, args: argparse.Namespace) -> dict[str, float | int]:
     """Trials of the recording ``name``."""
-    n, recording = args.trials or TRIALS["quick" if args.quick else "full"], load(name, args)
+    n, recording = args.trials or TRIALS["quick" if args.quick else "full"], prepare_stage(name, config, args).recording
     last = len(recording.sets) - 2 * SETS_AFTER - (0 if recording.plates else config.start.watch)
     firsts = sorted(int(i) for i in np.random.default_rng(args.seed).choice(last, n, replace=n > last))
     trials = []
@@ -149,18 +149,19 @@ class Stage:
 _stages: dict[str, Stage] = {}
 
 
-def prepare_stage(name: str, config: TrackerConfig, args: argparse.Namespace) -> None:
-    """Load the recording ``name`` and compile; once in each process that runs trials of it."""
+def prepare_stage(name: str, config: TrackerConfig, args: argparse.Namespace) -> Stage:
+    """Load the recording ``name`` and compile; once in each process that runs trials of it. The one before is forgotten."""
+    _stages.clear()
     recording = load(name, args)
     tracker = Tracker(recording.rig, recording.model, config, recording.plates)
     tracker.step(recording.sets[0])
     _stages[name] = Stage(recording, tracker)
+    return _stages[name]
 
 
 def run_trials(name: str, firsts: Sequence[int], config: TrackerConfig, args: argparse.Namespace) -> Iterator[Trial]:
-    """One after the other, or in processes side by side."""
+    """One after the other, on the stage of this process, or side by side in others."""
     if args.processes == 1:
-        prepare_stage(name, config, args)
         yield from (trial_of(name, first) for first in firsts)
         return
     shared = (name, config, args)

@@ -11,7 +11,10 @@ from pathlib import Path
 
 
 class TrackerError(Exception):
-    """Base class of every error that a user can mend."""
+    """Base class of every error that a user can mend; can be sent from one process to another."""
+
+    def __reduce__(self):
+        return _again, (type(self), self.args, self.__dict__)
 
 
 class FileFormatError(TrackerError):
@@ -63,3 +66,10 @@ def _short(value: object, limit: int = 120) -> str:
 
 def _cut(text: str, limit: int) -> str:
     return text if len(text) <= limit else text[: limit - 3] + "..."
+
+
+def _again(kind: type[TrackerError], args: tuple, values: dict) -> TrackerError:
+    """An error as it was, whatever its class asks for to make a new one."""
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(values)
+    return error

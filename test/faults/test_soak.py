@@ -2,7 +2,6 @@
 
 import os
 import signal
-import threading
 from collections import Counter
 
 import numpy as np
@@ -13,6 +12,7 @@ pytest.importorskip("rclpy", reason="ROS is not installed")
 import soak
 from _contour_runs import Clip
 from ros_samples import write_recording
+from transport import wait_until
 
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.model_yaml import load_model
@@ -29,13 +29,15 @@ def the_arm(folder):
     return Clip(folder, load_rig(folder / "rig.yaml"), model, load_state(folder / "state.yaml", model))
 
 
-def test_an_interrupt_ends_it(tmp_path):
+def test_an_interrupt_ends_it(tmp_path, monkeypatch):
+    def interrupted(*arguments):
+        os.kill(os.getpid(), signal.SIGINT)
+        return wait_until(*arguments)
+
+    monkeypatch.setattr(soak, "wait_until", interrupted)
     plan = soak.Plan(the_arm(tmp_path / "arm"), TrackerConfig(), "model.yaml", 3600.0, RATE_HZ)
-    timer = threading.Timer(5.0, os.kill, (os.getpid(), signal.SIGINT))
-    timer.start()
     with pytest.raises(TrackerError, match=r"too short: stopped after \d+ s"):
         soak.measure(plan)
-    timer.join()
 
 
 @pytest.mark.slow

@@ -30,5 +30,5 @@ def test_a_wrong_start_is_lost_and_comes_back():
     assert estimates[-1].status in (Status.TRACKING, Status.DEGRADED)
     assert largest_error_m(SCENE.model, estimates[-1].state, TRUE) < 0.1
     assert tracker.surety is not None and tracker.surety > 0.0
-    trackers = [thing for thing in gc.get_objects() if isinstance(thing, Tracker) and thing.model is tracker.model]
+    trackers = [thing for thing in gc.get_objects() if type(thing) is Tracker and thing.model is tracker.model]
     assert trackers == [tracker] and not tracker._starter._followers  # the others are gone, and their memory

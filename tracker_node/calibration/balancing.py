@@ -20,6 +20,7 @@ from ..errors import FileFormatError, SourceError
 from ..loaders.openpose_json import load_openpose, match_cameras
 from ..loaders.pose2sim_toml import load_pose2sim
 from ..loaders.rig_yaml import CameraEntry, RigFile, rig_file_of, write_rig_file
+from ..loaders.whole_file import write_whole
 from .plate import build_plate, spread_images, write_image
 from .rig_refinement import Refinement, collect_joints, refine_rig
 
@@ -125,5 +126,5 @@ def write_masks(folder: Path, drawn: Path | None = None) -> Path:
         if name in ("cam03", "cam04"):
             cameras[name] = {"image_size": list(entry.image_size), "still": f"stills/{name}.png"}
     path = folder / "masks.json"
-    path.write_text(json.dumps({"cameras": cameras}, indent=1) + "\n", encoding="utf-8")
+    write_whole(path, json.dumps({"cameras": cameras}, indent=1) + "\n")
     return path

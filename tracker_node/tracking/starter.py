@@ -50,7 +50,6 @@ class Starter:
         self._make_engine, self._make_follower = make_engine, make_follower
         self._engine: Engine | None = None
         self._followers: list[Follower] = []
-        self._spent = False  # whether engines or followers have been let go since memory was last collected
         self.reset()
 
     def reset(self) -> None:
@@ -60,13 +59,12 @@ class Starter:
         self.stop()
 
     def stop(self) -> None:
-        """Nothing is looked for any more; what has moved is remembered."""
+        """Nothing is looked for any more; what has moved is remembered, the memory of the search given back."""
         self._contest: Contest | None = None
         self._pause = 0
-        if self._spent:  # some hundred megabytes, in reference cycles; the set before, the one that was found was still in use
-            gc.collect()
-        self._spent = self._engine is not None or bool(self._followers)
-        self._engine, self._followers = None, []
+        if self._engine is not None or self._followers:
+            self._engine, self._followers = None, []
+            gc.collect()  # some hundred megabytes, in reference cycles
 
     @property
     def busy(self) -> bool:
@@ -110,11 +108,12 @@ class Starter:
         self.problem = f"{len(contest)} poses are held against each other ({contest.sets} of {self._config.hold_sets} image sets)"
         if found is None:
             return None
-        self.stop()
+        self._contest = None
         if found[1].status is Status.LOST and found[0].surety is not None:
             self._pause = self._config.every
             self.problem = f"the best pose does not hold: {found[1].status_reason}"
             return None
+        self._followers = [other for other in self._followers if other is not found[0]]
         return found
 
     def _chosen(self, starts: Sequence[Start], images: Images, image_set: ImageSet) -> list[State]:

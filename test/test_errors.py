@@ -1,0 +1,23 @@
+"""Errors that users can mend go from process to process as they are."""
+
+import pickle
+
+import pytest
+
+from tracker_node.errors import CalibrationError, FileFormatError, ModelError, SourceError, TrackerError, UnknownNameError
+
+ERRORS = [
+    TrackerError("too short"),
+    FileFormatError("rig.yaml", "cameras.cam01.K", "9 numbers", [1.0]),
+    UnknownNameError("verb", "trak", ["track", "export"]),
+    ModelError("a cycle"),
+    CalibrationError("cam01", "no lens"),
+    SourceError("cam01.mp4", "no images"),
+]
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=lambda error: type(error).__name__)
+def test_an_error_comes_out_of_another_process_as_it_went_in(error):
+    again = pickle.loads(pickle.dumps(error))
+    assert type(again) is type(error)
+    assert str(again) == str(error) and vars(again) == vars(error)
