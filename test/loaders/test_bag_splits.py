@@ -1,9 +1,11 @@
 """Bags of several files, and compressed ones."""
 
+import random
 import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import bag_samples
 import pytest
@@ -17,7 +19,7 @@ from tracker_node.loaders.bag_metadata import OfferedQos
 from tracker_node.loaders.bag_queue import BagQueue
 from tracker_node.loaders.bag_reader import BagReader
 from tracker_node.loaders.bag_writer import BagWriter
-from tracker_node.loaders.message_types import message_type
+from tracker_node.loaders.message_types import message_type, typestore
 
 PERIOD_NS = bag_samples.PERIOD_NS
 
@@ -209,6 +211,56 @@ def test_large_latched_messages_do_not_fill_every_file(tmp_path: Path) -> None:
             writer.write_message("/a", i, bag_samples.text("a" * 500))
     counts = [entry["message_count"] for entry in information(tmp_path / "run")["files"]]
     assert counts[0] == 1 and 3 < len(counts) < 12 and all(count > 10 for count in counts[1:-1])
+
+
+def test_repeated_messages_count_as_small_as_they_are_in_the_file(tmp_path: Path) -> None:
+    """A file is not longer by what compression has taken off them."""
+    noise = random.Random(1)
+    options = {"split_bytes": 30_000, "compression": "zstd", "chunk_bytes": 1000}
+    with BagWriter(tmp_path / "run", repeat_latched=True, **options) as writer:
+        writer.add_topic("/map", "std_msgs/msg/String", OfferedQos(durability="transient_local", depth=1))
+        writer.write_message("/map", 0, bag_samples.text("m" * 200_000))  # a few bytes, compressed
+        for i in range(150):
+            writer.write_message("/a", i, bag_samples.text(noise.randbytes(500).hex()))
+    sizes = [(tmp_path / "run" / entry["path"]).stat().st_size for entry in information(tmp_path / "run")["files"]]
+    assert len(sizes) > 2 and max(sizes) < 45_000
+
+
+def transforms(**frames: float) -> Any:
+    """A message of fixed transforms, by the child frame and its x."""
+    types = typestore().types
+    header = types["std_msgs/msg/Header"](stamp=types["builtin_interfaces/msg/Time"](sec=0, nanosec=0), frame_id="world")
+    still = types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0)
+    return types["tf2_msgs/msg/TFMessage"](
+        transforms=[
+            types["geometry_msgs/msg/TransformStamped"](
+                header=header,
+                child_frame_id=child,
+                transform=types["geometry_msgs/msg/Transform"](
+                    translation=types["geometry_msgs/msg/Vector3"](x=x, y=0.0, z=0.0), rotation=still
+                ),
+            )
+            for child, x in frames.items()
+        ]
+    )
+
+
+@pytest.mark.parametrize("first", ["/a", "/tf_static"])
+def test_transforms_of_all_publishers_are_told_again(tmp_path: Path, first: str) -> None:
+    """The tracker tells the cameras' frames, robot_state_publisher those of fixed joints, and both only once."""
+    with BagWriter(tmp_path / "run", repeat_latched=True) as writer:
+        writer.add_topic("/tf_static", "tf2_msgs/msg/TFMessage", OfferedQos(durability="transient_local", depth=1))
+        writer.write_message("/tf_static", 1, transforms(cam1=1.0, cam2=2.0))
+        writer.write_message("/tf_static", 2, transforms(tool=3.0))
+        writer.write("/tf_static", 3, bytes([0, 1, 0, 0, 9, 9, 9, 9]))  # not to be read, and no reason to stop
+        writer.write_message("/tf_static", 4, transforms(cam1=5.0))
+        writer.split()
+        writer.write_message(first, 6, transforms(late=7.0) if first == "/tf_static" else bag_samples.text("a"))
+    assert writer.repeated == {"/tf_static": 1}
+    with BagReader(tmp_path / "run" / "run_1.mcap") as alone:
+        stamp_ns, message = next(alone.decoded("/tf_static"))
+    told = {each.child_frame_id: each.transform.translation.x for each in message.transforms}
+    assert stamp_ns == 6 and told == {"cam1": 5.0, "cam2": 2.0, "tool": 3.0}
 
 
 def test_a_queue_counts_every_message_once(tmp_path: Path) -> None:

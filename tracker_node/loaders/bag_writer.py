@@ -83,6 +83,7 @@ class BagWriter:
         self._finished_bytes = 0
         self._in_files: Counter[str] = Counter()  # messages in them
         self._latched = LatchedMessages(repeat_latched)
+        self._repeated_bytes = 0  # of this file
         self.repeated: Counter[str] = Counter()
         self._closed = False
         self._make_folder()
@@ -154,11 +155,19 @@ class BagWriter:
         publish_ns = stamp_ns if publish_ns is None else max(0, publish_ns)
         if self._is_full(stamp_ns):
             self.split()
-        for name, sent_ns, again in self._latched.take(topic):
-            self._put(self._topics[name], stamp_ns, sent_ns, again)
+        self._repeat_latched(topic, stamp_ns)
         message = bytes(data)  # bytes of bytes are no copy
         self._put(record, stamp_ns, publish_ns, message)
         self._latched.keep(record, publish_ns, message)
+
+    def _repeat_latched(self, first: str, stamp_ns: int) -> None:
+        """Before the first message of a file, which is one of the topic ``first``."""
+        due, before = self._latched.take(first), self._file.size
+        for name, sent_ns, again in due:
+            self._put(self._topics[name], stamp_ns, sent_ns, again)
+        if due:
+            self._with_reserve(self._file.finish_chunk)  # only then is it known how small they are compressed
+            self._repeated_bytes = max(0, self._file.size - before)
 
     def _put(self, topic: TopicRecord, stamp_ns: int, publish_ns: int, message: bytes) -> None:
         topic.message_count += 1
@@ -195,6 +204,7 @@ class BagWriter:
         self._with_reserve(self._finish_file)
         self._file = self._next_file()
         self._latched.begin_file()
+        self._repeated_bytes = 0
         for record in self._topics.values():
             self._file.add_topic(record)
 
@@ -220,7 +230,7 @@ class BagWriter:
     def _is_full(self, stamp_ns: int) -> bool:
         if 0 < self._split_ns <= self._file.age_ns(stamp_ns):
             return True
-        return 0 < self._split_bytes <= self._file.size - self._latched.size
+        return 0 < self._split_bytes <= self._file.size - self._repeated_bytes
 
     def _next_file(self) -> BagFile:
         name = f"{self.path.resolve().name}_{len(self._finished)}.mcap"
