@@ -148,6 +148,30 @@ def test_without_numbers_the_middleware_is_believed():
     assert gaps.lost == 4
 
 
+def test_what_is_lost_never_becomes_less():
+    gaps = SequenceGaps(lambda: 1)
+    gaps.told(4)
+    for number in (10, 12):
+        gaps.came(number)
+        assert gaps.lost == 4
+    gaps.came(20)
+    assert gaps.lost == 1 + 7
+
+
+def test_an_image_may_come_while_its_subscription_is_being_made(probe):
+    class Eager(Node):
+        def create_subscription(self, kind, topic, callback, *args, **options):
+            if kind is Image:
+                callback(b"", {"publication_sequence_number": 5})
+            return super().create_subscription(kind, topic, callback, *args, **options)
+
+    node = Eager("receiver")
+    inbox = ImageInbox(node, [CAMERA], InboxOptions(), QosMismatches(node, Diagnostics(node)))
+    inbox.subscribe([CAMERA])
+    assert inbox.arrived[CAMERA] == 1 and inbox.lost[CAMERA] == 0
+    node.destroy_node()
+
+
 def test_a_publisher_that_was_killed_is_forgotten_when_the_middleware_has_noticed():
     publishers = 1
     gaps = SequenceGaps(lambda: publishers)

@@ -89,7 +89,8 @@ class ImageInbox:
                 self._subscriptions[camera] = self._subscribed(camera)
 
     def _subscribed(self, camera: str) -> list[Subscription]:
-        gaps = SequenceGaps(lambda: images.get_publisher_count())
+        images: list[Subscription] = []  # none while it is being made, when an image may already come
+        gaps = SequenceGaps(lambda: sum(each.get_publisher_count() for each in images))
         lost_before = self.lost[camera]  # by earlier subscriptions
 
         def enqueue(content, number: int | None) -> None:
@@ -112,8 +113,8 @@ class ImageInbox:
             topic, kind = f"{topic}/compressed", CompressedImage
         events = self._mismatches.of_subscription(camera, topic)
         events.message_lost = count_lost
-        images = create(kind, topic, with_number(enqueue), **overridable(qos), event_callbacks=events, raw=kind is Image)
-        return [images, create(CameraInfo, f"{camera}/camera_info", remember, qos)]
+        images.append(create(kind, topic, with_number(enqueue), **overridable(qos), event_callbacks=events, raw=kind is Image))
+        return [*images, create(CameraInfo, f"{camera}/camera_info", remember, qos)]
 
     def _enqueue(self, received: Received) -> None:
         camera = received.camera

@@ -28,7 +28,8 @@ class SequenceGaps:
 
     A publisher numbers its messages one by one, but they do not say which publisher they are of. A number goes on from the
     nearest one below it that is a publisher's latest; or it is the first of a publisher that has not been heard of yet, and what
-    that sent before was not for us.
+    that sent before was not for us. One that takes the place of another, as the only one, and has sent more than that by then
+    is taken for it, and the numbers between count as lost.
 
     Parameters
     ----------
@@ -42,12 +43,13 @@ class SequenceGaps:
 
     @property
     def lost(self) -> int:
-        """Messages so far: by their numbers, or, without any, as the middleware tells."""
-        return self._missing if self._latest else self._told
+        """Messages so far, which never become fewer: by their numbers, or, without any, as the middleware tells."""
+        return max(self._missing, self._told)
 
     def told(self, total: int) -> None:
         """So many messages are lost, says the middleware, which does not count those that it replaces by newer ones."""
-        self._told = total
+        if not self._latest:
+            self._told = max(self._told, total)
 
     def came(self, number: int | None) -> None:
         """A message with this number."""
