@@ -47,6 +47,8 @@ def test_smoothed_states_and_a_bag_belong_to_the_run_beside_them(tmp_path):
     assert load_run(tmp_path / "run" / "smoothed").info == {"model": "person.yaml"}
     write_state_bag(tmp_path / "run" / "bag", motion(4))
     assert load_run(tmp_path / "run" / "bag").info == {"model": "person.yaml"}
+    (tmp_path / "run" / "bag" / "run.json").write_text('{"model": "own.yaml"}')  # a run whose folder has this name by chance
+    assert load_run(tmp_path / "run" / "bag").info == {"model": "own.yaml"}
 
 
 def test_what_the_tracker_says_beside_its_states(tmp_path):

@@ -131,8 +131,7 @@ def load_run(path: str | Path, topic: str | None = None) -> RunData:
     if not path.exists():
         raise FileFormatError(path, "(path)", "a run folder or a bag", "nothing there")
     bag = _bag_in(path)
-    told_beside = path.name in (SMOOTHED, BAG_FOLDER)  # of a part of a run by the file of the run
-    info = _read_info((path.parent if told_beside else path) / INFO_FILE) if path.is_dir() else {}
+    info = _read_info(_info_of(path)) if path.is_dir() else {}
     if path.is_dir() and (path / STATES_FILE).exists():
         run = _from_csv(path / STATES_FILE)
         if bag is not None:
@@ -156,6 +155,12 @@ def _bag_in(path: Path) -> Path | None:
         if candidate.is_dir() and any(file.suffix in STORAGE_SUFFIXES for file in candidate.iterdir()):
             return candidate
     return None
+
+
+def _info_of(folder: Path) -> Path:
+    """Of a part of a run it is the file of the run that tells, unless the part has one of its own."""
+    told_beside = folder.name in (SMOOTHED, BAG_FOLDER) and not (folder / INFO_FILE).exists()
+    return (folder.parent if told_beside else folder) / INFO_FILE
 
 
 def _read_info(path: Path) -> dict[str, Any]:
