@@ -1,5 +1,7 @@
 """Runs in other programs' files, read back by those programs or by readers that are not ours."""
 
+import errno
+import os
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -265,6 +267,24 @@ def test_csv_tables_have_units_in_their_columns_and_empty_cells_in_gaps(tmp_path
     assert np.delete(read["isb_angles"]["left_hip_flexion_deg"], 20) == pytest.approx(np.delete(flexion, 20))
     assert read["state_velocities"]["root_x_mm_per_s"][31] == pytest.approx(300.0, abs=1.0)
     assert read["coordinates"]["root_x_mm"][0] == pytest.approx(1000.0 * kinematics.motion.values[0, 0])
+
+
+def test_tables_take_the_places_of_earlier_ones_only_when_all_are_on_the_disk(tmp_path, monkeypatch):
+    motion = moving(8)
+    write_tables(motion, tmp_path, tables(motion, Z_UP))
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert len(before) > 1
+    calls = []
+
+    def full(number: int) -> None:
+        calls.append(number)
+        if len(calls) == len(before):
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space left"):
+        write_tables(moving(9), tmp_path, tables(moving(9), Z_UP))
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 def test_axes_of_the_file_turn_velocities_too(tmp_path):
