@@ -93,6 +93,7 @@ def test_cameras_that_come_go_and_stand_in_for_each_other_lose_nothing(probe, in
         second.send()
     probe.node.destroy_publisher(first.publisher)
     second.send(2)
+    probe.spin_until(lambda: publishers_of(inbox) == 1, "the end of the first")
     Camera(probe, inbox).send(3)
     assert inbox.arrived[CAMERA] == 50 and inbox.lost[CAMERA] == 0
 
