@@ -43,11 +43,11 @@ class LatchedMessages:
     def _merged(self, topic: str, data: bytes) -> bytes:
         """The transforms of a message with those that the topic has told of other frames."""
         try:
-            transforms = typestore().deserialize_cdr(data, _TRANSFORMS).transforms
+            said: Any = typestore().deserialize_cdr(data, _TRANSFORMS)
         except (SerdeError, struct.error, ValueError, IndexError, KeyError):
             return data  # as with any other topic
         frames = self._frames.setdefault(topic, {})
-        frames.update({transform.child_frame_id: transform for transform in transforms})
+        frames.update({transform.child_frame_id: transform for transform in said.transforms})
         message = typestore().types[_TRANSFORMS](transforms=list(frames.values()))
         return bytes(typestore().serialize_cdr(message, _TRANSFORMS))
 
