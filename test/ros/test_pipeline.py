@@ -1,5 +1,6 @@
 """Three processes as one command: every image set tracked and recorded, and a readable bag however it ends."""
 
+import json
 import os
 import shutil
 import signal
@@ -11,7 +12,10 @@ from ros_samples import write_recording
 from sensor_msgs.msg import CameraInfo, Image
 from tracker_msgs.msg import TrackedState
 
+from tracker_node.evaluation.image_sets import SourceStream
 from tracker_node.loaders.bag_reader import BagReader
+from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.tracking.config import SynchronizerConfig
 
 
 def files_of(recording: Path) -> list:
@@ -119,6 +123,8 @@ def test_cameras_that_fail_are_named_and_the_others_are_tracked(launch, recordin
     assert "cam1" in pipeline.err and "no such file or folder" in pipeline.err
     assert pipeline.out.startswith("12 image sets: ")
     assert counts_of(tmp_path / "bag")["/tracker/state"] == 12
+    offline = SourceStream(load_rig(broken / "rig.yaml"), SynchronizerConfig())
+    assert json.loads((tmp_path / "run.json").read_text())["expected_image_sets"] == offline.n_expected == 4  # of the shortest
 
 
 def test_mistakes_are_one_line(launch, recording, tmp_path):

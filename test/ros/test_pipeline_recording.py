@@ -91,11 +91,15 @@ def test_mistakes_are_one_line(launch, described, tmp_path):
     offline = tmp_path / "offline"
     offline.mkdir()
     (offline / "states.csv").write_text("of an offline run")
+    live = tmp_path / "live"
+    live.mkdir()
+    (live / "run.json").write_text("{}")
     wrong = described / "wrong.yaml"
     wrong.write_text(RECORDING.replace("model.yaml", "nobody.yaml"))
     processes = {
         "model": launch("pipeline", wrong),
         "states.csv": launch("pipeline", described / "recording.yaml", "--output", offline),
+        "live/run.json": launch("pipeline", described / "recording.yaml", "--bag", live / "bag"),
         "--rig and --model": launch("pipeline", "--bag", tmp_path / "bag"),
         "camera 'left'": launch("track_offline", described / "recording.yaml", "--source", "left=x", "--output", tmp_path / "a"),
         "--output": launch("track_offline", "--rig", described / "rig.yaml", "--model", described / "model.yaml"),
@@ -104,3 +108,4 @@ def test_mistakes_are_one_line(launch, described, tmp_path):
         assert process.wait() == 2, said
         assert said in process.err and len(process.err.splitlines()) == 1, process.err
     assert [path.name for path in offline.iterdir()] == ["states.csv"]
+    assert [path.read_text() for path in live.iterdir()] == ["{}"]

@@ -42,8 +42,15 @@ def _recording(folder: Path, fresh: bool) -> int:
 def _track(folder: Path, fresh: bool) -> int:
     from .sample import run_verb
 
-    bag = folder / "bag"
     print("On its first start the tracker compiles its inner loops, which takes minutes")
-    if (bag / "metadata.yaml").exists() or (bag.is_dir() and list(bag.glob("*.mcap"))):
-        shutil.rmtree(bag)  # of an earlier demo
+    if not (folder / "states.csv").exists():  # of an offline run, over which nothing is written
+        _remove_earlier(folder)
     return run_verb("pipeline", folder / "sample" / "recording.yaml", "--output", folder)
+
+
+def _remove_earlier(folder: Path) -> None:
+    """Bag and ``run.json`` of an earlier demo."""
+    bag = folder / "bag"
+    if (bag / "metadata.yaml").exists() or (bag.is_dir() and list(bag.glob("*.mcap"))):
+        shutil.rmtree(bag)
+    (folder / "run.json").unlink(missing_ok=True)

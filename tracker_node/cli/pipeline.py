@@ -97,15 +97,16 @@ def _run_folder(args: argparse.Namespace) -> Path | None:
 
     Raises
     ------
-    BagExistsError : an offline run is there.
+    BagExistsError : a run is there.
     """
-    from ..evaluation.run_writer import BAG, STATES
+    from ..evaluation.run_writer import BAG, STATES, SUMMARY
     from ..loaders.bag_writer import BagExistsError
 
     if args.bag is None or args.bag.name != BAG:
         return None
-    if (args.bag.parent / STATES).exists():
-        raise BagExistsError(args.bag.parent / STATES)
+    for name in (STATES, SUMMARY):
+        if (args.bag.parent / name).exists():
+            raise BagExistsError(args.bag.parent / name)
     return args.bag.parent
 
 
@@ -174,4 +175,4 @@ def _look_at_sources(rig, args: argparse.Namespace) -> tuple[list[str], int | No
     if undecoded:
         raise TrackerError(f"{', '.join(undecoded)}: publish: jpeg gives no pixels to track; use color or mono")
     endless = args.loop or opened.live
-    return list(opened.cameras), None if endless else max(source.n_images for source in opened.recorded.values())
+    return list(opened.cameras), None if endless else min(source.n_images for source in opened.recorded.values())
