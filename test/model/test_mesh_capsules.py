@@ -23,12 +23,15 @@ def robot_link() -> Mesh:
 
 
 BEAM = joined(box((0.5, 0.08, 0.06)))
+# Its grid's cells are stretched, and its triangles as long as it is
+SLENDER = joined(trimesh.creation.revolve([[0.0, 0.0], [0.02, 0.0], [0.008, 1.5], [0.0, 1.5]], sections=5))
 BODY = {shape.name: shape.primitive for shape in nurbs_human(24, 0.03).shapes}
 # name: mesh, and the least share of its volume that must be within round cones
 MESHES = {
     "ball": (joined(ball((0.1, 0.1, 0.1))), 0.9),
     "egg": (joined(ball((0.06, 0.08, 0.2))), 0.6),
     "cone": (joined(cone(0.09, 0.05, 0.4)), 0.75),
+    "slender": (turned(SLENDER, (0.4, -0.7, 0.5)), 0.6),
     "beam": (BEAM, 0.6),
     "oblique beam": (turned(BEAM, (0.4, -0.7, 0.5), (3.0, -2.0, 1.0)), 0.6),
     "elbow": (joined(box((0.4, 0.08, 0.08), (0.2, 0.0, 0.0)), box((0.08, 0.08, 0.3), (0.36, 0.0, 0.15))), 0.5),
@@ -61,6 +64,20 @@ def test_they_lie_within_the_mesh(name):
     assert 1 <= len(capsules) <= 5 and (capsules[:, [START_RADIUS, END_RADIUS]] > 0.0).all()
     assert is_inside(mesh, on_axes(capsules)[0]).all()
     assert gaps(capsules, outer_vertices(mesh)).min() > -np.linalg.norm(np.ptp(mesh.vertices, axis=0)) / 60.0
+
+
+def distances(mesh: Mesh, points: np.ndarray) -> np.ndarray:
+    """Of points from the nearest triangle."""
+    triangles = mesh.vertices[mesh.faces]
+    nearest = (trimesh.triangles.closest_point(triangles, np.broadcast_to(point, (len(triangles), 3))) for point in points)
+    return np.array([np.linalg.norm(on - point, axis=1).min() for on, point in zip(nearest, points, strict=True)])
+
+
+@pytest.mark.parametrize("name", ["ball", "egg", "cone", "slender", "oblique beam", "thigh", "foot"])
+def test_their_spheres_hardly_stick_out(name):
+    """By a 25th of their radius at most, wherever the triangles have their vertices."""
+    centers, radii = on_axes(capsules_in_mesh(MESHES[name][0]))
+    assert (radii <= 1.04 * distances(MESHES[name][0], centers)).all()
 
 
 @pytest.mark.parametrize("name", MESHES)

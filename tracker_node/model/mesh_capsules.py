@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
@@ -21,6 +22,8 @@ from .round_cones import END, END_RADIUS, N_CAPSULE, START, START_RADIUS, count_
 _CELLS = 3000  # of the grid
 _FEWEST_ACROSS, _MOST_ALONG = 5, 41  # cells; odd, so that one row of them lies in the middle
 _SPACING = 0.6  # of samples of the surface, in cells: a point half a cell from all of them would let the filling leak
+_FINE = 0.4  # of those that distances are taken to, in the least side of a cell
+_MOST_SAMPLES = 100_000  # of these, beside four of each triangle; where there are more, they are taken farther apart
 _FLAT = 1e-3  # a mesh whose box is thinner than this share of its length holds nothing
 _SHELL = 0.1  # an open mesh of which less is closed in is taken for the shell of what it goes around
 _APART = 0.4  # balls that are closer to a larger one, in its radii, are left out
@@ -96,25 +99,49 @@ def _cells(corners: np.ndarray, low: np.ndarray, high: np.ndarray, closed: bool)
     counts = np.round(size / np.cbrt(size.prod() / _CELLS)).astype(int) // 2 * 2 + 1
     counts = np.clip(counts, _FEWEST_ACROSS, _MOST_ALONG)
     cell = size / counts
-    samples = _samples((corners - low) / cell)
-    cells = tuple(np.clip(samples.astype(int), 0, counts - 1).T)
     surface = np.zeros(counts, dtype=bool)
-    surface[cells] = True
+    surface[_cells_of(_samples((corners - low) / cell, _SPACING), counts)] = True
     filled = ndimage.binary_fill_holes(surface) if closed else _filled(surface)
-    outer = surface & ~ndimage.binary_erosion(filled, np.ones((3, 3, 3)))  # walls within the mesh do not count
-    centers = low + (np.argwhere(filled & ~outer) + 0.5) * cell
-    return centers, _Room(cKDTree(low + samples[outer[cells]] * cell), low, high)
+    deep = ndimage.binary_erosion(filled, np.ones((3, 3, 3)))
+    centers = low + (np.argwhere((filled & ~surface) | deep) + 0.5) * cell
+    return centers, _Room(_tree(corners, deep, low, cell), low, high)
 
 
-def _samples(corners: np.ndarray) -> np.ndarray:
-    """Points (n, 3) of triangles (m, 3, 3), such that no point of these is half a unit from all of them."""
-    opposite = np.linalg.norm(np.roll(corners, -1, axis=1) - np.roll(corners, 1, axis=1), axis=2)
-    tips = (opposite.argmin(axis=1)[:, None] + np.arange(3)) % 3  # slivers are cut from their tip on
+def _cells_of(points: np.ndarray, counts: npt.ArrayLike) -> tuple[np.ndarray, ...]:
+    return tuple(np.clip(points.astype(int), 0, np.subtract(counts, 1)).T)
+
+
+def _tree(corners: np.ndarray, deep: np.ndarray, low: np.ndarray, cell: np.ndarray) -> cKDTree:
+    """Samples for distances, those of walls in ``deep`` cells, within the mesh, left out.
+
+    A distance to samples is a little longer than that to the surface; they are so close together that this is little even where
+    the mesh is only as wide as the narrow side of a stretched cell.
+    """
+    spacing = _FINE * float(cell.min())
+    while (_parts(corners, spacing) + 1).prod(axis=1).sum() > _MOST_SAMPLES + 4 * len(corners):
+        spacing *= 1.25
+    samples = _samples(corners, spacing)
+    return cKDTree(samples[~deep[_cells_of((samples - low) / cell, deep.shape)]])
+
+
+def _samples(corners: np.ndarray, spacing: float) -> np.ndarray:
+    """Points (n, 3) of triangles (m, 3, 3), at most so far apart along their sides; of smaller ones, the middle."""
+    tips = (_sides(corners).argmin(axis=1)[:, None] + np.arange(3)) % 3  # slivers are cut from their tip on
     corners = np.take_along_axis(corners, tips[:, :, None], axis=1)
-    parts = np.ceil(np.stack([opposite.max(axis=1), opposite.min(axis=1)], axis=1) / _SPACING).astype(int)
-    kinds, kind = np.unique(parts, axis=0, return_inverse=True)
+    kinds, kind = np.unique(_parts(corners, spacing), axis=0, return_inverse=True)
     points = [np.einsum("wc,mcx->mwx", _weights(*n), corners[kind.ravel() == i]).reshape(-1, 3) for i, n in enumerate(kinds)]
     return np.concatenate(points)
+
+
+def _parts(corners: np.ndarray, spacing: float) -> np.ndarray:
+    """(m, 2) into how many parts triangles are cut, along and across."""
+    sides = _sides(corners)
+    return np.ceil(np.stack([sides.max(axis=1), sides.min(axis=1)], axis=1) / spacing).astype(int)
+
+
+def _sides(corners: np.ndarray) -> np.ndarray:
+    """(m, 3) lengths, each of the side opposite a corner."""
+    return np.linalg.norm(np.roll(corners, -1, axis=1) - np.roll(corners, 1, axis=1), axis=2)
 
 
 def _weights(along: int, across: int) -> np.ndarray:
