@@ -2,12 +2,36 @@
 
 import errno
 
+import numpy as np
 import pytest
 from small_disk import limited_files, small_disk
 
+from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.evaluation.metrics_file import write_metrics
+from tracker_node.loaders.calibration_toml import dump_calibration_toml
+from tracker_node.loaders.dlt_text import dump_dlt
+from tracker_node.loaders.foxglove_layout import write_foxglove_layout
+from tracker_node.loaders.opencv_storage import dump_opencv
+from tracker_node.loaders.plotjuggler_layout import write_plotjuggler_layout
+from tracker_node.loaders.qualisys_xml import dump_qualisys
+from tracker_node.loaders.viewed_graph import ViewedGraph
 from tracker_node.loaders.whole_file import whole_file, write_whole
 
 __all__ = ["small_disk"]
+
+LENS = CameraModel(640, 480, np.array([[500.0, 0.0, 320.0], [0.0, 500.0, 240.0], [0.0, 0.0, 1.0]]))
+RIG = CameraRig((Camera("left", LENS, np.eye(4)),))
+GRAPH = ViewedGraph(("left",), (("elbow", 0),), "world")
+WRITERS = {
+    "dlt.csv": lambda path: dump_dlt(np.ones((3, 11)) / 3.0, path),
+    "rig.toml": lambda path: dump_calibration_toml(RIG, path),
+    "rig.qca.txt": lambda path: dump_qualisys(RIG, path),
+    "rig.yml": lambda path: dump_opencv(RIG, path),
+    "foxglove.json": lambda path: write_foxglove_layout(GRAPH, path),
+    "plotjuggler.xml": lambda path: write_plotjuggler_layout(GRAPH, path),
+    "figures.json": lambda path: write_metrics(path, {"a": 1.0}),
+}
 
 
 def test_another_file_takes_the_place_at_the_end_and_not_before(tmp_path):
@@ -29,6 +53,18 @@ def test_whatever_goes_wrong_what_was_there_stays_and_nothing_is_left(tmp_path):
         write_whole(path, "x" * 2000)
     assert caught.value.filename == str(path.resolve()) and caught.value.errno == errno.EFBIG
     assert path.read_text() == "old" and [file.name for file in tmp_path.iterdir()] == ["a.txt"]
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_writers_replace_files_only_as_a_whole(tmp_path, name):
+    path = tmp_path / name
+    path.write_text("old")
+    with limited_files(100), pytest.raises(OSError) as caught:
+        WRITERS[name](path)
+    assert caught.value.filename == str(path.resolve()) and caught.value.errno == errno.EFBIG
+    assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
+    WRITERS[name](path)
+    assert path.stat().st_size > 100 and list(tmp_path.iterdir()) == [path]
 
 
 def test_a_full_disk(small_disk):

@@ -20,6 +20,7 @@ import numpy as np
 
 from .. import __version__
 from ..loaders.json_values import finite
+from ..loaders.whole_file import write_whole
 
 PACKAGES = {"numpy": "numpy", "numba": "numba", "scipy": "scipy", "opencv": "opencv-python-headless"}
 SIMD_LEVELS = ("avx512f", "avx2", "avx", "sse4_2", "sse2", "asimd", "neon")  # widest first
@@ -44,7 +45,7 @@ def write_metrics(
     }
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n")
+    write_whole(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
 
 
 def print_metrics(metrics: Mapping[str, float | int]) -> None:

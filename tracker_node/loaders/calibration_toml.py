@@ -12,6 +12,7 @@ import numpy as np
 from ..camera.camera_rig import Camera, CameraRig
 from ..errors import UnknownNameError
 from ..geometry import so3
+from .whole_file import write_whole
 
 DIALECTS = ("pose2sim", "anipose", "caliscope")
 
@@ -28,7 +29,7 @@ def dump_calibration_toml(rig: CameraRig, path: str | Path, dialect: str = "pose
     tables = [_table(i, camera, dialect) for i, camera in enumerate(rig)]
     if dialect != "caliscope":
         tables.append("[metadata]\nadjusted = false\nerror = 0.0\n")
-    Path(path).write_text("\n".join(tables), encoding="utf-8")
+    write_whole(path, "\n".join(tables))
 
 
 def _table(index: int, camera: Camera, dialect: str) -> str:

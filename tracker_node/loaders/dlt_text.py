@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import FileFormatError
+from .whole_file import write_whole
 from .yaml_file import read_text
 
 N_COEFFICIENTS = 11
@@ -41,6 +42,6 @@ def load_dlt(path: str | Path) -> np.ndarray:
 
 
 def dump_dlt(coefficients: ArrayLike, path: str | Path) -> None:
-    """Write L1..L11 (n_cameras, 11)."""
+    """Write L1..L11 (n_cameras, 11), in place of what was there."""
     lines = [",".join(repr(float(value)) for value in row) for row in np.asarray(coefficients).T]
-    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_whole(path, "\n".join(lines) + "\n")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from .viewed_graph import ViewedGraph, color_of
+from .whole_file import write_whole
 
 _STATUS = ("INITIALISING", "TRACKING", "DEGRADED", "LOST")
 _STATUS_COLORS = ("#9e9e9e", "#2ca02c", "#ff9800", "#d32f2f")
@@ -15,7 +16,7 @@ _STATUS_COLORS = ("#9e9e9e", "#2ca02c", "#ff9800", "#d32f2f")
 def write_foxglove_layout(graph: ViewedGraph, path: str | Path) -> None:
     """Write a ``.json`` file, for *Layouts, Import from file*."""
     Path(path).parent.mkdir(parents=True, exist_ok=True)
-    Path(path).write_text(json.dumps(foxglove_layout(graph), indent=1) + "\n", encoding="utf-8")
+    write_whole(path, json.dumps(foxglove_layout(graph), indent=1) + "\n")
 
 
 def foxglove_layout(graph: ViewedGraph) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from ..camera.camera_rig import Camera, CameraRig
 from ..errors import CalibrationError, FileFormatError
 from ..geometry import se3
 from .camera_name import identifier
+from .whole_file import write_whole
 
 _K = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "K", "M")
 _D = ("distortion_coefficients", "distCoeffs", "Distortion_Coefficients", "distortion", "D")
@@ -77,13 +78,13 @@ def dump_opencv(rig: CameraRig, path: str | Path) -> None:
 
     Raises
     ------
-    FileFormatError : another extension, or a file that cannot be written.
+    FileFormatError : another extension.
+    OSError : the file cannot be written.
     """
-    if Path(path).suffix.lower() not in (".yml", ".yaml", ".xml", ".json"):
-        raise FileFormatError(path, "(file)", "an extension of .yml, .yaml, .xml or .json", Path(path).suffix or "none")
-    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
-    if not storage.isOpened():
-        raise FileFormatError(path, "(file)", "a place that can be written to", str(path))
+    extension = Path(path).suffix.lower()
+    if extension not in (".yml", ".yaml", ".xml", ".json"):
+        raise FileFormatError(path, "(file)", "an extension of .yml, .yaml, .xml or .json", extension or "none")
+    storage = cv2.FileStorage(extension, cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)  # to files it writes without a check
     storage.startWriteStruct("cameras", cv2.FILE_NODE_SEQ)
     for camera in rig:
         lens, transform = camera.model, camera.T_cam_world
@@ -98,7 +99,7 @@ def dump_opencv(rig: CameraRig, path: str | Path) -> None:
         storage.write("T", transform[:3, 3:].copy())
         storage.endWriteStruct()
     storage.endWriteStruct()
-    storage.release()
+    write_whole(path, storage.releaseAndGetString())
 
 
 def _rig(storage: _Storage, entries, image_size: tuple[int, int] | None) -> CameraRig:

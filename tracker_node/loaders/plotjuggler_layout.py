@@ -6,12 +6,13 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from .viewed_graph import ViewedGraph, color_of
+from .whole_file import write_whole
 
 
 def write_plotjuggler_layout(graph: ViewedGraph, path: str | Path) -> None:
     """Write a ``.xml`` file, for *Layout, Load* or ``plotjuggler --layout FILE``."""
     Path(path).parent.mkdir(parents=True, exist_ok=True)
-    Path(path).write_text(plotjuggler_layout(graph), encoding="utf-8")
+    write_whole(path, plotjuggler_layout(graph))
 
 
 def plotjuggler_layout(graph: ViewedGraph) -> str:

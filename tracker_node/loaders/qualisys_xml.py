@@ -16,6 +16,7 @@ from ..camera.camera_rig import Camera, CameraRig
 from ..errors import CalibrationError, FileFormatError
 from ..geometry import se3
 from .camera_name import identifier
+from .whole_file import whole_file
 
 SUBPIXELS = 64.0
 MM = 1000.0
@@ -74,7 +75,8 @@ def dump_qualisys(rig: CameraRig, path: str | Path) -> None:
         distortion = dict(zip(_RADIAL + _TANGENTIAL, coefficients[[0, 1, 4, 2, 3]], strict=True))
         ET.SubElement(element, "intrinsic", _texts({key: SUBPIXELS * v for key, v in inner.items()} | distortion))
     ET.indent(root)
-    ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
+    with whole_file(path) as draft:
+        ET.ElementTree(root).write(draft, encoding="utf-8", xml_declaration=True)
 
 
 def _texts(values: dict[str, float]) -> dict[str, str]:
