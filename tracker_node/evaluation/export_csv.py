@@ -11,7 +11,7 @@ import numpy as np
 
 from ..loaders.csv_file import CsvWriter, exact
 from ..loaders.trc import METERS_PER_UNIT
-from ..loaders.whole_file import sync, whole_file
+from ..loaders.whole_file import whole_file
 from .coordinates import model_coordinates, opensim_coordinates
 from .export_options import ExportOptions
 from .isb_angles import isb_angles
@@ -46,11 +46,9 @@ def write_tables(motion: RunMotion, folder: Path, tables: list[Table]) -> None:
         folder is as it was.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    with ExitStack() as stack:  # each takes the place of an earlier one when all are written
+    with ExitStack() as stack:  # each takes the place of an earlier one when all are written, and on the disk
         for table in tables:
-            draft = stack.enter_context(whole_file(folder / f"{table.name}.csv"))
-            _write_table(motion, table, draft)
-            sync(draft)
+            _write_table(motion, table, stack.enter_context(whole_file(folder / f"{table.name}.csv")))
     for name in set(TABLES) - {table.name for table in tables}:
         (folder / f"{name}.csv").unlink(missing_ok=True)
 

@@ -29,7 +29,7 @@ def whole_file(path: str | Path, suffix: str = "") -> Iterator[Path]:
     try:
         try:
             yield draft
-            sync(draft)
+            _sync(draft)
             draft.replace(path)
         finally:
             draft.unlink(missing_ok=True)
@@ -45,7 +45,6 @@ def write_whole(path: str | Path, text: str) -> None:
         draft.write_text(text, encoding="utf-8")
 
 
-def sync(path: Path) -> None:
-    """Have what has been written to a file on the disk. Raises OSError when it cannot be."""
+def _sync(path: Path) -> None:
     with path.open("rb") as stream:
         os.fsync(stream.fileno())
