@@ -4,15 +4,15 @@
     ros2 launch tracker_node rviz.launch.py layout:=layouts/rviz/tracker.rviz
 """
 
-import tempfile
-from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from launch import LaunchDescription
-from launch.actions import OpaqueFunction
+from launch.actions import OpaqueFunction, RegisterEventHandler
+from launch.event_handlers import OnShutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from tracker_node.ros.launch_files import argument, value_of
+from tracker_node.ros.launch_files import argument, said_by, value_of
 
 SHIPPED_CAMERAS = ("cam01", "cam02", "cam03", "cam04")
 
@@ -28,24 +28,20 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def _rviz(context) -> list:
-    layout = value_of(context, "layout") or _layout_for(value_of(context, "rig"), value_of(context, "namespace"))
-    rviz = Node(
+    if layout := value_of(context, "layout"):
+        return [_showing(layout)]
+    folder = TemporaryDirectory(prefix="tracker_node_")
+    rig, namespace = value_of(context, "rig"), value_of(context, "namespace")
+    cameras = ["--rig", rig] if rig else ["--cameras", *SHIPPED_CAMERAS]
+    said_by(context, "layouts", *cameras, "--namespace", namespace, "--output", folder.name)
+    end = RegisterEventHandler(OnShutdown(on_shutdown=lambda event, context: folder.cleanup()))
+    return [_showing(f"{folder.name}/rviz/tracker.rviz"), end]
+
+
+def _showing(layout: str) -> Node:
+    return Node(
         package="rviz2",
         executable="rviz2",
         arguments=["-d", layout],
         parameters=[{"use_sim_time": LaunchConfiguration("use_sim_time")}],
     )
-    return [rviz]
-
-
-def _layout_for(rig_file: str, namespace: str) -> str:
-    """A layout in a folder of its own, as `tracker_node layouts` writes it."""
-    from tracker_node.loaders.rig_yaml import load_rig
-    from tracker_node.loaders.rviz_layout import write_rviz_layout
-    from tracker_node.loaders.viewed_graph import ViewedGraph
-
-    rig = load_rig(rig_file) if rig_file else None
-    cameras, world = (rig.names, rig.world_frame) if rig else (SHIPPED_CAMERAS, "world")
-    path = Path(tempfile.mkdtemp(prefix="tracker_node_")) / "tracker.rviz"
-    write_rviz_layout(ViewedGraph(tuple(cameras), (), world, namespace=namespace), path)
-    return str(path)

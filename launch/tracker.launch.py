@@ -8,7 +8,7 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from tracker_node.ros.launch_files import argument, value_of
+from tracker_node.ros.launch_files import argument, said_by, value_of
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -48,16 +48,9 @@ def _nodes(context) -> list:
         executable="robot_state_publisher",
         name=f"{value('name')}_links",
         namespace=value("namespace"),
-        parameters=[{"robot_description": ParameterValue(_description(value("model")), value_type=str)}, shared],
+        # Of Jazzy it wants the description as a parameter.
+        parameters=[{"robot_description": ParameterValue(said_by(context, "urdf", value("model")), value_type=str)}, shared],
         # The tracker publishes the description already, on robot_description.
         remappings=[("joint_states", f"{value('name')}/joint_states"), ("robot_description", "~/robot_description")],
     )
     return [tracker, links]
-
-
-def _description(model: str) -> str:
-    """The body as URDF, which robot_state_publisher of Jazzy wants as a parameter."""
-    from tracker_node.loaders.model_yaml import load_model
-    from tracker_node.loaders.urdf_writer import urdf_of
-
-    return urdf_of(load_model(model))

@@ -6,9 +6,10 @@ The launch packages are not on PyPI.
 import importlib.util
 import sys
 import types
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 
@@ -46,6 +47,27 @@ class FindPackageShare(Kept):
         return str(ROOT)  # config/ and launch/ lie there as in share/tracker_node
 
 
+class ExecutableInPackage(Kept):
+    def perform(self, context: dict[str, str]) -> str:
+        assert self.kwargs["package"] == "tracker_node"
+        return str(ROOT / "resource" / "executables" / self.kwargs["executable"])
+
+
+class OnShutdown(Kept):
+    """Keeps what is to be done at the end, as launch does."""
+
+    waiting: ClassVar[list[Callable]] = []
+
+    def __init__(self, *, on_shutdown: Callable):
+        super().__init__(on_shutdown=on_shutdown)
+        self.waiting.append(on_shutdown)
+
+    @classmethod
+    def shut_down(cls) -> None:
+        while cls.waiting:
+            cls.waiting.pop()(None, None)
+
+
 class PathJoinSubstitution(Kept):
     def perform(self, context: dict[str, str]) -> str:
         return "/".join(resolved(part, context) for part in self.args[0])
@@ -62,7 +84,7 @@ STAND_INS = {
         "DeclareLaunchArgument", "EmitEvent", "IncludeLaunchDescription", "OpaqueFunction", "RegisterEventHandler",
     ],
     "launch.conditions": ["IfCondition"],
-    "launch.event_handlers": ["OnProcessExit"],
+    "launch.event_handlers": ["OnProcessExit", OnShutdown],
     "launch.events": ["Shutdown"],
     "launch.launch_context": ["LaunchContext"],
     "launch.launch_description_sources": ["PythonLaunchDescriptionSource"],
@@ -70,7 +92,7 @@ STAND_INS = {
     "launch_ros": [],
     "launch_ros.actions": ["Node"],
     "launch_ros.parameter_descriptions": ["ParameterValue"],
-    "launch_ros.substitutions": [FindPackageShare],
+    "launch_ros.substitutions": [ExecutableInPackage, FindPackageShare],
 }  # fmt: skip
 
 
@@ -88,6 +110,7 @@ def launch_stand_ins() -> Iterator[None]:
         try:
             yield
         finally:
+            OnShutdown.shut_down()
             sys.modules.pop(SHARED, None)
 
 

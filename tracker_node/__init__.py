@@ -1,5 +1,6 @@
 """Markerless model-based 3D motion tracking for ROS 2."""
 
+import importlib.util
 import os
 import sys
 
@@ -11,8 +12,9 @@ def _use_whole_vectors() -> None:
 
     By default LLVM keeps to half of their width on many processors, for fear of lower clock rates; pixel loops with hundreds of
     instructions are nearly twice as fast with the whole. To be done before numba is imported; NUMBA_CPU_FEATURES overrides it.
+    The Python of `ros2 launch`, which imports this for the launch files, need not have numba.
     """
-    if "NUMBA_CPU_FEATURES" not in os.environ:
+    if "NUMBA_CPU_FEATURES" not in os.environ and importlib.util.find_spec("llvmlite"):
         import llvmlite.binding
 
         features = llvmlite.binding.get_host_cpu_features()
@@ -30,7 +32,7 @@ def _use_one_blas_thread() -> None:
     if "OPENBLAS_NUM_THREADS" in os.environ:
         return
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    if "numpy" in sys.modules:
+    if "numpy" in sys.modules and importlib.util.find_spec("threadpoolctl"):
         import threadpoolctl
 
         threadpoolctl.threadpool_limits(1, user_api="blas")

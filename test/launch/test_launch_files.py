@@ -1,8 +1,13 @@
 """Launch files name executables that exist, options that those take, and arguments that included files have."""
 
 import argparse
+import contextlib
 import importlib
+import io
+import os
 import re
+import subprocess
+import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,7 +16,7 @@ from xml.etree import ElementTree
 
 import pytest
 from camera_rigs import circle_rig
-from launch_stand_ins import Arguments, LaunchConfiguration, declared_by, description_of, launch_stand_ins, resolved
+from launch_stand_ins import Arguments, LaunchConfiguration, OnShutdown, declared_by, description_of, launch_stand_ins, resolved
 
 from tracker_node.cli import main
 from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
@@ -26,9 +31,18 @@ def stand_ins(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]
     """In a folder with a rig.yaml."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(subprocess, "run", run_here)
     write_rig_file(rig_file_of(circle_rig(2)), "rig.yaml")
     with launch_stand_ins():
         yield
+
+
+def run_here(command: list[str], **_) -> subprocess.CompletedProcess:
+    """Our installed command, without the second that it takes to come up."""
+    assert command[0] == str(ROOT / "resource/executables/tracker_node")
+    with contextlib.redirect_stdout(io.StringIO()) as said:
+        status = main.main(command[1:])
+    return subprocess.CompletedProcess(command, status, said.getvalue())
 
 
 @dataclass
@@ -194,6 +208,50 @@ def test_rviz_shows_the_cameras_of_a_rig_in_its_namespace(stand_ins):
     assert not any("cam03" in topic for topic in topics)
     (rviz,) = started_by("rviz.launch.py", layout="mine.rviz", namespace="lab")
     assert rviz.arguments == ["-d", "mine.rviz"]
+
+
+def test_the_layout_is_gone_after_the_launch(stand_ins, tmp_path):
+    started_by("rviz.launch.py")
+    assert list(tmp_path.glob("tracker_node_*"))
+    OnShutdown.shut_down()
+    assert not list(tmp_path.glob("tracker_node_*"))
+
+
+def test_a_body_that_cannot_be_read_ends_the_launch(stand_ins, capsys):
+    with pytest.raises(RuntimeError, match=r"urdf nowhere\.yaml: failed with status 2"):
+        started_by("tracker.launch.py", rig="rig.yaml", model="nowhere.yaml")
+    assert "nowhere.yaml" in capsys.readouterr().err
+
+
+BARE = """
+import sys
+from launch_stand_ins import Arguments, description_of, launch_stand_ins
+for name in ("cv2", "llvmlite", "numba", "numpy", "pydantic", "scipy", "threadpoolctl", "yaml"):
+    sys.modules[name] = None
+with launch_stand_ins():
+    actions = description_of(sys.argv[1]).args[0]
+    declared = [action for action in actions if type(action).__name__ == "DeclareLaunchArgument"]
+    context = Arguments({action.args[0]: action.kwargs.get("default_value", "") for action in declared})
+    context.update(word.split(":=") for word in sys.argv[2:])
+    for action in actions:
+        if type(action).__name__ == "OpaqueFunction":
+            assert action.kwargs["function"](context)
+"""
+NEEDED = {"tracker.launch.py": [f"model:={HUMAN}", "rig:=rig.yaml"]}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_launch_needs_nothing_but_launch_and_the_installed_command(name, tmp_path):
+    """Debian's ros2 is run by the system's Python, which knows nothing of an environment."""
+    paths = {
+        "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "test")]),
+        "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
+    }
+    command = [sys.executable, "-c", BARE, name, *NEEDED.get(name, [])]
+    done = subprocess.run(
+        command, capture_output=True, text=True, timeout=120.0, check=False, cwd=tmp_path, env={**os.environ, **paths}
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.full

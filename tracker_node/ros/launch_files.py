@@ -1,10 +1,13 @@
-"""What the package's launch files share: the arguments that several of them take, and how one includes another.
+"""What the package's launch files share: arguments that several of them take, how one includes another, what our command says.
 
-Launch files are read by the Python of `ros2 launch`; nothing else imports this.
+Launch files are read by the Python of `ros2 launch`; nothing else imports this. Debian's is the system's, whatever environment is
+activated: neither this nor a launch file imports what needs numpy or another package, but asks the installed command (`said_by`).
 """
 
 from __future__ import annotations
 
+import shlex
+import subprocess
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -13,11 +16,12 @@ from launch.conditions import IfCondition
 from launch.launch_context import LaunchContext
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
-from launch_ros.substitutions import FindPackageShare
+from launch_ros.substitutions import ExecutableInPackage, FindPackageShare
 
 SWITCH = ["true", "false"]
 
 _SHARE = FindPackageShare("tracker_node")
+_COMMAND = ExecutableInPackage(executable="tracker_node", package="tracker_node")
 _SHARED: dict[str, dict[str, Any]] = {
     "rig": {"description": "rig.yaml: cameras, their places and lenses, and their sources"},
     "model": {"description": "model.yaml or URDF: the body"},
@@ -52,6 +56,20 @@ def argument(name: str, **changes: Any) -> DeclareLaunchArgument:
 def value_of(context: LaunchContext, name: str) -> str:
     """What an argument is in this launch."""
     return LaunchConfiguration(name).perform(context)
+
+
+def said_by(context: LaunchContext, *arguments: str) -> str:
+    """What `tracker_node`, as it is installed, prints when it is given these arguments.
+
+    Raises
+    ------
+    RuntimeError : it failed; it has said itself why.
+    """
+    command = [_COMMAND.perform(context), *arguments]
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"{shlex.join(command)}: failed with status {done.returncode}")
+    return done.stdout
 
 
 def included(
