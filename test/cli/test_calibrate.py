@@ -46,6 +46,20 @@ def test_body_from_stature(tmp_path):
     assert np.isclose(model_stature(load_model(subject)), 1.6)
 
 
+def test_what_is_there_stays_unless_forced(trc_path, tmp_path, capsys):
+    subject, start = tmp_path / "subject.yaml", tmp_path / "start.yaml"
+    body = ["calibrate", "body", "--stature", "1.6", "-o", str(subject)]
+    pose = ["calibrate", "pose", "--model", str(subject), "--trc", str(trc_path), "-o", str(start)]
+    for command, output in ((body, subject), (pose, start)):
+        assert main(command) == 0
+        written = output.read_text()
+        output.write_text("mine")
+        capsys.readouterr()
+        assert main(command) == 2
+        assert f"{output} is there already" in capsys.readouterr().err and output.read_text() == "mine"
+        assert main([*command, "--force"]) == 0 and output.read_text() == written
+
+
 def test_landmarks_from_a_tracked_trial(trc_path, tmp_path):
     """The body was seen 3 cm below the joints: its landmarks go up by 3 cm, its size stays."""
     base, states, placed = (tmp_path / name for name in ("base.yaml", "states.csv", "placed.yaml"))

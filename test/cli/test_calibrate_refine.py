@@ -92,5 +92,14 @@ def test_plates_from_recordings_go_into_the_rig(files, capsys):
         assert np.abs(plate.astype(int) - scene).max() <= 3
     (files / "cam02.png").unlink()
     capsys.readouterr()
+    before = (files / "plates" / "cam01.png").read_bytes()
     assert main(["calibrate", "plate", *arguments]) == 2
+    assert f"{files / 'plates' / 'cam01.png'} is there already" in capsys.readouterr().err
+    cv2.imwrite(str(files / "cam01.png"), np.zeros((480, 640, 3), np.uint8))
+    assert main(["calibrate", "plate", *arguments, "--force"]) == 2
     assert "has no image named cam02" in capsys.readouterr().err
+    assert (files / "plates" / "cam01.png").read_bytes() == before  # none is written unless all can be
+    again = [*arguments[:2], *arguments[4:], "-o", str(files / "with_plates.yaml")]
+    assert main(["calibrate", "plate", *again, "--output-dir", str(files / "others")]) == 2
+    assert not (files / "others").exists()
+    assert main(["calibrate", "plate", *again, "--force"]) == 0

@@ -71,6 +71,7 @@ def run(args: argparse.Namespace) -> int:
     check(args.stature is None or 0.4 <= args.stature <= 3.0, "--stature", "0.4 to 3 metres", args.stature)
     check(0.0 <= args.joint_sigma_mm < 1e4, "--joint-sigma-mm", "0 to 10000", args.joint_sigma_mm)
     check(not args.states or (args.model and args.trc), "--states", "--model and --trc beside it", args.states)
+    refuse_to_overwrite(args, args.output)
     model = load_model(args.model) if args.model else human_model()
     options = ScalingOptions(args.joint_sigma_mm / 1000.0, symmetric=not args.asymmetric, stature_m=args.stature)
     if not args.trc:

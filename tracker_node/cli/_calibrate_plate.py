@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from ._run_images import refuse_to_overwrite
+
 SUMMARY = "make pictures of the empty scene (background plates) from the recordings of a rig, and from stills if there are any"
 EXAMPLE = "tracker_node calibrate plate --rig rig.yaml --stills empty_room/ --output-dir plates -o rig_with_plates.yaml"
 
@@ -21,6 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--output-dir", default="plates", metavar="DIR", help="folder for the plates (default: %(default)s)")
     parser.add_argument("-o", "--output", metavar="FILE", help="rig file to write, with the plates in it (default: none)")
+    parser.add_argument("--force", action="store_true", help="overwrite the plates and the output")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -31,18 +34,23 @@ def run(args: argparse.Namespace) -> int:
     if args.images < 3:
         raise FileFormatError("command line", "--images", "at least 3", args.images)
     rig_file, base = read_rig_file(args.rig), Path(args.rig).parent
-    plates = {}
-    for camera in build_rig(rig_file, base):
+    rig = build_rig(rig_file, base)
+    plates = {name: Path(args.output_dir) / f"{name}.png" for name in rig.names}
+    refuse_to_overwrite(args, *plates.values(), *([args.output] if args.output else []))
+    images_of = {}
+    for camera in rig:
         if camera.source is None:
             raise CalibrationError(camera.name, f"has no source in {args.rig}")
         images = spread_images(camera.source, args.images)
         still = _still(args.stills, camera.name, images.shape[1:]) if args.stills else None
         plate = build_plate(images, still)
-        plates[camera.name] = Path(args.output_dir) / f"{camera.name}.png"
-        write_image(plates[camera.name], plate.image)
+        images_of[camera.name] = plate.image
         unknown = 100.0 * (1.0 - float(plate.known.mean()))
         rest = "from the still" if still is not None else "not known, somebody is there too often"
-        print(f"{camera.name}: {plates[camera.name]}; {unknown:.1f} % of it {rest}", flush=True)
+        print(f"{camera.name}: {unknown:.1f} % of the plate {rest}", flush=True)
+    for name, image in images_of.items():
+        write_image(plates[name], image)
+        print(f"wrote {plates[name]}")
     if args.output:
         entries = {
             name: entry.model_copy(update={"plate": str(plates[name].absolute())}) for name, entry in rig_file.cameras.items()

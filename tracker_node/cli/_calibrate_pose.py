@@ -6,6 +6,7 @@ import argparse
 
 from ..errors import FileFormatError
 from ._calibrate_body import add_up_arguments
+from ._run_images import refuse_to_overwrite
 
 SUMMARY = "pose a body to one row of a TRC file: a first state to track from"
 EXAMPLE = "tracker_node calibrate pose --model person.yaml --trc joints.trc --y-up --row 0 -o start.yaml"
@@ -17,6 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_up_arguments(parser)
     parser.add_argument("--row", type=int, default=0, metavar="N", help="row to fit, counted from 0 (default: %(default)s)")
     parser.add_argument("-o", "--output", default="state.yaml", metavar="FILE", help="state to write (default: %(default)s)")
+    parser.add_argument("--force", action="store_true", help="overwrite the output")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -26,6 +28,7 @@ def run(args: argparse.Namespace) -> int:
     from ..loaders.state_yaml import dump_state
     from ..loaders.trc import load_trc
 
+    refuse_to_overwrite(args, args.output)
     model, markers = load_model(args.model), load_trc(args.trc, args.y_up)
     if not 0 <= args.row < len(markers):
         raise FileFormatError("command line", "--row", f"a row of {args.trc}, 0 to {len(markers) - 1}", args.row)

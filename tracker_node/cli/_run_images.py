@@ -59,7 +59,8 @@ class RunImages:
 
 
 def add_run_arguments(parser: argparse.ArgumentParser, n_sets: int) -> None:
-    """Arguments of every calibration from a run."""
+    """Arguments of every calibration from a run, and ``--force``, which goes for those from other files too."""
+    parser.add_argument("--force", action="store_true", help="overwrite the output and the report")
     group = parser.add_argument_group("from a run")
     add = group.add_argument
     add("--from-run", metavar="RUN", help="folder written by track_offline, or a bag with tracked states and images")
@@ -67,7 +68,6 @@ def add_run_arguments(parser: argparse.ArgumentParser, n_sets: int) -> None:
     add("--evidence", choices=EVIDENCE, default=EVIDENCE[0],
         help="region: colors on either side of contours; silhouette: needs plates to be good (default: %(default)s)")  # fmt: skip
     add("--config", metavar="FILE", help="tracker parameters, for how the images are looked at (default: built in)")
-    add("--force", action="store_true", help="overwrite the output and the report")
     add("--quiet", action="store_true", help="no progress on stderr")
 
 

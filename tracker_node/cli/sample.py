@@ -45,11 +45,12 @@ def prepare(folder: Path, fresh: bool = False) -> int:
         print("Making pictures of the empty scene from the videos and the stills", flush=True)
         balancing.write_plates(folder)
     person, state = folder / "person.yaml", folder / "initial_state.yaml"
-    status = 0
+    status, force = 0, ("--force",) if fresh else ()
     if fresh or not person.exists():
-        status = run_verb("calibrate", "body", "--trc", folder / "static.trc", "-o", person)
+        status = run_verb("calibrate", "body", "--trc", folder / "static.trc", "-o", person, *force)
     if status == 0 and (fresh or not state.exists()):
-        status = run_verb("calibrate", "pose", "--model", person, "--trc", folder / "truth.trc", "--row", "0", "-o", state)
+        arguments = ("--model", person, "--trc", folder / "truth.trc", "--row", "0", "-o", state)
+        status = run_verb("calibrate", "pose", *arguments, *force)
     _describe(folder, fresh)
     return status
 
