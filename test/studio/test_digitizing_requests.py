@@ -87,11 +87,24 @@ def test_any_request_is_answered_or_refused_in_words(session, wanted):
     assert {camera: {name: list(pixel) for name, pixel in points.items()} for camera, points in saved.items()} == now
 
 
-def test_a_second_studio_on_the_same_clicks_is_refused_until_the_first_ends(session):
-    second = replace(session, closing=ExitStack())
+def test_a_second_studio_may_look_at_the_same_clicks_but_change_them_only_after_the_first_has_ended(session):
+    second_session = replace(session, closing=ExitStack())
+    second = Desk(second_session)
+    assert second.facts()["points"] == []
     with session.closing:
         Desk(session).add_point(AskedName(name="hip"))
         with pytest.raises(TrackerError, match=rf"clicks: process {os.getpid()} works in this folder"):
-            Desk(second).facts()
-    with second.closing:
-        assert Desk(second).facts()["points"] == ["hip"]
+            second.add_point(AskedName(name="knee"))
+    with second_session.closing:
+        assert second.add_point(AskedName(name="knee"))["points"] == ["hip", "knee"]
+
+
+def test_looking_makes_no_folder(session):
+    desk = Desk(session)
+    desk.facts()
+    desk.sheet(Asked(set=0, sheet="first"))
+    desk.repeatability(Asked(set=0, sheet="first"))
+    assert not session.files.clicks.exists()
+    desk.add_point(AskedName(name="hip"))
+    assert (session.files.clicks / ".claimed").exists()
+    session.closing.close()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -72,8 +73,18 @@ class Desk:
 
     @cached_property
     def _store(self) -> ClickStore:
+        """To look at; to change anything, `_own_store`."""
+        return self._loaded(self._session.files.clicks)
+
+    @cached_property
+    def _own_store(self) -> ClickStore:
+        """The same from the first change on, once no other studio can change it; read anew, since one may have until then."""
+        self._store = self._loaded(self._session.claimed_clicks)
+        return self._store
+
+    def _loaded(self, folder: Path) -> ClickStore:
         known = self._session.files.control_points
-        return ClickStore(self._session.claimed_clicks, self._rig.names, {} if known is None else load_places(known))
+        return ClickStore(folder, self._rig.names, {} if known is None else load_places(known))
 
     @property
     def _rig(self) -> CameraRig:
@@ -127,20 +138,21 @@ class Desk:
             pixel = None if asked.pixel is None else np.array(asked.pixel)
             if pixel is not None and not self._rig[asked.camera].model.in_image(pixel):
                 raise FileFormatError("request", "pixel", f"a pixel on the image of camera '{asked.camera}'", asked.pixel)
-            known = self._store.places if asked.sheet == CONTROL else self._points()
+            store = self._own_store
+            known = store.places if asked.sheet == CONTROL else self._points()
             if asked.point not in known:
                 raise UnknownNameError("point", asked.point, known)
             before = self._clicked(asked).get(asked.camera, {}).get(asked.point)
             if asked.sheet == CONTROL:
-                self._store.set_control_click(asked.camera, asked.point, pixel)
+                store.set_control_click(asked.camera, asked.point, pixel)
             else:
-                self._store.set_click(asked.sheet, self._stamp_ns(asked.set), asked.camera, asked.point, pixel)
+                store.set_click(asked.sheet, self._stamp_ns(asked.set), asked.camera, asked.point, pixel)
             return {"before": None if before is None else before.tolist(), **self.sheet(asked)}
 
     def add_point(self, asked: AskedName) -> dict[str, Any]:
         """A point of one's own."""
         with self._lock:
-            self._store.add_name(asked.name)
+            self._own_store.add_name(asked.name)
             return self.facts()
 
     def repeatability(self, asked: Asked) -> dict[str, Any]:
@@ -152,7 +164,7 @@ class Desk:
     def save(self, asked: Asked) -> dict[str, Any]:
         """Trajectories into the folder of the clicks."""
         with self._lock:
-            written = digitizing.save_trajectories(self._rig, self._store, _method(asked))
+            written = digitizing.save_trajectories(self._rig, self._own_store, _method(asked))
         return {"written": [str(path) for path in written]}
 
     def _point_sheet(self, asked: Asked, clicked: Clicked) -> dict[str, Any]:

@@ -80,7 +80,8 @@ class StudioSession:
 
     @made_once
     def claimed_clicks(self) -> Path:
-        """The folder of digitized points, which no other studio works in until this one ends, or a `TrackerError`."""
+        """The folder of digitized points, which is made, and which no other studio changes until this one ends, or a
+        `TrackerError`."""
         self.closing.enter_context(OwnedFolder(self.files.clicks).claimed())
         return self.files.clicks
 
