@@ -206,6 +206,15 @@ def test_a_studio_that_was_started_anew_asks_for_its_new_address(ros):
             wait_for(tab.page, ".notice:not(#no-images)", "open the address")
 
 
+def test_without_its_facts_the_page_says_why(ros):
+    with running_studio() as studio, browser_tab() as tab:
+        tab.page.route("**/api/live", lambda route: route.fulfill(status=400, json={"error": "not today"}))
+        tab.page.goto(studio.page("live.html"))
+        tab.page.wait_for_selector("main .notice:visible")
+        assert tab.page.inner_text("main") == "not today"
+        assert not [error for error in tab.errors if "TypeError" in error]
+
+
 def test_a_view_outlives_a_request_that_cannot_be_sent_and_is_made_anew_where_it_has_ended(fake):
     session = StudioSession(StudioFiles())
     desk = Desk(session)

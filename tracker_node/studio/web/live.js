@@ -2,7 +2,7 @@
 
 import { attempt, ImageView, layoutViews, make, request, say } from "/common.js";
 import { drawCurve, format, percentile, SHADES } from "/live_curves.js";
-import { openPage } from "/page.js";
+import { openPageWith } from "/page.js";
 
 const KEPT = 4000; // states
 const SILENT_S = 3;
@@ -22,11 +22,10 @@ let news = null; // the newest answer
 let facts = null;
 let diagnosticsShown = -Infinity;
 
-const session = await attempt(() => openPage("live.html"));
-if (session) await begin();
+await openPageWith("live.html", "/api/live", begin);
 
-async function begin() {
-  facts = await attempt(() => request("/api/live"));
+function begin(_session, found) {
+  facts = found;
   byId("graph").textContent = `domain ${facts.graph.ROS_DOMAIN_ID || "0"}${facts.graph.ROS_AUTOMATIC_DISCOVERY_RANGE === "LOCALHOST" ? ", this machine" : ""}`;
   byId("state").append(...facts.states.map((name) => make("option", {}, name)));
   byId("put").onclick = () => ask("set_state", { file: byId("state").value });

@@ -24,8 +24,10 @@ export async function openPage(current) {
 export async function openPageWith(current, path, begin) {
   const session = await attempt(() => openPage(current));
   const facts = session && await attempt(() => request(path));
-  if (facts) begin(session, facts);
-  else document.querySelector("main").replaceChildren(make("p", { class: "notice" }, document.querySelector(".message")?.textContent ?? ""));
+  if (facts) { begin(session, facts); return; }
+  const main = document.querySelector("main");
+  main.replaceChildren(make("p", { class: "notice" }, document.querySelector(".message")?.textContent ?? ""));
+  main.hidden = false;
 }
 
 /** What buttons do, by their ids. */

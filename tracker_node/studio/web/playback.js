@@ -22,7 +22,7 @@ class PlaybackPage {
     this.listen();
     $("timeline").setAttribute("aria-valuemax", this.n - 1);
     if (run.problem) say(run.problem, "bad");
-    this.curves = new Curves(run, this.timeline, $("dofs"), $("filter"));
+    new Curves(run, this.timeline, $("dofs"), $("filter"));
     this.goTo(0).then(() => this.zoomAll());
   }
 
