@@ -18,7 +18,7 @@ from .source_image import JPEG, jpeg_size
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm")
 DEFAULT_FOLDER_RATE_HZ = 30.0  # still images carry no rate
 _MJPG = cv2.VideoWriter.fourcc(*"MJPG")
-_NEAR = 20  # images are rather read in passing than jumped over
+READ_ON = 20  # images that are rather read in passing than jumped over
 
 
 class VideoSource(ImageSource):
@@ -69,7 +69,7 @@ class VideoSource(ImageSource):
         Where a jump ends is inexact with some codecs; the time of the image there tells.
         """
         capture, last = self._capture(), min(start, len(self._passed_ms)) - 1
-        if last < _NEAR:
+        if last < READ_ON:
             return capture, 0
         if capture.set(cv2.CAP_PROP_POS_FRAMES, last) and capture.grab():
             time_ms = capture.get(cv2.CAP_PROP_POS_MSEC)

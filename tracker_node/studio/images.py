@@ -14,6 +14,7 @@ import numpy as np
 from ..camera.camera_rig import CameraRig
 from ..errors import FileFormatError, SourceError, TrackerError, UnknownNameError
 from ..evaluation.image_sets import make_synchronizer, opened_sources
+from ..loaders.file_sources import READ_ON
 from ..loaders.image_source import ImageSource, SourceOptions
 from ..loaders.source_image import SourceImage
 from ..observation.image_set import CameraImage, ImageSet
@@ -22,7 +23,6 @@ from ..tracking.config import SynchronizerConfig
 _JPEG_BYTES = 256 * 2**20
 _DECODED_BYTES = 128 * 2**20
 _QUALITY = 88
-_READ_ON = 20  # images that are rather read in passing than looked for
 _STAMP_ONLY = np.zeros((1, 1), np.uint8)
 
 Item = TypeVar("Item")
@@ -148,7 +148,7 @@ class _Reader:
         if number not in numbers:
             raise FileFormatError("request", "image", f"a number in [{numbers.start}, {numbers.stop - 1}]", number)
         with self._lock:
-            if self._images is None or not self._next <= number <= self._next + _READ_ON:
+            if self._images is None or not self._next <= number <= self._next + READ_ON:
                 self._images = self._source.images(number)
             self._next, wanted_ns = number + 1, self._source.stamp_ns(number)
             image = next((image for image in self._images if image.stamp_ns >= wanted_ns), None)
