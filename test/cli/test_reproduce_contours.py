@@ -9,7 +9,7 @@ import pytest
 
 from tracker_node.cli import _contour_clips, _reproduce_contours
 from tracker_node.cli.main import main
-from tracker_node.errors import SourceError
+from tracker_node.errors import SourceError, TrackerError
 from tracker_node.evaluation.contour_experiments import METHODS, PUBLISHED
 from tracker_node.evaluation.tracked_clip import synthetic_clip
 
@@ -107,6 +107,14 @@ def test_a_sample_that_is_asked_for_and_cannot_be_had_is_an_error(no_index, tmp_
     assert main(["reproduce", "contours", *arguments]) == 2
     error = capsys.readouterr().err
     assert "could not be fetched from the package index" in error.splitlines()[-1] and "Traceback" not in error
+
+
+def test_a_sample_whose_preparation_has_broken_off_is_prepared_again(monkeypatch, tmp_path):
+    """recording.yaml is written even where the body could not be measured."""
+    (tmp_path / "recording.yaml").touch()
+    monkeypatch.setattr(_contour_clips, "prepare", lambda folder: 1)
+    with pytest.raises(TrackerError, match="could not be prepared"):
+        _contour_clips.balancing_clip(tmp_path)
 
 
 def test_without_the_sample_the_rest_is_measured(monkeypatch, tmp_path, capsys):

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
+from ..calibration.balancing import has_plates
 from ..errors import TrackerError
 from ..evaluation.config_file import load_config
 from ..evaluation.image_sets import resampled_rig
@@ -18,12 +18,14 @@ from ..loaders.recording_yaml import load_recording
 from ..loaders.rig_yaml import load_rig
 from ..loaders.state_yaml import load_state
 from ..synthesis.scenes import SceneConfig
+from ._progress import say
 from .sample import prepare
 from .synthesize import Request, produce, show_progress
 
 _SMALL_SCENE = SceneConfig(n_cameras=3, width=320, height=240, focal_px=290.0)
 _SMALL_IMAGES = 6
 _CONES_IMAGES, _SWING_IMAGES = 60, 60
+_BALANCING_FILES = ("rig_refined.yaml", "person.yaml", "initial_state.yaml", "truth.trc", "tracker.yaml", "recording.yaml")
 _BALANCING_LAG_IMAGES = 0.9  # of the images behind the joints, as runs on the whole clip find it
 
 
@@ -32,7 +34,7 @@ def rendered(name: str, request: Request, cache: Path) -> Path:
     count = "" if request.n_images is None else f"-{request.n_images}"
     folder = cache / f"{name}{count}"
     made = produce(request, folder, progress=show_progress)
-    print(f"{name}: {'rendered into' if made else 'found in'} {folder}", file=sys.stderr, flush=True)
+    say(f"{name}: {'rendered into' if made else 'found in'} {folder}")
     return folder
 
 
@@ -61,7 +63,8 @@ def balancing_clip(folder: Path, small: bool = False) -> Clip:
     ------
     TrackerError : it is not there, and cannot be fetched.
     """
-    if not (folder / "recording.yaml").exists() and prepare(folder) != 0:
+    whole = has_plates(folder) and all((folder / name).exists() for name in _BALANCING_FILES)
+    if not whole and prepare(folder) != 0:
         raise TrackerError(f"{folder}: the Balancing sample could not be prepared")
     rig, model = load_rig(folder / "rig_refined.yaml"), load_model(folder / "person.yaml")
     size = load_recording(folder / "recording.yaml").images.resize

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -28,6 +27,7 @@ from ..observation.image_set import ImageSet
 from ..tracking.config import TrackerConfig
 from ..tracking.contour_engine import ContourEngine
 from ..tracking.workers import Workers
+from ._progress import say
 
 
 @dataclass(frozen=True)
@@ -185,8 +185,3 @@ def sliding_table(clips: Sequence[str], metrics: Mapping[str, float | int]) -> l
             numbers = [f"{of[key]:.2f}" for key in _ABLATION_KEYS[:3]] + [f"{of[key]:.1f} mm" for key in _ABLATION_KEYS[3:]]
             rows.append([f"{clip}, {TITLES[distances]}", *numbers])
     return [*rows, ["paper: synthetic and real", "", "", "2", "the same", ""]]
-
-
-def say(text: str) -> None:
-    """A line of progress."""
-    print(text, file=sys.stderr, flush=True)

@@ -1,9 +1,14 @@
-"""Progress on the terminal: one line that rewrites itself, or a line every tenth when the output is a file."""
+"""Progress on the terminal: lines, and one line that rewrites itself, or a line every tenth when the output is a file."""
 
 from __future__ import annotations
 
 import sys
 from typing import TextIO
+
+
+def say(text: str) -> None:
+    """A line of progress."""
+    print(text, file=sys.stderr, flush=True)
 
 
 class ByteProgress:

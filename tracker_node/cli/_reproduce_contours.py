@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Any
+
+from ._progress import say
 
 SUMMARY = "the contour paper's error by silhouettes, edges and their sum, tracking by each, and the Jacobian without sliding"
 EXAMPLE = "tracker_node reproduce contours --output out/reproduce/contours"
@@ -53,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
         sections.append(_body(folder, clips["cones"], args.quick, metrics))
     runs, pictures = {}, []
     for name, clip in clips.items():
-        _say(f"{clip.name}: tracking")
+        say(f"{clip.name}: tracking")
         runs[clip.name] = tracking.track_by(clip, METHODS[:-1] if args.quick else METHODS)
         metrics |= tracking.tracking_figures(clip.name, runs[clip.name]) | tracking.sliding_figures(clip)
         if name == "cones":
@@ -68,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
     write_metrics(folder / "metrics.json", metrics)
     sections += [_errors(folder, runs), *(Section(title, table=table) for title, table in tables.items()), *pictures]
     write_page(folder / "report.html", "Silhouettes, edges, and contours that slide", sections)
-    _say(f"wrote {folder}/report.html, table.txt, metrics.json and the pictures")
+    say(f"wrote {folder}/report.html, table.txt, metrics.json and the pictures")
     return 0
 
 
@@ -101,7 +102,7 @@ def _clips(args: argparse.Namespace) -> dict[str, Any]:
         except TrackerError as error:
             if args.clips or name != "balancing":
                 raise
-            _say(f"NOT MEASURED: balancing: {error}")
+            say(f"NOT MEASURED: balancing: {error}")
     return clips
 
 
@@ -113,7 +114,7 @@ def _part(folder: Path, metrics: dict[str, float | int]) -> Any:
     from ._contour_part import MODELS, part_row
     from ._contour_tracking import valley_figures
 
-    _say("one part, moved along a row of its image")
+    say("one part, moved along a row of its image")
     picture = part_row()
     for name, (title, _) in MODELS.items():
         for key, profile in picture.errors[title].items():
@@ -130,7 +131,7 @@ def _body(folder: Path, clip: Any, quick: bool, metrics: dict[str, float | int])
     from ..evaluation.experiment_page import Section
     from ._contour_tracking import VARIABLES, body_profiles, mean_profile, valley_figures
 
-    _say("a whole body, moved along single variables")
+    say("a whole body, moved along single variables")
     profiles = body_profiles(clip, 1, QUICK_COARSENESS) if quick else body_profiles(clip, BODY_SETS)
     panels = {}
     for dof, variable in VARIABLES.items():
@@ -154,7 +155,3 @@ def _errors(folder: Path, runs: dict[str, dict[str, Any]]) -> Any:
         panels[clip] = (times, {method: each.raw.per_set_mm() for method, each in found.items()})
     save(tracking_figure(panels), folder / "fig3_tracking.png")
     return Section("Error over time", "Mean distance of joints from the truth.", picture=folder / "fig3_tracking.png")
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
