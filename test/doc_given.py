@@ -139,7 +139,7 @@ def robot(place: Place) -> None:
 
 def shipped_files(place: Place) -> None:
     """The package's ``config/``, as somebody finds it who stands in the source tree."""
-    (place.folder / "config").symlink_to(ROOT / "config")
+    place.lay(ROOT / "config", "config")
 
 
 def board_recordings(place: Place) -> None:

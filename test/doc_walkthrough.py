@@ -140,8 +140,10 @@ class Walkthrough:
             self._running.pop(name).close()
 
     def _end_all(self) -> None:
-        for name in reversed(list(self._running)):
-            self._end(name)
+        """Every one of them, the latest first, even if one does not end well."""
+        with ExitStack() as ending:
+            while self._running:
+                ending.callback(self._running.pop(next(iter(self._running))).close)
 
 
 def _activate(script: Path, env: dict[str, str]) -> None:

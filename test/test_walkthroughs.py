@@ -8,13 +8,14 @@ import re
 import shutil
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
 import pytest
 import yaml
 from doc_commands import CHANGED, NOT_RUN, is_run, why_not_run
-from doc_given import GIVEN
+from doc_given import GIVEN, shipped_files
 from doc_pages import PAGES, Block, Command, blocks_of, commands_of, mentions_of
 from doc_place import Place, Shelf
 from doc_walkthrough import Walkthrough
@@ -66,6 +67,28 @@ def test_a_command_that_is_neither_is_noticed(walkthrough):
         walkthrough.do(unknown)
     with pytest.raises(AssertionError, match="--fast"):
         walkthrough.do(Command("docs/index.md", "", "tracker_node track_offline --fast"))
+
+
+def test_all_that_runs_is_ended_though_one_does_not_end_well(walkthrough):
+    ended = []
+
+    @contextmanager
+    def running(name: str) -> Iterator[None]:
+        yield
+        ended.append(name)
+        assert name != "second", "not ended well"
+
+    for name in ("first", "second", "third"):
+        walkthrough._start(name, running(name))
+    with pytest.raises(AssertionError, match="not ended well"):
+        walkthrough.close()
+    assert ended == ["third", "second", "first"]
+
+
+def test_what_pages_write_into_the_shipped_files_stays_with_them(walkthrough, repository):
+    shipped_files(walkthrough.place)
+    assert Path("config/models/human.yaml").is_file()
+    assert not Path("config/models/human.yaml").resolve().is_relative_to(repository)
 
 
 def test_the_tables_have_no_line_too_many():
