@@ -6,10 +6,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import yaml
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from ros_graph import NodeProcess, Probe
 from std_srvs.srv import SetBool
+
+from tracker_node.ros.conversions import stamp_ns_of
 
 
 def name_of(verb: str, arguments: list[str]) -> str:
@@ -20,45 +23,57 @@ def name_of(verb: str, arguments: list[str]) -> str:
 @contextmanager
 def running_node(probe: Probe, verb: str, arguments: list[str], env: dict[str, str]) -> Iterator[None]:
     """A node that does its work while the block runs, and ends well by Ctrl-C; a player may have come to its end before."""
-    settled_s = time.monotonic() + 0.3  # what a node of this name has said before is not about this one
-    probe.spin_until(lambda: time.monotonic() > settled_s)
-    probe.diagnostics.clear()
-    process = NodeProcess(verb, *arguments, env=env)
+    assert not any("use_sim_time" in word for word in arguments), "its diagnostics would not be told from earlier ones"
+    with _diagnostics_from_now_on(probe) as said:
+        process = NodeProcess(verb, *arguments, env=env)
+        try:
+            works = _works(probe, said, verb, name_of(verb, arguments), process)
+            probe.spin_until(lambda: process.ended or works(), f"{verb} at work")
+            assert not process.ended or verb == "player", process.err
+            yield
+            if not process.ended:
+                process.interrupt()
+            assert process.wait() == 0 and "Traceback" not in process.err, process.err
+        finally:
+            process.close()
+
+
+@contextmanager
+def _diagnostics_from_now_on(probe: Probe) -> Iterator[dict[str, DiagnosticStatus]]:
+    """The latest status of every part on /diagnostics; what an earlier node of the same name has still under way is left out.
+
+    By the stamps, so nodes have to be on the system's clock.
+    """
+    began_ns = time.time_ns()
+    said: dict[str, DiagnosticStatus] = {}
+
+    def keep(message: DiagnosticArray) -> None:
+        if stamp_ns_of(message.header.stamp) >= began_ns:
+            said.update({status.name: status for status in message.status})
+
+    subscription = probe.node.create_subscription(DiagnosticArray, "/diagnostics", keep, 100)
     try:
-        works = _works(probe, verb, name_of(verb, arguments), process)
-        probe.spin_until(lambda: process.ended or works(), f"{verb} at work")
-        assert not process.ended or verb == "player", process.err
-        yield
-        if not process.ended:
-            process.interrupt()
-        assert process.wait() == 0 and "Traceback" not in process.err, process.err
+        yield said
     finally:
-        process.close()
+        probe.node.destroy_subscription(subscription)
 
 
-def _works(probe: Probe, verb: str, name: str, process: NodeProcess) -> Callable[[], bool]:
+def _works(probe: Probe, said: dict[str, DiagnosticStatus], verb: str, name: str, process: NodeProcess) -> Callable[[], bool]:
     """Whether the node does what it is for, as it says itself."""
     if verb == "rectify":
         return lambda: "rectify: ready" in process.out
     if verb == "player":
         return probe.node.create_client(SetBool, f"/{name}/pause").service_is_ready
     if verb == "tracker":
-        return lambda: _said(probe, f"{name}: lifecycle").message == "active"
+        return lambda: said.get(f"{name}: lifecycle", DiagnosticStatus()).message == "active"
     what = {"recorder": "messages", "camera_ingest": "published"}[verb]
 
     def counts() -> bool:
-        parts = [part for part in probe.diagnostics if part.startswith(f"{name}: ")]
-        numbers = [v.value for part in parts for v in _said(probe, part).values if v.key == what]
+        parts = [status for part, status in said.items() if part.startswith(f"{name}: ")]
+        numbers = [v.value for status in parts for v in status.values if v.key == what]
         return bool(numbers) and "0" not in numbers
 
     return counts
-
-
-def _said(probe: Probe, part: str):
-    """The latest status of a part on /diagnostics, empty if there is none."""
-    from diagnostic_msgs.msg import DiagnosticStatus
-
-    return probe.diagnostics.get(part, DiagnosticStatus())
 
 
 def ask(probe: Probe, words: list[str]) -> None:
