@@ -93,15 +93,6 @@ def test_single_image_sets_of_a_clip(folder):
     assert len(stamps) == 6 and [s.stamp_ns for s in clip.sets_at([1, 4])] == [stamps[1], stamps[4]]
 
 
-@pytest.fixture
-def no_index(monkeypatch, tmp_path):
-    """An empty cache, and a package index that has nothing."""
-    monkeypatch.setenv("PIP_NO_INDEX", "1")
-    monkeypatch.setenv("PIP_CONFIG_FILE", "/dev/null")
-    monkeypatch.delenv("PIP_FIND_LINKS", raising=False)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-
-
 def test_a_sample_that_is_asked_for_and_cannot_be_had_is_an_error(no_index, tmp_path, capsys):
     arguments = ["--clips", "balancing", "--sample", str(tmp_path / "none"), "--output", str(tmp_path / "out")]
     assert main(["reproduce", "contours", *arguments]) == 2

@@ -15,15 +15,6 @@ from tracker_node.loaders.sample_data import SAMPLES, fetch_sample
 from tracker_node.loaders.state_yaml import load_state
 
 
-@pytest.fixture
-def no_index(monkeypatch, tmp_path):
-    """An empty cache, and a package index that has nothing."""
-    monkeypatch.setenv("PIP_NO_INDEX", "1")
-    monkeypatch.setenv("PIP_CONFIG_FILE", "/dev/null")
-    monkeypatch.delenv("PIP_FIND_LINKS", raising=False)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-
-
 @pytest.mark.parametrize("command", [["sample", "balancing", "--output"], ["demo", "--out"]])
 def test_without_network_and_cache_it_is_said_in_one_line(no_index, tmp_path, capsys, command):
     assert main([*command, str(tmp_path / "out")]) == 2

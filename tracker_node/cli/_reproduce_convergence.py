@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
+
+from ._progress import say
 
 SUMMARY = "score against each variable around the truth, widths of its valley, and from how far each optimizer finds back"
 EXAMPLE = "tracker_node reproduce convergence --output out/reproduce/convergence"
@@ -43,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     profiles, rates = {}, {}
     starts, trials = (START_ERRORS[:1], 2) if args.quick else (START_ERRORS, args.trials)
     for key, body in (("ellipsoid", scene.tracked), ("nurbs", scene.measured)):
-        _say(f"{TITLES[key]}: drawing {len(scene.truth)} target image sets")
+        say(f"{TITLES[key]}: drawing {len(scene.truth)} target image sets")
         images = scene.film(body)
 
         def show(i: int, images: Any = images) -> None:
@@ -59,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     print(format_metrics(metrics))
     write_metrics(folder / "metrics.json", metrics)
     _write_pictures(folder, profiles, starts, rates, metrics)
-    _say(f"wrote {folder}/metrics.json, fig5.png, fig6.png, success_*.png and report.html")
+    say(f"wrote {folder}/metrics.json, fig5.png, fig6.png, success_*.png and report.html")
     return 0
 
 
@@ -122,7 +123,7 @@ def _rates(
     for name, fit in fits.items():
         rates[name] = [success_rate(show, truth, fit, mm, deg, trials, near_mm=near_mm) for mm, deg in starts]
         said = ", ".join(f"{mm:.0f} mm {rate:.0%}" for (mm, _), rate in zip(starts, rates[name], strict=True))
-        _say(f"  {name}: arrives from {said}")
+        say(f"  {name}: arrives from {said}")
     return rates
 
 
@@ -136,8 +137,7 @@ def _write_pictures(folder: Path, profiles: Any, starts: Any, rates: Any, metric
     for number, unit in ((5, "mm"), (6, "deg")):
         names = [name for name, own in zip(VARIABLES, UNITS, strict=True) if own == unit]
         panels = {
-            TITLES[key]: {LABELS[name]: of[min(SHOWN_IMAGE, len(of) - 1)][name] for name in names}
-            for key, of in profiles.items()
+            TITLES[key]: {LABELS[name]: of[min(SHOWN_IMAGE, len(of) - 1)][name] for name in names} for key, of in profiles.items()
         }
         path = folder / f"fig{number}.png"
         save(convergence_figure(panels, unit), path)
@@ -149,7 +149,3 @@ def _write_pictures(folder: Path, profiles: Any, starts: Any, rates: Any, metric
         sections.append(Section(title, picture=path))
     sections.append(Section("Figures", preformatted=format_metrics(metrics)))
     write_page(folder / "report.html", "How wide the score's valley is", sections)
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+from ._progress import say
 
 SUMMARY = "film a thrown wooden cross as interlaced video, track it by color, and hold it against truth and digitizing"
 EXAMPLE = "tracker_node reproduce cross --output out/reproduce/cross"
@@ -38,12 +39,12 @@ def run(args: argparse.Namespace) -> int:
     for trial in scene.trials:
         footage = {}
         for backend in dict.fromkeys(method.backend for method in methods):
-            _say(f"{trial.name} somersault: filming {trial.n_fields} fields with {backend}")
+            say(f"{trial.name} somersault: filming {trial.n_fields} fields with {backend}")
             footage[backend] = scene.film(trial, backend)
         digitized = scene.digitize(trial)
         tracked = {}
         for method in methods:
-            _say(f"{trial.name} somersault: {method.title}")
+            say(f"{trial.name} somersault: {method.title}")
             late_s = camera_times(scene, trial, footage[method.backend], method)
             tracked[method] = track(scene, trial, footage[method.backend], method, late_s)
             if method.times == "estimated":
@@ -57,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
     (folder / "table.txt").write_text("\n".join(text) + "\n")
     write_metrics(folder / "metrics.json", metrics)
     write_page(folder / "report.html", "The wooden cross", sections)
-    _say(f"wrote {folder}/report.html, table.txt, metrics.json and the pictures")
+    say(f"wrote {folder}/report.html, table.txt, metrics.json and the pictures")
     return 0
 
 
@@ -151,7 +152,3 @@ def _pictures(
         Section(f"Pose (Fig. {pose_number})", picture=poses),
         Section("Errors", text, picture=errors),
     ]
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)

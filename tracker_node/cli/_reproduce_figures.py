@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Any
+
+from ._progress import say
 
 SUMMARY = "draw both bodies and how far their surfaces lie apart, the five panels of a match, and the plan view of the cameras"
 EXAMPLE = "tracker_node reproduce figures --output out/reproduce/figures"
@@ -34,7 +35,7 @@ def run(args: argparse.Namespace) -> int:
     folder = Path(args.output)
     folder.mkdir(parents=True, exist_ok=True)
     bodies = {"NURBS": nurbs_human(), "ellipsoids": ellipsoid_human()}
-    _say("drawing the bodies")
+    say("drawing the bodies")
     standing = {title: Configuration(body, State.neutral(body)) for title, body in bodies.items()}
     save(bodies_figure(standing, _portrait_rig(160 if args.quick else 480)), folder / "fig1.png")
     target, view, camera = _match(192 if args.quick else 768)
@@ -54,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
         Section("Fig. 2", "A target image, and the body drawn in an estimate that is still off.", picture=folder / "fig2.png"),
         Section("Fig. 3", "The cameras from above.", picture=folder / "fig3.png"),
     ])  # fmt: skip
-    _say(f"wrote {folder}/fig1.png, fig2.png, fig3.png, surface_distance.txt, metrics.json and report.html")
+    say(f"wrote {folder}/fig1.png, fig2.png, fig3.png, surface_distance.txt, metrics.json and report.html")
     return 0
 
 
@@ -105,7 +106,3 @@ def _plan(rig_file: str | None) -> tuple[Any, dict[str, Any]]:
     for name, trial in (("side somersault", side_somersault(model)), ("twisting somersault", twisting_somersault(model))):
         paths[name] = np.array([state.T_world_root[:3, 3] for state in trial.states()])
     return cross_rig(), paths
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)

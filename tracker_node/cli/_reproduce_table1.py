@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from math import radians
 from pathlib import Path
 from typing import Any
+
+from ._progress import say
 
 SUMMARY = "track a somersault of 11 synthetic images and three cameras by color; errors beside the paper's Table 1"
 EXAMPLE = "tracker_node reproduce table1 --output out/reproduce/table1"
@@ -50,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     scene = somersault_scene(3, 192) if args.quick else somersault_scene()
     images = {}
     for backend in BACKENDS:
-        _say(f"drawing {len(scene.truth)} target image sets with {backend}")
+        say(f"drawing {len(scene.truth)} target image sets with {backend}")
         images[backend] = scene.film(scene.measured, backend)
     objectives = _Objectives(scene)
     methods = [method for method in _methods(objectives) if not args.quick or method.key in QUICK]
@@ -65,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
         else:
             start = experiments.moved(scene.truth[0], START_ERROR)
             tracked[method.key] = experiments.track(show, len(scene.truth), start, method.fit)
-        _say(f"{method.title}: done")
+        say(f"{method.title}: done")
     errors = {method.key: tracked[method.key].errors(scene.truth) for method in methods}
     metrics: dict[str, float | int] = {}
     for method in methods:
@@ -83,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     (folder / "table.txt").write_text(text + "\n")
     write_metrics(folder / "metrics.json", metrics)
     _write_pictures(folder, scene, images[BACKENDS[0]], tracked["stepping"].states, tables, remarks)
-    _say(f"wrote {folder}/table.txt, metrics.json, fig4.png and report.html")
+    say(f"wrote {folder}/table.txt, metrics.json, fig4.png and report.html")
     return 0
 
 
@@ -195,7 +196,3 @@ def _write_pictures(folder: Path, scene: Any, targets: Any, states: Any, tables:
         *(Section(title, "Maximum and rms over all image sets.", table) for title, table in tables.items()),
         Section("Fig. 4", "What was filmed, and the ellipsoid body where stepping found it.", picture=folder / "fig4.png"),
     ])  # fmt: skip
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
