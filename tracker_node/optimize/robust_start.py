@@ -10,10 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm, qmc
+from scipy.special import ndtri
 
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
+from .halton import scrambled_halton
 from .score_objective import ScoreObjective
 
 
@@ -129,10 +130,10 @@ def _moved(state: State, root_tangent: np.ndarray) -> State:
 
 def _ball_points(n: int, seed: int) -> np.ndarray:
     """(n, 6): two points of the unit ball each, spread evenly (scrambled Halton sequence)."""
-    uniform = qmc.Halton(8, seed=seed).random(n)
+    uniform = scrambled_halton(n, 8, seed)
     points = np.empty((n, 6))
     for half in (0, 1):
-        direction = norm.ppf(np.clip(uniform[:, 4 * half : 4 * half + 3], 1e-9, 1.0 - 1e-9))
+        direction = ndtri(np.clip(uniform[:, 4 * half : 4 * half + 3], 1e-9, 1.0 - 1e-9))
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
         points[:, 3 * half : 3 * half + 3] = direction * np.cbrt(uniform[:, 4 * half + 3 : 4 * half + 4])
     return points

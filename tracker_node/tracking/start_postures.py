@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import qmc
 
 from ..model.articulated_model import ArticulatedModel
 from ..model.kinematic_chain import KinematicChain
+from ..optimize.halton import scrambled_halton
 
 _WIDEST = 1.2  # radians from neutral that axes without narrow limits are sampled in
 
@@ -105,7 +105,7 @@ def postures(model: ArticulatedModel, n_random: int, seed: int) -> np.ndarray:
     if chain.n_axes:
         low, high = reachable(chain)
         low, high = np.maximum(low, neutral - _WIDEST), np.minimum(high, neutral + _WIDEST)
-        unit = qmc.Halton(chain.n_axes, seed=seed).random(n_random)
+        unit = scrambled_halton(n_random, chain.n_axes, seed)
         rows += list(low + unit * (high - low))
     clipped = np.clip(np.array(rows).reshape(len(rows), chain.n_axes), chain.lower, chain.upper)
     _, first = np.unique(clipped, axis=0, return_index=True)
