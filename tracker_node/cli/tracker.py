@@ -65,16 +65,19 @@ def listeners(text: str) -> tuple[str, int]:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..evaluation.config_file import load_config
-    from ..loaders.model_yaml import load_model
-    from ..loaders.rig_yaml import load_rig
-    from ..loaders.state_yaml import load_state
-    from ..ros.executor import ros_process, spin
-    from ..ros.image_inbox import InboxOptions
-    from ..ros.lifecycle import FINALIZED, INACTIVE
-    from ..ros.tracker_node import TrackerNode
-    from ..ros.tracker_options import TrackerOptions
-    from ..tracking.config import TrackerConfig
+    from ..ros.heap import kept_for_ever
+
+    with kept_for_ever():
+        from ..evaluation.config_file import load_config
+        from ..loaders.model_yaml import load_model
+        from ..loaders.rig_yaml import load_rig
+        from ..loaders.state_yaml import load_state
+        from ..ros.executor import ros_process, spin
+        from ..ros.image_inbox import InboxOptions
+        from ..ros.lifecycle import FINALIZED, INACTIVE
+        from ..ros.tracker_node import TrackerNode
+        from ..ros.tracker_options import TrackerOptions
+        from ..tracking.config import TrackerConfig
 
     rig, model = load_rig(args.rig), load_model(args.model)
     options = TrackerOptions(
