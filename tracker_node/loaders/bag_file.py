@@ -13,6 +13,7 @@ import yaml
 from .. import __version__
 from .bag_metadata import TimeSpan, TopicRecord
 from .mcap_writer import McapWriter
+from .written_pages import WrittenPages
 
 
 class BagFile:
@@ -35,6 +36,7 @@ class BagFile:
             self._stream.close()
             path.unlink(missing_ok=True)
             raise
+        self._pages = WrittenPages(self._stream.fileno())
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._first_ns: int | None = None
@@ -82,6 +84,10 @@ class BagFile:
         """Hand everything so far to the operating system."""
         self._writer.finish_chunk()
 
+    def forget(self) -> None:
+        """The operating system need not keep what it has been handed in memory once it is on the disk."""
+        self._pages.grown(self._writer.size)
+
     def sync(self) -> None:
         """Have the operating system write what it has to the disk, the first time with the file's name."""
         os.fdatasync(self._stream.fileno())
@@ -111,6 +117,7 @@ class BagFile:
     def close(self) -> None:
         """Leave the file as it is."""
         self.finished = True
+        self._pages.close()
         self._stream.close()
 
 

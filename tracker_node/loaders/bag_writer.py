@@ -180,7 +180,7 @@ class BagWriter:
         self.write(topic, stamp_ns, bytes(typestore().serialize_cdr(message, type_name)))
 
     def flush(self, to_disk: bool = False) -> None:
-        """Hand everything so far to the operating system: it survives when this process is killed.
+        """Hand everything so far to the operating system: it survives when this process is killed, and need not stay in memory.
 
         With ``to_disk`` wait until it is on the disk, where it survives a power failure too.
 
@@ -191,6 +191,7 @@ class BagWriter:
         self._with_reserve(self._file.finish_chunk)
         if to_disk:
             self._file.sync()
+        self._file.forget()
         if self._reserve.size and 2 * self._file.index_size > self._reserve.size:
             self._reserve.grow(2 * self._reserve.size)
 
