@@ -23,6 +23,7 @@ from ..observation.small_view import SmallView
 from ..render.shape_arrays import ShapeArrays
 from .config import StartConfig
 from .engine import Images
+from .start_coverage import StartCoverage
 from .start_evidence import StartEvidence
 from .start_fit import SilhouetteFit
 from .start_parts import LimbAlternatives
@@ -62,7 +63,7 @@ class StartFinder:
     Attributes
     ----------
     problem : why the last `find` has found nothing. watching : because it has not seen enough image sets yet.
-    alternatives : other places for limbs, in the latest images.
+    alternatives : other places for limbs, in the latest images. coverage : what a state leaves uncovered in these.
     """
 
     def __init__(
@@ -87,6 +88,7 @@ class StartFinder:
         self._evidence = StartEvidence(self._cameras, small)
         self._segmentation = StartSegmentation(self._evidence, self._cameras, self.size_m)
         self.alternatives = LimbAlternatives(model, self._cameras, self._evidence, parallel)
+        self.coverage = StartCoverage(model, self._cameras, self._evidence)
         self.problem = ""
         self.watching = False
 

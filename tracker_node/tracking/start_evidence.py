@@ -19,6 +19,7 @@ _SHADOW = 0.65  # darkest; a wider range would take bare legs for the shadow tha
 _REACH = 3.0  # log-odds are not believed beyond
 _DENIED = 1.2  # nor those of the scene beyond this: a body may have the colors of what is behind it
 _MOST_IMAGES = 9  # that are kept to see what moves
+_RECENT = 2  # of them, the latest, in which a body is about where it is now
 _BINS = 16  # a channel
 _RARE = 2e-4  # density, of bins, of colors that have not been seen
 _MOVED = 1.0  # log-odds of a pixel that has changed, besides what its color says
@@ -85,6 +86,20 @@ class StartEvidence:
                 result.append(self._by_color(i, image))
         return result
 
+    def sure(self) -> list[np.ndarray | None]:
+        """Masks (h, w) bool of the latest images: what stands out from the empty scene or, where nobody has seen that, shows what
+        no older image shows, in a color of the body's. The place that a body has left is new as well, but not in its colors."""
+        result: list[np.ndarray | None] = []
+        for i, (image, scene, odds) in enumerate(zip(self.images, self._scenes, self.maps(), strict=True)):
+            past = [old for images in self._past[: -1 - _RECENT] if (old := images[i]) is not None]
+            ratios = self.colors[i]
+            if image is None or scene is not None or ratios is None or not past:
+                result.append(None if image is None or scene is None or odds is None else odds > 0.0)
+                continue
+            new = np.min([_changed(image, old) for old in past], axis=0) > 0.0
+            result.append(new & (cv2.blur(ratios[color_bins(image)], (3, 3)) > 0.0))
+        return result
+
     def _by_color(self, i: int, image: np.ndarray) -> np.ndarray | None:
         if i not in self._moves:
             self._moves[i] = self._moved(i, image)
@@ -125,9 +140,7 @@ class StartEvidence:
         past = [old for images in self._past[:-1] if (old := images[i]) is not None]
         if not past:
             return None
-        smooth = cv2.GaussianBlur(image, (3, 3), 0.7)
-        odds = [_against(smooth, SceneModel.from_images([cv2.GaussianBlur(p, (3, 3), 0.7)], _MOVED_SIGMA)) for p in past]
-        return np.max(odds, axis=0)
+        return np.max([_changed(image, old) for old in past], axis=0)
 
     def learn(self, inside: Sequence[np.ndarray], around: Sequence[np.ndarray]) -> None:
         """Take colors from the latest images: those of the body, weighted by ``inside`` (h, w), and those near it, by ``around``.
@@ -150,6 +163,12 @@ class StartEvidence:
 
 def _against(image: np.ndarray, scene: SceneModel) -> np.ndarray:
     return body_log_odds(image, (0, 0, image.shape[1], image.shape[0]), scene, ColorModel(), _SHADOW, _REACH)
+
+
+def _changed(image: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Log-odds (h, w) that a pixel shows something else than ``before``."""
+    scene = SceneModel.from_images([cv2.GaussianBlur(before, (3, 3), 0.7)], _MOVED_SIGMA)
+    return _against(cv2.GaussianBlur(image, (3, 3), 0.7), scene)
 
 
 def _distance_to(mask: np.ndarray) -> np.ndarray:

@@ -20,6 +20,7 @@ _DOUBTFUL = 0.05  # probability of being lost, of a limb that is looked for else
 _LOST = 0.5  # ...and that teaches nothing about the rest of the body
 _ELSEWHERE = 4  # places that are tried for it
 _ROUNDS = 2
+_UNCOVERED_COUNTS = 2.0  # times as much as what is covered, a share for a share
 _BETTER = 0.01  # share of the standing that another place of a limb must add
 _RIVAL = 0.85  # of the best one's standing: with less, a start is out
 HOPEFUL = 0.5  # the same before doubtful limbs have been looked for elsewhere
@@ -35,16 +36,18 @@ def standing(surety: float, limbs: Sequence[LimbReport]) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """What the engine has made of a start in one image set."""
+    """What the engine has made of a start in one image set. ``uncovered``: see `StartCoverage`."""
 
     state: State
     verdict: Verdict
+    uncovered: float = 0.0
 
     @property
     def standing(self) -> float:
-        """See `standing`; the engine has to have a surety."""
+        """See `standing`, less for what is left uncovered; the engine has to have a surety."""
         assert self.verdict.surety is not None
-        return standing(self.verdict.surety, self.verdict.limbs)
+        found = standing(self.verdict.surety, self.verdict.limbs)
+        return found * (1.0 - min(self.uncovered, 1.0)) ** _UNCOVERED_COUNTS if found > 0.0 else found
 
 
 def tried(engine: Engine, images: Images, image_set: ImageSet, start: State) -> Trial:

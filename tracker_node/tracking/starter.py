@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -119,12 +120,17 @@ class Starter:
     def _chosen(self, starts: Sequence[Start], images: Images, image_set: ImageSet) -> list[State]:
         """States that go on, the best first."""
         engine = self._engine = self._engine or self._make_engine()
-        trials = [tried(engine, images, image_set, start.state) for start in starts]
+
+        def attempt(state: State) -> Trial:
+            trial = tried(engine, images, image_set, state)
+            return replace(trial, uncovered=self._finder.coverage.uncovered(trial.state))
+
+        trials = [attempt(start.state) for start in starts]
         if any(trial.verdict.surety is None for trial in trials):
             return self._by_share(starts, trials)
         # With a limb elsewhere, the right one can stand far behind another whose limbs happen to be hidden.
         hopeful = rivals(self._model, trials, self._finder.size_m, self._config.repair, HOPEFUL)
-        mended = [self._mended(trial, lambda state: tried(engine, images, image_set, state)) for trial in hopeful]
+        mended = [self._mended(trial, attempt) for trial in hopeful]
         best = rivals(self._model, mended + trials, self._finder.size_m, self._config.hold)
         return [trial.state for trial in best if trial.standing > 0.0]
 
