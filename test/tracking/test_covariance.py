@@ -64,6 +64,40 @@ def test_links_bend_as_they_do_by_differences():
             np.testing.assert_allclose(found[k, link], bend, atol=1e-5)
 
 
+def test_links_bend_along_two_directions_at_once_as_they_do_by_differences():
+    model, rng, h = human_model(), np.random.default_rng(5), 1e-3
+    body = Configuration(model, State.neutral(model).retract(0.3 * rng.normal(size=model.n_dof)))
+    directions = rng.normal(size=(model.n_dof, 2))
+    directions[:6, 0] = 0.0
+    directions /= np.linalg.norm(directions, axis=0)
+
+    def alone(direction: np.ndarray, link: int) -> np.ndarray:
+        back = se3.inverse(body.Ts_world_link[link])
+        places = [Configuration(model, body.state.retract(s * h * direction)).Ts_world_link[link] for s in (1.0, -1.0)]
+        return sum(se3.log(place @ back) for place in places) / h**2
+
+    found = link_bends(body, directions, (np.array([0]), np.array([1])))[0]
+    for link in range(len(found)):
+        both = alone(directions.sum(axis=1), link) - alone(directions[:, 0], link) - alone(directions[:, 1], link)
+        np.testing.assert_allclose(found[link], 0.5 * both, atol=2e-5)
+
+
+def test_two_directions_that_are_hardly_known_bend_each_other():
+    """Against sampled errors: what all others do to make up for where they lead beside the tangent."""
+    names = ("left_shoulder_flexion", "left_shoulder_abduction", "left_shoulder_internal_rotation")
+    weak = np.eye(N)[:, [MODEL.chain.dof_names.index(name) for name in names]]
+    spreads = np.radians([8.0, 5.0, 6.0])
+    H = 1e6 * np.eye(N) + (weak * (1.0 / spreads**2 - 1e6)) @ weak.T
+    plain, links = replace(STATUS, covariance_excess=0.0), np.tile(1e5 * np.eye(6), (N_LINKS, 1, 1))
+    added = fit_covariance(H, ImageEvidence(H, H, links), BODY, plain) - fit_covariance(H, evidence(H, H), BODY, plain)
+    errors = np.random.default_rng(6).normal(size=(4000, 3)) * spreads
+    pulls = 0.5e5 * link_bends(BODY, weak @ errors.T)
+    makes_up = np.linalg.solve(H, np.einsum("kla,na,ln->nk", pulls, BODY.twists, MODEL.chain.link_moved_by))
+    expected = makes_up @ makes_up.T / len(errors)
+    np.testing.assert_allclose(added, expected, atol=0.1 * np.diag(expected).max())
+    assert np.linalg.eigvalsh(expected)[-2] > 0.05 * np.linalg.eigvalsh(expected)[-1]  # not the arc of one of them alone
+
+
 def test_what_images_hardly_know_is_known_less_and_leads_along_an_arc():
     weak = N - 1
     H = np.diag(np.full(N, 1e6))

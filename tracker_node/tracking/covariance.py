@@ -5,7 +5,8 @@ cause, and H^-1 S H^-1 that of the state (the sandwich of Huber, 1967); priors a
 
 To first order, that is. A direction that is hardly known, such as the turn of a collar bone that the arm makes up for, leads
 along an arc: whoever goes along its tangent for e leaves the arc by e^2/2 times its curvature, where other directions seem to be
-known exactly. So much is added, with what the tangent itself is less known than its linearization says.
+known exactly. Two such directions bend each other: the arm's own turn decides where its elbow's leads. So much is added, with
+what the tangent itself is less known than its linearization says.
 """
 
 from __future__ import annotations
@@ -83,33 +84,52 @@ def _hardly_known(
 ) -> np.ndarray:
     """What is added for directions of the joints that the images say little of: along them, and where their arcs lead."""
     variance, directions = np.linalg.eigh(covariance)
-    weak = variance > _WELL_KNOWN
-    variance, directions = variance[weak], directions[:, weak]
+    bent = variance * variance[-1] > _WELL_KNOWN**2  # with the least known, if not alone
+    variance, directions = variance[bent], directions[:, bent]
     told = _along(images.information, directions) / _along(total, directions)  # by the images; a prediction is as wide as it says
     relative = status.covariance_curvature * variance
-    jointed = (directions[N_ROOT_DOF:] ** 2).sum(axis=0)
+    jointed = (directions[N_ROOT_DOF:] ** 2).sum(axis=0) * (variance > _WELL_KNOWN)
     more = jointed * np.clip(told, 0.0, 1.0) * status.covariance_excess * variance * relative / (1.0 + relative)
+    return (directions * more) @ directions.T + _arcs(np.minimum(variance + more, _FARTHEST), directions, inverse, images, body)
+
+
+def _arcs(
+    variance: np.ndarray, directions: np.ndarray, inverse: np.ndarray, images: ImageEvidence, body: Configuration
+) -> np.ndarray:
+    """Second moment (n_dof, n_dof) of what makes up for the bends of ``directions`` (n_dof, k) of ``variance`` (k,).
+
+
+    Errors e along them move the links by sum e_i e_j b_ij / 2 beside the tangent. Of Gaussian errors that has the mean
+    m = sum v_i b_ii / 2 and the covariance sum v_i v_j b_ij b_ij^T / 2.
+    """
+    first, second = np.triu_indices(len(variance))
+    product = variance[first] * variance[second]
+    bent = product > _WELL_KNOWN**2
+    first, second, product = first[bent], second[bent], product[bent]
     moved, twists = body.model.chain.link_moved_by, body.twists
-    pulls = (images.normal[None] @ link_bends(body, directions)[..., None])[..., 0]
+    pulls = (images.normal[None] @ link_bends(body, directions, (first, second))[..., None])[..., 0]
     bends = inverse @ ((moved.T @ pulls) * twists).sum(axis=2).T
-    arcs = 0.75 * np.minimum(variance + more, _FARTHEST) ** 2  # variance of e^2/2
-    return (directions * more) @ directions.T + (bends * arcs) @ bends.T
+    alone = first == second
+    mean = 0.5 * bends[:, alone] @ variance[first[alone]]
+    return (bends * np.where(alone, 0.5, 1.0) * product) @ bends.T + np.outer(mean, mean)
 
 
 def _along(information: np.ndarray, directions: np.ndarray) -> np.ndarray:
     return ((information @ directions) * directions).sum(axis=0)
 
 
-def link_bends(body: Configuration, directions: np.ndarray) -> np.ndarray:
-    """(k, n_links, 6) second derivative of every link's place along ``directions`` (n_dof, k) of the joints, as a spatial twist.
+def link_bends(body: Configuration, directions: np.ndarray, pairs: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
+    """(n_pairs, n_links, 6) second derivative of every link's place along pairs of ``directions`` (n_dof, k), as a spatial twist.
 
-    The twist of an axis moves with all that carries it: its derivative is the Lie bracket with the twist of those.
+    ``pairs``: which of them, (n_pairs,) each; None: each with itself. The twist of an axis moves with all that carries it: its
+    derivative is the Lie bracket with the twist of those.
     """
+    first, second = (np.arange(directions.shape[1]),) * 2 if pairs is None else pairs
     twists, chain = body.twists, body.model.chain
     shares = directions.T[:, :, None]
     speeds = chain.carried_by @ (shares * twists)
     turned = (_brackets(twists) @ speeds[..., None])[..., 0]
-    return chain.link_moved_by @ (shares * turned)
+    return chain.link_moved_by @ (0.5 * (shares[first] * turned[second] + shares[second] * turned[first]))
 
 
 def _brackets(twists: np.ndarray) -> np.ndarray:
