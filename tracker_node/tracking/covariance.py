@@ -98,7 +98,6 @@ def _arcs(
 ) -> np.ndarray:
     """Second moment (n_dof, n_dof) of what makes up for the bends of ``directions`` (n_dof, k) of ``variance`` (k,).
 
-
     Errors e along them move the links by sum e_i e_j b_ij / 2 beside the tangent. Of Gaussian errors that has the mean
     m = sum v_i b_ii / 2 and the covariance sum v_i v_j b_ij b_ij^T / 2.
     """
