@@ -16,8 +16,8 @@ class WrittenPages:
     """Has the operating system forget the beginning of a growing file.
 
     A recording is not read again soon, yet the system keeps all of it as long as there is memory, and takes fresh memory for
-    every page. On a virtual machine, which asks its host for that, this was 1.4 s of processor time a gigabyte, five times what
-    writing takes in memory that is used again; and what other programs had read is not pushed out.
+    every page. On a virtual machine writing then took 1.4 s of processor time a gigabyte, five times as much as in memory that is
+    used again (its host had to find it first, it seems); and what other programs had read is not pushed out.
 
     The system begins to write what is not on the disk. That may wait for the disk, so it is done in a thread; where it is not
     possible, memory stays as it is.
