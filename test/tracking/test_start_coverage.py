@@ -49,7 +49,7 @@ def evidence(xs: list[float], plates: bool = False) -> StartEvidence:
 
 @pytest.mark.parametrize("plates", [False, True])
 def test_an_arm_that_is_elsewhere_leaves_its_true_place_uncovered(plates):
-    coverage = StartCoverage(SCENE.model, CAMERAS, evidence([-0.6, -0.45, -0.3, -0.1, 0.05], plates))
+    coverage = StartCoverage(SCENE.model, CAMERAS, evidence([-0.6, -0.45, -0.3, -0.1, 0.05], plates).sure())
     right, wrong = coverage.uncovered(HERE), coverage.uncovered(posed(0.1, -30.0))
     assert right < 0.01
     assert wrong > right + 0.01
@@ -72,17 +72,17 @@ def test_the_place_that_a_body_has_left_is_not_surely_of_it():
 
 def test_nothing_is_uncovered_where_nothing_moves_or_nothing_has_been_learnt():
     still = evidence([0.1] * 5)
-    assert StartCoverage(SCENE.model, CAMERAS, still).uncovered(posed(0.1, -30.0)) < 0.002
+    assert StartCoverage(SCENE.model, CAMERAS, still.sure()).uncovered(posed(0.1, -30.0)) < 0.002
     moving = evidence([-0.6, -0.45, -0.3, -0.1, 0.05])
     moving.forget_colors()
-    assert StartCoverage(SCENE.model, CAMERAS, moving).uncovered(posed(0.1, -30.0)) == 0.0
+    assert StartCoverage(SCENE.model, CAMERAS, moving.sure()).uncovered(posed(0.1, -30.0)) == 0.0
 
 
 def test_a_camera_without_an_image_counts_for_nothing():
     found = evidence([-0.6, -0.45, -0.3, -0.1, 0.05])
     found.watch([None, *small(SCENE.images(HERE, 5))[1:]])
     assert found.sure()[0] is None
-    assert StartCoverage(SCENE.model, CAMERAS, found).uncovered(HERE) < 0.01
+    assert StartCoverage(SCENE.model, CAMERAS, found.sure()).uncovered(HERE) < 0.01
 
 
 def test_what_is_left_uncovered_lowers_a_standing_and_never_raises_it():

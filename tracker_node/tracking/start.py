@@ -63,7 +63,7 @@ class StartFinder:
     Attributes
     ----------
     problem : why the last `find` has found nothing. watching : because it has not seen enough image sets yet.
-    alternatives : other places for limbs, in the latest images. coverage : what a state leaves uncovered in these.
+    alternatives : other places for limbs, in the latest images.
     """
 
     def __init__(
@@ -88,7 +88,6 @@ class StartFinder:
         self._evidence = StartEvidence(self._cameras, small)
         self._segmentation = StartSegmentation(self._evidence, self._cameras, self.size_m)
         self.alternatives = LimbAlternatives(model, self._cameras, self._evidence, parallel)
-        self.coverage = StartCoverage(model, self._cameras, self._evidence)
         self.problem = ""
         self.watching = False
 
@@ -159,6 +158,10 @@ class StartFinder:
             found = sorted([*found, *starts], key=lambda start: -start.score)
         evidence.colors, evidence.support = learnt
         return found[: self._config.keep]
+
+    def coverage(self) -> StartCoverage:
+        """What states leave uncovered in the images of the latest `find`."""
+        return StartCoverage(self._model, self._cameras, self._evidence.sure())
 
     def shares(self, states: Sequence[State]) -> np.ndarray:
         """(n,) how much of the evidence of the latest `find` each state covers."""

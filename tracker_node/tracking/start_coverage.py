@@ -15,22 +15,21 @@ from ..camera.camera_rig import Camera
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..render.raycaster import render_mask
-from .start_evidence import StartEvidence
 
 _EDGE = np.ones((3, 3), np.uint8)  # the model is not the body to the pixel
 _NEAR = np.ones((25, 25), np.uint8)  # what is farther from the body, of some eighty pixels, may be another's
 
 
 class StartCoverage:
-    """Compares states with the latest images of ``evidence``; ``cameras`` are of their size."""
+    """Compares states with masks (h, w) of what is ``sure``, one a camera of that size; None for a camera that says nothing."""
 
-    def __init__(self, model: ArticulatedModel, cameras: Sequence[Camera], evidence: StartEvidence):
-        self._model, self._cameras, self._evidence = model, tuple(cameras), evidence
+    def __init__(self, model: ArticulatedModel, cameras: Sequence[Camera], sure: Sequence[np.ndarray | None]):
+        self._model, self._cameras, self._sure = model, tuple(cameras), list(sure)
 
     def uncovered(self, state: State) -> float:
         """What is surely of the body but beside ``state``, as a share of the pixels that this covers in the same images."""
         body, beside, covered = Configuration(self._model, state), 0, 0
-        for camera, sure in zip(self._cameras, self._evidence.sure(), strict=True):
+        for camera, sure in zip(self._cameras, self._sure, strict=True):
             if sure is None:
                 continue
             mask = (render_mask(body, camera) > 0).astype(np.uint8)

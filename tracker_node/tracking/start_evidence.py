@@ -89,16 +89,22 @@ class StartEvidence:
     def sure(self) -> list[np.ndarray | None]:
         """Masks (h, w) bool of the latest images: what stands out from the empty scene or, where nobody has seen that, shows what
         no older image shows, in a color of the body's. The place that a body has left is new as well, but not in its colors."""
-        result: list[np.ndarray | None] = []
-        for i, (image, scene, odds) in enumerate(zip(self.images, self._scenes, self.maps(), strict=True)):
-            past = [old for images in self._past[: -1 - _RECENT] if (old := images[i]) is not None]
-            ratios = self.colors[i]
-            if image is None or scene is not None or ratios is None or not past:
-                result.append(None if image is None or scene is None or odds is None else odds > 0.0)
-                continue
-            new = np.min([_changed(image, old) for old in past], axis=0) > 0.0
-            result.append(new & (cv2.blur(ratios[color_bins(image)], (3, 3)) > 0.0))
-        return result
+        return [self._surely(i, image) for i, image in enumerate(self.images)]
+
+    def _surely(self, i: int, image: np.ndarray | None) -> np.ndarray | None:
+        scene, ratios, past = self._scenes[i], self.colors[i], self._before(i, 1 + _RECENT)
+        if image is None:
+            return None
+        if scene is not None:
+            return _against(image, scene) > 0.0
+        if ratios is None or not past:
+            return None
+        new = np.min([_changed(image, old) for old in past], axis=0) > 0.0
+        return new & (_looked_up(ratios, color_bins(image)) > 0.0)
+
+    def _before(self, i: int, latest: int) -> list[np.ndarray]:
+        """The small images of camera ``i`` but for those of the ``latest`` sets."""
+        return [old for images in self._past[:-latest] if (old := images[i]) is not None]
 
     def _by_color(self, i: int, image: np.ndarray) -> np.ndarray | None:
         if i not in self._moves:
@@ -106,7 +112,7 @@ class StartEvidence:
         moved, ratios = self._moves[i], self.colors[i]
         if ratios is None:
             return moved
-        odds = cv2.blur(ratios[color_bins(image)], (3, 3)) + self._by_motion(i)
+        odds = _looked_up(ratios, color_bins(image)) + self._by_motion(i)
         support = self.support[i]
         return np.clip(odds if support is None else odds + support, -_REACH, _REACH, dtype=np.float32)
 
@@ -131,13 +137,13 @@ class StartEvidence:
             else:
                 bins, besides = color_bins(image), self._by_motion(i)
                 ratios = np.log((parts + _RARE) / (density + _RARE)).clip(-_REACH, _REACH).astype(np.float32)
-                by_part = [cv2.blur(ratio[bins], (3, 3)) + besides for ratio in ratios]
+                by_part = [_looked_up(ratio, bins) + besides for ratio in ratios]
                 result.append(np.clip(by_part, -_REACH, _REACH, dtype=np.float32))
         return result
 
     def _moved(self, i: int, image: np.ndarray) -> np.ndarray | None:
         """Log-odds that a pixel shows what it did not show in all of the past; a shadow does not count."""
-        past = [old for images in self._past[:-1] if (old := images[i]) is not None]
+        past = self._before(i, 1)
         if not past:
             return None
         return np.max([_changed(image, old) for old in past], axis=0)
@@ -169,6 +175,11 @@ def _changed(image: np.ndarray, before: np.ndarray) -> np.ndarray:
     """Log-odds (h, w) that a pixel shows something else than ``before``."""
     scene = SceneModel.from_images([cv2.GaussianBlur(before, (3, 3), 0.7)], _MOVED_SIGMA)
     return _against(cv2.GaussianBlur(image, (3, 3), 0.7), scene)
+
+
+def _looked_up(ratios: np.ndarray, bins: np.ndarray) -> np.ndarray:
+    """Log-odds (h, w) of pixels by their ``bins`` of colors (h, w), smoothed; ``ratios`` are those of every bin."""
+    return cv2.blur(ratios[bins], (3, 3))
 
 
 def _distance_to(mask: np.ndarray) -> np.ndarray:

@@ -120,10 +120,11 @@ class Starter:
     def _chosen(self, starts: Sequence[Start], images: Images, image_set: ImageSet) -> list[State]:
         """States that go on, the best first."""
         engine = self._engine = self._engine or self._make_engine()
+        coverage = self._finder.coverage()
 
         def attempt(state: State) -> Trial:
             trial = tried(engine, images, image_set, state)
-            return replace(trial, uncovered=self._finder.coverage.uncovered(trial.state))
+            return replace(trial, uncovered=coverage.uncovered(trial.state))
 
         trials = [attempt(start.state) for start in starts]
         if any(trial.verdict.surety is None for trial in trials):
