@@ -231,3 +231,16 @@ def test_colors_that_the_images_do_not_bear_out_are_not_expected():
     before = colors.body.copy()
     trust_stated_colors([colors])
     np.testing.assert_array_equal(colors.body, before)
+
+
+def test_what_lines_bear_out_is_found_anew_for_other_lines_and_other_distances():
+    image, radius_px = disk(0.25)
+    objective, state = objective_of(0.25, image, radius_px=radius_px), at(x=8.0 * DISTANCE / FOCAL)
+    objective.correspond(state, 4.0)
+    coarse, spread_px = objective.part_evidence(state, 2.5), objective.spread_px(state)
+    assert objective.part_evidence(state, 20.0).close.sum() > coarse.close.sum()
+    objective.correspond(state, 1.0)
+    assert objective.part_evidence(state, 2.5).chi2.sum() != coarse.chi2.sum()
+    assert objective.spread_px(state) != spread_px
+    objective.set_views([None])
+    assert objective.part_evidence(state, 2.5).expected.sum() == 0.0

@@ -8,6 +8,7 @@ geometry_msgs/PoseWithCovariance states a covariance.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -74,7 +75,7 @@ class Configuration:
             self.Ts_world_link, self.twists,
         )  # fmt: skip
 
-    @property
+    @cached_property
     def Ts_world_shape(self) -> np.ndarray:
         """(n_shapes, 4, 4)."""
         return self.Ts_world_link[self.model.shape_links] @ self.model.Ts_link_shape

@@ -11,9 +11,8 @@ from ..camera.camera_rig import Camera, CameraRig
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..observation.empty_room import NO_ROOM, PackedRoom
-from ..render.contour import world_spheres
-from ..render.contour_samples import collect_samples, keep_inside, most_samples
-from ..render.occluders import NOTHING, drop_covered
+from ..render.contour_samples import most_samples
+from ..render.occluders import NOTHING
 from ..render.shape_arrays import ShapeArrays
 from . import region_lines as kernel
 from .contour_residual import assemble
@@ -21,6 +20,7 @@ from .line_table import PRECISION, SHARP
 from .moved_configuration import bodies_seen, cameras_by_body
 from .normal_equations import CameraEquations, NormalEquations
 from .per_camera import camera_constants, serial
+from .region_camera import correspond_camera, sum_camera
 from .region_evidence import N_EVIDENCE, count_evidence, line_residuals
 
 
@@ -100,6 +100,8 @@ class LineSlot:
         self.normal = np.zeros((n_links, 6, 6))
         self.gradient = np.zeros((n_links, 6))
         self.stats = np.zeros(kernel.N_STATISTICS)
+        self.drawn = self.rows, self.pixels, self.info, self.lines
+        self.sums = self.normal, self.gradient, self.stats
 
 
 class RegionObjective:
@@ -134,7 +136,10 @@ class RegionObjective:
         self.model_sigma_px = options.model_sigma_px
         self._packed = options.packed(1.0, self.model_sigma_px)
         self._sums_of: State | None = None  # whom the slots' sums are of, while lines are as they were drawn
-        self._spread: tuple[State, float | None] | None = None  # the same of their spread
+        # The same of their residuals, of what these bear out (within so many pixels), and of their spread
+        self._residuals_of: tuple[State, dict[int, np.ndarray]] | None = None
+        self._evidence: tuple[State, float, PartEvidence] | None = None
+        self._spread: tuple[State, float | None] | None = None
 
     @property
     def line_variance(self) -> float:
@@ -153,7 +158,7 @@ class RegionObjective:
         """
         self.views = list(views)
         self.offsets = [None] * len(self.views) if offsets is None else list(offsets)
-        self._sums_of, self._spread = None, None
+        self._sums_of, self._residuals_of, self._evidence, self._spread = None, None, None, None
         for slot in self.slots:
             slot.n = 0
 
@@ -173,32 +178,23 @@ class RegionObjective:
         def run(i: int) -> None:
             slot, view = self.slots[i], self.views[i]
             assert view is not None
-            Ts_link, Ts_shape = poses[i].Ts_world_link, poses[i].Ts_world_shape
-            spheres = np.empty((len(Ts_shape), 4))
-            world_spheres(Ts_shape, self.arrays.bounds, spheres)
-            slot.n = collect_samples(
-                self.arrays.packed, Ts_shape, spheres, slot.camera, n_samples, self.options.outward_px,
-                slot.rows, slot.pixels, slot.info,
+            slot.n = correspond_camera(
+                (view.bgr, view.densities, view.room), self._covers[i], self.classes, self.arrays.packed, self.arrays.bounds,
+                poses[i].Ts_world_shape, poses[i].Ts_world_link, slot.camera, n_samples, self.options.outward_px, options,
+                slot.drawn, slot.sums,
             )  # fmt: skip
-            slot.n = keep_inside(slot.rows, slot.pixels, slot.info, slot.n, view.bgr.shape[1], view.bgr.shape[0])
-            if self._covers[i].size:
-                reach_px = 0.5 * self.options.outward_px
-                slot.n = drop_covered(self._covers[i], slot.rows, slot.pixels, slot.info, slot.n, reach_px)
-            kernel.draw_lines(
-                view.bgr, view.densities, view.room, self.classes, self.arrays.packed, Ts_shape, spheres, Ts_link, slot.camera,
-                slot.rows, slot.pixels, slot.info, slot.n, options, slot.lines,
-            )  # fmt: skip
-            self._linearize(i, Ts_link)
 
         self._map(run, self.active)
-        self._sums_of, self._spread = state, None
+        self._sums_of = state
+        self._residuals_of, self._evidence, self._spread = None, None, None
 
     def linearize(self, state: State) -> NormalEquations:
         """Normal equations of the lines at ``state``."""
         poses, active = bodies_seen(self.model, state, self.offsets), self.active
         if state is not self._sums_of:
             for i in active:
-                self._linearize(i, poses[i].Ts_world_link)
+                slot = self.slots[i]
+                sum_camera(slot.lines, slot.info, slot.n, poses[i].Ts_world_link, slot.camera, self._packed, slot.sums)
             self._sums_of = state
         H, g = np.zeros((self.model.n_dof, self.model.n_dof)), np.zeros(self.model.n_dof)
         cost, count = 0.0, 0
@@ -208,16 +204,6 @@ class RegionObjective:
             cost += float(self.slots[i].stats[kernel.COST])
             count += int(self.slots[i].stats[kernel.COUNT])
         return NormalEquations(H, g, cost, count)
-
-    def _linearize(self, camera: int, Ts_world_link: np.ndarray) -> None:
-        """Fill the sums of a camera's slot."""
-        slot = self.slots[camera]
-        slot.normal[:] = 0.0
-        slot.gradient[:] = 0.0
-        kernel.linearize_lines(
-            slot.lines, slot.info, slot.n, Ts_world_link, slot.camera, self._packed, slot.normal, slot.gradient, slot.stats
-        )
-        kernel.fill_lower(slot.normal)
 
     def _assemble(self, cameras: Sequence[int], body: Configuration, H: np.ndarray, g: np.ndarray) -> None:
         """Add what the links of ``body`` have to tell in these cameras."""
@@ -240,11 +226,14 @@ class RegionObjective:
 
     def part_evidence(self, state: State, close_px: float) -> PartEvidence:
         """How far the lines that were last drawn bear ``state`` out."""
-        table = np.zeros((N_EVIDENCE, len(self.slots), len(self.model.shapes)))
-        poses = bodies_seen(self.model, state, self.offsets)
-        for i in self.active:
+        if self._evidence is None or self._evidence[0] is not state or self._evidence[1] != close_px:
+            self._evidence = state, close_px, self._find_evidence(state, close_px)
+        return self._evidence[2]
+
+    def _find_evidence(self, state: State, close_px: float) -> PartEvidence:
+        table, variance = np.zeros((N_EVIDENCE, len(self.slots), len(self.model.shapes))), self.line_variance
+        for i, residuals in self._residuals(state).items():
             slot = self.slots[i]
-            residuals, variance = self._residuals(i, poses[i]), self._packed[kernel.MODEL_VARIANCE]
             count_evidence(slot.lines, slot.info, slot.n, residuals, variance, close_px, table[:, i])
         return PartEvidence(*table)
 
@@ -259,13 +248,11 @@ class RegionObjective:
 
     def _find_spread(self, state: State) -> float | None:
         residuals, variances = [], []
-        for i, pose in enumerate(bodies_seen(self.model, state, self.offsets)):
+        for i, residual in self._residuals(state).items():
             slot = self.slots[i]
-            if self.views[i] is None:
-                continue
             precision = slot.lines[: slot.n, PRECISION]
             sharp = precision > SHARP
-            residuals.append(self._residuals(i, pose)[sharp])
+            residuals.append(residual[sharp])
             variances.append(1.0 / precision[sharp])
         together = np.concatenate(residuals) if residuals else np.zeros(0)
         if together.size < _FEWEST_LINES:
@@ -273,9 +260,13 @@ class RegionObjective:
         variance = (1.4826 * np.median(np.abs(together))) ** 2 - np.median(np.concatenate(variances))
         return float(np.sqrt(max(variance, 0.0)))
 
-    def _residuals(self, camera: int, pose: Configuration) -> np.ndarray:
-        """(n,) pixels, of the lines of one camera."""
-        slot = self.slots[camera]
-        residuals = np.empty(slot.n)
-        line_residuals(slot.lines, slot.info, slot.n, pose.Ts_world_link, slot.camera, residuals)
-        return residuals
+    def _residuals(self, state: State) -> dict[int, np.ndarray]:
+        """(n,) pixels, of the lines of every camera that shows something."""
+        if self._residuals_of is None or self._residuals_of[0] is not state:
+            poses, found = bodies_seen(self.model, state, self.offsets), {}
+            for i in self.active:
+                slot = self.slots[i]
+                found[i] = np.empty(slot.n)
+                line_residuals(slot.lines, slot.info, slot.n, poses[i].Ts_world_link, slot.camera, found[i])
+            self._residuals_of = state, found
+        return self._residuals_of[1]
