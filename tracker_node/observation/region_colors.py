@@ -10,18 +10,14 @@ import re
 from collections.abc import Sequence
 
 import cv2
-import numba as nb
 import numpy as np
 
 from ..model.articulated_model import ArticulatedModel
-from .appearance import BINS, count_colors, spread_counts
+from .appearance import BINS, count_colors
 from .body_region import Region
+from .color_densities import N_COLORS, UNIFORM, fill_classes, fill_density, mix_classes, mix_counts
 
-N_COLORS = BINS**3
 _BIN_WIDTH = 256 // BINS
-_UNIFORM = 1.0 / N_COLORS
-_MIX = 0.02  # a little of every color: none is impossible
-_LEAST_COUNT = 20.0  # pixels; fewer are not believed
 _SUPPORT = 0.1  # share of a part's pixels that a stated color must explain better than chance, to be believed
 _AS_STATED = 0.3  # such a share, of the parts' median, that makes all stated colors believed
 _SPARSE = 6  # every so many rows and columns of an image tell what is chance
@@ -65,15 +61,15 @@ class RegionColors:
 
     def __init__(self, classes: np.ndarray, stated: np.ndarray, prior_share: float):
         self._classes, self._stated, self._prior_share = classes, stated, prior_share
-        self._kinds = stated > _UNIFORM  # colors that bear the stated one out
+        self._kinds = stated > UNIFORM  # colors that bear the stated one out
         self._parts = np.zeros_like(stated)
         self._around = np.zeros(N_COLORS, dtype=np.float32)
         self._shades = np.zeros_like(stated)  # those of the stated colors that are seen on the body or near it
         self._was_sound, self._was_unsound = np.zeros((2, len(stated)), dtype=np.bool_)
         self._support = np.full(len(stated), np.nan)  # share of a part's pixels that have its stated color
         self._as_stated: bool | None = None  # whether the body has the stated colors on the whole, where that is known
-        self.body = np.full_like(stated, _UNIFORM)
-        self.scene = np.full(N_COLORS, _UNIFORM, dtype=np.float32)
+        self.body = np.full_like(stated, UNIFORM)
+        self.scene = np.full(N_COLORS, UNIFORM, dtype=np.float32)
         self.knows = False
 
     def learn(
@@ -90,7 +86,7 @@ class RegionColors:
         square = np.ones((2 * guard_px + 1, 2 * guard_px + 1), dtype=np.uint8)
         inner = cv2.erode(body, np.ones((3, 3), dtype=np.uint8), borderValue=1)
         near = cv2.dilate(body, np.ones((2 * reach_px + 1, 2 * reach_px + 1), dtype=np.uint8)).view(np.bool_)
-        around = near & (cv2.dilate(body, square) == 0)
+        around = near > cv2.dilate(body, square).view(np.bool_)
         kinds = np.zeros(256, dtype=np.uint8)  # by label
         kinds[1 : len(self._classes) + 1] = 1 + self._classes
         if sound is not None:
@@ -100,26 +96,20 @@ class RegionColors:
         counts, scene = np.zeros_like(self._parts), np.zeros(N_COLORS, dtype=np.float32)
         crop = np.ascontiguousarray(bgr[v0:v1, u0:u1])
         count_colors(crop, cv2.LUT(labels, kinds) * inner, around, counts, scene)
-        totals = counts.sum(axis=1)
-        told = (totals >= _LEAST_COUNT) & self._kinds.any(axis=1)
-        self._support[told] = (counts[told] * self._kinds[told]).sum(axis=1) / totals[told]
-        for shares, new in zip(self._parts, counts, strict=True):
-            _mix(shares, new, np.float32(rate))
-        _mix(self._around, scene, np.float32(rate))
+        mix_classes(self._parts, counts, np.float32(rate), self._kinds, self._support)
+        mix_counts(self._around, scene, np.float32(rate))
         if self._as_stated is not False and self._stated.any() and not self._was_sound.all():
             self._shades = self._stated * np.maximum(_above_chance(bgr, crop, near), 0.0)
             self._shades /= np.maximum(self._shades.sum(axis=1, keepdims=True), 1e-12)
         self._tabulate()
 
     def _tabulate(self) -> None:
-        for i, learnt in enumerate(self._parts):
-            known, of_shades, of_stated = learnt.any(), 0.0, 0.0  # shares
-            if self._as_stated and not self._was_sound[i] and self._shades[i].any():
-                of_shades = 0.5 if known and not self._was_unsound[i] else 1.0
-            if self._stated[i].any() and (self._as_stated or self._support[i] > _SUPPORT):
-                of_stated = self._prior_share if known or of_shades > 0.0 else 1.0
-            _fill_density(learnt, self._shades[i], of_shades, self._stated[i], of_stated, self.body[i])
-        _fill_density(self._around, self._around, 0.0, self._around, 0.0, self.scene)
+        trusted = ~self._was_sound & bool(self._as_stated)
+        borne_out = (self._support > _SUPPORT) | bool(self._as_stated)
+        fill_classes(
+            self._parts, self._shades, self._stated, trusted, self._was_unsound, borne_out, self._prior_share, self.body
+        )  # fmt: skip
+        fill_density(self._around, self._around, 0.0, self._around, 0.0, self.scene)
         self.knows = True
 
 
@@ -150,38 +140,3 @@ def _counts(bgr: np.ndarray, mask: np.ndarray) -> np.ndarray:
     nobody = np.zeros(mask.shape, dtype=np.uint8)
     count_colors(np.ascontiguousarray(bgr), nobody, mask, np.zeros((0, N_COLORS), dtype=np.float32), counts)
     return counts
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _mix(shares, counts, rate):
-    """Mix new ``counts`` of colors into their ``shares``; few counts are not believed."""
-    total = counts.sum()
-    if total < _LEAST_COUNT:
-        return
-    old = np.float32(1.0) - rate if shares.any() else np.float32(0.0)
-    new = (np.float32(1.0) - old) / total
-    for k in range(shares.size):
-        shares[k] = old * shares[k] + new * counts[k]
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _fill_density(learnt, shades, of_shades, stated, of_stated, density):
-    """The ``density`` of what is learnt and of shades, neighbouring colors sharing, of what is stated, and a little of all."""
-    if not learnt.any() and of_shades == 0.0 and of_stated == 0.0:
-        density[:] = _UNIFORM
-        return
-    density[:] = np.float32(0.0)
-    if of_shades > 0.0:
-        spread_counts(shades, density)
-        ratio = np.float32(of_shades)
-        for k in range(density.size):
-            density[k] *= ratio
-    if of_shades < 1.0:
-        own = np.zeros_like(density)
-        spread_counts(learnt, own)
-        ratio = np.float32(1.0 - of_shades)
-        for k in range(density.size):
-            density[k] += ratio * own[k]
-    both, prior = np.float32((1.0 - _MIX) * (1.0 - of_stated)), np.float32((1.0 - _MIX) * of_stated)
-    for k in range(density.size):
-        density[k] = both * density[k] + prior * stated[k] + np.float32(_MIX * _UNIFORM)
