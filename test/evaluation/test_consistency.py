@@ -40,6 +40,32 @@ def test_bounds_hold_what_they_promise(memory):
     assert found.sets_in_bounds > (0.8 if memory == 0.0 else 0.0)
 
 
+def test_errors_that_wander_from_axis_to_axis_are_not_independent():
+    """Each set's errors are those before it, turned: no axis is like itself from set to set, and yet they all last."""
+    rng, memory, n_runs = np.random.default_rng(4), 0.9, 600
+    turn = np.linalg.qr(rng.normal(size=(N, N)))[0] @ np.roll(np.eye(N), 1, axis=0)
+    white = rng.normal(size=(n_runs, 30, N))
+    for t in range(1, 30):
+        white[:, t] = memory * white[:, t - 1] @ turn.T + np.sqrt(1.0 - memory**2) * white[:, t]
+    effective = effective_sets(white[:300])
+    lags = np.abs(np.subtract.outer(np.arange(30), np.arange(30)))
+    assert effective == pytest.approx(30**2 / (memory ** (2 * lags)).sum(), rel=0.1)
+    found = consistency(white[300:], np.broadcast_to(np.eye(N), (300, 30, N, N)), effective)
+    assert 0.92 < found.runs_in_bounds < 0.98
+
+
+def test_errors_that_are_alike_in_every_set_do_not_widen_the_bounds():
+    """One axis has nine times the variance, the others none: misfit of one set is not memory."""
+    white = np.random.default_rng(5).normal(size=(200, 30, N)) * np.array([3.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    assert effective_sets(white) > 25.0
+
+
+@pytest.mark.parametrize("memory, least, most", [(0.0, 15.0, 60.0), (0.9, 2.0, 7.0)])
+def test_of_one_run_fewer_sets_count_than_are_independent(memory, least, most):
+    found = [effective_sets(drawn(np.random.default_rng(seed), 1, 60, memory)[2]) for seed in range(20)]
+    assert least < np.median(found) < most
+
+
 def test_both_bounds_are_bounds():
     errors, covariances, _ = drawn(np.random.default_rng(3), 60, 30, 0.0)
     for factor in (0.5, 2.0):  # too sure, too cautious

@@ -1,21 +1,16 @@
 """Covariances of fits: against sampled errors, second derivatives by differences, and where nothing is known."""
 
-from dataclasses import replace
-
 import numpy as np
-import pytest
 
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.human import human_model
 from tracker_node.synthesis.figure import figure_model, figure_motion
-from tracker_node.tracking.config import StatusConfig
 from tracker_node.tracking.covariance import ImageEvidence, fit_covariance, link_bends
 
 MODEL = figure_model()
 BODY = Configuration(MODEL, figure_motion(n_images=1)[0])
 N, N_LINKS = MODEL.n_dof, len(MODEL.chain.links)
-STATUS = StatusConfig()
 
 
 def evidence(H: np.ndarray, scatter: np.ndarray) -> ImageEvidence:
@@ -34,16 +29,16 @@ def test_it_is_the_scatter_of_estimates():
     measured = truth @ J.T + rng.normal(size=(n, 60)) @ errors.T
     estimates = np.linalg.solve(H + prior, J.T @ measured.T).T
     expected = np.cov((estimates - truth).T)
-    found = fit_covariance(H + prior, evidence(H, scatter), BODY, STATUS)
+    found = fit_covariance(H + prior, evidence(H, scatter), BODY)
     np.testing.assert_allclose(np.diag(found), np.diag(expected), rtol=0.12)
     np.testing.assert_allclose(found, expected, atol=0.1 * np.diag(expected).max())
 
 
 def test_without_images_what_is_believed_is_taken_at_its_word():
     H = np.diag(np.linspace(1.0, 1e4, N))
-    np.testing.assert_allclose(fit_covariance(H, None, BODY, STATUS), np.linalg.inv(H), rtol=1e-4)
+    np.testing.assert_allclose(fit_covariance(H, None, BODY), np.linalg.inv(H), rtol=1e-4)
     H[7] = H[:, 7] = 0.0
-    unknown = fit_covariance(H, None, BODY, STATUS)
+    unknown = fit_covariance(H, None, BODY)
     assert np.isfinite(unknown).all() and unknown[7, 7] > 1e4  # rad^2: nothing is known of it
 
 
@@ -88,8 +83,8 @@ def test_two_directions_that_are_hardly_known_bend_each_other():
     weak = np.eye(N)[:, [MODEL.chain.dof_names.index(name) for name in names]]
     spreads = np.radians([8.0, 5.0, 6.0])
     H = 1e6 * np.eye(N) + (weak * (1.0 / spreads**2 - 1e6)) @ weak.T
-    plain, links = replace(STATUS, covariance_excess=0.0), np.tile(1e5 * np.eye(6), (N_LINKS, 1, 1))
-    added = fit_covariance(H, ImageEvidence(H, H, links), BODY, plain) - fit_covariance(H, evidence(H, H), BODY, plain)
+    links = np.tile(1e5 * np.eye(6), (N_LINKS, 1, 1))
+    added = fit_covariance(H, ImageEvidence(H, H, links), BODY) - fit_covariance(H, evidence(H, H), BODY)
     errors = np.random.default_rng(6).normal(size=(4000, 3)) * spreads
     pulls = 0.5e5 * link_bends(BODY, weak @ errors.T)
     makes_up = np.linalg.solve(H, np.einsum("kla,na,ln->nk", pulls, BODY.twists, MODEL.chain.link_moved_by))
@@ -98,28 +93,14 @@ def test_two_directions_that_are_hardly_known_bend_each_other():
     assert np.linalg.eigvalsh(expected)[-2] > 0.05 * np.linalg.eigvalsh(expected)[-1]  # not the arc of one of them alone
 
 
-def test_what_images_hardly_know_is_known_less_and_leads_along_an_arc():
-    weak = N - 1
-    H = np.diag(np.full(N, 1e6))
-    H[weak, weak] = 1.0 / np.radians(8.0) ** 2
-    plain = replace(STATUS, covariance_excess=0.0)
-    straight = fit_covariance(H, evidence(H, H), BODY, plain)
-    assert straight[weak, weak] == pytest.approx(1.0 / H[weak, weak], rel=1e-3)
-    wide = fit_covariance(H, evidence(H, H), BODY, STATUS)
-    assert 2.0 < wide[weak, weak] / straight[weak, weak] < 1.0 + STATUS.covariance_excess
-    np.testing.assert_allclose(np.delete(np.diag(wide), weak), 1e-6, rtol=1e-2)
-    predicted = fit_covariance(H, evidence(0.0 * H, 0.0 * H), BODY, STATUS)  # not by the images
-    assert predicted[weak, weak] == pytest.approx(1.0 / H[weak, weak], rel=1e-2)
-
-
 def test_what_is_hardly_known_leads_along_an_arc():
     direction = np.zeros(N)
     for name in ("left_shoulder_abduction", "left_shoulder_internal_rotation"):
         direction[MODEL.chain.dof_names.index(name)] = 1.0
     direction /= np.sqrt(2.0)
     H = 1e6 * np.eye(N) + (1.0 / np.radians(8.0) ** 2 - 1e6) * np.outer(direction, direction)
-    plain, links = replace(STATUS, covariance_excess=0.0), np.tile(1e5 * np.eye(6), (N_LINKS, 1, 1))
-    added = fit_covariance(H, ImageEvidence(H, H, links), BODY, plain) - fit_covariance(H, evidence(H, H), BODY, plain)
+    links = np.tile(1e5 * np.eye(6), (N_LINKS, 1, 1))
+    added = fit_covariance(H, ImageEvidence(H, H, links), BODY) - fit_covariance(H, evidence(H, H), BODY)
     values, vectors = np.linalg.eigh(added)
     assert values[-1] > 1e-6 and np.abs(values[:-1]).max() < 1e-3 * values[-1]  # one direction alone
     pull = 1e5 * link_bends(BODY, direction[:, None])[0]

@@ -6,13 +6,13 @@ Estimation with Applications to Tracking and Navigation, 2001, sec. 5.4).
 
 The errors of neighboring image sets are not independent: an error that lasts is not 30 errors. The average over a run of T sets
 then varies more than that of T draws. With white errors w = L^-1 e (P = L L^T) that are Gaussian and stationary, with
-autocorrelation r_d(k) in direction d, its variance is
+correlation R(k) = E[w_t w_(t+k)^T], (n, n), its variance is
 
-    2 / T^2 * sum over d, s, t of r_d(|s - t|)^2
+    2 / T^2 * sum over s, t of ||R(s - t)||^2
 
-(Isserlis), which is 2 n / T_eff with T_eff <= T. Bounds of a run are those of a chi-square variable with n T_eff degrees of
-freedom, divided by T_eff. Benchmarks measure T_eff on other runs than those judged; a report, which
-has one run, on that run itself.
+(Isserlis; the norm is Frobenius'), which is 2 n / T_eff with T_eff <= T. All of R counts: what lasts in a direction across the
+axes of L shows beside its diagonal. Bounds of a run are those of a chi-square variable with n T_eff degrees of freedom, divided
+by T_eff. Benchmarks measure T_eff on other runs than those judged; a report, which has one run, on that run itself.
 """
 
 from __future__ import annotations
@@ -38,15 +38,25 @@ def whitened(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
 def effective_sets(white: np.ndarray) -> float:
     """T_eff of runs (n_runs, T, n) of white errors: as many independent sets would average as well as T of these do.
 
-    Autocorrelations are about zero, not about the mean of a run: an error that stays the same throughout a run counts as one.
+    Correlations are about zero, not about the mean of a run: an error that stays the same throughout a run counts as one. They
+    are taken as shares of those of one set: errors that are too large, or alike, in every set do not make the bounds wider.
+    Of a single run only the axes' own are taken, and chance makes T_eff smaller than it is, the bounds wider.
     """
-    n_sets, n = white.shape[1:]
-    power = (white**2).mean(axis=(0, 1))
-    total = float(n * n_sets)  # lag 0
-    for lag in range(1, n_sets):
-        products = (white[:, lag:] * white[:, :-lag]).mean(axis=(0, 1))
-        total += 2.0 * (n_sets - lag) * float(((products / power) ** 2).sum())
-    return n * n_sets**2 / total
+    n_sets = white.shape[1]
+    powers = np.array([_correlation_power(white, lag) for lag in range(n_sets)])
+    pairs = 2.0 * np.arange(n_sets, 0, -1)  # of sets so far apart
+    pairs[0] = n_sets
+    return float(np.clip(n_sets**2 * powers[0] / (pairs @ powers), 1.0, n_sets))
+
+
+def _correlation_power(white: np.ndarray, lag: int) -> float:
+    """||R(lag)||^2, without what chance adds to the square of an estimate: products of different runs."""
+    n_runs, n_sets = white.shape[:2]
+    earlier, later = white[:, : n_sets - lag], white[:, lag:]
+    if n_runs == 1:
+        return float((((earlier * later).mean(axis=(0, 1)) / (white**2).mean(axis=(0, 1))) ** 2).sum())
+    R = np.swapaxes(earlier, 1, 2) @ later / (n_sets - lag)
+    return float(((R.sum(axis=0) ** 2).sum() - (R**2).sum()) / (n_runs * (n_runs - 1)))
 
 
 def mean_bounds(n: int, n_sets: float) -> tuple[float, float]:

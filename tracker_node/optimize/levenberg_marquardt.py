@@ -35,7 +35,9 @@ def clip_to_limits(state: State, chain: KinematicChain) -> State:
     return State(state.T_world_root, np.clip(state.joint_positions, chain.lower, chain.upper))
 
 
-def _step(equations: NormalEquations, state: State, chain: KinematicChain, damping: float) -> np.ndarray | None:
+def _step(
+    equations: NormalEquations, state: State, chain: KinematicChain, damping: float | np.ndarray
+) -> np.ndarray | None:
     """The step (n_dof,) from ``state`` to the minimum of the damped quadratic within the limits; None where it has none."""
     anywhere = np.full(N_ROOT_DOF, np.inf)
     lower = np.append(-anywhere, chain.lower - state.joint_positions)
@@ -46,8 +48,11 @@ def _step(equations: NormalEquations, state: State, chain: KinematicChain, dampi
     return step if minimize_quadratic(H, equations.g, lower, upper, step) >= 0 else None
 
 
-def stepped(equations: NormalEquations, state: State, chain: KinematicChain, damping: float) -> State:
-    """``state`` after one step within the joints' limits, by its ``equations`` alone; where these have none, as it is."""
+def stepped(equations: NormalEquations, state: State, chain: KinematicChain, damping: float | np.ndarray) -> State:
+    """``state`` after one step within the joints' limits, by its ``equations`` alone; where these have none, as it is.
+
+    ``damping``: relative to the diagonal of H, or (n_dof,) of each degree of freedom.
+    """
     step = _step(equations, state, chain, damping)
     if step is None:
         return state

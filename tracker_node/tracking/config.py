@@ -185,18 +185,12 @@ class StatusConfig:
     )
     correlation: float = parameter(8.0, "how many neighbouring samples share one error, for the covariance", "samples", 1, 1000)
     covariance_scale: float = parameter(
-        0.29, "times region.correlation: how much of the spread of correspondence lines (its square) is an error of the state",
+        0.21, "times region.correlation: how much of the spread of correspondence lines (its square) is an error of the state",
         "1", 1e-3, 1e3,
     )  # fmt: skip
     line_correlation_px: float = parameter(4.0, "how far along a contour the errors of lines are alike", "px", 0.01, 1000)
     body_shift_px: float = parameter(
         0.05, "by how much all contours are off alike, in all images (light falls from one side)", "px", 0, 100
-    )
-    covariance_curvature: float = parameter(
-        500.0, "inverse of the variance from which on a direction is hardly known to the images", "1/rad^2", 0, 1e6
-    )
-    covariance_excess: float = parameter(
-        5.0, "then its variance is larger by up to this many times than its linearization says", "1", 0, 1000
     )
     limb_lost: float = parameter(0.5, "a limb that is elsewhere with this probability is LOST", "1", 0, 1)
     limb_degraded: float = parameter(0.2, "and DEGRADED with this one", "1", 0, 1)

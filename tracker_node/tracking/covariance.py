@@ -5,8 +5,7 @@ cause, and H^-1 S H^-1 that of the state (the sandwich of Huber, 1967); priors a
 
 To first order, that is. A direction that is hardly known, such as the turn of a collar bone that the arm makes up for, leads
 along an arc: whoever goes along its tangent for e leaves the arc by e^2/2 times its curvature, where other directions seem to be
-known exactly. Two such directions bend each other: the arm's own turn decides where its elbow's leads. So much is added, with
-what the tangent itself is less known than its linearization says.
+known exactly. Two such directions bend each other: the arm's own turn decides where its elbow's leads. So much is added.
 """
 
 from __future__ import annotations
@@ -17,8 +16,6 @@ import numpy as np
 
 from ..geometry import so3
 from ..model.configuration import Configuration
-from ..model.kinematic_chain import N_ROOT_DOF
-from .config import StatusConfig
 
 _LEAST = 1e-9  # of the largest entry of the information's diagonal: what nothing is known of keeps a variance that can be written
 _WELL_KNOWN = np.radians(1.0) ** 2  # variance of a direction that is straight for as far as it goes
@@ -57,7 +54,7 @@ class ImageEvidence:
         return ImageEvidence(both * self.information, both * self.scatter, links[:, None, None] * self.normal)
 
 
-def fit_covariance(H: np.ndarray, images: ImageEvidence | None, body: Configuration, status: StatusConfig) -> np.ndarray:
+def fit_covariance(H: np.ndarray, images: ImageEvidence | None, body: Configuration) -> np.ndarray:
     """Covariance (n_dof, n_dof) of a state in its tangent.
 
     ``H`` (n_dof, n_dof) is the information of all that was fitted to, ``images`` what of it came from them (None: nothing, and H
@@ -70,27 +67,15 @@ def fit_covariance(H: np.ndarray, images: ImageEvidence | None, body: Configurat
         return 0.5 * (inverse + inverse.T)
     covariance = inverse @ (total - images.information + images.scatter) @ inverse
     covariance = 0.5 * (covariance + covariance.T)
-    covariance += _hardly_known(covariance, total, inverse, images, body, status)
+    covariance += _hardly_known(covariance, inverse, images, body)
     return 0.5 * (covariance + covariance.T)
 
 
-def _hardly_known(
-    covariance: np.ndarray,
-    total: np.ndarray,
-    inverse: np.ndarray,
-    images: ImageEvidence,
-    body: Configuration,
-    status: StatusConfig,
-) -> np.ndarray:
-    """What is added for directions of the joints that the images say little of: along them, and where their arcs lead."""
+def _hardly_known(covariance: np.ndarray, inverse: np.ndarray, images: ImageEvidence, body: Configuration) -> np.ndarray:
+    """What is added where the arcs lead of directions that are hardly known."""
     variance, directions = np.linalg.eigh(covariance)
     bent = variance * variance[-1] > _WELL_KNOWN**2  # with the least known, if not alone
-    variance, directions = variance[bent], directions[:, bent]
-    told = _along(images.information, directions) / _along(total, directions)  # by the images; a prediction is as wide as it says
-    relative = status.covariance_curvature * variance
-    jointed = (directions[N_ROOT_DOF:] ** 2).sum(axis=0) * (variance > _WELL_KNOWN)
-    more = jointed * np.clip(told, 0.0, 1.0) * status.covariance_excess * variance * relative / (1.0 + relative)
-    return (directions * more) @ directions.T + _arcs(np.minimum(variance + more, _FARTHEST), directions, inverse, images, body)
+    return _arcs(np.minimum(variance[bent], _FARTHEST), directions[:, bent], inverse, images, body)
 
 
 def _arcs(
@@ -111,10 +96,6 @@ def _arcs(
     alone = first == second
     mean = 0.5 * bends[:, alone] @ variance[first[alone]]
     return (bends * np.where(alone, 0.5, 1.0) * product) @ bends.T + np.outer(mean, mean)
-
-
-def _along(information: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    return ((information @ directions) * directions).sum(axis=0)
 
 
 def link_bends(body: Configuration, directions: np.ndarray, pairs: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:

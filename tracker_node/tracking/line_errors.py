@@ -18,12 +18,14 @@ from ..objective.region_objective import RegionObjective
 from .config import StatusConfig
 from .covariance import ImageEvidence
 
+_LEAST_SHARE = 0.85  # of the least spread that weights go by; lines that seem to have less, of few cameras, agree by chance
+
 
 class LineErrors:
-    """Of one body in the cameras of a rig."""
+    """Of one body in the cameras of a rig; ``least_px``: see `RegionConfig.least_sigma_px`."""
 
-    def __init__(self, rig: CameraRig, model: ArticulatedModel, config: StatusConfig):
-        self._model, self._config = model, config
+    def __init__(self, rig: CameraRig, model: ArticulatedModel, config: StatusConfig, least_px: float):
+        self._model, self._config, self._least_px = model, config, _LEAST_SHARE * least_px
         self._axes = np.array([camera.T_cam_world[:3, :3] for camera in rig])
         self._offsets = np.array([camera.T_cam_world[:3, 3] for camera in rig])
         self._focals = np.array([camera.model.params[:2] for camera in rig])
@@ -38,7 +40,7 @@ class LineErrors:
         chain, config, body = self._model.chain, self._config, Configuration(self._model, state)
         information = objective.linearize(state).H
         cameras, spread_px = objective.camera_equations(), objective.spread_px(state)
-        found = objective.line_variance if spread_px is None else spread_px**2
+        found = objective.line_variance if spread_px is None else max(spread_px, self._least_px) ** 2
         n_links = len(chain.links)
         normal, spread, shifts = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6, 6)), np.zeros((n_links, 6, 2))
         for i, camera in enumerate(cameras):

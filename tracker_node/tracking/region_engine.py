@@ -12,12 +12,14 @@ import numpy as np
 from ..camera.camera_rig import Camera, CameraRig
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
+from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective import region_lines as kernel
 from ..objective.limb_score import LimbScore
 from ..objective.moved_configuration import bodies_seen
 from ..objective.normal_equations import Comparison, LeastSquaresObjective, NormalEquations
 from ..objective.prior import Prior
 from ..objective.region_objective import PartEvidence, RegionObjective, RegionOptions, View
+from ..objective.robust_curvature import curvature_share
 from ..objective.sum_objective import SumObjective
 from ..observation.empty_room import EmptyRoom
 from ..observation.image_set import ImageSet
@@ -91,9 +93,12 @@ class RegionEngine:
         self._objective = RegionObjective(
             rig, model, self._arrays, self._classes, region_options(config), parallel, self._occluders.depths
         )
+        self._curvature = curvature_share(region.robust_sigmas)
+        self._fine_damping = np.full(model.n_dof, _FINE_DAMPING)
+        self._fine_damping[:N_ROOT_DOF] = _DAMPING
         self._areas = LimbScore(rig, model, self._classes, config.evidence.shadow, region.clamp, parallel)
         self._limbs = LimbJudge(model, config.status)
-        self._errors = LineErrors(rig, model, config.status)
+        self._errors = LineErrors(rig, model, config.status, region.least_sigma_px)
         self._searches = RegionSearches(rig, model, config, self._limbs, self._fits())
         self.reset()
 
@@ -209,19 +214,34 @@ class RegionEngine:
         zoom = size_m * px_per_m / _BODY_PX
         steps, moved_px = 0, np.inf
         places = self._places(state)
-        while steps < len(scales) or (steps < len(scales) + repeats and moved_px > _SETTLED_PX):
+        settled_px = max(_SETTLED_PX, _SETTLED_SIGMAS * self._objective.model_sigma_px)
+        while steps < len(scales) or (steps < len(scales) + repeats and moved_px > settled_px):
             scale = scales[min(steps, len(scales) - 1)]
             self._correspond(state, max(scale * zoom, 1.0) if scale > 1.0 else scale)
             equations = whole.linearize(state)
             if steps == 0:
                 self._comparison = self._compared(state, equations, start, prior)
-            state = stepped(equations, state, chain, _DAMPING)
+            fine = scale <= 1.0 and self._fits_well
+            if fine:
+                state = stepped(self._curved(equations, state, factors[0]), state, chain, self._fine_damping)
+            else:
+                state = stepped(equations, state, chain, _DAMPING)
             steps += 1
             before, places = places, self._places(state)
             moved_px = px_per_m * float(np.linalg.norm(places - before, axis=1).max())
         equations = whole.linearize(state)
         self._adapt(state)
         return OptimizerResult(state, equations, steps, steps + 1, bool(np.isfinite(equations.cost)))
+
+    @property
+    def _fits_well(self) -> bool:
+        """Whether residuals are as the kernel takes them. Of others, the weights' own steps, which never climb, are better."""
+        return self._objective.model_sigma_px < self._config.region.model_sigma_px
+
+    def _curved(self, equations: NormalEquations, state: State, factor: float) -> NormalEquations:
+        """With the curvature that the lines' robust cost really has near its minimum, for a step that does not fall short."""
+        missing = (1.0 - self._curvature) * factor
+        return replace(equations, H=equations.H - missing * self._objective.linearize(state).H)
 
     def _compared(self, state: State, equations: NormalEquations, start: State, prior: Prior | None) -> Comparison:
         """The cameras' own equations beside those of all together, both of lines alone."""
@@ -257,7 +277,7 @@ class RegionEngine:
         if self._last_known is None or self._last_known[0] is not result:
             images = self._errors.evidence(self._objective, result.state, 1.0 if self._distances is None else 0.5)
             body = Configuration(self._model, result.state)
-            self._last_known = result, images, fit_covariance(result.equations.H, images, body, self._config.status)
+            self._last_known = result, images, fit_covariance(result.equations.H, images, body)
         return self._last_known[1:]
 
     def _correspond(self, state: State, scale: float) -> None:
@@ -267,7 +287,8 @@ class RegionEngine:
         """Follow how well the model's contours fit: weights, robustness and covariance go by it."""
         region, spread = self._config.region, self._objective.spread_px(state)
         if spread is not None and region.sigma_rate > 0.0:
-            variance = (1.0 - region.sigma_rate) * self._objective.model_sigma_px**2 + region.sigma_rate * spread**2
+            rate = max(region.sigma_rate, _FIRST_RATE / (1.0 + self._count))
+            variance = (1.0 - rate) * self._objective.model_sigma_px**2 + rate * spread**2
             self._objective.model_sigma_px = float(np.clip(np.sqrt(variance), region.least_sigma_px, region.model_sigma_px))
 
     def judge(self, result: OptimizerResult, image_set: ImageSet) -> Verdict:
@@ -364,8 +385,11 @@ class RegionEngine:
 
 
 _BODY_CELLS = 90.0  # across the body, in the small images in which limbs are looked for
-_SETTLED_PX = 1.5  # a step that moves no part farther is the last
+_SETTLED_PX = 0.7  # a step that moves no part farther is the last
+_SETTLED_SIGMAS = 0.75  # or, by this, of what the model's contours are off
 _DAMPING = 1e-3  # of a step, relative to the diagonal
+_FINE_DAMPING = 1e-5  # the same of joints near the minimum, which priors hold where images hardly do
+_FIRST_RATE = 0.9  # share of the first image set in how well contours fit; later ones follow at a falling rate
 _BODY_PX = 300.0  # of a body whose lines are as long as stated; others have theirs with their size
 _LARGE_PX = 450.0  # of a body, above which contours are close within more than `region.close_px`
 _LEAST_OUTLINE = 10  # samples of the outline that a camera should see, to be asked

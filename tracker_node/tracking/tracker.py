@@ -257,7 +257,7 @@ class Tracker:
         H = np.zeros((n, n)) if information is None else information.copy()
         if prior is not None:
             prior.add_to(H, np.zeros(n), state)
-        return fit_covariance(H, told, Configuration(self.model, state), self.config.status)
+        return fit_covariance(H, told, Configuration(self.model, state))
 
     def _accept(
         self, stamp_ns: int, state: State, information: np.ndarray | None, images: Images, verdict: Verdict, first: bool
