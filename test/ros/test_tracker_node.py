@@ -197,9 +197,10 @@ def test_parameters_change_at_run_time(probe, recording, start_tracker):
     _, states, cameras = start_tracker()
     cameras.send(0)
     probe.spin_until(lambda: len(states) == 1, "a state")
-    request = SetParameters.Request(parameters=[Parameter("region.scales", value="1").to_parameter_msg()])
-    (result,) = probe.ask(SetParameters, "tracker/set_parameters", request).results
-    assert result.successful
+    fewer = [Parameter("region.scales", value="1"), Parameter("region.repeats", value=0)]
+    request = SetParameters.Request(parameters=[parameter.to_parameter_msg() for parameter in fewer])
+    results = probe.ask(SetParameters, "tracker/set_parameters", request).results
+    assert len(results) == 2 and all(result.successful for result in results)
     cameras.send(1)
     cameras.send(2)
     probe.spin_until(lambda: len(states) == 3, "states")
