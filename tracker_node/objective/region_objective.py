@@ -136,7 +136,8 @@ class RegionObjective:
         self.model_sigma_px = options.model_sigma_px
         self._packed = options.packed(1.0, self.model_sigma_px)
         self._sums_of: State | None = None  # whom the slots' sums are of, while lines are as they were drawn
-        # The same of their residuals, of what these bear out (within so many pixels), and of their spread
+        # The same of their equations, of their residuals, of what these bear out (within so many pixels), and of their spread
+        self._equations: tuple[State, NormalEquations] | None = None
         self._residuals_of: tuple[State, dict[int, np.ndarray]] | None = None
         self._evidence: tuple[State, float, PartEvidence] | None = None
         self._spread: tuple[State, float | None] | None = None
@@ -158,7 +159,7 @@ class RegionObjective:
         """
         self.views = list(views)
         self.offsets = [None] * len(self.views) if offsets is None else list(offsets)
-        self._sums_of, self._residuals_of, self._evidence, self._spread = None, None, None, None
+        self._sums_of, self._equations, self._residuals_of, self._evidence, self._spread = None, None, None, None, None
         for slot in self.slots:
             slot.n = 0
 
@@ -186,10 +187,15 @@ class RegionObjective:
 
         self._map(run, self.active)
         self._sums_of = state
-        self._residuals_of, self._evidence, self._spread = None, None, None
+        self._equations, self._residuals_of, self._evidence, self._spread = None, None, None, None
 
     def linearize(self, state: State) -> NormalEquations:
-        """Normal equations of the lines at ``state``."""
+        """Normal equations of the lines at ``state``; found once a state, and not to be written into."""
+        if self._equations is None or self._equations[0] is not state:
+            self._equations = state, self._linearized(state)
+        return self._equations[1]
+
+    def _linearized(self, state: State) -> NormalEquations:
         poses, active = bodies_seen(self.model, state, self.offsets), self.active
         if state is not self._sums_of:
             for i in active:
