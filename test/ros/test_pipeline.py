@@ -92,12 +92,12 @@ def test_it_ends_when_the_tracker_dies(probe, launch, recording, tmp_path):
     bag = tmp_path / "bag"
     states = probe.listen(TrackedState, "tracker/state")
     pipeline = launch(*files_of(recording), "--loop", "--bag", bag)
-    probe.spin_until(lambda: len(states) > 5, "states")
+    probe.spin_until(lambda: len(states) > 8, "states")
     (tracker,) = [pid for pid in children_of(pipeline) if b".main\0tracker\0" in Path(f"/proc/{pid}/cmdline").read_bytes()]
     os.kill(tracker, signal.SIGKILL)
     assert pipeline.wait() != 0
     assert "tracker ended by itself" in pipeline.err
-    assert counts_of(bag)["/tracker/state"] > 5  # what was recorded is not lost
+    assert counts_of(bag)["/tracker/state"] > 5  # what was recorded is not lost; the last ones may not have left the tracker for the recorder
 
 
 def test_the_children_end_when_the_pipeline_is_killed(probe, launch, recording):
