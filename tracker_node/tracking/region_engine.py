@@ -225,7 +225,8 @@ class RegionEngine:
             if fine:
                 state = stepped(self._curved(equations, state, factors[0]), state, chain, self._fine_damping)
             else:
-                state = stepped(equations, state, chain, _DAMPING)
+                held = scale > 1.0 or prior is None
+                state = stepped(equations, state, chain, _DAMPING if held else self._fine_damping)
             steps += 1
             before, places = places, self._places(state)
             moved_px = px_per_m * float(np.linalg.norm(places - before, axis=1).max())
