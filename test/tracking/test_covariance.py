@@ -6,7 +6,7 @@ from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.human import human_model
 from tracker_node.synthesis.figure import figure_model, figure_motion
-from tracker_node.tracking.covariance import ImageEvidence, fit_covariance, link_bends
+from tracker_node.tracking.covariance import BEYOND_SECOND_ORDER, ImageEvidence, fit_covariance, link_bends
 
 MODEL = figure_model()
 BODY = Configuration(MODEL, figure_motion(n_images=1)[0])
@@ -88,7 +88,7 @@ def test_two_directions_that_are_hardly_known_bend_each_other():
     errors = np.random.default_rng(6).normal(size=(4000, 3)) * spreads
     pulls = 0.5e5 * link_bends(BODY, weak @ errors.T)
     makes_up = np.linalg.solve(H, np.einsum("kla,na,ln->nk", pulls, BODY.twists, MODEL.chain.link_moved_by))
-    expected = makes_up @ makes_up.T / len(errors)
+    expected = BEYOND_SECOND_ORDER * makes_up @ makes_up.T / len(errors)
     np.testing.assert_allclose(added, expected, atol=0.1 * np.diag(expected).max())
     assert np.linalg.eigvalsh(expected)[-2] > 0.05 * np.linalg.eigvalsh(expected)[-1]  # not the arc of one of them alone
 

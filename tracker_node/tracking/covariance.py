@@ -5,7 +5,8 @@ cause, and H^-1 S H^-1 that of the state (the sandwich of Huber, 1967); priors a
 
 To first order, that is. A direction that is hardly known, such as the turn of a collar bone that the arm makes up for, leads
 along an arc: whoever goes along its tangent for e leaves the arc by e^2/2 times its curvature, where other directions seem to be
-known exactly. Two such directions bend each other: the arm's own turn decides where its elbow's leads. So much is added.
+known exactly. Two such directions bend each other: the arm's own turn decides where its elbow's leads. So much is added, and as
+much again for what is beyond the second order.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ import numpy as np
 from ..geometry import so3
 from ..model.configuration import Configuration
 
+# Times what arcs add: on training clips the squared errors across them are then 1.1 times what is said, 1.3 times without it
+BEYOND_SECOND_ORDER = 2.0
 _LEAST = 1e-9  # of the largest entry of the information's diagonal: what nothing is known of keeps a variance that can be written
 _WELL_KNOWN = np.radians(1.0) ** 2  # variance of a direction that is straight for as far as it goes
 _FARTHEST = np.radians(30.0) ** 2  # variance beyond which an arc is not followed
@@ -75,7 +78,7 @@ def _hardly_known(covariance: np.ndarray, inverse: np.ndarray, images: ImageEvid
     """What is added where the arcs lead of directions that are hardly known."""
     variance, directions = np.linalg.eigh(covariance)
     bent = variance * variance[-1] > _WELL_KNOWN**2  # with the least known, if not alone
-    return _arcs(np.minimum(variance[bent], _FARTHEST), directions[:, bent], inverse, images, body)
+    return BEYOND_SECOND_ORDER * _arcs(np.minimum(variance[bent], _FARTHEST), directions[:, bent], inverse, images, body)
 
 
 def _arcs(
