@@ -14,12 +14,12 @@ from tracker_node.camera.camera_rig import CameraRig
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import N_ROOT_DOF
 from tracker_node.tracking.config import TrackerConfig
-from tracker_node.tracking.constraints import neutral_information
+from tracker_node.tracking.constraints import resting
 from tracker_node.tracking.estimate import LimbStatus, TrackEstimate
 from tracker_node.tracking.limb_status import MEASURES
 from tracker_node.tracking.limbs import Limb, limbs_of
 from tracker_node.tracking.motion_dynamics import Belief, Dynamics
-from tracker_node.tracking.smoother import Sighting, smooth
+from tracker_node.tracking.smoother import Sighting, smooth, smoothed_covariance
 from tracker_node.tracking.tracker import Tracker
 
 
@@ -83,7 +83,7 @@ def track(recorded: Recorded, rig: CameraRig, config: TrackerConfig) -> Run:
         estimates.append(tracker.step(image_set))
         shares.append(_shares(tracker, len(limbs)))
     motion = config.motion
-    sightings = [Sighting.of(e, neutral_information(model.chain, motion)) for e in estimates]
+    sightings = [Sighting.of(e, resting(model, motion)) for e in estimates]
     beliefs = list(smooth(sightings, Dynamics.of(motion, model.chain, motion.smoother_noise)))
     truth = truth_of(recorded)
     found = np.array([Configuration(model, e.state).landmarks_world for e in estimates])
@@ -103,7 +103,7 @@ def track(recorded: Recorded, rig: CameraRig, config: TrackerConfig) -> Run:
         shares=np.array(shares),
         total_ms=np.array([e.timings.total_ms for e in estimates]),
         smoothed_errors=np.array([_smoothed_error(b, s) for b, s in zip(beliefs, clip.states, strict=True)]),
-        smoothed_covariances=np.array([_smoothed_covariance(b, model.n_dof) for b in beliefs]),
+        smoothed_covariances=np.array([_smoothed_covariance(b, e) for b, e in zip(beliefs, estimates, strict=True)]),
     )  # fmt: skip
 
 
@@ -118,8 +118,8 @@ def _smoothed_error(belief: Belief | None, truth: State) -> np.ndarray:
     return np.full(n, np.nan) if belief is None else belief.state.difference(truth)
 
 
-def _smoothed_covariance(belief: Belief | None, n: int) -> np.ndarray:
-    return np.full((n, n), np.nan) if belief is None else belief.state_covariance
+def _smoothed_covariance(belief: Belief | None, estimate: TrackEstimate) -> np.ndarray:
+    return np.full_like(estimate.covariance, np.nan) if belief is None else smoothed_covariance(belief, estimate)
 
 
 def _tip_errors(recorded: Recorded, limbs: Sequence[Limb], state: State, truth: State) -> list[float]:

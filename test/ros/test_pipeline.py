@@ -97,7 +97,7 @@ def test_it_ends_when_the_tracker_dies(probe, launch, recording, tmp_path):
     os.kill(tracker, signal.SIGKILL)
     assert pipeline.wait() != 0
     assert "tracker ended by itself" in pipeline.err
-    assert counts_of(bag)["/tracker/state"] > 5  # what was recorded is not lost; the last ones may not have left the tracker for the recorder
+    assert counts_of(bag)["/tracker/state"] > 5  # what was recorded is not lost; the last ones may have reached the probe alone
 
 
 def test_the_children_end_when_the_pipeline_is_killed(probe, launch, recording):

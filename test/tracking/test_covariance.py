@@ -29,16 +29,16 @@ def test_it_is_the_scatter_of_estimates():
     measured = truth @ J.T + rng.normal(size=(n, 60)) @ errors.T
     estimates = np.linalg.solve(H + prior, J.T @ measured.T).T
     expected = np.cov((estimates - truth).T)
-    found = fit_covariance(H + prior, evidence(H, scatter), BODY)
+    found = fit_covariance(H + prior, evidence(H, scatter), BODY)[0]
     np.testing.assert_allclose(np.diag(found), np.diag(expected), rtol=0.12)
     np.testing.assert_allclose(found, expected, atol=0.1 * np.diag(expected).max())
 
 
 def test_without_images_what_is_believed_is_taken_at_its_word():
     H = np.diag(np.linspace(1.0, 1e4, N))
-    np.testing.assert_allclose(fit_covariance(H, None, BODY), np.linalg.inv(H), rtol=1e-4)
+    np.testing.assert_allclose(fit_covariance(H, None, BODY)[0], np.linalg.inv(H), rtol=1e-4)
     H[7] = H[:, 7] = 0.0
-    unknown = fit_covariance(H, None, BODY)
+    unknown = fit_covariance(H, None, BODY)[0]
     assert np.isfinite(unknown).all() and unknown[7, 7] > 1e4  # rad^2: nothing is known of it
 
 
@@ -84,7 +84,7 @@ def test_two_directions_that_are_hardly_known_bend_each_other():
     spreads = np.radians([8.0, 5.0, 6.0])
     H = 1e6 * np.eye(N) + (weak * (1.0 / spreads**2 - 1e6)) @ weak.T
     links = np.tile(1e5 * np.eye(6), (N_LINKS, 1, 1))
-    added = fit_covariance(H, ImageEvidence(H, H, links), BODY) - fit_covariance(H, evidence(H, H), BODY)
+    added = fit_covariance(H, ImageEvidence(H, H, links), BODY)[0] - fit_covariance(H, evidence(H, H), BODY)[0]
     errors = np.random.default_rng(6).normal(size=(4000, 3)) * spreads
     pulls = 0.5e5 * link_bends(BODY, weak @ errors.T)
     makes_up = np.linalg.solve(H, np.einsum("kla,na,ln->nk", pulls, BODY.twists, MODEL.chain.link_moved_by))
@@ -100,7 +100,7 @@ def test_what_is_hardly_known_leads_along_an_arc():
     direction /= np.sqrt(2.0)
     H = 1e6 * np.eye(N) + (1.0 / np.radians(8.0) ** 2 - 1e6) * np.outer(direction, direction)
     links = np.tile(1e5 * np.eye(6), (N_LINKS, 1, 1))
-    added = fit_covariance(H, ImageEvidence(H, H, links), BODY) - fit_covariance(H, evidence(H, H), BODY)
+    added = fit_covariance(H, ImageEvidence(H, H, links), BODY)[0] - fit_covariance(H, evidence(H, H), BODY)[0]
     values, vectors = np.linalg.eigh(added)
     assert values[-1] > 1e-6 and np.abs(values[:-1]).max() < 1e-3 * values[-1]  # one direction alone
     pull = 1e5 * link_bends(BODY, direction[:, None])[0]
@@ -122,11 +122,25 @@ def test_what_is_not_trusted_says_nothing():
     assert not doubted.normal[arm].any() and doubted.normal[0].any()
 
 
-def test_inverse_covariance_of_images_alone():
+def test_what_images_alone_say():
     rng = np.random.default_rng(4)
     J = rng.normal(size=(N - 2, N))  # two directions that no image tells
     H = J.T @ J
     told = evidence(H, 0.25 * H)
-    found = told.inverse_covariance()
+    offset = rng.normal(size=N)
+    found, pull = told.measurement(H @ offset)
     np.testing.assert_allclose(found, 4.0 * H, atol=1e-4 * np.abs(H).max())
+    np.testing.assert_allclose(pull, 4.0 * H @ offset, atol=1e-3 * np.abs(H @ offset).max())
     assert (np.linalg.eigvalsh(found)[:2] < 1e-4).all()
+
+
+def test_what_comes_of_arcs_is_told_apart():
+    H = 1e6 * np.eye(N)
+    for name in ("left_shoulder_abduction", "left_shoulder_internal_rotation"):
+        k = MODEL.chain.dof_names.index(name)
+        H[k, k] = 1.0 / np.radians(6.0) ** 2
+    links = np.tile(1e5 * np.eye(6), (N_LINKS, 1, 1))
+    covariance, arcs = fit_covariance(H, ImageEvidence(H, H, links), BODY)
+    straight, nothing = fit_covariance(H, evidence(H, H), BODY)
+    np.testing.assert_allclose(covariance - arcs, straight, atol=1e-12)
+    assert arcs.any() and not nothing.any()

@@ -1,5 +1,8 @@
 """The smoother against the whole trajectory solved at once, and against the filter on noisy measurements."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import scipy.sparse as sparse
@@ -13,7 +16,7 @@ from tracker_node.objective.prior import Prior
 from tracker_node.tracking.config import MotionConfig
 from tracker_node.tracking.motion_dynamics import Belief, Dynamics
 from tracker_node.tracking.motion_model import MotionModel
-from tracker_node.tracking.smoother import Sighting, Smoother, smooth
+from tracker_node.tracking.smoother import Sighting, Smoother, smooth, smoothed_covariance
 
 N = 8
 CONFIG = MotionConfig(root_position_noise=1.0, root_angle_noise=2.0, joint_noise=3.0)
@@ -31,9 +34,9 @@ def most_probable(prior: Prior | None, measured: State, information: np.ndarray)
     return state
 
 
-def tracked(stamps_ns, measured, informations) -> tuple[list[Sighting], MotionModel]:
+def tracked(stamps_ns, measured, informations, config=CONFIG) -> tuple[list[Sighting], MotionModel]:
     """What a tracker would find: each estimate is the most probable one by prediction and measurement."""
-    model, sightings = MotionModel(two_links().chain, CONFIG), []
+    model, sightings = MotionModel(two_links().chain, config), []
     for stamp_ns, state, information in zip(stamps_ns, measured, informations, strict=True):
         prediction = model.predict(stamp_ns)
         if information is None:
@@ -189,6 +192,39 @@ def test_a_lost_stretch_is_bridged():
     assert max(off[8:13]) < 0.02
     sigma = [np.sqrt(b.state_covariance[6, 6]) for b in beliefs]
     assert min(sigma[8:13]) > 3.0 * max(sigma[3:7])
+
+
+def test_the_smoother_expects_less_of_a_body_than_the_tracker():
+    """States that a tracker found by a prediction of its own are taken for what the images said, not for what came of it."""
+    rng, n = np.random.default_rng(3), 25
+    times = stamps(rng, n)
+    rows = rng.normal(size=(n, 3, N)) * 30.0
+    rows[:, :, 3:6] = 0.0
+    informations = [r.T @ r + np.diag([1.0] * 3 + [1e8] * 3 + [1.0] * 2) for r in rows]
+    noises = np.array([rng.multivariate_normal(np.zeros(N), np.linalg.inv(information)) for information in informations])
+    noises[:, 3:6] = 0.0
+    measured = [body.state.retract(e) for body, e in zip(walk(rng, times, turning=False), noises, strict=True)]
+    own, _ = tracked(times, measured, informations)
+    wide = replace(CONFIG, root_position_noise=4.0, root_angle_noise=8.0, joint_noise=12.0)
+    of_another, _ = tracked(times, measured, informations, wide)
+    pulled = [
+        replace(s, pull=s.information @ m.difference(s.state)) for s, m in zip(of_another, measured, strict=True)
+    ]  # fmt: skip
+    expected, found, taken = (list(smooth(s, DYNAMICS)) for s in (own, pulled, of_another))
+    sigma = np.sqrt(np.diag(expected[n // 2].state_covariance))
+    offs = [np.array([a.state.difference(b.state) for a, b in zip(beliefs, expected, strict=True)]) for beliefs in (found, taken)]
+    assert np.abs(offs[0] / sigma).max() < 1e-3 < 0.1 < np.abs(offs[1] / sigma).max()
+
+
+def test_arcs_shrink_with_the_square_of_variances():
+    straight, arcs = np.diag(np.linspace(1.0, 2.0, N)), 0.1 * np.ones((N, N))
+    estimate = SimpleNamespace(covariance=straight + arcs, arcs=arcs)
+    covariance = np.zeros((2 * N, 2 * N))
+    covariance[:N, :N] = 0.5 * straight
+    belief = Belief(State(np.eye(4), np.zeros(2)), np.zeros(N), covariance)
+    np.testing.assert_allclose(smoothed_covariance(belief, estimate), 0.5 * straight + 0.25 * arcs)
+    estimate.arcs = None
+    np.testing.assert_allclose(smoothed_covariance(belief, estimate), 0.5 * straight)
 
 
 @pytest.mark.parametrize("lag_s", [0.05, 0.1, np.inf])

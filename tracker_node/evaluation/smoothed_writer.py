@@ -13,10 +13,10 @@ from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration
 from ..optimize.levenberg_marquardt import clip_to_limits
 from ..tracking.config import MotionConfig
-from ..tracking.constraints import neutral_information
+from ..tracking.constraints import resting
 from ..tracking.estimate import TrackEstimate
 from ..tracking.motion_dynamics import Belief, Dynamics
-from ..tracking.smoother import Sighting, Smoother
+from ..tracking.smoother import Sighting, Smoother, smoothed_covariance
 
 FOLDER = "smoothed"
 STATES, JOINTS, POSES, VELOCITIES, COVARIANCES = "states.csv", "joints.csv", "poses.csv", "velocities.csv", "covariances.csv"
@@ -38,7 +38,7 @@ class SmoothedWriter:
     def __init__(self, output: str | Path, model: ArticulatedModel, motion: MotionConfig, lag_s: float):
         self._model, self._lag_s = model, lag_s
         self._dynamics = Dynamics.of(motion, model.chain, motion.smoother_noise)
-        self._neutral = neutral_information(model.chain, motion)
+        self._rest = resting(model, motion)
         self._smoother = Smoother(self._dynamics, lag_s)
         self._waiting: deque[TrackEstimate] = deque()
         folder, names, units = Path(output) / FOLDER, model.chain.dof_names, model.chain.dof_units
@@ -56,7 +56,7 @@ class SmoothedWriter:
         if self._waiting and estimate.stamp_ns < self._waiting[-1].stamp_ns:
             self._finish()
         self._waiting.append(estimate)
-        self._write(self._smoother.add(Sighting.of(estimate, self._neutral)))
+        self._write(self._smoother.add(Sighting.of(estimate, self._rest)))
 
     def close(self) -> None:
         """Write what is left, and finish every file."""
@@ -90,7 +90,7 @@ class SmoothedWriter:
         self._joints.append(stamp_ns, Configuration(self._model, state).landmarks_world)
         self._poses.append(stamp_ns, state.T_world_root)
         self._velocities.append(stamp_ns, belief.velocity)
-        self._covariances.append(stamp_ns, belief.state_covariance, belief.velocity_covariance)
+        self._covariances.append(stamp_ns, smoothed_covariance(belief, estimate), belief.velocity_covariance)
 
     def __enter__(self) -> SmoothedWriter:
         return self

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from ..model.articulated_model import ArticulatedModel
+from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
 from ..objective.collision import CollisionObjective
 from ..objective.coupling import CouplingObjective
 from ..objective.normal_equations import LeastSquaresObjective
+from ..objective.prior import Prior
 from .config import MotionConfig, TrackerConfig
 
 PX2_PER_INFORMATION = 18.0  # of the pulls of `MotionConfig`, which are stated in squared pixels
@@ -19,6 +21,11 @@ def neutral_information(chain: KinematicChain, motion: MotionConfig) -> np.ndarr
     pulls = np.zeros(chain.n_dof)
     pulls[N_ROOT_DOF:] = [motion.neutral_angle * axis.stiffness for axis in chain.axes]
     return pulls / PX2_PER_INFORMATION
+
+
+def resting(model: ArticulatedModel, motion: MotionConfig) -> Prior:
+    """The pull to the neutral pose, wherever the root is."""
+    return Prior(State.neutral(model), neutral_information(model.chain, motion))
 
 
 def constraints_of(model: ArticulatedModel, config: TrackerConfig) -> list[LeastSquaresObjective]:

@@ -40,14 +40,15 @@ class ImageEvidence:
     scatter: np.ndarray
     normal: np.ndarray
 
-    def inverse_covariance(self) -> np.ndarray:
-        """(n_dof, n_dof): H S^-1 H, of the state that these images alone would give."""
+    def measurement(self, pull: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What these images alone say of the state: the inverse covariance H S^-1 H (n_dof, n_dof), and that times the tangent
+        to where they have it, (n_dof,). ``pull`` (n_dof,): H times that tangent."""
         scale = np.sqrt(np.diag(self.information))
         scale = 1.0 / np.maximum(scale, 1e-3 * max(float(scale.max()), 1.0))
         scatter = self.scatter * np.outer(scale, scale)
         np.einsum("ii->i", scatter)[:] += _LEAST
-        half = np.linalg.solve(np.linalg.cholesky(scatter), scale[:, None] * self.information)
-        return half.T @ half
+        half = np.linalg.solve(np.linalg.cholesky(scatter), scale[:, None] * np.column_stack([self.information, pull]))
+        return half[:, :-1].T @ half[:, :-1], half[:, :-1].T @ half[:, -1]
 
     def trusted(self, trust: np.ndarray, moved_by: np.ndarray) -> ImageEvidence:
         """The same where degrees of freedom are believed no farther than ``trust`` (n_dof,), a share of the information's root;
@@ -57,8 +58,8 @@ class ImageEvidence:
         return ImageEvidence(both * self.information, both * self.scatter, links[:, None, None] * self.normal)
 
 
-def fit_covariance(H: np.ndarray, images: ImageEvidence | None, body: Configuration) -> np.ndarray:
-    """Covariance (n_dof, n_dof) of a state in its tangent.
+def fit_covariance(H: np.ndarray, images: ImageEvidence | None, body: Configuration) -> tuple[np.ndarray, np.ndarray]:
+    """Covariance (n_dof, n_dof) of a state in its tangent, and what of it comes from arcs, (n_dof, n_dof).
 
     ``H`` (n_dof, n_dof) is the information of all that was fitted to, ``images`` what of it came from them (None: nothing, and H
     is taken at its word), ``body`` the model in that state.
@@ -67,11 +68,12 @@ def fit_covariance(H: np.ndarray, images: ImageEvidence | None, body: Configurat
     np.einsum("ii->i", total)[:] += _LEAST * max(float(np.diag(H).max()), 1.0)
     inverse = np.linalg.inv(total)
     if images is None:
-        return 0.5 * (inverse + inverse.T)
+        return 0.5 * (inverse + inverse.T), np.zeros_like(inverse)
     covariance = inverse @ (total - images.information + images.scatter) @ inverse
     covariance = 0.5 * (covariance + covariance.T)
-    covariance += _hardly_known(covariance, inverse, images, body)
-    return 0.5 * (covariance + covariance.T)
+    arcs = _hardly_known(covariance, inverse, images, body)
+    arcs = 0.5 * (arcs + arcs.T)
+    return covariance + arcs, arcs
 
 
 def _hardly_known(covariance: np.ndarray, inverse: np.ndarray, images: ImageEvidence, body: Configuration) -> np.ndarray:

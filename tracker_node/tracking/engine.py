@@ -49,13 +49,15 @@ class Verdict:
 class Report:
     """What the last fit says of itself: each camera's part, rms residual over all, covariance (n_dof, n_dof) in the tangent.
 
-    ``images`` is what of it the images have told, where the engine knows.
+    ``images`` is what of it the images have told, ``arcs`` what of the covariance `fit_covariance` puts down to arcs, where the
+    engine knows.
     """
 
     cameras: tuple[CameraReport, ...]
     residual_px: float
     covariance: np.ndarray
     images: ImageEvidence | None = None
+    arcs: np.ndarray | None = None
 
 
 class Engine(Protocol):

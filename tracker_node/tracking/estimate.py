@@ -70,7 +70,9 @@ class TrackEstimate:
     (metres, radians). ``score`` is the robust cost (px^2) at the solution, ``residual_px`` the rms distance of the contour
     samples over all cameras. ``limbs`` is empty where the engine does not judge them: the trunk comes first, then the branches of
     the kinematic tree. ``velocity_covariance`` (n_dof, n_dof) is None where nothing is known of it. ``information``
-    (n_dof, n_dof) is the inverse covariance that these images alone would give; None where they are not believed.
+    (n_dof, n_dof) is the inverse covariance that these images alone would give; None where they are not believed. ``pull``
+    (n_dof,) is that times the tangent from ``state`` to where they alone would have it: what the prediction holds them from.
+    ``arcs`` (n_dof, n_dof) is what of the covariance is not of errors along the tangent but of those that lead beside it.
     ``faults`` are cameras that the others contradict.
     """
 
@@ -89,6 +91,8 @@ class TrackEstimate:
     limbs: tuple[LimbReport, ...] = ()
     velocity_covariance: np.ndarray | None = None
     information: np.ndarray | None = None
+    pull: np.ndarray | None = None
+    arcs: np.ndarray | None = None
     faults: tuple[CameraFault, ...] = ()
 
     def landmark_covariances(self, model: ArticulatedModel) -> np.ndarray:

@@ -115,7 +115,7 @@ class RegionEngine:
         self._trusted: np.ndarray | None = None  # (n_shapes,) parts of limbs that are where they should be
         self._objective.model_sigma_px = self._config.region.model_sigma_px
         self._count = 0
-        self._last_known: tuple[OptimizerResult, ImageEvidence, np.ndarray] | None = None
+        self._last_known: tuple[OptimizerResult, ImageEvidence, tuple[np.ndarray, np.ndarray]] | None = None
         self._comparison: Comparison | None = None
         self.whole: LeastSquaresObjective = self._objective
         self._passage: Passage | None = None
@@ -273,8 +273,8 @@ class RegionEngine:
         size_m, px_per_m = self._size(state)
         return self._objective.part_evidence(state, close_px * max(size_m * px_per_m / _LARGE_PX, 1.0))
 
-    def _known(self, result: OptimizerResult) -> tuple[ImageEvidence, np.ndarray]:
-        """What the lines last drawn say of ``result``, and the covariance of its state."""
+    def _known(self, result: OptimizerResult) -> tuple[ImageEvidence, tuple[np.ndarray, np.ndarray]]:
+        """What the lines last drawn say of ``result``, and its `fit_covariance`."""
         if self._last_known is None or self._last_known[0] is not result:
             images = self._errors.evidence(self._objective, result.state, 1.0 if self._distances is None else 0.5)
             body = Configuration(self._model, result.state)
@@ -299,7 +299,7 @@ class RegionEngine:
             self._steady = False
             reason = "no camera sees the body where it is expected"
             return Verdict(Status.LOST, reason, noise=True, limbs=self._limbs.nothing_seen(), surety=_UNSEEN)
-        limbs = self._limbs.update(evidence, result.state, self._known(result)[1])
+        limbs = self._limbs.update(evidence, result.state, self._known(result)[1][0])
         trust = self._limbs.trust(limbs)
         self._trusted = self._limbs.sound_shapes(limbs)
         status, reason = body_status(limbs)
@@ -345,8 +345,8 @@ class RegionEngine:
             squares, weight = squares + stats[kernel.SQUARES], weight + stats[kernel.WEIGHT]
             rms = float(np.sqrt(stats[kernel.SQUARES] / max(stats[kernel.WEIGHT], 1e-12)))
             reports.append(CameraReport(camera.name, 0 if image is None else image.stamp_ns, rms, int(stats[kernel.COUNT])))
-        images, covariance = self._known(result)
-        return Report(tuple(reports), float(np.sqrt(squares / max(weight, 1e-12))), covariance, images)
+        images, (covariance, arcs) = self._known(result)
+        return Report(tuple(reports), float(np.sqrt(squares / max(weight, 1e-12))), covariance, images, arcs)
 
     def learn(self, images: Images, state: State) -> None:
         """Colors change slowly: in each image set some of the cameras learn."""

@@ -17,6 +17,8 @@ import numpy as np
 
 from ..geometry import so3
 from ..model.configuration import State
+from ..model.kinematic_chain import N_ROOT_DOF
+from ..objective.prior import Prior
 from .estimate import TrackEstimate
 from .motion_dynamics import Belief, Dynamics, correct
 
@@ -28,19 +30,24 @@ class Sighting:
     """What one image set has told.
 
     ``information`` (n_dof, n_dof): inverse covariance that its images alone give of ``state``; None where they are not believed,
-    and neither is the state.
+    and neither is the state. ``pull`` (n_dof,): that times the tangent from ``state`` to where they alone have the body; None:
+    the state is what the smoother's own prediction and the images make most probable.
     """
 
     stamp_ns: int
     state: State
     information: np.ndarray | None
+    pull: np.ndarray | None = None
 
     @classmethod
-    def of(cls, estimate: TrackEstimate, neutral: np.ndarray) -> Sighting:
-        """What ``estimate`` rests on but its prediction: images, and the pull to the neutral pose, (n_dof,) of
-        `constraints.neutral_information`."""
-        told = None if estimate.information is None else estimate.information + np.diag(neutral)
-        return cls(estimate.stamp_ns, estimate.state, told)
+    def of(cls, estimate: TrackEstimate, rest: Prior) -> Sighting:
+        """What ``estimate`` rests on but its prediction: images, and the pull to the neutral pose, of `constraints.resting`."""
+        if estimate.information is None:
+            return cls(estimate.stamp_ns, estimate.state, None)
+        H, uphill = np.zeros_like(estimate.information), np.zeros(len(estimate.information))
+        rest.add_to(H, uphill, estimate.state)
+        pull = None if estimate.pull is None else estimate.pull - uphill
+        return cls(estimate.stamp_ns, estimate.state, estimate.information + H, pull)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +89,32 @@ def _carried(covariance: np.ndarray, turned: np.ndarray) -> np.ndarray:
     return result
 
 
+def _most_probable(predicted: Belief, sighting: Sighting) -> State:
+    """By ``predicted`` and what was seen, which is Gaussian about its state.
+
+    The tracker's own state is that by its prediction, which expects more of a body than the smoother does.
+    """
+    if sighting.pull is None or sighting.information is None:
+        return sighting.state
+    P = predicted.state_covariance
+    scale = 1.0 / np.sqrt(np.diag(P))
+    inverse = np.linalg.inv(P * np.outer(scale, scale)) * np.outer(scale, scale)
+    H, uphill = sighting.information.copy(), -sighting.pull
+    Prior(predicted.state, 0.5 * (inverse + inverse.T)).add_to(H, uphill, sighting.state)
+    return sighting.state.retract(-np.linalg.solve(H, uphill))
+
+
+def smoothed_covariance(belief: Belief, estimate: TrackEstimate) -> np.ndarray:
+    """(n_dof, n_dof) of a smoothed state: with the arcs of the ``estimate`` of that instant, whose hardly known directions it
+    knows better. Arcs grow with the square of their variances."""
+    if estimate.arcs is None:
+        return belief.state_covariance
+    straight = (estimate.covariance - estimate.arcs)[N_ROOT_DOF:, N_ROOT_DOF:]
+    of_all = float((straight * straight).sum())
+    share = float((belief.state_covariance[N_ROOT_DOF:, N_ROOT_DOF:] * straight).sum()) / of_all if of_all > 0.0 else 0.0
+    return belief.state_covariance + share**2 * estimate.arcs
+
+
 class Smoother:
     """Smooths as sightings come; each is answered once it is ``lag_s`` old, or at the end.
 
@@ -121,7 +154,7 @@ class Smoother:
             link = _Link(self._dynamics, before, (sighting.stamp_ns - self._stamps_ns[-1]) * 1e-9)
             belief = link.predicted
             if sighting.information is not None:
-                belief = correct(belief, sighting.state, sighting.information)
+                belief = correct(belief, _most_probable(belief, sighting), sighting.information)
         if self._filtered:
             self._links[-1] = link
         self._stamps_ns.append(sighting.stamp_ns)
