@@ -40,7 +40,7 @@ def test_smoothed_files_stand_beside_those_of_the_tracker(clip, tmp_path):
     assert states.stamps_ns.tolist() == filtered.stamps_ns.tolist()
     assert states.status == filtered.status
     assert not np.array_equal(states.values, filtered.values)
-    np.testing.assert_allclose(states.values[-1], filtered.values[-1], atol=5e-3)  # nothing came after: motion is taken for calmer
+    np.testing.assert_allclose(states.values[-1], filtered.values[-1], atol=5e-3)  # nothing came after: only motion is calmer
     assert errors_m(clip, states.values).mean() < errors_m(clip, filtered.values).mean()
 
     configurations = [Configuration(clip.model, State.from_values(v)) for v in states.values]
