@@ -1,5 +1,7 @@
 """Covariances of fits: against sampled errors, second derivatives by differences, and where nothing is known."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from tracker_node.geometry import se3
@@ -127,11 +129,23 @@ def test_what_images_alone_say():
     J = rng.normal(size=(N - 2, N))  # two directions that no image tells
     H = J.T @ J
     told = evidence(H, 0.25 * H)
+    assert told.measurement()[1] is None
     offset = rng.normal(size=N)
-    found, pull = told.measurement(H @ offset)
+    found, pull = replace(told, gradient=-H @ offset).measurement()
     np.testing.assert_allclose(found, 4.0 * H, atol=1e-4 * np.abs(H).max())
     np.testing.assert_allclose(pull, 4.0 * H @ offset, atol=1e-3 * np.abs(H @ offset).max())
     assert (np.linalg.eigvalsh(found)[:2] < 1e-4).all()
+
+
+def test_what_is_believed_less_is_not_elsewhere():
+    rng = np.random.default_rng(7)
+    J = rng.normal(size=(3 * N, N))
+    H, offset, trust = J.T @ J, rng.normal(size=N), np.ones(N)
+    trust[8:12] = 0.4
+    sure, _ = ImageEvidence(H, 0.5 * H, np.zeros((N_LINKS, 6, 6)), -H @ offset).measurement()
+    less, pull = ImageEvidence(H, 0.5 * H, np.zeros((N_LINKS, 6, 6)), -H @ offset).measurement(trust)
+    np.testing.assert_allclose(np.linalg.solve(less, pull), offset, atol=1e-3)
+    np.testing.assert_allclose(np.diag(less)[8:12], 0.16 * np.diag(sure)[8:12], rtol=1e-6)
 
 
 def test_what_comes_of_arcs_is_told_apart():

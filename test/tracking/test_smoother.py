@@ -216,6 +216,19 @@ def test_the_smoother_expects_less_of_a_body_than_the_tracker():
     assert np.abs(offs[0] / sigma).max() < 1e-3 < 0.1 < np.abs(offs[1] / sigma).max()
 
 
+def test_a_sighting_is_where_images_and_rest_would_have_the_body():
+    rng = np.random.default_rng(8)
+    state, offset = State(np.eye(4), np.array([0.3, -0.2])), 0.1 * rng.normal(size=N)
+    information, stiffness = np.diag(rng.uniform(50.0, 100.0, N)), np.array([0.0] * 6 + [20.0, 30.0])
+    estimate = SimpleNamespace(stamp_ns=1, state=state, information=information, pull=information @ offset)
+    sighting = Sighting.of(estimate, Prior(State(np.eye(4), np.zeros(2)), stiffness))
+    best = offset.copy()
+    best[6:] = (np.diag(information)[6:] * offset[6:] - stiffness[6:] * state.joint_positions) / (
+        np.diag(information)[6:] + stiffness[6:]
+    )
+    np.testing.assert_allclose(np.linalg.solve(sighting.information, sighting.pull), best, atol=1e-12)
+
+
 def test_arcs_shrink_with_the_square_of_variances():
     straight, arcs = np.diag(np.linspace(1.0, 2.0, N)), 0.1 * np.ones((N, N))
     estimate = SimpleNamespace(covariance=straight + arcs, arcs=arcs)
@@ -223,6 +236,9 @@ def test_arcs_shrink_with_the_square_of_variances():
     covariance[:N, :N] = 0.5 * straight
     belief = Belief(State(np.eye(4), np.zeros(2)), np.zeros(N), covariance)
     np.testing.assert_allclose(smoothed_covariance(belief, estimate), 0.5 * straight + 0.25 * arcs)
+    belief.covariance[:N, :N] = 3.0 * straight
+    np.testing.assert_allclose(smoothed_covariance(belief, estimate), 3.0 * straight + arcs)  # never more than the tracker's
+    belief.covariance[:N, :N] = 0.5 * straight
     estimate.arcs = None
     np.testing.assert_allclose(smoothed_covariance(belief, estimate), 0.5 * straight)
 

@@ -10,12 +10,13 @@ from ..model.kinematic_chain import KinematicChain
 from ..objective.normal_equations import LeastSquaresObjective
 from ..objective.prior import Prior
 from ..objective.sum_objective import SumObjective
+from ..observation.image_set import ImageSet
 from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 from ..optimize.result import OptimizerResult
 from .color_engine import ColorEngine
 from .color_then_contour import ColorThenContourEngine
 from .config import TrackerConfig
-from .engine import Engine
+from .engine import Engine, Report
 
 
 class Contours(Engine, Protocol):
@@ -54,3 +55,10 @@ class ColorWithContourEngine(ColorThenContourEngine):
                 found, iterations=result.iterations + found.iterations, evaluations=result.evaluations + found.evaluations
             )
         return result
+
+    def report(self, result: OptimizerResult, image_set: ImageSet) -> Report:
+        """That of the contours, without where they alone would have the body: the state rests on the colors, too."""
+        report = super().report(result, image_set)
+        if self._lost or report.images is None:
+            return report
+        return replace(report, images=replace(report.images, gradient=None))

@@ -34,21 +34,35 @@ class ImageEvidence:
     information : (n_dof, n_dof) their share of H, in the tangent of the state.
     scatter : (n_dof, n_dof) covariance of their gradient.
     normal : (n_links, 6, 6) their information on the spatial twist of each link.
+    gradient : (n_dof,) of what they cost the state, half of it, as in the normal equations; None where the fit went by other
+        evidence, too.
     """
 
     information: np.ndarray
     scatter: np.ndarray
     normal: np.ndarray
+    gradient: np.ndarray | None = None
 
-    def measurement(self, pull: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What these images alone say of the state: the inverse covariance H S^-1 H (n_dof, n_dof), and that times the tangent
-        to where they have it, (n_dof,). ``pull`` (n_dof,): H times that tangent."""
+    def measurement(self, trust: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray | None]:
+        """What these images alone say of the state: the inverse covariance M = H S^-1 H (n_dof, n_dof), and that times the
+        tangent to where they have it, (n_dof,), None where there is no gradient.
+
+        ``trust`` (n_dof,): see `trusted`. What is believed less is less sure, not elsewhere.
+        """
         scale = np.sqrt(np.diag(self.information))
         scale = 1.0 / np.maximum(scale, 1e-3 * max(float(scale.max()), 1.0))
         scatter = self.scatter * np.outer(scale, scale)
         np.einsum("ii->i", scatter)[:] += _LEAST
-        half = np.linalg.solve(np.linalg.cholesky(scatter), scale[:, None] * np.column_stack([self.information, pull]))
-        return half[:, :-1].T @ half[:, :-1], half[:, :-1].T @ half[:, -1]
+        gradient = np.zeros(len(scale)) if self.gradient is None else self.gradient
+        columns = np.column_stack([self.information, -gradient])
+        half = np.linalg.solve(np.linalg.cholesky(scatter), scale[:, None] * columns)
+        M, pull = half[:, :-1].T @ half[:, :-1], half[:, :-1].T @ half[:, -1]
+        if trust is not None and (trust != 1.0).any():
+            scale = 1.0 / np.sqrt(np.maximum(np.diag(M), 1e-6 * max(float(np.diag(M).max()), 1.0)))
+            tangent = scale * np.linalg.solve(M * np.outer(scale, scale) + 1e-6 * np.eye(len(M)), scale * pull)
+            M = np.outer(trust, trust) * M
+            pull = M @ tangent
+        return M, None if self.gradient is None else pull
 
     def trusted(self, trust: np.ndarray, moved_by: np.ndarray) -> ImageEvidence:
         """The same where degrees of freedom are believed no farther than ``trust`` (n_dof,), a share of the information's root;

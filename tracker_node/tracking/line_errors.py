@@ -38,7 +38,8 @@ class LineErrors:
     def evidence(self, objective: RegionObjective, state: State, share: float = 1.0) -> ImageEvidence:
         """Of the lines last drawn, held against ``state``; ``share``: what they count for in the fit."""
         chain, config, body = self._model.chain, self._config, Configuration(self._model, state)
-        information = objective.linearize(state).H
+        equations = objective.linearize(state)
+        information = equations.H
         cameras, spread_px = objective.camera_equations(), objective.spread_px(state)
         found = objective.line_variance if spread_px is None else max(spread_px, self._least_px) ** 2
         n_links = len(chain.links)
@@ -54,7 +55,8 @@ class LineErrors:
         moved = (chain.link_moved_by.T @ shifts.reshape(n_links, -1)).reshape(-1, 6, 2)
         whole = (moved * body.twists[:, :, None]).sum(axis=1)
         scatter += config.body_shift_px**2 * whole @ whole.T
-        return ImageEvidence(share * information, share**2 * scatter, share * normal)
+        alone = equations.g if share == 1.0 else None
+        return ImageEvidence(share * information, share**2 * scatter, share * normal, alone)
 
     def _crowding(self, objective: RegionObjective, i: int, found: float) -> np.ndarray:
         """(n_links,): what the lines of camera ``i`` add to the scatter, in what they add to the information."""

@@ -1,8 +1,9 @@
 """Every estimate of a recording in the light of the later ones: the smoother of Rauch, Tung and Striebel on the manifold.
 
-A first pass forward is the tracker's own Kalman filter, fed with the states that it found and the information that each image
-set gave. The pass backward corrects each belief by what the next one has come to know (Rauch, Tung and Striebel, 1965). Tangents
-are taken at the filtered and predicted means, and covariances carried from one tangent space to the other.
+A first pass forward is a Kalman filter like the tracker's own with less noise, fed with where the images alone had the body and
+how surely (or with the tracker's states, where an engine does not tell them apart). The pass backward corrects each belief by
+what the next one has come to know (Rauch, Tung and Striebel, 1965). Tangents are taken at the filtered and predicted means, and
+covariances carried from one tangent space to the other.
 """
 
 from __future__ import annotations
@@ -111,8 +112,8 @@ def smoothed_covariance(belief: Belief, estimate: TrackEstimate) -> np.ndarray:
         return belief.state_covariance
     straight = (estimate.covariance - estimate.arcs)[N_ROOT_DOF:, N_ROOT_DOF:]
     of_all = float((straight * straight).sum())
-    share = float((belief.state_covariance[N_ROOT_DOF:, N_ROOT_DOF:] * straight).sum()) / of_all if of_all > 0.0 else 0.0
-    return belief.state_covariance + share**2 * estimate.arcs
+    share = float((belief.state_covariance[N_ROOT_DOF:, N_ROOT_DOF:] * straight).sum()) / of_all if of_all > 0.0 else 1.0
+    return belief.state_covariance + min(share, 1.0) ** 2 * estimate.arcs
 
 
 class Smoother:

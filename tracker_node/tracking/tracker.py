@@ -19,7 +19,6 @@ from ..optimize.result import OptimizerResult
 from ..render.occluders import Occluders
 from .camera_fault import CameraFault
 from .config import TrackerConfig
-from .constraints import resting
 from .contour_engine import ContourEngine
 from .covariance import ImageEvidence, fit_covariance
 from .engine import Engine, Images, Report, Verdict
@@ -102,7 +101,6 @@ class Tracker:
 
     def _restart(self, state: State | None) -> None:
         self._motion = MotionModel(self.model.chain, self.config.motion)
-        self._rest = resting(self.model, self.config.motion)
         self._check.skip()  # how it got there is no velocity
         self._start, self._lost = state, 0
         self._unproven: int | None = 0  # image sets since the start in which a limb was lost; None: there was one without
@@ -158,22 +156,20 @@ class Tracker:
         done = time.perf_counter()
         if waiting:
             problem = NOT_GIVEN if self._starter is None else self._starter.problem
-            verdict, information, pull = Verdict(Status.INITIALISING, problem), None, None
+            verdict, information = Verdict(Status.INITIALISING, problem), None
         else:
             verdict = engine.judge(result, image_set)
             self.surety = verdict.surety
             if verdict.noise:  # stay where the body was last, whatever the optimizer has made of noise
                 result = replace(result, state=predicted, equations=engine.linearize(predicted))
-            information, pull = self._without_prediction(result, prior, verdict)
+            information = self._information(result, prior, verdict)
             self._accept(image_set.stamp_ns, result.state, information, images, verdict, first)
         faults = self._compare_cameras(image_set.stamp_ns, verdict)
         finished = time.perf_counter()
         report = engine.report(result, image_set)
         told = self._told(report, verdict) if information is not None else None
-        believed = information
-        if told is not None and pull is not None:
-            information, pull = told.measurement(pull)
-        covariance, arcs = self._covariance(report, result.state, prior, believed, told, verdict)
+        covariance, arcs = self._covariance(report, result.state, prior, information, told, verdict)
+        alone, pull = (information, None) if told is None or report.images is None else report.images.measurement(verdict.trust)
         return TrackEstimate(
             stamp_ns=image_set.stamp_ns,
             status=verdict.status,
@@ -189,7 +185,7 @@ class Tracker:
             evaluations=result.evaluations,
             timings=Timings(1e3 * (observed - began), 1e3 * (done - observed), 1e3 * (finished - began)),
             velocity_covariance=self._motion.velocity_covariance,
-            information=information,
+            information=alone,
             pull=pull,
             faults=faults,
             limbs=verdict.limbs,
@@ -230,23 +226,17 @@ class Tracker:
         late_s = [0.0 if image is None else 1e-9 * (image.stamp_ns - image_set.stamp_ns) for image in images]
         return None if prediction is None or not any(late_s) else Passage(late_s, prediction)
 
-    def _without_prediction(
-        self, result: OptimizerResult, prior: Prior | None, verdict: Verdict
-    ) -> tuple[np.ndarray | None, np.ndarray | None]:
-        """Information (n_dof, n_dof) of all that was fitted to but the prediction, and where images alone pull from there,
-        (n_dof,); None where they are not believed, or their engine has other units.
-
-        Where the fit ends, all that pulls is in balance.
-        """
+    def _information(self, result: OptimizerResult, prior: Prior | None, verdict: Verdict) -> np.ndarray | None:
+        """(n_dof, n_dof) of all that was fitted to but the prediction; None where the images are not believed, or their engine
+        has other units."""
         doubtful = verdict.status is Status.LOST or verdict.noise or verdict.jumped
         if doubtful or not self._engine.in_information_units:
-            return None, None
-        H, pull = np.zeros_like(result.equations.H), np.zeros_like(result.equations.g)
+            return None
+        H, g = np.zeros_like(result.equations.H), np.zeros_like(result.equations.g)
         if prior is not None:
-            prior.add_to(H, pull, result.state)
-            self._rest.add_to(np.zeros_like(H), pull, result.state)
-        information, trust = result.equations.H - H, verdict.trust
-        return (information, pull) if trust is None else (trust[:, None] * information * trust, trust * pull)
+            prior.add_to(H, g, result.state)
+        information = result.equations.H - H
+        return information if verdict.trust is None else verdict.trust[:, None] * information * verdict.trust
 
     def _told(self, report: Report, verdict: Verdict) -> ImageEvidence | None:
         """What is believed of what the images have told; None where the engine cannot say."""
