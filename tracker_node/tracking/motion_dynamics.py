@@ -19,6 +19,7 @@ import numpy as np
 from ..geometry import so3
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
+from ..objective.prior import Prior
 from .config import MotionConfig
 
 _ROTATION = slice(3, 6)
@@ -47,6 +48,11 @@ class Belief:
     def velocity_covariance(self) -> np.ndarray:
         """(n_dof, n_dof), per second squared."""
         return self.covariance[self.velocity.size :, self.velocity.size :]
+
+    def prior(self) -> Prior:
+        """Pull to the state, in units of information."""
+        information = np.linalg.inv(self.state_covariance)
+        return Prior(self.state, 0.5 * (information + information.T))
 
     @cached_property
     def velocity_by_state(self) -> np.ndarray:

@@ -37,10 +37,7 @@ class Prediction:
 
     def prior(self) -> Prior | None:
         """Pull to the expected state, in units of information."""
-        if self.belief is None:
-            return None
-        information = np.linalg.inv(self.belief.state_covariance)
-        return Prior(self.belief.state, 0.5 * (information + information.T))
+        return None if self.belief is None else self.belief.prior()
 
     def velocity_at(self, state: State) -> np.ndarray:
         """(n_dof,): the velocity to be expected if ``state`` is where the body is now."""

@@ -30,7 +30,7 @@ from ..optimize.result import OptimizerResult
 from ..render.occluders import Occluders
 from ..render.shape_arrays import ShapeArrays
 from .config import TrackerConfig, numbers
-from .constraints import PX2_PER_INFORMATION, constraints_of, neutral_information
+from .constraints import PX2_PER_INFORMATION, constraints_of, resting
 from .contour_engine import ContourEngine
 from .covariance import ImageEvidence, fit_covariance
 from .engine import Images, Report, Verdict
@@ -88,7 +88,7 @@ class RegionEngine:
         self._classes = color_classes(model)
         self._stated = stated_densities(model, self._classes)
         self._scales = numbers(region.scales)
-        self._constraints = constraints_of(model, config)
+        self._constraints, self._rest = constraints_of(model, config), resting(model, config.motion)
         self._arrays = ShapeArrays.from_model(model)
         self._objective = RegionObjective(
             rig, model, self._arrays, self._classes, region_options(config), parallel, self._occluders.depths
@@ -221,12 +221,11 @@ class RegionEngine:
             equations = whole.linearize(state)
             if steps == 0:
                 self._comparison = self._compared(state, equations, start, prior)
-            fine = scale <= 1.0 and self._fits_well
-            if fine:
-                state = stepped(self._curved(equations, state, factors[0]), state, chain, self._fine_damping)
-            else:
-                held = scale > 1.0 or prior is None
-                state = stepped(equations, state, chain, _DAMPING if held else self._fine_damping)
+            fits_well = scale <= 1.0 and self._fits_well
+            free = fits_well or (scale <= 1.0 and prior is not None)  # first fits, which may begin far off, are held back
+            if fits_well:
+                equations = self._curved(equations, state, factors[0])
+            state = stepped(equations, state, chain, self._fine_damping if free else _DAMPING)
             steps += 1
             before, places = places, self._places(state)
             moved_px = px_per_m * float(np.linalg.norm(places - before, axis=1).max())
@@ -375,14 +374,11 @@ class RegionEngine:
     def _priors(self, expected: State, prior: Prior | None) -> list[Prior]:
         """The prediction, and the neutral pose where contours are silent."""
         motion = self._config.motion
-        neutral = neutral_information(self._model.chain, motion)
         if prior is None:
             stay = np.full(self._model.n_dof, motion.stay_angle)
             stay[:3] = motion.stay_position
             prior = Prior(expected, stay / PX2_PER_INFORMATION)
-        if not neutral.any():
-            return [prior]
-        return [prior, Prior(State.neutral(self._model, expected.T_world_root), neutral)]
+        return [prior, self._rest] if self._rest.information.any() else [prior]
 
 
 _BODY_CELLS = 90.0  # across the body, in the small images in which limbs are looked for

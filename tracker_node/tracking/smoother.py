@@ -97,11 +97,8 @@ def _most_probable(predicted: Belief, sighting: Sighting) -> State:
     """
     if sighting.pull is None or sighting.information is None:
         return sighting.state
-    P = predicted.state_covariance
-    scale = 1.0 / np.sqrt(np.diag(P))
-    inverse = np.linalg.inv(P * np.outer(scale, scale)) * np.outer(scale, scale)
     H, uphill = sighting.information.copy(), -sighting.pull
-    Prior(predicted.state, 0.5 * (inverse + inverse.T)).add_to(H, uphill, sighting.state)
+    predicted.prior().add_to(H, uphill, sighting.state)
     return sighting.state.retract(-np.linalg.solve(H, uphill))
 
 

@@ -167,9 +167,10 @@ class Tracker:
         faults = self._compare_cameras(image_set.stamp_ns, verdict)
         finished = time.perf_counter()
         report = engine.report(result, image_set)
-        told = self._told(report, verdict) if information is not None else None
+        evidence = report.images if information is not None else None
+        told = self._told(evidence, verdict)
         covariance, arcs = self._covariance(report, result.state, prior, information, told, verdict)
-        alone, pull = (information, None) if told is None or report.images is None else report.images.measurement(verdict.trust)
+        alone, pull = (information, None) if evidence is None else evidence.measurement(verdict.trust)
         return TrackEstimate(
             stamp_ns=image_set.stamp_ns,
             status=verdict.status,
@@ -238,11 +239,11 @@ class Tracker:
         information = result.equations.H - H
         return information if verdict.trust is None else verdict.trust[:, None] * information * verdict.trust
 
-    def _told(self, report: Report, verdict: Verdict) -> ImageEvidence | None:
+    def _told(self, evidence: ImageEvidence | None, verdict: Verdict) -> ImageEvidence | None:
         """What is believed of what the images have told; None where the engine cannot say."""
-        if report.images is None or verdict.trust is None:
-            return report.images
-        return report.images.trusted(verdict.trust, self.model.chain.link_moved_by)
+        if evidence is None or verdict.trust is None:
+            return evidence
+        return evidence.trusted(verdict.trust, self.model.chain.link_moved_by)
 
     def _covariance(
         self,
