@@ -1,12 +1,14 @@
 """Rigs that several tests use: cameras on a circle, and the same ones a little displaced."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from tracker_node.camera.camera_model import CameraModel
 from tracker_node.camera.camera_rig import Camera, CameraRig
 from tracker_node.geometry import se3
+from tracker_node.loaders.rig_yaml import read_rig_file, write_rig_file
 
 
 def look_at(center: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -37,3 +39,15 @@ def disturbed(rig: CameraRig, seed: int = 3, angle: float = 0.02, distance: floa
         twist = np.concatenate([rng.normal(size=3) * distance / 1.7, rng.normal(size=3) * angle / 1.7])
         cameras.append(replace(camera, T_world_cam=camera.T_world_cam @ se3.exp(twist)))
     return CameraRig(tuple(cameras))
+
+
+def in_millimetres(source: Path, target: Path) -> Path:
+    """Write a rig file as it would be with its places in millimetres."""
+    rig = read_rig_file(source)
+    cameras = {}
+    for name, entry in rig.cameras.items():
+        rows = np.array(entry.T_world_cam)
+        rows[:3, 3] *= 1000.0
+        cameras[name] = entry.model_copy(update={"T_world_cam": tuple(map(tuple, rows.tolist()))})
+    write_rig_file(rig.model_copy(update={"cameras": cameras}), target)
+    return target

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import yaml
 from bodies import crane, gantry, tetrahedron
+from camera_rigs import circle_rig
 from fuzz_mutations import NEUTRAL_YAML, damage_bytes, damage_content, damage_numbers, damage_yaml, yaml_text
 from robot_text import ROBOT
 
@@ -20,6 +21,7 @@ from tracker_node.loaders.clicks import load_clicks
 from tracker_node.loaders.control_points import load_control_points, load_places
 from tracker_node.loaders.mesh_file import read_mesh, write_mesh
 from tracker_node.loaders.model_yaml import dump_model, load_model
+from tracker_node.loaders.opencv_storage import dump_opencv, load_opencv
 from tracker_node.loaders.opensim_table import dump_table, load_table
 from tracker_node.loaders.picture_file import write_picture
 from tracker_node.loaders.recording_yaml import load_recording
@@ -211,14 +213,24 @@ def core_kinds(folder: Path) -> list[Kind]:
     ]  # fmt: skip
 
 
+def _opencv_kind(folder: Path, extension: str) -> Kind:
+    """A storage of OpenCV, as it writes it."""
+    path = folder / f"storage.{extension}"
+    dump_opencv(circle_rig(2), path)
+    return text_kind(
+        f"opencv_{extension}", path.suffix, path.read_bytes(), lambda file: load_opencv([file]), _check_rig, dump_opencv
+    )
+
+
 def other_kinds(folder: Path) -> list[Kind]:
-    """What else is read: meshes, clicks, points, stamps, markers."""
+    """What else is read: OpenCV's storages, meshes, clicks, points, stamps, markers."""
     mesh = write_mesh(tetrahedron(), folder / "valid").read_bytes()
 
     def load_mesh(path: Path):
         return read_mesh(path, 1.0, path, "file")
 
     return [
+        *(_opencv_kind(folder, extension) for extension in ("yaml", "xml", "json")),
         text_kind("mesh", ".obj", mesh, load_mesh, lambda mesh: _check_finite(mesh.vertices.tolist())),
         text_kind("clicks", ".csv", CLICKS, load_clicks),
         text_kind("control_points", ".csv", CONTROL, load_control_points),

@@ -6,8 +6,18 @@ raises a `TrackerError` subclass that carries its data. Not converging is a fiel
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from pathlib import Path
+
+_LONGEST_VALUE, _LONGEST_TEXT = 120, 300  # of a value in a message, of text: its end is often the cause
+
+_OWN = r"(?!(?:file|bag|v4l2|topic):)"  # kinds of sources that have no passwords
+_ADDRESS = re.compile(rf"(?<![\w+.-]){_OWN}[A-Za-z][\w+.-]*:/+|(?:^|(?<=[='\" ]))//")
+_BARE = re.compile(rf"(\w+=)?{_OWN}\S*:\S*@\S*")  # user:password@host
+_SECRET = re.compile(
+    r"[?#]|(?:user|usr|login|name|pwd|psw|pw|pass|token|auth|secret|key|sig|credential|session)[\w.-]*=", re.IGNORECASE
+)
 
 
 class TrackerError(Exception):
@@ -25,11 +35,21 @@ class FileFormatError(TrackerError):
     file : path of the file (or a name for an in-memory source).
     field : dotted path of the field, e.g. ``cameras.cam01.K``.
     expected, got : what the format asks for, and what stands there.
+    also : further problems of the same file, a sentence each.
     """
 
-    def __init__(self, file: str | Path, field: str, expected: str, got: object):
+    def __init__(self, file: str | Path, field: str, expected: str, got: object, also: Iterable[str] = ()):
         self.file, self.field, self.expected, self.got = str(file), field, expected, got
-        super().__init__(f"{file}: field '{_cut(field, 300)}': expected {_cut(expected, 2000)}, got {_short(got)}")
+        first = f"field '{_cut(field, 300)}': expected {_cut(expected, 2000)}, got {shown(got)}"
+        super().__init__(f"{file}: {'; '.join([first, *also])}")
+
+
+class WrongKindOfFileError(FileFormatError):
+    """A file that is none of the kind that is asked for, but a known other one: a body where a rig should be."""
+
+    def __init__(self, file: str | Path, found: str, wanted: str):
+        super().__init__(file, "(file)", wanted, found)
+        self.args = (f"{file}: this is {found}, not {wanted}",)
 
 
 class UnknownNameError(TrackerError):
@@ -56,12 +76,45 @@ class SourceError(TrackerError):
     """An image source that is missing, unreadable or ended."""
 
     def __init__(self, source: str | Path, problem: str):
-        self.source, self.problem = str(source), problem
-        super().__init__(f"image source '{source}': {problem}")
+        self.source, self.problem = without_password(str(source)), problem
+        super().__init__(f"image source '{self.source}': {problem}")
 
 
-def _short(value: object, limit: int = 120) -> str:
-    return _cut(repr(value), limit)
+def without_password(text: str) -> str:
+    """Text for people and files, such as a source, an option or a line of a log: nothing of an address that may be secret.
+
+    User and password go (``rtsp://***@host/video``), and so does all behind a ``?``, a ``#``, or the first ``user=``, ``pwd=``,
+    ``token=`` and the like. A password may hold each of these and an ``@``; where that leaves it open which part is the host, all
+    of the address goes.
+    """
+    found = _ADDRESS.search(text)
+    if found is None:
+        bare = _BARE.fullmatch(text)
+        if bare is None:
+            return text
+        head, rest = bare[1] or "", text[bare.end(1) if bare[1] else 0 :]
+    else:
+        head, rest = text[: found.end()], text[found.end() :]
+    named, at = _SECRET.search(rest), rest.rfind("@")
+    if named is not None and at > named.start():
+        return f"{head}***"
+    if named is not None:
+        rest = f"{rest[: named.end()]}***"
+    return f"{head}***{rest[at:]}" if at > 0 else head + rest
+
+
+def shown(value: object) -> str:
+    """A value in a message: the beginning of a long one, and its end too where it is text, which may be a reason."""
+    try:
+        text = without_password(repr(value))
+        return _cut_in_the_middle(text, _LONGEST_TEXT) if isinstance(value, str) else _cut(text, _LONGEST_VALUE)
+    except (RecursionError, ValueError):  # lists in lists without end; a number of thousands of digits
+        return f"a {type(value).__name__} that is too long to be shown"
+
+
+def _cut_in_the_middle(text: str, limit: int) -> str:
+    half = (limit - 5) // 2
+    return text if len(text) <= limit else f"{text[:half]} ... {text[-half:]}"
 
 
 def _cut(text: str, limit: int) -> str:

@@ -120,3 +120,35 @@ def test_in_image_ends_half_a_pixel_beyond_the_outer_centres():
     model = CameraModel(640, 480, K)
     pixels = np.array([[-0.5, 0.0], [-0.6, 0.0], [639.4, 479.4], [639.5, 0.0], [0.0, 479.5]])
     assert model.in_image(pixels).tolist() == [True, False, True, False, False]
+
+
+@pytest.mark.parametrize(("width", "height"), [(32, 24), (128, 96), (16, 48), (40, 30)])
+def test_resized_images_have_the_same_edges(width, height):
+    """The outer edges of the image, half a pixel beyond the outer centres, stay edges; between them all is in proportion."""
+    model = CameraModel(64, 48, np.array([[60.0, 0.4, 30.0], [0, 62.0, 25.0], [0, 0, 1]]), "plumb_bob", LENSES["plumb_bob"])
+    small = model.resized(width, height)
+    points = np.array([[0.1, -0.05, 1.0], [-0.3, 0.2, 1.5], [0.0, 0.0, 1.0]])
+    before, after = (model.project(points)[0] + 0.5) / [64, 48], (small.project(points)[0] + 0.5) / [width, height]
+    assert np.allclose(after, before, atol=1e-12)
+    assert (small.width, small.height) == (width, height)
+
+
+def test_the_nearest_visible_point_is_a_millimetre_away():
+    lens = CameraModel(640, 480, K)
+    assert lens.project(np.array([[0.0, 0.0, 1e-3], [0.0, 0.0, 0.999e-3]]))[1].tolist() == [True, False]
+
+
+def test_focal_lengths_must_be_positive_both():
+    for row in (0, 1):
+        bad = K.copy()
+        bad[row, row] = 0.0
+        with pytest.raises(ValueError, match="positive focal lengths"):
+            CameraModel(640, 480, bad)
+    with pytest.raises(ValueError, match="without rotation"):
+        CameraModel(640, 480, K).mapped(np.eye(3), 640, 480)
+
+
+def test_a_lens_cannot_be_written_to():
+    lens = CameraModel(640, 480, K, "plumb_bob", np.zeros(5))
+    for array in (lens.K, lens.distortion, lens.params):
+        assert not array.flags.writeable

@@ -21,6 +21,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError, TrackerError
+from tracker_node.evaluation.run_data import load_run
 from tracker_node.loaders import mcap_recovery
 from tracker_node.loaders.bag_check import check_bag, figures_of
 from tracker_node.loaders.bag_metadata import OfferedQos
@@ -310,3 +311,38 @@ def test_whatever_is_damaged_ends_in_a_verdict_or_a_message(tmp_path: Path, stor
         repair_bag(bag, new)
         check = check_bag(new)
         assert check.sound, check.problems
+
+
+def renamed(bag: Path, old: str, new: str) -> Path:
+    """The bag with a topic under another name in its metadata alone."""
+    path = bag / "metadata.yaml"
+    text = path.read_text()
+    assert f"name: {old}" in text
+    path.write_text(text.replace(f"name: {old}", f"name: {new}"))
+    return bag
+
+
+def test_a_topic_that_was_renamed_in_the_metadata_alone_is_told(bag: Path):
+    known = {each.topic.name: each for each in check_bag(bag).topics}
+    check = check_bag(renamed(bag, "/tracker/state", "/other/state"))
+    problems = " ".join(check.problems)
+    assert "/tracker/state: in " in problems and "not in metadata.yaml" in problems and "/other/state: " in problems
+    found = {each.topic.name: each for each in check.topics}
+    assert found["/tracker/state"].count == known["/tracker/state"].count > 0
+    assert found["/tracker/state"].topic.type_name == known["/tracker/state"].topic.type_name
+    assert main(["bag", "check", str(bag)]) == 1
+
+
+def test_messages_of_another_type_than_the_metadata_says_are_not_decoded(bag: Path):
+    with BagReader(bag) as reader:
+        other = next(topic.name for topic in reader.topics.values() if topic.name != "/tracker/state" and topic.message_count)
+    renamed(bag, "/tracker/state", other)
+    with BagReader(bag) as reader, pytest.raises(FileFormatError, match=rf"{other}.*messages of one type"):
+        list(reader.decoded(other))
+
+
+def test_states_are_not_looked_for_in_another_topic(bag: Path):
+    with BagReader(bag) as reader:
+        other = next(topic.name for topic in reader.topics.values() if topic.name != "/tracker/state")
+    with pytest.raises(FileFormatError, match=rf"{other}.*expected messages of type tracker_msgs/msg/TrackedState"):
+        load_run(bag, topic=other)

@@ -126,6 +126,12 @@ def test_errors_name_file_and_field(model_path, old, new, field):
     assert str(model_path) in str(error.value)
 
 
+def test_a_link_named_twice_is_said_to_be(model_path):
+    model_path.write_text(MODEL.replace("[base, upper, fore]", "[base, upper, fore, upper, fore]"))
+    with pytest.raises(FileFormatError, match=r"'links': expected each link once, got \['fore', 'upper'\]"):
+        load_model(model_path)
+
+
 def test_a_cycle_is_spelled_out(model_path):
     model_path.write_text(MODEL.replace("parent: base", "parent: fore"))
     with pytest.raises(FileFormatError, match="upper -> fore -> upper"):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tracker_node.errors import CalibrationError, FileFormatError
-from tracker_node.geometry import so3
+from tracker_node.geometry import se3, so3
 from tracker_node.loaders.pose2sim_toml import load_pose2sim
 
 CAMERA = """
@@ -45,6 +45,13 @@ def test_a_rotation_matrix_and_nested_tables_are_taken_too(tmp_path):
     expected = load(tmp_path, CAMERA)["left"].T_world_cam
     assert rig.names == ("cam_0",)
     np.testing.assert_allclose(rig["cam_0"].T_world_cam, expected, atol=1e-12)
+
+
+def test_a_rotation_matrix_of_five_digits_is_taken_as_the_nearest_proper_one(tmp_path):
+    rows = [[round(float(v), 5) for v in row] for row in so3.exp(np.array([0.1, -0.2, 0.3]))]
+    (camera,) = load(tmp_path, CAMERA.replace("[ 0.1, -0.2, 0.3]", str(rows)))
+    assert se3.is_rigid(camera.T_world_cam, tolerance=1e-12)
+    np.testing.assert_allclose(camera.T_world_cam, load(tmp_path, CAMERA)["left"].T_world_cam, atol=1e-4)
 
 
 def test_cameras_to_be_ignored_are_left_out(tmp_path):

@@ -1,15 +1,23 @@
 """The grammar of image sources."""
 
+import argparse
 import dataclasses
+import json
+import sys
 from pathlib import Path
+from urllib.parse import quote
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from tracker_node.errors import FileFormatError, SourceError
+from tracker_node.cli._run_json import named_options
+from tracker_node.errors import FileFormatError, SourceError, shown, without_password
+from tracker_node.evaluation.metrics_file import command_line
 from tracker_node.loaders.capture_yaml import changed_settings, split_change
 from tracker_node.loaders.image_source import open_source, size_contradiction
 from tracker_node.loaders.rig_yaml import load_rig, rig_file_of, write_rig_file
-from tracker_node.loaders.source_address import SourceAddress, parse_source, relocated
+from tracker_node.loaders.source_address import SourceAddress, parse_source, relocated, sources_for_child, sources_from_parent
 
 RIG = """
 cameras:
@@ -43,19 +51,60 @@ def test_every_kind_of_source(text: str, address: SourceAddress, live: bool):
     assert parse_source(str(address)) == address
 
 
+FORMS = (
+    "{scheme}://{user}:{secret}@10.0.0.2:554/h264", "{scheme}://{user}:{secret}@10.0.0.2/h264?user={user}&pwd={secret}",
+    "{scheme}://10.0.0.2/video?user={user}&password={secret}", "{scheme}://10.0.0.2/video?pwd={secret}&usr={user}&channel=1",
+    "{scheme}://10.0.0.2/user={user}_password={secret}_channel=1", "{scheme}://10.0.0.2/a?token={secret}#t=1",
+    "{user}:{secret}@10.0.0.2/a",
+    "{scheme}:/{user}:{secret}@10.0.0.2/a", "{scheme}:{user}:{secret}@10.0.0.2", "{scheme}://10.0.0.2/live;key={secret};x=1",
+)  # fmt: skip
+_TEXT = st.text(alphabet="aZ09/@:?#&=%;.,!$'\"*+[]~-_ä", max_size=8)
+
+
+@given(
+    form=st.sampled_from(FORMS), scheme=st.sampled_from(["rtsp", "RTSPS", "http", "https", "srt", "rtmp", "rtps"]), user=_TEXT,
+    parts=st.tuples(_TEXT, _TEXT), quoted=st.booleans(), camera=st.sampled_from(["", "left="]),
+)  # fmt: skip
+def test_no_password_is_shown_in_any_form(form, scheme, user, parts, quoted, camera):
+    """Whatever it holds: not itself, and not a piece of it."""
+    secret = f"QQ{parts[0]}JJ{parts[1]}XX"
+    texts = [quote(text, safe="") if quoted else text for text in (user, secret)]
+    text = camera + form.format(scheme=scheme, user=texts[0], secret=texts[1])
+    for said in (without_password(text), str(SourceError(text, "no answer")), shown(text)):
+        assert not any(piece in said for piece in ("QQ", "JJ", "XX")), said
+
+
+def test_a_child_gets_sources_where_nobody_else_reads_them(monkeypatch):
+    sources = {"left": "rtsp://user:s3@cret@host/a"}
+    for name, value in sources_for_child(sources).items():
+        monkeypatch.setenv(name, value)
+    assert dict(sources_from_parent()) == sources
+
+
+def test_what_is_kept_of_a_command_line_has_no_password(monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["tracker_node", "pipeline", "--source", "left=rtsp://user:s3@cret@host/a"])
+    args = argparse.Namespace(**dict.fromkeys(("rig", "model", "initial_state", "occluders", "config")))
+    args.source, args.ros_args = [("left", "http://host/a?user=u&pwd=s3@cret")], ["-p", "x:=rtsp://u:s3cret@host/a"]
+    for said in (command_line(), json.dumps(named_options(args))):
+        assert "cret" not in said and "***" in said, said
+
+
 @pytest.mark.parametrize(
-    ("text", "shown"),
+    ("text", "masked"),
     [
         ("rtsp://admin:s3cret@10.0.0.2:554/h264", "rtsp://***@10.0.0.2:554/h264"),
         ("rtsp://admin:s3@cret@10.0.0.2/h264", "rtsp://***@10.0.0.2/h264"),
-        ("http://10.0.0.2/?to=a@b", "http://10.0.0.2/?to=a@b"),
+        ("rtsp://admin:s3/cret@10.0.0.2/h264", "rtsp://***@10.0.0.2/h264"),
+        ("RTSP://10.0.0.2:554/user=admin&password=s3cret&channel=1", "RTSP://10.0.0.2:554/user=***"),
+        ("http://10.0.0.2/video?user=admin&pwd=s3cret", "http://10.0.0.2/video?***"),
+        ("http://10.0.0.2/?to=a@b", "http://***"),  # the host may be b
         ("udp://@:5000", "udp://@:5000"),
         ("v4l2:/dev/video0", "v4l2:/dev/video0"),
     ],
 )
-def test_passwords_are_not_shown(text: str, shown: str):
-    assert parse_source(text).shown == shown
-    assert shown in size_contradiction((64, 48), (32, 24), text)
+def test_passwords_are_not_shown(text: str, masked: str):
+    assert parse_source(text).shown == masked
+    assert masked in size_contradiction((64, 48), (32, 24), text)
 
 
 @pytest.mark.parametrize("text", ["rtsp://admin:s3cret@host/a", "gopher://admin:s3cret@host/a"])

@@ -35,6 +35,7 @@ def test_what_is_not_named_is_neutral(tmp_path):
     ("rpy_deg: [0, 0, 90]", "quaternion_xyzw: [0, 0, 0, 2]", "root.quaternion_xyzw"),
     ("rpy_deg", "quaternion_xyzw: [0, 0, 0, 1], rpy_deg", "root.rpy_deg"),
     ("xyz: [1, 2, 3], ", "", "root.xyz"),
+    ("xyz: [1, 2, 3]", "xyz: [1, 2, 20000.0]", "root"),
     ("model: crane", "modell: crane", "modell"),
 ])  # fmt: skip
 def test_errors_name_file_and_field(tmp_path, old, new, field):

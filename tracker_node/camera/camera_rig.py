@@ -23,6 +23,7 @@ class Camera:
     name : used for topics; its frame id is ``<name>_optical_frame``.
     T_world_cam : (4, 4), p_world = T_world_cam @ p_cam, metres.
     source : where its images come from (`loaders.source_address`); None for a camera that something else publishes.
+    topic : of its images in a ROS graph, ``camera_info`` beside it; None for ``<name>/image_raw``.
     capture : how they are taken, and as what they are published.
     time_offset_ns : added to the source's own stamps to get common time.
     time_drift_ppm : by how much common time advances more than the camera's own, in millionths, from its first image on.
@@ -46,6 +47,7 @@ class Camera:
     gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
     gamma: float = 1.0
     capture: CaptureSettings = field(default_factory=CaptureSettings)
+    topic: str | None = None
 
     def __post_init__(self):
         transform = np.array(self.T_world_cam, dtype=np.float64)

@@ -80,3 +80,11 @@ def is_rigid(transform: np.ndarray, tolerance: float = 1e-6) -> bool:
         and np.allclose(rotation @ rotation.T, np.eye(3), atol=tolerance)
         and np.linalg.det(rotation) > 0.0
     )
+
+
+def nearest_rigid(transform: np.ndarray) -> np.ndarray:
+    """The transform itself if it is rigid, else (rounded digits in a file) the nearest that is."""
+    if is_rigid(transform, tolerance=1e-9):
+        return transform
+    u, _, vt = np.linalg.svd(transform[:3, :3])
+    return from_rotation_translation(u @ vt, transform[:3, 3])

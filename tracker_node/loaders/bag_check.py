@@ -9,13 +9,13 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
-import yaml
 
 from ..errors import FileFormatError
 from .bag_contents import LAST_NS, FileContents
-from .bag_metadata import METADATA_FILE
+from .bag_metadata import METADATA_FILE, OfferedQos
 from .bag_reader import REPAIR, BagReader, BagTopic
 from .bag_scan import SCANNERS, scan
+from .yaml_file import read_mapping
 
 GAP_PERIODS = 3.0
 _MOST_PROBLEMS = 20  # of one file
@@ -102,11 +102,12 @@ def check_bag(path: str | Path, on_file: Callable[[Path], None] = lambda file: N
             _check_metadata(reader, check)
         stamps: dict[str, list[int]] = {name: [] for name in reader.topics}
         too_late: Counter[str] = Counter()
-        for topic, stamp_ns in _read_all(reader, check, on_file):
+        known = dict(reader.topics)
+        for topic, stamp_ns in _read_all(reader, check, on_file, known):
             stamps.setdefault(topic, []).append(min(stamp_ns, LAST_NS))
             too_late[topic] += stamp_ns > LAST_NS
         check.problems += [f"{name}: {n} messages with a time that ROS cannot hold" for name, n in sorted(too_late.items()) if n]
-        check.topics = [figures_of(reader.topics[name], np.array(times, np.int64)) for name, times in sorted(stamps.items())]
+        check.topics = [figures_of(known[name], np.array(times, np.int64)) for name, times in sorted(stamps.items())]
         check.repairable = check.message_count > 0
         found = [time for times in stamps.values() for time in (min(times, default=None), max(times, default=None)) if time]
         check.start_ns, check.end_ns = min(found, default=0), max(found, default=0)
@@ -130,14 +131,23 @@ def figures_of(topic: BagTopic, stamps_ns: np.ndarray) -> TopicFigures:
     return TopicFigures(topic, n, rate_hz, float(steps.max()), gaps, int(np.count_nonzero(steps < 0)))
 
 
-def _read_all(reader: BagReader, check: BagCheck, on_file: Callable[[Path], None]) -> Iterator[tuple[str, int]]:
-    """Topic and time of every message, from the files themselves where they are not compressed as a whole."""
+def _read_all(
+    reader: BagReader, check: BagCheck, on_file: Callable[[Path], None], topics: dict[str, BagTopic]
+) -> Iterator[tuple[str, int]]:
+    """Topic and time of every message, from the files themselves where they are not compressed as a whole.
+
+    Topics that only the files know, since they were renamed in one of the places, are added to ``topics``.
+    """
     if all(file.suffix in SCANNERS for file in reader.files):
         for file in reader.files:
             on_file(file)
             contents = FileContents()
             for message in scan(file, contents):
-                yield contents.channels[message.channel].topic, message.stamp_ns
+                name = contents.channels[message.channel].topic
+                if name not in topics:
+                    topics[name] = _unlisted(contents, message.channel)
+                    check.problems.append(f"{name}: in {file.name}, but not in {METADATA_FILE}")
+                yield name, message.stamp_ns
             if not reader.recovered:
                 check.problems += [f"{file.name}: {problem}" for problem in _different(contents.problems)]
         return
@@ -147,6 +157,13 @@ def _read_all(reader: BagReader, check: BagCheck, on_file: Callable[[Path], None
             yield each.topic, each.stamp_ns
     except FileFormatError as error:
         check.problems.append(str(error))
+
+
+def _unlisted(contents: FileContents, number: int) -> BagTopic:
+    channel = contents.channels[number]
+    schema = contents.schemas.get(channel.schema_id)
+    name, definition = (schema.name, schema.data.decode(errors="replace")) if schema else ("", "")
+    return BagTopic(channel.topic, name, 0, OfferedQos(), definition)
 
 
 def _different(problems: list[str]) -> list[str]:
@@ -174,7 +191,7 @@ def _check_metadata(reader: BagReader, check: BagCheck) -> None:
 
 
 def _information(folder: Path) -> dict[str, Any]:
-    content = yaml.safe_load((folder / METADATA_FILE).read_text(encoding="utf-8"))
+    content = read_mapping(folder / METADATA_FILE)
     return dict(content["rosbag2_bagfile_information"])  # its form was checked by the reader
 
 

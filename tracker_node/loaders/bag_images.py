@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Iterator
 
 import numpy as np
 
-from ..errors import SourceError
+from ..errors import SourceError, shown
 from ..observation.image_set import ENCODINGS, CameraImage
 from .bag_reader import BagMessage, BagReader
 from .source_image import bayer_pattern, decoded
@@ -63,7 +63,7 @@ def image_of(reader: BagReader, message: BagMessage, camera: str) -> CameraImage
     if message.type_name == COMPRESSED:
         pixels = decoded(content.data)
         if pixels is None:
-            raise SourceError(camera, f"compressed image at {stamp_ns} ns cannot be decoded (format '{content.format}')")
+            raise SourceError(camera, f"compressed image at {stamp_ns} ns cannot be decoded (format {shown(content.format)})")
         return CameraImage(camera, stamp_ns, pixels, "bgr8")
     encoding = _SAME_ENCODING.get(content.encoding, content.encoding)
     return CameraImage(camera, stamp_ns, _rows(content, encoding, camera, stamp_ns), encoding)
@@ -71,14 +71,14 @@ def image_of(reader: BagReader, message: BagMessage, camera: str) -> CameraImage
 
 def _rows(content, encoding: str, camera: str, stamp_ns: int) -> np.ndarray:
     if encoding not in ENCODINGS:
-        raise SourceError(camera, f"image encoding: expected one of {sorted(ENCODINGS)}, got '{content.encoding}'")
+        raise SourceError(camera, f"image encoding: expected one of {sorted(ENCODINGS)}, got {shown(content.encoding)}")
     row_bytes = content.width * ENCODINGS[encoding]
     if content.step < row_bytes or content.data.size < content.height * content.step:
         size = f"{content.width}x{content.height}, step {content.step}, {content.data.size} bytes"
         raise SourceError(camera, f"image at {stamp_ns} ns contradicts itself: {size}")
     rows = content.data[: content.height * content.step].reshape(content.height, content.step)[:, :row_bytes]
     shape = (content.height, content.width, 3) if ENCODINGS[encoding] == 3 else (content.height, content.width)
-    pixels = rows.reshape(shape)  # copies only where rows are padded
+    pixels = np.ascontiguousarray(rows).reshape(shape)  # copies only where rows are padded
     pixels.setflags(write=False)
     return pixels
 

@@ -82,6 +82,7 @@ class BagQueue:
         self.written: Counter[str] = Counter()
         self.dropped: Counter[str] = Counter()
         self.problem = ""
+        self._abandoned = False
         self._thread = threading.Thread(target=self._run, name="write bag", daemon=True)
         self._thread.start()
 
@@ -158,6 +159,10 @@ class BagQueue:
         if self.problem:
             raise TrackerError(f"bag {self.path}: {self.problem}")
 
+    def abandon(self) -> None:
+        """Leave out what waits, and count it as dropped, so that `close` need not wait for the disk."""
+        self._abandoned = True
+
     def _run(self) -> None:
         try:
             self._write_all()
@@ -231,10 +236,13 @@ class BagQueue:
             self._writer.split()
 
     def _write(self, message: _Message) -> None:
-        if self._oldest_s is None:
-            self._oldest_s = message.came_s
         with self._lock:
             self._waiting_bytes -= len(message.data)
+        if self._abandoned:
+            self.dropped[message.topic] += 1
+            return
+        if self._oldest_s is None:
+            self._oldest_s = message.came_s
         self.written[message.topic] += 1
         self._writer.write(message.topic, message.stamp_ns, message.data, message.publish_ns)
 

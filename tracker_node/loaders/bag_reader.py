@@ -20,7 +20,7 @@ from rosbags.serde import SerdeError
 
 from ..errors import FileFormatError, UnknownNameError
 from .bag_contents import FileContents, one_text
-from .bag_files import STORAGE_SUFFIXES, storage_files
+from .bag_files import STORAGE_SUFFIXES, check_room, storage_files
 from .bag_metadata import METADATA_FILE, OfferedQos
 from .bag_qos import offered_by, offered_in
 from .bag_scan import scan, survey
@@ -171,6 +171,8 @@ class BagReader:
         if self.path.is_dir() and not has_metadata and len(self.files) > 1:
             raise ValueError("no such file")
         reader = Reader(self.path if has_metadata or self.path.is_file() else self.files[0])
+        if has_metadata:
+            check_room(file for file in self.path.iterdir() if not file.is_dir())
         reader.open()
         self.topics = {}
         for name, info in reader.topics.items():
@@ -222,6 +224,11 @@ class BagReader:
         chosen = [connection for connection in self._reader.connections if connection.topic in wanted]
         if not chosen:
             return
+        for connection in chosen:  # else what is decoded would lack the fields that are asked for
+            told = self.topics[connection.topic].type_name
+            if connection.msgtype != told:
+                expected = f"messages of one type, {told} as {METADATA_FILE} says"
+                raise FileFormatError(self.path, connection.topic, expected, connection.msgtype)
         messages = self._reader.messages(chosen, start_ns, stop_ns)
         while True:
             try:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..camera.camera_model import CameraModel
 from ..camera.distortion import COEFFICIENT_COUNTS
+from ..camera.plausible_lens import plausible
 from ..errors import CalibrationError, FileFormatError
 from .yaml_file import read_mapping, write_mapping
 
@@ -47,7 +48,7 @@ def load_camera_info(path: str | Path) -> tuple[str, CameraModel]:
         expected = f"{' or '.join(map(str, COEFFICIENT_COUNTS[kind]))} coefficients of {kind}"
         raise FileFormatError(path, "distortion_coefficients.data", expected, coefficients.tolist())
     try:
-        return name, CameraModel(width, height, K.reshape(3, 3), kind, coefficients)
+        return name, plausible(CameraModel(width, height, K.reshape(3, 3), kind, coefficients))
     except ValueError as error:
         raise FileFormatError(path, "camera_matrix.data", "a camera matrix", str(error)) from error
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import FileFormatError
+from .file_kind import PARAMETERS, check_kind
 from .yaml_file import read_mapping, write_mapping
 
 _ROS_KEY = "ros__parameters"
@@ -25,6 +26,7 @@ def load_parameters(path: str | Path, node: str = "tracker") -> dict[str, Any]:
     FileFormatError : naming file and section.
     """
     values = read_mapping(path)
+    check_kind(values, PARAMETERS, path)
     if any(isinstance(section, dict) and _ROS_KEY in section for section in values.values()):
         return _ros_parameters(values, path, node)
     return values

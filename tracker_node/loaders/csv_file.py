@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileFormatError
+from .limited_file import TABLE_BYTES, read_text
 
 
 class CsvWriter:
@@ -60,9 +61,12 @@ class CsvCells:
 
     def integer(self, column: int) -> int:
         try:
-            return int(self.text[column])
+            value = int(self.text[column])
         except ValueError:
             raise self._error(column, "an integer") from None
+        if not -(2**63) <= value < 2**63:
+            raise self._error(column, "an integer of 64 bits")
+        return value
 
     def number(self, column: int) -> float:
         try:
@@ -82,19 +86,22 @@ class CsvTable:
 
     def __init__(self, path: str | Path):
         self.path = Path(path)
+        self._lines = csv.reader(io.StringIO(read_text(self.path, TABLE_BYTES), newline=""))
+        self.header: tuple[str, ...] = tuple(self._next() or ())
+
+    def _next(self) -> list[str] | None:
+        """The cells of the next line, None at the end."""
         try:
-            text = self.path.read_bytes().decode("utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise FileFormatError(path, "(file)", "a readable CSV file", str(error)) from None
-        self._lines = csv.reader(io.StringIO(text, newline=""))
-        self.header: tuple[str, ...] = tuple(next(self._lines, []))
+            return next(self._lines, None)
+        except csv.Error as error:  # a field of more than 128 KB: mostly quotes that are opened and not closed
+            raise FileFormatError(self.path, f"line {self._lines.line_num}", "a line of a CSV file", str(error)) from None
 
     def expect_prefix(self, columns: Sequence[str]) -> None:
         if self.header[: len(columns)] != tuple(columns):
             raise FileFormatError(self.path, "header", f"columns starting with {','.join(columns)}", ",".join(self.header))
 
     def rows(self) -> Iterator[CsvCells]:
-        for text in self._lines:
+        while (text := self._next()) is not None:
             if not text:
                 continue
             if len(text) != len(self.header):

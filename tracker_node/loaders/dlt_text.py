@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import FileFormatError
+from .limited_file import read_text
 from .whole_file import write_whole
-from .yaml_file import read_text
 
 N_COEFFICIENTS = 11
 

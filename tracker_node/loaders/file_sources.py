@@ -14,6 +14,7 @@ import numpy as np
 from ..errors import SourceError
 from .recorded_source import ImageSource
 from .source_image import JPEG, jpeg_size
+from .video_times import varying_times
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm")
 DEFAULT_FOLDER_RATE_HZ = 30.0  # still images carry no rate
@@ -47,6 +48,9 @@ class VideoSource(ImageSource):
         if not 0.0 < rate_hz < 1e6 and self.options.rate_hz is None:
             raise SourceError(self.path, "does not say its image rate; give one")
         return image.shape[1], image.shape[0], rate_hz, max(count, 1)
+
+    def _own_times(self) -> tuple[int, ...] | None:
+        return varying_times(self.path, self._n_in_file)
 
     def _packets(self) -> cv2.VideoCapture:
         """The file's own JPEG images, not decoded."""

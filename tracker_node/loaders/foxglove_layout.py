@@ -6,11 +6,12 @@ import json
 from pathlib import Path
 from typing import Any
 
+from ..render.status_palette import STATES
 from .viewed_graph import ViewedGraph, color_of
 from .whole_file import write_whole
 
 _STATUS = ("INITIALISING", "TRACKING", "DEGRADED", "LOST")
-_STATUS_COLORS = ("#9e9e9e", "#2ca02c", "#ff9800", "#d32f2f")
+_STATUS_COLORS = tuple(STATES[name.lower()] for name in _STATUS)
 
 
 def write_foxglove_layout(graph: ViewedGraph, path: str | Path) -> None:

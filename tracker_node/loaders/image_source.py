@@ -13,12 +13,12 @@ from typing import Any
 
 from ..camera.camera_rig import Camera
 from ..camera.capture_settings import CaptureSettings
-from ..errors import CalibrationError, SourceError
+from ..errors import CalibrationError, SourceError, without_password
 from ..observation.deinterlace import check_field_order, check_interlaced, deinterlace
 from .bag_source import BagSource, topic_of_camera
 from .file_sources import DEFAULT_FOLDER_RATE_HZ, IMAGE_SUFFIXES, FolderSource, VideoSource, list_images
 from .recorded_source import ImageSource, ReadCounts, SourceOptions
-from .source_address import BAG, parse_source, without_password
+from .source_address import BAG, parse_source
 from .source_image import SourceImage, check_fields
 from .stamps import field_times, file_times
 
@@ -49,6 +49,7 @@ class PreloadedSource(ImageSource):
         self._images = [(i, source._prepared(0, content)) for i, content in source._read(first, first + source.n_images)]
         self._unreadable = source.counts
         super().__init__(source.path, replace(source.options, size=None, shrink=1, rate_hz=source.rate_hz))
+        self.note = source.note
 
     def _open(self) -> tuple[int, int, float, int]:
         return self._source.width, self._source.height, self._source.rate_hz, self._source._n_in_file
@@ -83,7 +84,7 @@ class InterlacedSource(ImageSource):
     def __init__(self, path: str | Path, options: SourceOptions, order: str):
         check_fields(options.capture, str(path))
         self._order = order
-        self._woven = open_source(path, SourceOptions(threads=options.threads))
+        self._woven = open_source(path, SourceOptions(threads=options.threads, own_times=options.own_times))
         super().__init__(str(path), options)
         first = [image for _, image in itertools.islice(self._woven, min(_CHECKED, self._woven.n_images))]
         check_interlaced(first, str(path))
@@ -94,6 +95,10 @@ class InterlacedSource(ImageSource):
         if source.native_height % 2:
             raise SourceError(source.path, f"marked as interlaced, but its {source.native_height} lines are not an even number")
         return source.native_width, source.native_height, 2.0 * source.rate_hz, 2 * source.n_images
+
+    def _own_times(self) -> tuple[int, ...] | None:
+        times = self._woven.options.times_ns
+        return None if times is None else field_times(times)
 
     def _read(self, start: int, end: int) -> Iterator[tuple[int, Any]]:
         self._woven.counts = self.counts
@@ -166,6 +171,7 @@ def open_camera_source_of_any_size(camera: Camera, options: SourceOptions | None
         base_stamp_ns=options.base_stamp_ns + camera.time_offset_ns,
         drift_ppm=camera.time_drift_ppm,
         capture=camera.capture,
+        own_times=options.own_times and camera.stamps != "rate",
     )
     address = parse_source(camera.source)
     if address.kind == BAG:

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 
 from ..camera.capture_settings import CaptureSettings
-from ..errors import SourceError
-from .source_address import DEVICE, SourceAddress, without_password
+from ..errors import SourceError, without_password
+from .source_address import DEVICE, SourceAddress
 from .v4l2_device import VideoDevice
 
 OPEN_TIMEOUT_MS = READ_TIMEOUT_MS = 4000  # a stream that says nothing for so long is gone

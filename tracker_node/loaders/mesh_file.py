@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import FileFormatError
 from ..model.primitives import Mesh
+from .limited_file import MEDIA_BYTES, check_regular
 from .picture_file import write_picture
 
 
@@ -31,6 +32,7 @@ def read_mesh(file: str | Path, scale: float, referrer: str | Path, field: str, 
     file = Path(file)
     if not os.path.isfile(file):  # Path.is_file raises for a name that is too long
         raise FileFormatError(referrer, field, "an existing mesh file", str(file))
+    check_regular(file, MEDIA_BYTES)
     if file.suffix.lower() == ".obj" and texture is None:
         _check_materials(file, referrer, field)
     try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
@@ -12,6 +12,7 @@ from ..model.articulated_model import DEFAULT_COLOR_RGB
 from ..model.kinematic_chain import ROOT_DOF_NAMES
 from ..model.nurbs import N_AROUND, RING_SPACING, Loft, Section
 from ..model.primitives import BOX_FACES
+from .file_kind import BODY
 from .yaml_file import FileModel, Number, PositiveNumber, is_number, numbers, problem
 
 LEAST_RANGE = 1e-6  # degrees or metres between an axis's limits; radians and back must not close it
@@ -250,6 +251,8 @@ class LandmarkEntry(FileModel):
 
 class ModelFile(FileModel):
     """A whole model file."""
+
+    KIND: ClassVar[str] = BODY
 
     name: str
     links: tuple[str, ...] = Field(min_length=1)

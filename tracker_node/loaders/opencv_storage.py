@@ -8,8 +8,7 @@ often kept in two files. A rig is a sequence ``cameras`` of maps with ``name``, 
 
 from __future__ import annotations
 
-import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import cv2
@@ -17,10 +16,14 @@ import numpy as np
 
 from ..camera.camera_model import CameraModel
 from ..camera.camera_rig import Camera, CameraRig
+from ..camera.plausible_lens import plausible
 from ..errors import CalibrationError, FileFormatError
 from ..geometry import se3
 from .camera_name import identifier
+from .opencv_nodes import LARGEST, Node, is_number, numbers_of, read_storage
 from .whole_file import write_whole
+
+Nodes = Callable[[str], Node]  # the node of a name, or None
 
 _K = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "K", "M")
 _D = ("distortion_coefficients", "distCoeffs", "Distortion_Coefficients", "distortion", "D")
@@ -32,22 +35,11 @@ class _Storage:
 
     def __init__(self, paths: Sequence[str | Path]):
         self.path = ", ".join(map(str, paths))
-        self.files = []
-        for path in paths:
-            if not os.path.isfile(path):
-                raise FileFormatError(path, "(file)", "an OpenCV FileStorage (YAML, XML or JSON)", "no such file")
-            storage = _opened(path)
-            if storage is None:
-                raise FileFormatError(path, "(file)", "an OpenCV FileStorage (YAML, XML or JSON)", "something else")
-            self.files.append(storage)
+        self.files = [read_storage(path) for path in paths]
 
-    def node(self, name: str):
+    def node(self, name: str) -> Node:
         """The node of a name, or None."""
-        for storage in self.files:
-            node = storage.getNode(name)
-            if not node.empty():
-                return node
-        return None
+        return next((file[name] for file in self.files if file.get(name) is not None), None)
 
 
 def load_opencv(paths: Sequence[str | Path], image_size: tuple[int, int] | None = None) -> CameraRig:
@@ -63,7 +55,7 @@ def load_opencv(paths: Sequence[str | Path], image_size: tuple[int, int] | None 
     """
     storage = _Storage(paths)
     cameras = storage.node("cameras")
-    if cameras is not None and cameras.isSeq():
+    if isinstance(cameras, list):
         return _rig(storage, cameras, image_size)
     suffixes = ("1", "2") if any(storage.node(f"{key}1") is not None for key in _K) else ("",)
     lenses = [_lens(storage, storage.node, suffix, image_size) for suffix in suffixes]
@@ -102,30 +94,25 @@ def dump_opencv(rig: CameraRig, path: str | Path) -> None:
     write_whole(path, storage.releaseAndGetString())
 
 
-def _rig(storage: _Storage, entries, image_size: tuple[int, int] | None) -> CameraRig:
-    cameras = tuple(_of_rig(storage, entries.at(i), image_size) for i in range(entries.size()))
+def _rig(storage: _Storage, entries: list, image_size: tuple[int, int] | None) -> CameraRig:
+    cameras = tuple(_of_rig(storage, entry, image_size) for entry in entries)
     names = [camera.name for camera in cameras]
     if not cameras or len(set(names)) != len(names):
         raise FileFormatError(storage.path, "cameras", "cameras, each with a different name", names or "none")
     return CameraRig(cameras)
 
 
-def _of_rig(storage: _Storage, entry, image_size: tuple[int, int] | None) -> Camera:
-    if not entry.isMap():
+def _of_rig(storage: _Storage, entry: Node, image_size: tuple[int, int] | None) -> Camera:
+    if not isinstance(entry, dict):
         raise FileFormatError(storage.path, "cameras[]", "a map with name, camera_matrix, R and T", "something else")
-
-    def node(name: str):
-        found = entry.getNode(name)
-        return None if found.empty() else found
-
-    named = node("name")
-    if named is None or not named.isString():
+    name = entry.get("name")
+    if not isinstance(name, str):
         raise FileFormatError(storage.path, "cameras[].name", "a camera's name", "none")
-    lens = _lens(storage, node, "", image_size)
-    return Camera(identifier(named.string()), lens, se3.inverse(_pose(storage, node)))
+    lens = _lens(storage, entry.get, "", image_size)
+    return Camera(identifier(name), lens, se3.inverse(_pose(storage, entry.get)))
 
 
-def _lens(storage: _Storage, node, suffix: str, image_size: tuple[int, int] | None) -> CameraModel:
+def _lens(storage: _Storage, node: Nodes, suffix: str, image_size: tuple[int, int] | None) -> CameraModel:
     K, field = _first(storage, node, _K, suffix)
     if K.size != 9:
         raise FileFormatError(storage.path, field, "a 3 x 3 matrix", K.tolist())
@@ -136,7 +123,7 @@ def _lens(storage: _Storage, node, suffix: str, image_size: tuple[int, int] | No
         raise FileFormatError(storage.path, field, "[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]", K.tolist())
     coefficients, field = _first(storage, node, _D, suffix)
     coefficients = coefficients.ravel()
-    fisheye = _integer(node("fisheye_model")) == 1 or _string(node("camera_model")) == "fisheye"
+    fisheye = _integer(node("fisheye_model")) == 1 or node("camera_model") == "fisheye"
     if coefficients.size > 8 and not coefficients[8:].any():
         coefficients = coefficients[:8]  # thin prism and tilt that are not used
     if (coefficients.size != 4) if fisheye else (coefficients.size not in _KINDS):
@@ -146,12 +133,12 @@ def _lens(storage: _Storage, node, suffix: str, image_size: tuple[int, int] | No
     width, height = _image_size(storage, node, image_size)
     try:
         straight = not (fisheye or coefficients.any())
-        return CameraModel(width, height, K) if straight else CameraModel(width, height, K, kind, coefficients)
+        return plausible(CameraModel(width, height, K) if straight else CameraModel(width, height, K, kind, coefficients))
     except ValueError as error:
         raise FileFormatError(storage.path, field, "a lens that can be built", str(error)) from error
 
 
-def _pose(storage: _Storage, node) -> np.ndarray:
+def _pose(storage: _Storage, node: Nodes) -> np.ndarray:
     rotation, field = _first(storage, node, ("R", "rotation_matrix"), "")
     translation, _ = _first(storage, node, ("T", "t", "translation_vector"), "")
     if rotation.size == 3:
@@ -163,10 +150,10 @@ def _pose(storage: _Storage, node) -> np.ndarray:
     pose = se3.from_rotation_translation(rotation, translation.ravel())
     if not se3.is_rigid(pose, tolerance=1e-5):
         raise FileFormatError(storage.path, field, "a proper rotation", rotation.tolist())
-    return pose
+    return se3.nearest_rigid(pose)
 
 
-def _first(storage: _Storage, node, names: tuple[str, ...], suffix: str) -> tuple[np.ndarray, str]:
+def _first(storage: _Storage, node: Nodes, names: tuple[str, ...], suffix: str) -> tuple[np.ndarray, str]:
     """The first matrix that is there under one of several names, and its name."""
     for name in names:
         found = node(name + suffix)
@@ -180,24 +167,19 @@ def _first(storage: _Storage, node, names: tuple[str, ...], suffix: str) -> tupl
     raise FileFormatError(storage.path, names[0] + suffix, "a matrix of that name", "none")
 
 
-def _numbers(node) -> np.ndarray | None:
+def _numbers(node: Node) -> np.ndarray | None:
     """Of a matrix in its own shape, of a sequence (n,); None for anything else."""
-    if node.isSeq():
-        items = [node.at(i) for i in range(node.size())]
-        return np.array([item.real() for item in items]) if all(item.isInt() or item.isReal() for item in items) else None
-    try:
-        matrix = node.mat() if node.isMap() else None
-    except cv2.error:  # a map of something else
-        return None
-    return None if matrix is None else np.array(matrix, dtype=np.float64)
+    if isinstance(node, list) and all(map(is_number, node)):
+        return numbers_of(node)
+    return node if isinstance(node, np.ndarray) else None
 
 
-def _image_size(storage: _Storage, node, given: tuple[int, int] | None) -> tuple[int, int]:
+def _image_size(storage: _Storage, node: Nodes, given: tuple[int, int] | None) -> tuple[int, int]:
     width, height = _integer(node("image_width")), _integer(node("image_height"))
     if not (width and height):
-        size = node("image_size") or node("imageSize")
-        if size is not None and size.isSeq() and size.size() == 2:
-            width, height = _integer(size.at(0)), _integer(size.at(1))
+        size = node("image_size") if node("image_size") is not None else node("imageSize")
+        if isinstance(size, list) and len(size) == 2:
+            width, height = _integer(size[0]), _integer(size[1])
     if not (width and height):
         if given is None:
             raise FileFormatError(storage.path, "image_width", "the size of the images, here or with --size", "none")
@@ -207,18 +189,5 @@ def _image_size(storage: _Storage, node, given: tuple[int, int] | None) -> tuple
     return width, height
 
 
-def _integer(node) -> int:
-    number = node.real() if node is not None and (node.isInt() or node.isReal()) else 0.0
-    return int(number) if np.isfinite(number) else 0
-
-
-def _string(node) -> str:
-    return node.string() if node is not None and node.isString() else ""
-
-
-def _opened(path: str | Path) -> cv2.FileStorage | None:
-    try:
-        storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
-        return storage if storage.isOpened() else None
-    except (cv2.error, SystemError):  # the binding fails in both ways
-        return None
+def _integer(node: Node) -> int:
+    return int(node) if is_number(node) and abs(node) <= LARGEST else 0

@@ -5,9 +5,11 @@ The pixels are those of the images that OpenPose was given. Several people may b
 
 from __future__ import annotations
 
-import json
+import lzma
 import re
+import struct
 import zipfile
+import zlib
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,8 +18,16 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from ..errors import FileFormatError, UnknownNameError
+from .json_values import parse_json
+from .limited_file import ARCHIVE_BYTES, MB, read_bytes
 
-_LARGEST = 64 * 2**20  # bytes of one file in an archive; an image with a hundred people has a tenth of a megabyte
+_LARGEST = 4 * MB  # of one file; an image with a hundred people has a tenth of a megabyte
+
+# What zipfile raises for archives that are damaged, encrypted, or packed in a way that it does not know
+_DAMAGED = (
+    OSError, zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, NotImplementedError, RuntimeError,
+    ValueError,
+)  # fmt: skip
 
 BODY_25B = (
     "nose", "left_eye", "right_eye", "left_ear", "right_ear", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow",
@@ -92,25 +102,30 @@ def _json_files(path: Path) -> Iterator[tuple[str, str | bytes]]:
     """Name relative to ``path`` and text of every JSON file."""
     if path.is_dir():
         for file in sorted(path.rglob("*.json")):
-            yield file.relative_to(path).as_posix(), file.read_bytes()
+            yield file.relative_to(path).as_posix(), read_bytes(file, _LARGEST)
         return
     try:
         with zipfile.ZipFile(path) as archive:
-            for name in sorted(archive.namelist()):
-                size = archive.getinfo(name).file_size
-                if name.endswith(".json") and size > _LARGEST:
-                    raise FileFormatError(path, name, f"at most {_LARGEST} bytes of JSON", f"{size} bytes")
-                if name.endswith(".json"):
-                    yield name, archive.read(name)
-    except (OSError, zipfile.BadZipFile) as error:
+            members = sorted((each for each in archive.infolist() if each.filename.endswith(".json")), key=_name_of)
+            for member in members:
+                if member.file_size > _LARGEST:
+                    said = f"{member.file_size / MB:.0f} MB"
+                    raise FileFormatError(path, member.filename, f"at most {_LARGEST // MB} MB of JSON", said)
+            total = sum(member.file_size for member in members)
+            if total > ARCHIVE_BYTES:
+                raise FileFormatError(path, "(file)", f"at most {ARCHIVE_BYTES // MB} MB unpacked", f"{total // MB} MB")
+            for member in members:
+                yield member.filename, archive.read(member)
+    except _DAMAGED as error:
         raise FileFormatError(path, "(file)", "a folder or a zip file of OpenPose JSON files", str(error)) from error
 
 
+def _name_of(member: zipfile.ZipInfo) -> str:
+    return member.filename
+
+
 def _people(file: str, text: str | bytes) -> np.ndarray:
-    try:
-        content = json.loads(text)
-    except ValueError as error:
-        raise FileFormatError(file, "(content)", "JSON", str(error)) from error
+    content = parse_json(text, file)
     if not isinstance(content, dict) or not isinstance(content.get("people"), list):
         raise FileFormatError(file, "people", "a list of people", content)
     found: list[np.ndarray] = []
@@ -119,7 +134,7 @@ def _people(file: str, text: str | bytes) -> np.ndarray:
         values = person.get("pose_keypoints_2d") if isinstance(person, dict) else None
         try:
             points = np.array(values, dtype=np.float64).reshape(-1, 3)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise FileFormatError(file, field, "numbers u, v, confidence of every joint", values) from error
         if len(points) == 0 or not np.all(np.abs(points) <= 1e6) or (found and len(points) != len(found[0])):
             raise FileFormatError(file, field, "finite u, v, confidence, as many joints for all people", values)
@@ -128,4 +143,4 @@ def _people(file: str, text: str | bytes) -> np.ndarray:
 
 
 def _numbers(text: str) -> list[int]:
-    return [int(digits) for digits in re.findall(r"\d+", text)]
+    return [int(digits) for digits in re.findall(r"\d{1,300}", text)]  # of thousands Python reads none

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import FileFormatError
+from .limited_file import TABLE_BYTES, read_text
 from .whole_file import write_whole
-from .yaml_file import read_text
 
 _TRUE, _FALSE = ("yes", "y", "true", "1"), ("no", "n", "false", "0")
 
@@ -58,7 +58,7 @@ def load_table(path: str | Path) -> NumberTable:
     FileFormatError : no ``endheader``, ``inDegrees`` neither yes nor no, no column ``time``, a name given twice, a row of another
         length or with text, times that do not increase.
     """
-    lines = read_text(path).splitlines()
+    lines = read_text(path, TABLE_BYTES).splitlines()
     ends = [i for i, line in enumerate(lines) if line.strip().lower() == "endheader"]
     if not ends:
         raise FileFormatError(path, "header", "lines that end with 'endheader'", lines[0] if lines else "nothing")

@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import FileFormatError, TrackerError
+from .json_values import read_json
 
 _LEDGER = ".written.json"
 _DRAFTS = ".drafts"
@@ -122,10 +123,7 @@ class OwnedFolder:
 def _read_ledger(path: Path) -> dict[str, list[str]]:
     if not path.exists():
         return {}
-    try:
-        read = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise FileFormatError(path, "(file)", "readable JSON", str(error)) from None
+    read = read_json(path)
     if not isinstance(read, dict) or not all(
         isinstance(digests, list) and all(isinstance(digest, str) for digest in digests) for digests in read.values()
     ):

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from ..errors import FileFormatError
+from .limited_file import MEDIA_BYTES, read_bytes
 from .source_image import decoded
 
 
@@ -22,7 +23,7 @@ def read_picture(file: str | Path, referrer: str | Path, field: str) -> np.ndarr
     file = Path(file)
     if not os.path.isfile(file):  # Path.is_file raises for a name that is too long
         raise FileFormatError(referrer, field, "an existing picture", str(file))
-    picture = decoded(file.read_bytes(), cv2.IMREAD_UNCHANGED)
+    picture = decoded(read_bytes(file, MEDIA_BYTES), cv2.IMREAD_UNCHANGED)
     if picture is None:
         raise FileFormatError(referrer, field, "a readable picture (PNG, JPEG, ...)", str(file))
     if picture.ndim == 2:

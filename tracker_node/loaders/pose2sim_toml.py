@@ -15,9 +15,11 @@ import numpy as np
 
 from ..camera.camera_model import CameraModel
 from ..camera.camera_rig import Camera, CameraRig
+from ..camera.plausible_lens import plausible
 from ..errors import CalibrationError, FileFormatError
 from ..geometry import se3, so3
 from .camera_name import identifier
+from .limited_file import read_text
 
 
 def load_pose2sim(path: str | Path) -> CameraRig:
@@ -30,8 +32,8 @@ def load_pose2sim(path: str | Path) -> CameraRig:
     """
     path = Path(path)
     try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        tables = tomllib.loads(read_text(path))
+    except (ValueError, RecursionError) as error:
         raise FileFormatError(path, "(file)", "a TOML file", str(error)) from error
     cameras = {key: value for key, value in _flat(tables).items() if "matrix" in value and not value.get("ignore")}
     if not cameras:
@@ -79,10 +81,10 @@ def _camera(path: Path, key: str, table: dict) -> Camera:
     if not se3.is_rigid(T_cam_world, tolerance=1e-5):
         raise FileFormatError(path, f"{key}.rotation", "a proper rotation", rotation.tolist())
     try:
-        model = CameraModel(int(size[0]), int(size[1]), K, kind, coefficients)
+        model = plausible(CameraModel(int(size[0]), int(size[1]), K, kind, coefficients))
     except ValueError as error:
         raise FileFormatError(path, key, "a camera that can be built", str(error)) from error
-    return Camera(name, model, se3.inverse(T_cam_world))
+    return Camera(name, model, se3.inverse(se3.nearest_rigid(T_cam_world)))
 
 
 def _numbers(path: Path, field: str, value: object, shape: tuple[int, ...] | None) -> np.ndarray:

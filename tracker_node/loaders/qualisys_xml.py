@@ -13,9 +13,11 @@ import numpy as np
 
 from ..camera.camera_model import CameraModel
 from ..camera.camera_rig import Camera, CameraRig
+from ..camera.plausible_lens import plausible
 from ..errors import CalibrationError, FileFormatError
 from ..geometry import se3
 from .camera_name import identifier
+from .limited_file import read_bytes
 from .whole_file import whole_file
 
 SUBPIXELS = 64.0
@@ -32,10 +34,10 @@ def load_qualisys(path: str | Path) -> CameraRig:
     ------
     FileFormatError : no such file, no XML, or an element or number that is missing or wrong.
     """
-    try:
-        root = ET.parse(path).getroot()
-    except (OSError, ET.ParseError, UnicodeDecodeError) as error:
-        raise FileFormatError(path, "(file)", "a Qualisys calibration (XML)", str(error)) from error
+    try:  # an encoding that Python does not know is a LookupError, one of several bytes a ValueError
+        root = ET.fromstring(read_bytes(path))
+    except (ET.ParseError, ValueError, LookupError) as error:
+        raise FileFormatError(path, "(file)", "a Qualisys calibration (XML)", str(error)) from None
     found = [element for element in root.findall("cameras/camera") if element.get("active", "1") == "1"]
     if root.tag != "calibration" or not found:
         raise FileFormatError(path, "(file)", "<calibration> with <cameras> of which one is active", f"<{root.tag}>")
@@ -117,14 +119,13 @@ def _camera(path: str | Path, element: ET.Element) -> Camera:
     pose = se3.from_rotation_translation((_TO_OPTICAL @ rows).T, center)
     if not se3.is_rigid(pose, tolerance=1e-4):
         raise FileFormatError(path, f"{place}.transform", "a rotation r11..r33", rows.tolist())
-    u, _, vt = np.linalg.svd(pose[:3, :3])
-    pose[:3, :3] = u @ vt
+    pose = se3.nearest_rigid(pose)
     size = (int(number(fov, "right") - left) + 1, int(number(fov, "bottom") - top) + 1)
     distortion = np.array([k1, k2, p1, p2, k3])
     if min(size) < 1:
         raise FileFormatError(path, f"{place}.fov_video", "left <= right and top <= bottom", dict(fov.attrib))
     try:
-        lens = CameraModel(*size, K, "plumb_bob", distortion) if distortion.any() else CameraModel(*size, K)
+        lens = plausible(CameraModel(*size, K, "plumb_bob", distortion) if distortion.any() else CameraModel(*size, K))
     except ValueError as error:
         raise FileFormatError(path, f"{place}.intrinsic", "a lens that can be built", str(error)) from error
     return Camera(name, lens, pose)

@@ -9,15 +9,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..camera.capture_settings import CaptureSettings
 from ..errors import SourceError
 from .source_image import Preparation, SourceImage, content_size
-from .stamps import common_ns, period_ns
+from .stamps import MOST_NS, common_ns, period_ns
+from .video_times import describe
 
+_MOST_STRETCH = 1.02  # of images that are resampled: codecs want multiples of 16, and lenses are scaled along
 _MOST_SKIPPED = 4  # in a row: where decoding alone takes too long, a fifth of the images still comes
 
 
@@ -38,6 +40,8 @@ class SourceOptions:
     capture : pattern of a mosaic, and as what images are published; the rest is for devices.
     threads : of the decoder; None leaves it to OpenCV.
     keep : hand on the images as they were in the source too.
+    own_times : where a video's images are not evenly apart, their stamps are the times of its container, unless there are
+        ``times_ns`` or a rate.
     """
 
     start: int = 0
@@ -52,6 +56,7 @@ class SourceOptions:
     capture: CaptureSettings = field(default_factory=CaptureSettings)
     threads: int | None = None
     keep: bool = False
+    own_times: bool = True
 
     def __post_init__(self):
         if self.start < 0 or (self.end is not None and self.end <= self.start):
@@ -62,6 +67,23 @@ class SourceOptions:
             raise ValueError(f"expected a positive size in pixels, got {self.size}")
         if self.shrink < 1 or (self.threads is not None and self.threads < 1):
             raise ValueError(f"expected a factor and a number of threads of at least 1, got {self.shrink} and {self.threads}")
+
+    def check_aspect(self, width: int, height: int, name: str) -> None:
+        """Refuse to resample images of this size to another aspect: what is round would not be.
+
+        Raises
+        ------
+        SourceError : naming both aspects and the nearest sizes.
+        """
+        if self.size is None:
+            return
+        wide, high = self.size
+        same_width, same_height = (wide, max(1, round(wide * height / width))), (max(1, round(high * width / height)), high)
+        stretch = wide * height / (high * width)
+        if self.size not in (same_width, same_height) and not 1 / _MOST_STRETCH < stretch < _MOST_STRETCH:
+            aspects = f"{wide}x{high} (aspect {wide / high:.3f}) of images of {width}x{height} ({width / height:.3f})"
+            nearest = f"{same_width[0]}x{same_width[1]} or {same_height[0]}x{same_height[1]}"
+            raise SourceError(name, f"resampling to {aspects} would stretch them: give {nearest}")
 
     def output_size(self, width: int, height: int) -> tuple[int, int]:
         """(width, height) of what is delivered of images of this size."""
@@ -82,15 +104,19 @@ class ImageSource(ABC):
     """Iterates ``(stamp_ns, bgr)``, or by `images` what is to be published; each iteration reads the file from the beginning.
 
     ``width`` and ``height`` are those of the delivered images, ``n_images`` the number in one pass as far as the file says
-    (a truncated video delivers fewer, see ``counts``).
+    (a truncated video delivers fewer, see ``counts``). ``note``: what is unusual about it and good to know, a sentence.
     """
 
     def __init__(self, path: str, options: SourceOptions):
-        self.path, self.options = path, options
+        self.path, self.options, self.note = path, options, ""
         self.counts = ReadCounts()
         self._skip_before_ns: int | None = None
         self._n_before_pass = self._skipped_in_a_row = 0
         self.native_width, self.native_height, rate_hz, self._n_in_file = self._open()
+        own = self._own_times() if options.own_times and options.times_ns is None and options.rate_hz is None else None
+        if own is not None:
+            self.options = options = replace(options, times_ns=own)
+            self.note = describe(own)
         if options.start >= self._n_in_file:
             raise SourceError(path, f"start is image {options.start}, but there are only {self._n_in_file} images")
         if options.times_ns is not None and period_ns(options.times_ns):
@@ -99,6 +125,10 @@ class ImageSource(ABC):
         self.width, self.height = options.output_size(self.native_width, self.native_height)
         shrinks = (self.width, self.height) != (self.native_width, self.native_height)
         self._preparation = Preparation(self._settings(), (self.width, self.height) if shrinks else None, path, options.keep)
+
+    def _own_times(self) -> tuple[int, ...] | None:
+        """Of the images of the file, ns, where it says times that a rate does not give."""
+        return None
 
     def _settings(self) -> CaptureSettings:
         """Known once the source has been opened."""
@@ -116,7 +146,11 @@ class ImageSource(ABC):
     def stamp_ns(self, i: int) -> int:
         """Stamp of image number ``i`` of the file; beyond the last one read, that of a later pass."""
         first_ns = self._own_ns(0)
-        return common_ns(self._own_ns(i), first_ns, self.options.base_stamp_ns, self.options.drift_ppm)
+        stamp_ns = common_ns(self._own_ns(i), first_ns, self.options.base_stamp_ns, self.options.drift_ppm)
+        if not -MOST_NS <= stamp_ns <= MOST_NS:
+            beyond = "beyond what a ROS time can hold: look at time_offset_s, time_drift_ppm and the base stamp"
+            raise SourceError(self.path, f"image {i} would have the stamp {stamp_ns} ns, {beyond}")
+        return stamp_ns
 
     def _own_ns(self, i: int) -> int:
         times, start, n = self.options.times_ns, self.options.start, self.n_images

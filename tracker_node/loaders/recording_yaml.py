@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
 from ..errors import FileFormatError, SourceError
+from .file_kind import RECORDING
 from .rig_yaml import ImageSize
 from .source_address import filled, parse_source, relocated
 from .yaml_file import FileModel, PositiveNumber, is_number, problem, read_mapping, validate
@@ -135,6 +136,8 @@ class EvaluateEntry(FileModel):
 
 class RecordingFile(FileModel):
     """A whole recording."""
+
+    KIND: ClassVar[str] = RECORDING
 
     rig: str
     model: str

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
-import yaml
-
 from ..errors import FileFormatError
 from .dlt_text import N_COEFFICIENTS
+from .limited_file import read_text
 from .rig_yaml import CameraEntry, RigFile
-from .yaml_file import read_text
 
 TOML, CAMERA_INFO, OPENCV, QUALISYS, DLT, RIG = "toml", "camera_info", "opencv", "qualisys", "dlt", "rig"
 _CALIBRATION = ("image_size", "K", "distortion_model", "distortion", "T_world_cam", "pixel_map", "file_image_size")
+_CAMERA_INFO_KEY = re.compile(r"""^["']?camera_matrix["']?[ \t]*:""", re.MULTILINE)  # of YAML, at its top
+_RIG_KEY = re.compile(r"""^["']?cameras["']?[ \t]*:""", re.MULTILINE)
 _KNOWN = (
     "a calibration: Pose2Sim, aniposelib or Caliscope TOML, ROS camera_info YAML, OpenCV YAML, XML or JSON, Qualisys XML, or"
     " eleven lines of DLT coefficients"
@@ -46,15 +47,11 @@ def detect(path: str | Path) -> str:
     try:
         if tomllib.loads(text):
             return TOML
-    except (tomllib.TOMLDecodeError, RecursionError):
+    except (ValueError, RecursionError):  # a number of too many digits is no TOMLDecodeError
         pass
-    try:
-        values = yaml.load(text, Loader=yaml.BaseLoader)  # values stay text: what they mean is for the format's reader
-    except (yaml.YAMLError, RecursionError):
-        values = None
-    if isinstance(values, dict) and "camera_matrix" in values:
+    if _CAMERA_INFO_KEY.search(text):
         return CAMERA_INFO
-    if isinstance(values, dict) and isinstance(values.get("cameras"), dict):
+    if _RIG_KEY.search(text):
         return RIG
     raise FileFormatError(path, "(file)", _KNOWN, start[:40])
 

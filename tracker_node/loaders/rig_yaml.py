@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
@@ -14,10 +14,12 @@ from ..camera.camera_rig import Camera, CameraRig
 from ..camera.capture_settings import CaptureSettings
 from ..camera.distortion import COEFFICIENT_COUNTS
 from ..camera.light import Light
+from ..camera.plausible_lens import plausible
 from ..errors import CalibrationError, SourceError
 from ..geometry import se3
 from .capture_yaml import CaptureEntry, capture_entry
-from .source_address import parse_source, relocated
+from .file_kind import RIG
+from .source_address import TOPIC_NAME, parse_source, relocated
 from .yaml_file import FileModel, Number, PositiveNumber, is_number, numbers, problem, read_mapping, validate, write_mapping
 
 NS_PER_S = 1_000_000_000
@@ -54,6 +56,12 @@ def _source(value: str | None) -> str | None:
     return value
 
 
+def _topic(value: str | None) -> str | None:
+    if value is not None and not TOPIC_NAME.fullmatch(value):
+        raise problem("the name of an image topic, such as /front/image_raw", value)
+    return value
+
+
 class CameraEntry(FileModel):
     """One camera as the file states it: calibration in calibration pixels, extrinsics, source."""
 
@@ -63,6 +71,7 @@ class CameraEntry(FileModel):
     distortion: numbers(None) = ()  # type: ignore[valid-type]
     T_world_cam: numbers(4, 4)  # type: ignore[valid-type]
     source: Annotated[str | None, AfterValidator(_source)] = None
+    topic: Annotated[str | None, AfterValidator(_topic)] = None
     capture: CaptureEntry | None = None
     time_offset_s: Number = 0.0
     time_drift_ppm: Number = 0.0
@@ -90,12 +99,21 @@ class CameraEntry(FileModel):
         lower = (self.K[1][0], self.K[2][0], self.K[2][1])
         if self.K[0][0] != 0.0 and (any(lower) or self.K[2][2] != 1.0 or self.K[0][0] < 0.0 or self.K[1][1] <= 0.0):
             raise problem("[[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with positive focal lengths", self.K, "K")
+        self._check_lens()
         if self.stamps is not None and self.stamp_file is not None:
             raise problem("either stamps or a stamp_file", "both", "stamps")
         if abs(self.time_drift_ppm) > MAX_DRIFT_PPM:
             raise problem(f"at most {MAX_DRIFT_PPM:g} millionths", self.time_drift_ppm, "time_drift_ppm")
         self._check_pixel_map()
         return self
+
+    def _check_lens(self) -> None:
+        if self.K[0][0] == 0.0:  # uncalibrated
+            return
+        try:
+            plausible(CameraModel(*self.image_size, np.array(self.K), self.distortion_model, np.array(self.distortion)))
+        except ValueError as error:
+            raise problem("the numbers of a lens", str(error), "K") from None
 
     def _check_pixel_map(self) -> None:
         if self.pixel_map is None:
@@ -160,6 +178,8 @@ class LightEntry(FileModel):
 class RigFile(FileModel):
     """A whole rig file, kept as written so that it can be changed and dumped again."""
 
+    KIND: ClassVar[str] = RIG
+
     world_frame: str = "world"
     cameras: dict[str, CameraEntry] = Field(min_length=1)
     lights: tuple[LightEntry, ...] = ()
@@ -208,8 +228,9 @@ def build_rig(rig_file: RigFile, base_dir: str | Path) -> CameraRig:
             Camera(
                 name=name,
                 model=entry.model(name),
-                T_world_cam=_rigid(np.array(entry.T_world_cam)),
+                T_world_cam=se3.nearest_rigid(np.array(entry.T_world_cam)),
                 source=_resolved(entry.source, base_dir),
+                topic=entry.topic,
                 capture=entry.capture.settings() if entry.capture else CaptureSettings(),
                 time_offset_ns=round(entry.time_offset_s * NS_PER_S),
                 time_drift_ppm=entry.time_drift_ppm,
@@ -259,6 +280,7 @@ def rig_file_of(rig: CameraRig) -> RigFile:
             distortion=camera.model.distortion,
             T_world_cam=camera.T_world_cam,
             source=camera.source,
+            topic=camera.topic,
             capture=capture_entry(camera.capture),
             time_offset_s=camera.time_offset_ns / NS_PER_S,
             time_drift_ppm=camera.time_drift_ppm,
@@ -280,14 +302,6 @@ def rig_file_of(rig: CameraRig) -> RigFile:
         for light in rig.lights
     )
     return RigFile(world_frame=rig.world_frame, cameras=cameras, lights=lights)
-
-
-def _rigid(transform: np.ndarray) -> np.ndarray:
-    """The transform itself if it is rigid, else (rounded digits in a file) the nearest that is."""
-    if se3.is_rigid(transform, tolerance=1e-9):
-        return transform
-    u, _, vt = np.linalg.svd(transform[:3, :3])
-    return se3.from_rotation_translation(u @ vt, transform[:3, 3])
 
 
 def _resolved(source: str | None, base_dir: str | Path) -> str | None:

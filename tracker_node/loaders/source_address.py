@@ -12,13 +12,16 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..errors import SourceError
+from ..errors import SourceError, without_password
 
+_VARIABLE = "TRACKER_NODE_SOURCES"
 FILE, BAG, DEVICE, STREAM, TOPIC = "file", "bag", "v4l2", "stream", "topic"
 STREAM_SCHEMES = ("rtsp", "rtsps", "http", "https", "udp", "tcp", "rtmp", "srt")
 _PATTERN = re.compile(r"(?:[^{}]|\{\{|\}\}|\{name\}|\{number(?::\d{1,2}d?)?\})*")
@@ -56,9 +59,14 @@ class SourceAddress:
         return f"{self.kind}:{self.target}" + (f"#{self.topic}" if self.topic else "")
 
 
-def without_password(text: str) -> str:
-    """A source for messages: ``rtsp://user:password@host`` is ``rtsp://***@host`` there."""
-    return re.sub(r"//[^/]+@", "//***@", text, count=1)
+def sources_for_child(sources: Mapping[str, str]) -> dict[str, str]:
+    """Variables of the environment that give sources to a child: what stands on its command line, everybody can read."""
+    return {_VARIABLE: json.dumps(dict(sources))} if sources else {}
+
+
+def sources_from_parent() -> list[tuple[str, str]]:
+    """(camera, source) of `sources_for_child`."""
+    return list(json.loads(os.environ.get(_VARIABLE, "{}")).items())
 
 
 def parse_source(text: str) -> SourceAddress:

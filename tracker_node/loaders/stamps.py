@@ -28,6 +28,7 @@ _NUMBER = ("image", "image_index", "frame", "frame_index", "frame_id", "frame_nu
 _TIME = ("time", "timestamp", "stamp", "frame_time", "t", "seconds")
 _UNITS_NS = {"": 10**9, "_s": 10**9, "_ms": 10**6, "_us": 10**3, "_ns": 1}
 _TIME_COLUMNS = {f"{name}{suffix}": scale for name in _TIME for suffix, scale in _UNITS_NS.items()}
+MOST_NS = 2**31 * 10**9 - 1  # of a stamp, either way: seconds of a ROS time have 32 bits
 _LONGEST_SPAN_S = 3.2e9
 _LONGEST_PERIOD_S = 100.0  # between images; more is a wrong unit
 
@@ -179,9 +180,10 @@ def _increasing(path: str | Path, cells: Sequence[tuple[int, str]], scale: int) 
         value = _decimal(text)
         if value is None:
             raise FileFormatError(path, f"line {line}", "a time", text)
+        if not abs(value) <= MOST_NS // scale:
+            most = f"of at most {MOST_NS // scale}, what a ROS time can hold"
+            raise FileFormatError(path, f"line {line}", f"a time in its column's unit (seconds, if it names none), {most}", text)
         time = int((value * scale).to_integral_value())
-        if not abs(time) < 2**62:
-            raise FileFormatError(path, f"line {line}", "a time in its column's unit (seconds, if it names none)", text)
         if times and time <= times[-1]:
             raise FileFormatError(path, f"line {line}", f"a time after that of the image before ({1e-9 * times[-1]:.6f} s)", text)
         times.append(time)

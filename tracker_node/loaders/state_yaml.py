@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from ..errors import FileFormatError
+from ..errors import FileFormatError, ModelError
 from ..geometry import quaternion, se3
 from ..model.articulated_model import ArticulatedModel
-from ..model.configuration import State
+from ..model.configuration import State, refuse_implausible
+from .file_kind import STATE
 from .model_yaml import transform_of
 from .yaml_file import FileModel, Number, numbers, problem, read_mapping, validate, write_mapping
 
@@ -59,6 +61,8 @@ class RootEntry(FileModel):
 class StateFile(FileModel):
     """A whole state file; joints that it does not name are neutral."""
 
+    KIND: ClassVar[str] = STATE
+
     model: str | None = None
     root: RootEntry
     joints_deg: dict[str, Number] = Field(default_factory=dict)
@@ -91,7 +95,12 @@ def load_state(path: str | Path, model: ArticulatedModel) -> State:
     for i, axis in enumerate(model.chain.axes):
         if axis.follows is not None and axis.name not in named:
             positions[i] = followed[i]
-    return State(content.root.transform(), positions)
+    state = State(content.root.transform(), positions)
+    try:
+        refuse_implausible(model, state.to_values())
+    except ModelError as error:
+        raise FileFormatError(path, "root", "the state of a body in the room", str(error)) from None
+    return state
 
 
 def dump_state(state: State, model: ArticulatedModel, path: str | Path, comment: str = "") -> None:

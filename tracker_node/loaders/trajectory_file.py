@@ -29,8 +29,8 @@ _N_ROOT_TRANSLATION = 3
 class StateRow:
     """One instant of ``states.csv``.
 
-    ``values`` (n_dof,) as `model.configuration.State.to_values`: metres and radians. ``status`` is the name of the status,
-    ``score`` the objective's value in its own unit.
+    ``values`` (n_dof,) as `model.configuration.State.to_values`: metres and radians; all NaN where there is no state, which the
+    file shows by empty cells. ``status`` is the name of the status, ``score`` the objective's value in its own unit.
     """
 
     stamp_ns: int
@@ -109,7 +109,7 @@ class StatesWriter(CsvWriter):
     def append(self, row: StateRow) -> None:
         if len(row.values) != len(self.dof_names):
             raise ValueError(f"expected {len(self.dof_names)} values, got {len(row.values)}")
-        numbers = [exact(value) for value in row.values]
+        numbers = [""] * len(row.values) if np.isnan(row.values).all() else [exact(value) for value in row.values]
         tail = [exact(row.score), exact(row.residual_px), int(row.iterations), int(row.evaluations)]
         self.write_rows([[int(row.stamp_ns), row.status, row.reason, *numbers, *tail]])
 
@@ -179,7 +179,7 @@ def read_states(path: str | Path) -> StateTrajectory:
                 stamp_ns=cells.integer(0),
                 status=cells.text[1],
                 reason=cells.text[2],
-                values=cells.numbers(first, last),
+                values=cells.numbers(first, last) if any(cells.text[first:last]) else np.full(last - first, np.nan),
                 score=cells.number(score),
                 residual_px=cells.number(residual_px),
                 iterations=cells.integer(iterations),

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import FileFormatError, UnknownNameError
+from .limited_file import TABLE_BYTES, read_text
 from .whole_file import write_whole
-from .yaml_file import read_text
 
 METERS_PER_UNIT = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _N_HEADER = 5
@@ -60,7 +60,7 @@ def load_trc(path: str | Path, y_up: bool = True) -> MarkerTrajectories:
     ------
     FileFormatError : header, unit, marker names, a cell that is no number, times that do not increase.
     """
-    lines = read_text(path).splitlines()
+    lines = read_text(path, TABLE_BYTES).splitlines()
     if len(lines) < _N_HEADER or not lines[0].startswith("PathFileType"):
         raise FileFormatError(path, "line 1", "a TRC file (PathFileType ...)", lines[0] if lines else "nothing")
     header = dict(zip(lines[1].split(), lines[2].split(), strict=False))

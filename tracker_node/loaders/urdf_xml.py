@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import FileFormatError
 from ..geometry import se3, so3
+from .limited_file import read_bytes
 from .yaml_file import LARGEST
 
 _XACRO = "a plain URDF (make one with `xacro FILE > robot.urdf`)"
@@ -107,7 +108,7 @@ def read_robot(path: str | Path) -> Node:
     if path.suffix.lower() == ".xacro":
         raise FileFormatError(path, "(file)", _XACRO, "a xacro file")
     try:
-        content = path.read_bytes()
+        content = read_bytes(path)
         if not content.startswith((b"\xff\xfe", b"\xfe\xff")):  # UTF-16
             content = content.rstrip(b"\0")  # some programs end their files like C text
         root = ElementTree.fromstring(content)

@@ -1,37 +1,69 @@
 """YAML at the door: strict reading, errors that name file and field, compact writing.
 
-Strict: a key given twice is refused, numbers follow YAML 1.2 (``1e-3`` is a number, which YAML 1.1 takes for text), and a
-mapping may hold only the fields that its format knows.
+Numbers, truth values and nothing are those of the core schema of YAML 1.2: ``1e-3`` is a number, ``0640`` is 640, ``0o17`` is 15,
+``yes``, ``1:30`` and ``2024-05-01`` are text. Strict: a key given twice is refused, and a mapping may hold only the fields that
+its format knows.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 import yaml
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
-from ..errors import FileFormatError
+from ..errors import FileFormatError, shown
+from .file_kind import check_kind
+from .limited_file import read_text
 from .whole_file import write_whole
 
 LARGEST = 1e12  # no length, angle or pixel of a real scene is beyond
+MOST_TOLD = 5  # problems of a file, in one message
 MOST_VALUES = 1_000_000  # of a file, each alias counted as often as it is used
-_FLOAT = re.compile(r"^[-+]?(\d+\.?\d*([eE][-+]?\d+)?|\.\d+([eE][-+]?\d+)?|\.(inf|Inf|INF)|\.(nan|NaN|NAN))$")
+MOST_LEVELS = 100  # of lists and mappings within each other
+MOST_DIGITS = 1000  # of an integer
+_TAG = "tag:yaml.org,2002:"
+_CORE = (  # of YAML 1.2, with the characters that each may begin with
+    ("null", re.compile(r"^(~|null|Null|NULL|)$"), ["~", "n", "N", ""]),
+    ("bool", re.compile(r"^(true|True|TRUE|false|False|FALSE)$"), list("tTfF")),
+    ("int", re.compile(r"^([-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+)$"), list("-+0123456789")),
+    (
+        "float",
+        re.compile(r"^([-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN))$"),
+        list("-+.0123456789"),
+    ),
+)
 
 
 class _StrictLoader(yaml.SafeLoader):
-    """Safe loader that refuses repeated keys, and aliases of aliases that stand for more than a machine can hold."""
+    """Loader of the core schema that refuses repeated keys, and what stands for more than a machine can hold."""
+
+    yaml_implicit_resolvers: ClassVar[dict[str, list]] = {}  # its own: those of other users of PyYAML stay as they are
+    yaml_constructors: ClassVar[dict[str | None, Callable]] = {}
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        self._level = getattr(self, "_level", 0) + 1
+        if self._level > MOST_LEVELS:
+            raise _refused(f"more than {MOST_LEVELS} levels of lists and mappings", self.peek_event().start_mark)
+        try:
+            return super().compose_node(parent, index)
+        finally:
+            self._level -= 1
 
     def construct_document(self, node: yaml.Node) -> Any:
         if _size(node, {}) > MOST_VALUES:
-            too_many = f"aliases stand for more than {MOST_VALUES} values"
-            raise yaml.constructor.ConstructorError(None, None, too_many, node.start_mark)
+            raise _refused(f"aliases stand for more than {MOST_VALUES} values", node.start_mark)
         return super().construct_document(node)
+
+
+def _refused(what: str, mark: yaml.Mark) -> yaml.MarkedYAMLError:
+    return yaml.constructor.ConstructorError(None, None, what, mark)
 
 
 def _size(node: yaml.Node, sizes: dict[int, int]) -> int:
@@ -52,29 +84,72 @@ class _DuplicateKey(yaml.YAMLError):
 
 
 def _construct_mapping(loader: yaml.SafeLoader, node: yaml.MappingNode) -> dict:
-    loader.flatten_mapping(node)
+    if not isinstance(node, yaml.MappingNode):
+        raise _refused("expected a mapping", node.start_mark)
     result: dict = {}
     for key_node, value_node in node.value:
         key = loader.construct_object(key_node, deep=True)
         if not isinstance(key, (str, int, float, bool, type(None))):
-            raise yaml.constructor.ConstructorError(None, None, "a key must be text", key_node.start_mark)
+            raise _refused("a key must be text", key_node.start_mark)
         if key in result:
             raise _DuplicateKey(key, key_node.start_mark.line + 1)
         result[key] = loader.construct_object(value_node, deep=True)
     return result
 
 
-_StrictLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _construct_mapping)
-# A copy, so that the resolvers of other users of PyYAML stay as they are; ints keep their place before floats.
-_StrictLoader.yaml_implicit_resolvers = {
-    first: [entry for entry in entries if entry[0] not in ("tag:yaml.org,2002:float", "tag:yaml.org,2002:timestamp")]
-    for first, entries in yaml.SafeLoader.yaml_implicit_resolvers.items()
+class OpenCvMatrix(dict):
+    """A mapping that OpenCV marks as a matrix: rows, cols, dt and data."""
+
+
+def _construct_list(loader: yaml.SafeLoader, node: yaml.Node) -> list:
+    return loader.construct_sequence(node, deep=True)
+
+
+def _scalar(kind: str, value_of: Callable[[str], Any]) -> Callable[[yaml.SafeLoader, yaml.Node], Any]:
+    """A constructor of what `_CORE` says is of this kind; it may be marked so with a tag, too."""
+    pattern = next(pattern for name, pattern, _ in _CORE if name == kind)
+
+    def construct(loader: yaml.SafeLoader, node: yaml.Node) -> Any:
+        text = loader.construct_scalar(node)
+        if not pattern.match(text):
+            raise _refused(f"expected what YAML 1.2 takes for !!{kind}", node.start_mark)
+        if kind == "int" and len(text) > MOST_DIGITS:
+            raise _refused(f"an integer of more than {MOST_DIGITS} digits", node.start_mark)
+        return value_of(text)
+
+    return construct
+
+
+def _integer(text: str) -> int:
+    return int(text[2:], 8 if text[1] == "o" else 16) if text[:2] in ("0o", "0x") else int(text)
+
+
+def _float(text: str) -> float:
+    return float(text.replace(".inf", "inf").replace(".nan", "nan"))
+
+
+_CONSTRUCTORS: dict[str, Callable] = {
+    "map": _construct_mapping,
+    "seq": _construct_list,
+    "str": lambda loader, node: loader.construct_scalar(node),
+    "opencv-matrix": lambda loader, node: OpenCvMatrix(_construct_mapping(loader, node)),
+    "null": _scalar("null", lambda text: None),
+    "bool": _scalar("bool", lambda text: text.lower() == "true"),
+    "int": _scalar("int", _integer),
+    "float": _scalar("float", lambda text: _float(text.lower())),
 }
-_StrictLoader.add_implicit_resolver("tag:yaml.org,2002:float", _FLOAT, list("-+.0123456789"))
+for _kind, _constructor in _CONSTRUCTORS.items():
+    _StrictLoader.add_constructor(_TAG + _kind, _constructor)
+_StrictLoader.add_constructor(None, yaml.SafeLoader.construct_undefined)  # any other tag is refused
+for _kind, _pattern, _first in _CORE:
+    _StrictLoader.add_implicit_resolver(_TAG + _kind, _pattern, _first)
 
 
 class _Dumper(yaml.SafeDumper):
-    """Block style, except that lists of plain values stand on one line."""
+    """Block style, except that lists of plain values stand on one line.
+
+    Text that YAML 1.1 (the ROS command line's) or 1.2 would take for something else is quoted.
+    """
 
     def ignore_aliases(self, data: object) -> bool:
         return True
@@ -85,25 +160,22 @@ def _represent_list(dumper: yaml.SafeDumper, data: list | tuple) -> yaml.Node:
     return dumper.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=plain)
 
 
+def _represent_text(dumper: yaml.SafeDumper, data: str) -> yaml.Node:
+    """In double quotes where PyYAML would break lines at what other characters than a line feed end."""
+    return dumper.represent_scalar("tag:yaml.org,2002:str", data, style='"' if re.search("[\x85\u2028\u2029]", data) else None)
+
+
 class Inline(dict):
     """A mapping that is written on one line."""
 
 
+for _kind, _pattern, _first in _CORE:  # beside those of YAML 1.1
+    if _kind in ("int", "float"):
+        _Dumper.add_implicit_resolver(_TAG + _kind, _pattern, _first)
+_Dumper.add_representer(str, _represent_text)
 _Dumper.add_representer(list, _represent_list)
 _Dumper.add_representer(tuple, _represent_list)
 _Dumper.add_representer(Inline, lambda dumper, data: dumper.represent_mapping("tag:yaml.org,2002:map", data, flow_style=True))
-
-
-def read_text(path: str | Path) -> str:
-    """Text of a file; a missing, unreadable or binary file is a `FileFormatError`."""
-    try:
-        return Path(path).read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise FileFormatError(path, "(file)", "an existing file", "no such file") from None
-    except UnicodeDecodeError as error:
-        raise FileFormatError(path, "(file)", "UTF-8 text", f"byte {error.start} is not") from None
-    except OSError as error:
-        raise FileFormatError(path, "(file)", "a readable file", error.strerror or str(error)) from None
 
 
 def read_mapping(path: str | Path) -> dict[str, Any]:
@@ -113,8 +185,13 @@ def read_mapping(path: str | Path) -> dict[str, Any]:
     ------
     FileFormatError : missing file, YAML syntax (with line and column), a repeated key, or no mapping at the top.
     """
+    return parse_mapping(read_text(path), path)
+
+
+def parse_mapping(text: str, path: str | Path) -> dict[str, Any]:
+    """Top-level mapping of the text of ``path``; see `read_mapping`."""
     try:
-        values = yaml.load(read_text(path), Loader=_StrictLoader)
+        values = yaml.load(text, Loader=_StrictLoader)
     except _DuplicateKey as error:
         raise FileFormatError(path, str(error.key), "each key once", f"a second one in line {error.line}") from None
     except yaml.MarkedYAMLError as error:
@@ -145,8 +222,16 @@ def write_mapping(values: Mapping[str, Any], path: str | Path, comment: str = ""
     write_whole(path, text)
 
 
+UNKNOWN = "unknown_keys"  # type of pydantic's error for them
+
+
 class FileModel(BaseModel):
-    """Base of every validated part of a file: closed set of fields, no coercion of text to numbers."""
+    """Base of every validated part of a file: closed set of fields, no coercion of text to numbers.
+
+    ``KIND``: what a whole file is called (`file_kind`); empty for parts.
+    """
+
+    KIND: ClassVar[str] = ""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=False, arbitrary_types_allowed=False)
 
@@ -154,9 +239,11 @@ class FileModel(BaseModel):
     @classmethod
     def _known_fields_only(cls, values: Any) -> Any:
         if isinstance(values, dict):
-            for key in values:
-                if key not in cls.model_fields:
-                    raise problem(f"one of {sorted(cls.model_fields)}", key, field=str(key))
+            unknown = [key for key in values if key not in cls.model_fields]
+            if unknown:
+                free = [name for name in cls.model_fields if name not in values]
+                context = {"keys": unknown, "valid": sorted(cls.model_fields), "free": free}
+                raise PydanticCustomError(UNKNOWN, "unknown keys", context)
         elif not isinstance(values, BaseModel):
             raise problem("a mapping", values)
         return values
@@ -219,23 +306,49 @@ def validate(format_class: type[T], values: dict[str, Any], path: str | Path) ->
 
     Raises
     ------
-    FileFormatError : for the first thing that is wrong (and how many more there are).
+    WrongKindOfFileError : the file is a body where a rig is asked for, say.
+    FileFormatError : with all that is wrong, up to a handful: keys that are not known before what may come of them.
     """
     try:
         return format_class.model_validate(values)
     except ValidationError as error:
-        errors = error.errors(include_url=False)
-        first = errors[0]
-        context = first.get("ctx", {})
-        field = _dotted(first["loc"], values, first["type"])
-        if first["type"] == "format":
-            field = ".".join(part for part in (field, context["field"]) if part)
-            expected, got = context["expected"], context["got"]
-        else:
-            expected, got = _expected_and_got(first)
-        if len(errors) > 1:
-            expected += f" (and {len(errors) - 1} more problems in this file)"
-        raise FileFormatError(path, field or "(top level)", expected, got) from None
+        if issubclass(format_class, FileModel) and format_class.KIND:
+            check_kind(values, format_class.KIND, path)
+        problems = [told for one in error.errors(include_url=False) for told in _told(one, values)]
+        problems.sort(key=lambda told: not told.unknown)  # stable
+        first, others = problems[0], problems[1:]
+        some = others[: MOST_TOLD - 1]
+        also = [f"field '{told.field}': expected {told.expected[:400]}, got {shown(told.got)}" for told in some]
+        if len(others) >= MOST_TOLD:
+            also.append(f"and {len(others) - MOST_TOLD + 1} more problems in this file")
+        raise FileFormatError(path, first.field, first.expected, first.got, also) from None
+
+
+class _Told(NamedTuple):
+    """A problem of a file, in the file's own terms."""
+
+    field: str
+    expected: str
+    got: object
+    unknown: bool = False
+
+
+def _told(error: Any, values: Any) -> list[_Told]:
+    """The problems that an error of pydantic stands for: one, or each of several keys that are not known."""
+    context = error.get("ctx", {})
+    field = _dotted(error["loc"], values, error["type"])
+    if error["type"] == UNKNOWN:
+        return [_unknown_key(field, str(key), context["valid"], context["free"]) for key in context["keys"]]
+    if error["type"] == "format":
+        field = ".".join(part for part in (field, context["field"]) if part)
+        return [_Told(field or "(top level)", context["expected"], context["got"])]
+    return [_Told(field or "(top level)", *_expected_and_got(error))]
+
+
+def _unknown_key(field: str, key: str, valid: list[str], free: list[str]) -> _Told:
+    near = get_close_matches(key, free, n=1, cutoff=0.6) or get_close_matches(key, valid, n=1, cutoff=0.8)
+    expected = f"'{near[0]}', or another of {valid}" if near else f"one of {valid}"
+    return _Told(".".join(part for part in (field, key) if part), expected, key, unknown=True)
 
 
 def _expected_and_got(error: Any) -> tuple[str, object]:

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..errors import ModelError
 from ..geometry import se3, so3
 from .articulated_model import ArticulatedModel
 from .kinematic_chain import N_ROOT_DOF, forward_kinematics
@@ -51,6 +52,24 @@ class State:
         """Inverse of `to_values`."""
         values = np.asarray(values, dtype=np.float64)
         return cls(se3.from_rotation_translation(so3.exp(values[3:6]), values[:3]), values[N_ROOT_DOF:].copy())
+
+
+MOST_M = 1e4  # of a root's coordinate, or of a joint that slides
+MOST_RAD = 8.0 * np.pi  # of an angle
+
+
+def refuse_implausible(model: ArticulatedModel, values: np.ndarray) -> None:
+    """Whether the values of a state that comes from outside can be those of a body in the room.
+
+    Raises
+    ------
+    ModelError : naming the degree of freedom, what is expected and what came.
+    """
+    lengths = [True, True, True, False, False, False, *(axis.prismatic for axis in model.chain.axes)]
+    for name, value, length in zip(model.chain.dof_names, values, lengths, strict=True):
+        most, unit = (MOST_M, "m") if length else (MOST_RAD, "rad")
+        if not abs(value) <= most:
+            raise ModelError(f"{name}: expected at most {most:.5g} {unit} either way, got {float(value):g}")
 
 
 class Configuration:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -36,18 +37,23 @@ def color_classes(model: ArticulatedModel) -> np.ndarray:
 def stated_densities(model: ArticulatedModel, classes: np.ndarray) -> np.ndarray:
     """(n_classes, `N_COLORS`) float32 densities per bin of the colors that the model states; zeros where it states none."""
     result = np.zeros((int(classes.max(initial=-1)) + 1, N_COLORS), dtype=np.float32)
-    middle = (np.arange(BINS) + 0.5) * _BIN_WIDTH
-    b, g, r = np.meshgrid(middle, middle, middle, indexing="ij")
-    colors = np.stack([b.ravel(), g.ravel(), r.ravel()], axis=1)
     for shape, kind in zip(model.shapes, classes, strict=True):
         if not shape.has_color or result[kind].any():
             continue
-        bgr = np.array(shape.color_rgb[::-1], dtype=np.float64)
-        shades = np.clip(_PRIOR_GAINS[:, None] * bgr, 0.0, 255.0)
-        squares = ((colors[:, None, :] - shades[None]) ** 2).sum(axis=2)
-        density = np.exp(-0.5 * squares / _PRIOR_SIGMA**2).sum(axis=1)
-        result[kind] = density / density.sum()
+        result[kind] = _stated_density(tuple(float(value) for value in shape.color_rgb))
     return result
+
+
+@lru_cache(maxsize=256)
+def _stated_density(color_rgb: tuple[float, ...]) -> np.ndarray:
+    """(`N_COLORS`,) of one color; kept, since every tracker of a body asks for the same ones."""
+    middle = (np.arange(BINS) + 0.5) * _BIN_WIDTH
+    b, g, r = np.meshgrid(middle, middle, middle, indexing="ij")
+    colors = np.stack([b.ravel(), g.ravel(), r.ravel()], axis=1)
+    shades = np.clip(_PRIOR_GAINS[:, None] * np.array(color_rgb[::-1]), 0.0, 255.0)
+    squares = ((colors[:, None, :] - shades[None]) ** 2).sum(axis=2)
+    density = np.exp(-0.5 * squares / _PRIOR_SIGMA**2).sum(axis=1)
+    return density / density.sum()
 
 
 class RegionColors:

@@ -1,0 +1,43 @@
+"""Rigs in millimetres and centimetres are told from metres by how far their cameras stand apart."""
+
+import numpy as np
+import pytest
+from render_scenes import look_at
+
+from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.rig_unit import check_metres, wrong_unit
+from tracker_node.errors import TrackerError
+
+EYES = ((3.0, 0.3, 1.2), (-2.0, 2.5, 1.1), (-1.5, -2.6, 1.3))
+
+
+def cameras(factors, focal_px: float = 1500.0):
+    lens = CameraModel(1280, 720, np.array([[focal_px, 0.0, 639.5], [0.0, focal_px, 359.5], [0.0, 0.0, 1.0]]))
+    places = [tuple(factor * x for x in eye) for factor, eye in zip(factors, EYES, strict=True)]
+    return [look_at(place, (0.0, 0.0, 1.0), lens, f"cam{i}") for i, place in enumerate(places, 1)]
+
+
+def test_metres_are_metres():
+    assert wrong_unit(cameras([1, 1, 1])) is None
+    assert wrong_unit(cameras([1000, 1, 1])[:1]) is None  # one camera alone stands nowhere
+    check_metres(cameras([1, 1, 1]), 1.8)
+
+
+@pytest.mark.parametrize(("factor", "unit", "by"), [(1000, "millimetres", "1000"), (100, "centimetres", "100")])
+def test_all_cameras_in_another_unit_are_refused_with_the_factor(factor, unit, by):
+    with pytest.raises(TrackerError, match=rf"^rig: The cameras are \d+ m apart: .* in {unit}.*Divide it by {by}\.") as told:
+        check_metres(cameras([factor] * 3), 1.8)
+    assert "rig check" in str(told.value)
+
+
+def test_one_camera_in_another_unit_is_named():
+    found = wrong_unit(cameras([1, 1000, 1]))
+    assert found is not None and (found.cameras, found.all_of_them, found.factor) == (("cam2",), False, 1e-3)
+    with pytest.raises(TrackerError, match="cam2: stands 3"):
+        check_metres(cameras([1, 1000, 1]), 1.8)
+
+
+def test_long_lenses_far_away_are_not_refused():
+    far = cameras([100] * 3, focal_px=12_000.0)
+    assert wrong_unit(far) is not None  # rig check asks
+    check_metres(far, 1.8)
