@@ -47,6 +47,7 @@ TEST_REQUIREMENTS = [
     "playwright",
     "pypdf",
     "pytest",
+    "pytest-xdist",
     "ruff",
 ]
 

@@ -1,10 +1,10 @@
 """The cameras of a rig as ROS cameras.
 
-    ros2 launch tracker_node camera_ingest.launch.py rig:=rig.yaml
+ros2 launch tracker_node camera_ingest.launch.py rig:=rig.yaml
 """
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import OpaqueFunction
 from launch_ros.actions import Node
 
 from tracker_node.ros.launch_files import argument, value_of
@@ -13,10 +13,12 @@ from tracker_node.ros.launch_files import argument, value_of
 def generate_launch_description() -> LaunchDescription:
     arguments = [
         argument("rig"),
-        DeclareLaunchArgument("rate", default_value="", description="images per second of recordings; empty: what they say"),
+        argument("rate"),
         argument("shrink"),
         argument("loop", default_value="true"),
         argument("namespace"),
+        argument("topics"),
+        argument("use_sim_time"),
     ]
     return LaunchDescription([*arguments, OpaqueFunction(function=_ingest)])
 
@@ -26,12 +28,15 @@ def _ingest(context) -> list:
     arguments = ["--rig", value_of(context, "rig"), "--shrink", value_of(context, "shrink")]
     arguments += ["--rate", rate] if rate else []
     arguments += ["--loop"] if value_of(context, "loop") == "true" else []
+    topics = value_of(context, "topics")
+    arguments += ["--topics", *topics.split()] if topics else []
     node = Node(
         package="tracker_node",
         executable="camera_ingest",
         name="camera_ingest",
         namespace=value_of(context, "namespace"),
         arguments=arguments,
+        parameters=[{"use_sim_time": value_of(context, "use_sim_time") == "true"}],
         output="screen",
     )
     return [node]

@@ -1,6 +1,6 @@
 """The demo, to be watched in RViz: a real recording, tracked and evaluated.
 
-    ros2 launch tracker_node demo.launch.py output:=out/demo
+ros2 launch tracker_node demo.launch.py output:=out/demo
 """
 
 from launch import LaunchDescription
@@ -10,7 +10,7 @@ from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from tracker_node.ros.launch_files import argument, included
+from tracker_node.ros.launch_files import BAG_CLOSED, argument, included
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -21,8 +21,9 @@ def generate_launch_description() -> LaunchDescription:
     demo = Node(
         package="tracker_node",
         executable="tracker_node",
-        arguments=["demo", "--out", LaunchConfiguration("output")],
+        arguments=["demo", "--output", LaunchConfiguration("output")],
         output="screen",
+        **BAG_CLOSED,
     )
     end = RegisterEventHandler(OnProcessExit(target_action=demo, on_exit=[EmitEvent(event=Shutdown())]))
     return LaunchDescription([*arguments, demo, included("rviz", (), only_if="rviz"), end])

@@ -1,6 +1,6 @@
 """A whole recording, from cameras to a bag and its evaluation, as recording.yaml says.
 
-    ros2 launch tracker_node pipeline.launch.py recording:=recording.yaml output:=out/run1
+ros2 launch tracker_node pipeline.launch.py recording:=recording.yaml output:=out/run1
 """
 
 from launch import LaunchDescription
@@ -9,7 +9,7 @@ from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
 from launch_ros.actions import Node
 
-from tracker_node.ros.launch_files import argument, value_of
+from tracker_node.ros.launch_files import BAG_CLOSED, argument, value_of
 
 FILES = ("rig", "model", "initial_state", "occluders", "config", "output")
 
@@ -30,6 +30,6 @@ def _pipeline(context) -> list:
     for name in FILES:
         arguments += [f"--{name.replace('_', '-')}", given[name]] if given[name] else []
     # It starts and ends its three processes in the right order, which separate launch actions could not.
-    pipeline = Node(package="tracker_node", executable="pipeline", arguments=arguments, output="screen")
+    pipeline = Node(package="tracker_node", executable="pipeline", arguments=arguments, output="screen", **BAG_CLOSED)
     end = RegisterEventHandler(OnProcessExit(target_action=pipeline, on_exit=[EmitEvent(event=Shutdown())]))
     return [pipeline, end]

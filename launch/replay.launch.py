@@ -12,6 +12,7 @@ from launch_ros.actions import Node
 
 from tracker_node.ros.launch_files import SWITCH, argument, included, value_of
 
+AGAIN = "again"
 TRACKER = ("initial_state", "occluders", "params_file", "calibration")
 
 
@@ -30,7 +31,7 @@ def generate_launch_description() -> LaunchDescription:
         argument("rviz"),
         argument("layout"),
     ]
-    own = {"name": "again", "link_frames": "false", "use_sim_time": "true"}
+    own = {"name": AGAIN, "link_frames": "false", "lossless": "true", "use_sim_time": "true"}
     tracker = included("tracker", ("rig", "model", *TRACKER), own, only_if="track")
     rviz = included("rviz", ("layout", "rig"), {"use_sim_time": "true"}, only_if="rviz")
     return LaunchDescription([*arguments, tracker, rviz, OpaqueFunction(function=_player)])
@@ -39,4 +40,6 @@ def generate_launch_description() -> LaunchDescription:
 def _player(context) -> list:
     arguments = [value_of(context, "bag"), "--rate", value_of(context, "rate"), "--start", value_of(context, "start")]
     arguments += ["--loop"] if value_of(context, "loop") == "true" else []
+    # Nothing may have gone by before the tracker listens, which takes seconds, and nothing may get lost on the way.
+    arguments += ["--wait-for-node", AGAIN, "--reliable"] if value_of(context, "track") == "true" else []
     return [Node(package="tracker_node", executable="player", name="player", arguments=arguments, output="screen")]

@@ -1,6 +1,7 @@
 """A rig at work: its cameras, the tracker, a recorder and RViz, each if asked for.
 
-    ros2 launch tracker_node rig.launch.py rig:=rig.yaml model:=person.yaml bag:=out/run1/bag rviz:=true
+ros2 launch tracker_node rig.launch.py rig:=rig.yaml model:=person.yaml bag:=out/run1/bag rviz:=true
+ros2 launch tracker_node rig.launch.py rig:=rig.yaml model:=person.yaml ingest:=false name:=anna frame_prefix:=anna/
 """
 
 from launch import LaunchDescription
@@ -9,11 +10,15 @@ from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, PythonExpression
 from launch_ros.actions import Node
 
-from tracker_node.ros.launch_files import SWITCH, argument, included
+from tracker_node.ros.launch_files import BAG_CLOSED, SWITCH, argument, included
 
-TRACKER = ("rig", "model", "initial_state", "occluders", "params_file", "calibration", "namespace", "link_frames")
-INGEST = ("rig", "shrink", "loop", "namespace")
-RVIZ = ("layout", "rig", "namespace")
+SHARED = ("rig", "namespace", "use_sim_time")
+TRACKER = (
+    *(*SHARED, "model", "initial_state", "occluders", "params_file", "calibration", "topics"),
+    *("name", "frame_prefix", "link_frames", "lossless"),
+)
+INGEST = (*SHARED, "rate", "shrink", "loop", "topics")
+RVIZ = (*SHARED, "layout", "name")
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -22,8 +27,7 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument(
             "ingest", default_value="true", choices=SWITCH, description="false: other packages' drivers publish the cameras"
         ),
-        argument("shrink"),
-        argument("loop"),
+        *map(argument, ("rate", "shrink", "loop")),
         DeclareLaunchArgument("bag", default_value="", description="record to this folder, which must not exist; empty: nothing"),
         DeclareLaunchArgument(
             "record_images", default_value="none", choices=["none", "compressed", "raw", "all"], description="images in the bag"
@@ -44,6 +48,8 @@ def generate_launch_description() -> LaunchDescription:
             *("--split-mb", LaunchConfiguration("split_mb"), "--compression", LaunchConfiguration("compression")),
             *("--all", "--exclude", ".*/markers"),
         ],
+        parameters=[{"use_sim_time": LaunchConfiguration("use_sim_time")}],
+        **BAG_CLOSED,
         condition=IfCondition(PythonExpression(["'", LaunchConfiguration("bag"), "' != ''"])),
         output="screen",
     )

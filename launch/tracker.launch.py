@@ -1,25 +1,21 @@
 """The tracker on running cameras, with link frames for RViz.
 
-    ros2 launch tracker_node tracker.launch.py rig:=rig.yaml model:=person.yaml initial_state:=start.yaml
+ros2 launch tracker_node tracker.launch.py rig:=rig.yaml model:=person.yaml initial_state:=start.yaml
 """
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import OpaqueFunction
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from tracker_node.ros.launch_files import argument, said_by, value_of
+from tracker_node.ros.launch_files import argument, missing, said_by, value_of
 
 
 def generate_launch_description() -> LaunchDescription:
     arguments = [
         *map(argument, ("rig", "model", "initial_state", "occluders", "params_file")),
         argument("calibration", default_value="rig"),
-        DeclareLaunchArgument("name", default_value="tracker", description="the node's name; one for each of several trackers"),
-        argument("namespace"),
-        DeclareLaunchArgument("frame_prefix", default_value="", description="before link frames; one for each of several bodies"),
-        argument("link_frames"),
-        argument("use_sim_time"),
+        *map(argument, ("name", "namespace", "frame_prefix", "link_frames", "lossless", "topics", "use_sim_time")),
     ]
     return LaunchDescription([*arguments, OpaqueFunction(function=_nodes)])
 
@@ -31,6 +27,8 @@ def _nodes(context) -> list:
     arguments = ["--rig", value("rig"), "--model", value("model"), "--calibration", value("calibration")]
     for option, name in (("--initial-state", "initial_state"), ("--occluders", "occluders"), ("--config", "params_file")):
         arguments += [option, value(name)] if value(name) else []
+    arguments += ["--lossless"] if value("lossless") == "true" else []
+    arguments += ["--topics", *value("topics").split()] if value("topics") else []
     shared = {"use_sim_time": value("use_sim_time") == "true", "frame_prefix": value("frame_prefix")}
     tracker = Node(
         package="tracker_node",
@@ -43,6 +41,9 @@ def _nodes(context) -> list:
     )
     if value("link_frames") == "false":
         return [tracker]
+    absent = missing("robot_state_publisher", "the tracker goes on, /tf has no frames of its links")
+    if absent:
+        return [*absent, tracker]
     links = Node(
         package="robot_state_publisher",
         executable="robot_state_publisher",

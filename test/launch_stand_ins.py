@@ -1,6 +1,6 @@
 """Launch files read without launch: stand-ins keep their arguments, and resolve substitutions as launch does.
 
-The launch packages are not on PyPI.
+A cheap check of names, options and arguments; test/full runs the files with the real launch, which is not on PyPI.
 """
 
 import importlib.util
@@ -78,10 +78,17 @@ class PythonExpression(Kept):
         return str(eval("".join(resolved(part, context) for part in self.args[0])))
 
 
+def get_package_prefix(package: str) -> str:
+    """All packages are installed."""
+    return str(ROOT)
+
+
 STAND_INS = {
+    "ament_index_python": [],
+    "ament_index_python.packages": [("get_package_prefix", get_package_prefix), ("PackageNotFoundError", LookupError)],
     "launch": ["LaunchDescription"],
     "launch.actions": [
-        "DeclareLaunchArgument", "EmitEvent", "IncludeLaunchDescription", "OpaqueFunction", "RegisterEventHandler",
+        "DeclareLaunchArgument", "EmitEvent", "IncludeLaunchDescription", "LogInfo", "OpaqueFunction", "RegisterEventHandler",
     ],
     "launch.conditions": ["IfCondition"],
     "launch.event_handlers": ["OnProcessExit", OnShutdown],
@@ -103,6 +110,9 @@ def launch_stand_ins() -> Iterator[None]:
         for module_name, contents in STAND_INS.items():
             module = types.ModuleType(module_name)
             for item in contents:
+                if isinstance(item, tuple):
+                    setattr(module, *item)
+                    continue
                 kind = type(item, (Kept,), {}) if isinstance(item, str) else item
                 setattr(module, kind.__name__, kind)
             patch.setitem(sys.modules, module_name, module)

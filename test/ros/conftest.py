@@ -19,6 +19,17 @@ from tracker_node.ros.tracker_node import TrackerNode
 __all__ = ["start"]  # a fixture too
 
 
+STARTS_PROCESSES = {"launch", "start", "recorded"}  # the fixtures that do
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Nodes as processes of their own take seconds each to start: `make test-long`."""
+    for item in items:
+        if item.path.is_relative_to(Path(__file__).parent) and STARTS_PROCESSES & set(getattr(item, "fixturenames", ())):
+            item.add_marker("long")
+
+
 @pytest.fixture(scope="session", autouse=True)
 def no_segments_left() -> Iterator[None]:
     before = shared_memory_files()

@@ -72,7 +72,7 @@ def test_the_root_is_in_the_world_unless_it_is_lost(graph, status):
     np.testing.assert_allclose(matrix_of(frame.transform), estimate.state.T_world_root, atol=1e-12)
 
 
-@pytest.mark.full
+@pytest.mark.ros
 def test_the_message_is_that_of_tf2():
     tf2_msgs = pytest.importorskip("tf2_msgs.msg", reason="tf2_msgs is not installed")
     assert tracker_outputs.TFMessage is tf2_msgs.TFMessage

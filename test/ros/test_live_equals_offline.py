@@ -15,6 +15,7 @@ from tracker_node.loaders.bag_reader import BagReader
 from tracker_node.loaders.trajectory_file import read_states
 from tracker_node.model.configuration import Configuration, State
 
+pytestmark = pytest.mark.long
 N_IMAGES = 12
 
 

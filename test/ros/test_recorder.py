@@ -15,6 +15,7 @@ rclpy = pytest.importorskip("rclpy", reason="ROS is not installed")
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
 from rclpy.context import Context  # noqa: E402
+from rclpy.event_handler import PublisherEventCallbacks  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
@@ -129,7 +130,7 @@ def test_a_topic_with_its_type_has_what_was_latched(node: Node, tmp_path: Path, 
     recorder.wait_for("recorder: ready, 2 topics")
     later = node.create_publisher(String, "/latched/later", LATCHED)
     later.publish(String(data="b"))
-    wait_until(lambda: before.get_subscription_count() == later.get_subscription_count() == 1)
+    wait_until(lambda: before.get_subscription_count() == later.get_subscription_count() == 1)  # none is left behind
     time.sleep(1.0)  # what is said to a new subscriber may still be on its way
     assert recorder.end() == 0, recorder.text
     with BagReader(tmp_path / "run") as reader:
@@ -318,6 +319,33 @@ def test_pause_and_split_by_service(node: Node, tmp_path: Path, start) -> None:
     with BagReader(tmp_path / "run" / "run_1.mcap") as alone:
         assert [message.data for _, message in alone.decoded("/model")] == ["person"]
     assert "42 messages of 2 topics" in recorder.text  # each once
+
+
+@pytest.mark.parametrize("qos", [BEST_EFFORT, LATCHED, QoSProfile(depth=10)], ids=["best effort", "latched", "usual"])
+def test_no_reader_is_left_that_does_not_match(node: Node, tmp_path: Path, start, qos: QoSProfile) -> None:
+    """A publisher that appears later has one subscriber in the end, and only one that offers less is told of a mismatch."""
+    mismatches = []
+    recorder = start("recorder", "--output", str(tmp_path / "run"), "--topics", "/later:std_msgs/msg/String")
+    recorder.wait_for("recorder: ready, 1 topic")
+    events = PublisherEventCallbacks(incompatible_qos=mismatches.append)
+    publisher = node.create_publisher(String, "/later", qos, event_callbacks=events)
+    wait_until(lambda: [s.qos_profile.reliability for s in node.get_subscriptions_info_by_topic("/later")] == [qos.reliability])
+    send(publisher, [String(data=str(i)) for i in range(5)])
+    told = []
+    node.create_subscription(DiagnosticArray, "/diagnostics", lambda m: told.extend(s.values for s in m.status), 100)
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+
+    def arrived() -> bool:
+        executor.spin_once(timeout_sec=0.1)
+        return any(v.key == "/later" and v.value.startswith("5 messages") for values in told for v in values)
+
+    wait_until(arrived, explain=lambda: recorder.text)
+    executor.shutdown()
+    assert bool(mismatches) == (qos is BEST_EFFORT)
+    assert recorder.end() == 0, recorder.text
+    with BagReader(tmp_path / "run") as reader:
+        assert [message.data for _, message in reader.decoded("/later")] == [str(i) for i in range(5)]
 
 
 def test_publishers_that_offer_less_than_was_expected(node: Node, tmp_path: Path, start) -> None:

@@ -50,6 +50,8 @@ def test_figures() -> None:
         (TopicPace(12, 0.0, 1.0), 1, OK),  # a few that were waiting
         (TopicPace(40, 0.0, 50.0), 1, OK),  # rare messages
         (TopicPace(0), 1, OK),
+        (TopicPace(301, 0.0, 5.0, on_occasion=True), 1, OK),  # parameter events
+        (TopicPace(60, 0.0, 2.0), 1, OK),  # what nodes say as they start
     ],
 )
 def test_a_topic_that_falls_silent_is_named(pace: TopicPace, n_publishers: int, level: bytes) -> None:

@@ -152,6 +152,7 @@ def test_image_sets_are_accounted_for(probe, recording, start_tracker):
     assert accounts()["not formed, incomplete"] == "1" and accounts()["not formed, ahead"] == "0"
 
 
+@pytest.mark.long
 def test_a_camera_that_stops_is_named_and_the_others_go_on(probe, recording, start_tracker):
     options = options_of(recording)
     config = replace(options.config, synchronizer=replace(options.config.synchronizer, min_cameras=2, queue_s=0.1))
@@ -194,13 +195,14 @@ def test_parameters_change_at_run_time(probe, recording, start_tracker):
     from rcl_interfaces.srv import DescribeParameters, SetParameters
     from rclpy.parameter import Parameter
 
-    _, states, cameras = start_tracker()
+    node, states, cameras = start_tracker()
     cameras.send(0)
     probe.spin_until(lambda: len(states) == 1, "a state")
     fewer = [Parameter("region.scales", value="1"), Parameter("region.repeats", value=0)]
     request = SetParameters.Request(parameters=[parameter.to_parameter_msg() for parameter in fewer])
     results = probe.ask(SetParameters, "tracker/set_parameters", request).results
     assert len(results) == 2 and all(result.successful for result in results)
+    probe.spin_until(lambda: not node._builder.busy, "the new tracker")
     cameras.send(1)
     cameras.send(2)
     probe.spin_until(lambda: len(states) == 3, "states")

@@ -15,12 +15,18 @@ class Client:
         self._probe, self._node = probe, node
 
     def set(self, **values) -> str:
-        """Empty when all of them were accepted, else why not."""
+        """Empty when all of them were accepted, and are in effect; else why not."""
+        before = self._changes()
         parameters = [Parameter(name.replace("__", "."), value=value).to_parameter_msg() for name, value in values.items()]
         request = SetParametersAtomically.Request(parameters=parameters)
         result = self._probe.ask(SetParametersAtomically, f"{self._node}/set_parameters_atomically", request).result
         assert result.successful or result.reason
+        if result.successful:
+            self._probe.spin_until(lambda: self._changes() > before, f"{values} in effect")
         return "" if result.successful else result.reason
+
+    def _changes(self) -> int:
+        return int(_values(self._probe, f"{self._node}: parameters").get("changes", 0))
 
     def get(self, *names: str) -> list:
         values = self._probe.ask(GetParameters, f"{self._node}/get_parameters", GetParameters.Request(names=list(names))).values

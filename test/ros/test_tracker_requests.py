@@ -4,9 +4,10 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import TwistWithCovarianceStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, TwistWithCovarianceStamped
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 from ros_cameras import PERIOD_NS, Cameras, N, files_of, image_set_of, options_of, tracker_of
@@ -58,6 +59,7 @@ def test_paused_images_are_counted_and_not_used(probe, start_tracker):
     assert (counts["received"], counts["paused"], counts["refused"]) == ("2", "2", "0")
 
 
+@pytest.mark.long
 def test_the_body_is_looked_for_anew(probe, recording, start_tracker):
     """Put far away, it is found without a word about where it is."""
     options = options_of(recording)
@@ -221,3 +223,26 @@ def test_two_subjects_in_one_graph(probe, launch, recording):
     probe.spin_until(lambda: wanted <= set(probe.diagnostics), "each under its own name")
     probe.spin_until(told(probe, "bert: status", DiagnosticStatus.OK, "paused"), "one is paused")
     assert "paused" not in probe.diagnostics["anna/tracker: status"].message
+
+
+def test_a_state_that_no_body_can_have_is_refused(probe, start_tracker):
+    """So it is by the topic; the tracker goes on from where it was."""
+    node, states, cameras = start_tracker()
+    cameras.send(0)
+    probe.spin_until(lambda: len(states) == 1, "a state")
+    for name, value in zip(states[0].dof_names, (1e300, -2e4, 1e5, 1e300, 30.0, float("inf"), 1e300), strict=False):
+        answer = probe.ask(SetState, "tracker/set_state", SetState.Request(dof_names=[name], values=[value]))
+        assert not answer.success and ("expected at most" in answer.message or "finite" in answer.message), (name, answer.message)
+        assert "finite" in answer.message or name in answer.message
+    pose = probe.node.create_publisher(PoseWithCovarianceStamped, "initialpose", 10)
+    probe.spin_until(lambda: pose.get_subscription_count() == 1, "the subscription")
+    far = PoseWithCovarianceStamped()
+    far.pose.pose.position.x, far.pose.pose.orientation.w = 1e300, 1.0
+    said = []
+    node.get_logger().error = said.append
+    pose.publish(far)
+    probe.spin_until(lambda: said, "the refusal")
+    assert "initialpose" in said[0] and "expected at most 10000 m" in said[0]
+    cameras.send(1)
+    probe.spin_until(lambda: len(states) == 2, "a state after")
+    assert states[1].status == Status.TRACKING

@@ -19,14 +19,15 @@ REASONS = ("late", "duplicate", "incomplete", "too_old", "ahead", "clock_jump", 
 """Why an image is not in any set.
 
 ``late``: a set of its instant or a later one is out already. ``duplicate``: its camera gave another image of that instant.
-``incomplete``: too few cameras gave one. ``too_old``: its partners did not come within the queue's time. ``ahead``: more cameras
-than have an image of its instant went on to send images from far before it (a wrong clock). ``clock_jump``: stamps went
-backward. ``reset``: by request.
+``incomplete``: too few cameras gave one. ``too_old``: its partners did not come within the queue's time, or too many wait.
+``ahead``: more cameras than have an image of its instant went on to send images from far before it (a wrong clock).
+``clock_jump``: stamps went backward. ``reset``: by request.
 """
 
 SET_REASONS = tuple(reason for reason in REASONS if reason != "duplicate")
 """Why there is no set of an instant of which some camera has sent an image. ``late``: all its images came too late."""
 
+_MOST_WAITING, _QUEUES_WAITING = 100, 10.0  # images of a camera that may wait: at least so many, or so many queues' time
 _FORGETS = 0.995  # of what is known of a camera's disorder, with each image in order
 
 
@@ -44,7 +45,7 @@ class _Lane:
     waiting: list[_Waiting] = field(default_factory=list)  # in order of stamps
     counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(("received", "used", *REASONS), 0))
     newest_ns: int | None = None
-    newest_number: int = -1
+    newest_number: int = 0
     last_used_ns: int | None = None
     progress_ns: int = 0
     active_ns: int = 0  # stream time when its stamps last advanced
@@ -53,7 +54,7 @@ class _Lane:
 
     def forget(self) -> None:
         self.waiting.clear()
-        self.newest_ns, self.newest_number, self.last_used_ns = None, -1, None
+        self.newest_ns, self.newest_number, self.last_used_ns = None, 0, None
         self.progress_ns = self.active_ns = self.old_clock_ns = 0
         self.disorder_ns = 0.0
 
@@ -65,7 +66,8 @@ class ImageSynchronizer:
     strict order of time and never overlap. A complete set comes out at once. An incomplete one is decided as soon as no
     missing camera is worth waiting for: because it has sent something later (later by as much as its images have lately
     overtaken each other), has been silent for ``queue_s``, lags by more than ``queue_s``, or the set itself is ``queue_s``
-    old. It then comes out if it has ``min_cameras`` images.
+    old. It then comes out if it has ``min_cameras`` images. Of each camera no more than 100 images wait, or what comes in ten
+    times ``queue_s``: where stream time hardly passes, the oldest goes as ``too_old``.
 
     Parameters
     ----------
@@ -101,6 +103,7 @@ class ImageSynchronizer:
         self._period_ns = round(image_period_s * 1e9)
         self._tolerance_ns = round(tolerance * image_period_s * 1e9)
         self._queue_ns = round(queue_s * 1e9)
+        self._most_waiting = max(_MOST_WAITING, round(_QUEUES_WAITING * self._queue_ns / self._period_ns))
         self._lanes = {camera: _Lane() for camera in self.cameras}
         self._stream_ns = 0
         self._number = 0
@@ -142,7 +145,11 @@ class ImageSynchronizer:
         else:
             stamps = [w.image.stamp_ns for w in lane.waiting]
             lane.waiting.insert(bisect_right(stamps, image.stamp_ns), _Waiting(image, self._number, self._stream_ns))
-        return self._decide(final=False)
+        sets = self._decide(final=False)
+        if len(lane.waiting) > self._most_waiting:  # a clock that hardly advances while the others are silent
+            self._accounts.failed(lane.waiting[0].image.stamp_ns, "too_old")
+            self._drop_first(lane, "too_old")
+        return sets
 
     def flush(self) -> list[ImageSet]:
         """Decide all that waits, as at the end of a recording."""

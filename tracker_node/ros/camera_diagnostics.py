@@ -19,6 +19,8 @@ from .image_inbox import ImageInbox
 from .tracking_worker import TrackingWorker
 
 SILENT_S = 2.0  # a camera without an image for so long is reported
+_SILENT_LOSSLESS_S = 10.0  # the same of sources that wait for us, and end
+_FIRST_S = 30.0  # the same before any camera has sent one: they may be started after us
 _SAME_PX = 1.0  # lenses agree that put no ray farther apart than this
 _GRID = 5  # rays a side
 _UNUSED = ("late", "duplicate", "incomplete", "too_old", "ahead")  # what one camera alone may be to blame for
@@ -47,6 +49,7 @@ class CameraDiagnostics:
     def restart(self) -> None:
         """The node is active again: only from now on is a camera silent."""
         self._began_s = self._before_s = time.monotonic()
+        self._images_came = False
 
     def contradicted(self, faults: Iterable[CameraFault]) -> None:
         """Cameras that the others contradict, and those that they no longer do."""
@@ -61,6 +64,8 @@ class CameraDiagnostics:
         """Once a second, while the node is active; ``cameras`` are those in use."""
         now, counters = time.monotonic(), worker.formation.counters
         elapsed_s = max(now - self._before_s, 1e-3)
+        if self._inbox.last_arrival_s and not self._images_came:
+            self._images_came, self._began_s = True, now  # only from now on a camera without an image is silent
         for name in self._rig.names:
             values = self._counts(name, worker, counters.get(name, {}))
             arrived = self._inbox.arrived[name]
@@ -71,6 +76,9 @@ class CameraDiagnostics:
             if level == OK and 2 * unused.total() > max(n_new, _FEW):
                 reasons = ", ".join(f"{reason} {n}" for reason, n in unused.items())
                 level, said = WARN, f"most of its images are in no set ({reasons})"
+            elif self._inbox.most_bytes is not None and gone["overflowed"]:
+                most = f"{self._inbox.most_bytes / 2**20:.0f} MiB of images wait"
+                level, said = ERROR, f"images are lost though none may be: {most}, the tracker is too slow for these cameras"
             elif level == OK and gone.total() > _MUCH * (n_new + gone["lost in transport"]):
                 level, said = WARN, f"images are lost ({', '.join(f'{reason} {n}' for reason, n in gone.items())})"
             self._diagnostics.report(name, level, said, {"images per second": rate, **values}, hardware_id=name)
@@ -108,7 +116,8 @@ class CameraDiagnostics:
             return ERROR, problem
         last_s = self._inbox.last_arrival_s.get(name)
         silent_s = now - (self._began_s if last_s is None else last_s)
-        if silent_s < SILENT_S:
+        patience_s = _SILENT_LOSSLESS_S if worker.lossless and last_s is not None else SILENT_S
+        if silent_s < (patience_s if self._images_came else _FIRST_S):
             return OK, "waiting for the first image" if last_s is None else "receiving"
         if any(now - other_s < 0.5 * SILENT_S for other_s in list(self._inbox.last_arrival_s.values())):
             return ERROR, "has sent no image yet" if last_s is None else "has stopped sending images"

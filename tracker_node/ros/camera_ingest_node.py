@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 
 from ..errors import SourceError
 from ..loaders.image_feed import ImageFeed, Instant, SourceReport
@@ -25,6 +24,7 @@ from .camera_counts import CameraCounts
 from .camera_outlet import CameraOutlet
 from .consumer_window import ConsumerWindow
 from .diagnostics import ERROR, OK, WARN, Diagnostics
+from .guarded_node import GuardedNode
 from .ingest_cameras import IngestCamera, OpenedCameras
 from .input_recorder import InputRecorder
 from .live_camera import LiveCamera, LiveImages
@@ -35,6 +35,7 @@ from .topic_source import TopicSource
 
 _LIVE_DEPTH, _LOSSLESS_DEPTH = 10, 50  # images of a camera that may wait for a slow subscriber
 _DELIVERY_S = 4.0
+_TELL_S = 5.0  # of waiting for subscribers
 _SETTLE_S = 0.3  # between the discovery of a subscriber here and ours there
 
 
@@ -75,7 +76,7 @@ def check_consumable(opened: OpenedCameras, options: IngestOptions) -> None:
         raise SourceError(", ".join(opened.live), "a live camera does not wait for its consumer; only recordings can")
 
 
-class CameraIngestNode(Node):
+class CameraIngestNode(GuardedNode):
     """Publishes ``<cam>/image_raw``, ``<cam>/camera_info`` and diagnostics; ``<cam>/set_camera_info`` takes calibrations.
 
     Parameters
@@ -175,14 +176,15 @@ class CameraIngestNode(Node):
 
     def _wait_for_subscribers(self) -> bool:
         images, infos = self._options.wait_for_subscribers, self._options.wait_for_info_subscribers
-        asked = time.monotonic()
+        tell_s, told = time.monotonic() + _TELL_S, ""
         while not self._stop.is_set() and (images or infos):
             lacking = [name for name in self._recorded if not self._outlets[name].has_subscribers(images, infos)]
             if not lacking:
                 return not self._stop.wait(_SETTLE_S)
-            if time.monotonic() - asked > 5.0:
-                asked = time.monotonic()
-                self.get_logger().info(f"waiting for subscribers to {', '.join(lacking)}")
+            said = f"waiting for subscribers to {', '.join(lacking)}"
+            if time.monotonic() > tell_s and said != told:
+                tell_s, told = time.monotonic() + _TELL_S, said
+                self.get_logger().info(said)
             self._stop.wait(0.02)
         return not self._stop.is_set()
 

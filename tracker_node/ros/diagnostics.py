@@ -19,6 +19,7 @@ WARN = DiagnosticStatus.WARN
 ERROR = DiagnosticStatus.ERROR
 STALE = DiagnosticStatus.STALE
 PAUSED = "paused by request"  # of parts that nothing is expected of meanwhile
+CALLBACKS = "callbacks"  # the part that says what they have raised
 _TROUBLE = (WARN, ERROR)
 
 
@@ -36,6 +37,9 @@ class Diagnostics:
         self._lock = threading.Lock()
         self._statuses: dict[str, DiagnosticStatus] = {}
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", RESULT)
+        errors = getattr(node, "callback_errors", None)
+        if errors is not None:
+            errors.diagnostics = self
         self._timer = node.create_timer(period_s, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def report(
@@ -69,7 +73,8 @@ class Diagnostics:
     def rest(self, message: str) -> None:
         """Every part is at rest, and no trouble: nothing is expected of it."""
         for part in list(self._statuses):
-            self.report(part, OK, message)
+            if part != CALLBACKS:
+                self.report(part, OK, message)
 
     def publish(self) -> None:
         """Publish all statuses as they are."""

@@ -1,26 +1,39 @@
 """Start of a process that holds a node, its event loop, and its clean end.
 
-A node's process ends on SIGINT, SIGTERM, when its work is done, or when the process that started it is gone. The heavy work is
-never done in the loop: callbacks only enqueue.
+A node's process ends on SIGINT, SIGTERM, when its work is done, or when the process that started it is gone (`ending`). The heavy
+work is never done in the loop: callbacks only enqueue.
 """
 
 from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from typing import Protocol
 
 import rclpy
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from . import ending
+from .guarded_node import caught_in_loop
 from .qos import PROFILE_VARIABLE, use_fastdds_profile
 
-PARENT_VARIABLE = "TRACKER_NODE_PARENT_PID"  # set by the pipeline for its children: end when it is gone
+SWITCH_S = 0.0005  # how long another thread may keep the loop waiting: each of some 200 messages a second needs the interpreter
 LOOP_S = 0.1  # how long a signal may go unnoticed
+
+
+class FinishedBag(Protocol):
+    """A bag that is being written."""
+
+    def close(self) -> None: ...
+
+    def abandon(self) -> None: ...
+
 
 _executors: dict[Node, Executor] = {}
 
@@ -35,46 +48,92 @@ def make_executor() -> Executor:
 
 
 @contextmanager
-def ros_process(ros_args: list[str] | None = None) -> Iterator[threading.Event]:
+def ros_process(ros_args: list[str] | None = None, *, forced: bool = True) -> Iterator[threading.Event]:
     """rclpy from init to shutdown; yields an event that SIGINT or SIGTERM sets.
 
-    Our own handlers, because rclpy's tear the context down at once, and what still has to be published could not be.
+    Our own handlers, because rclpy's tear the context down at once, and what still has to be published could not be. A program
+    that is more than a node has no `ending`: it gets its handlers here, and nothing ends it by force.
+
+    Parameters
+    ----------
+    forced : end the process where an orderly end takes too long (`ending`); False for one that sees to that itself.
     """
     profile_before = os.environ.get(PROFILE_VARIABLE)
     use_fastdds_profile()
+    with ExitStack() as stack:
+        stack.callback(sys.setswitchinterval, sys.getswitchinterval())
+        sys.setswitchinterval(SWITCH_S)
+        process = ending.current()
+        if process is None and ending.PARENT_VARIABLE in os.environ:
+            process = stack.enter_context(ending.Ending())
+        if process is None:
+            stop = stack.enter_context(_stop_signals())
+        else:
+            stop = process.stop
+            stack.enter_context(process.orderly(_leave_graph, forced))
+        rclpy.init(args=["tracker_node", *(ros_args or [])], signal_handler_options=SignalHandlerOptions.NO)
+        try:
+            yield stop
+        finally:
+            _end_executors()
+            rclpy.try_shutdown()
+            if profile_before is None:
+                os.environ.pop(PROFILE_VARIABLE, None)
+
+
+@contextmanager
+def _stop_signals() -> Iterator[threading.Event]:
     stop = threading.Event()
     previous = {}
     for number in (signal.SIGINT, signal.SIGTERM):  # also undoes a SIGINT that was ignored by the shell
         previous[number] = signal.signal(number, lambda *_: stop.set())
-    rclpy.init(args=["tracker_node", *(ros_args or [])], signal_handler_options=SignalHandlerOptions.NO)
     try:
         yield stop
     finally:
-        _end_executors()
-        rclpy.try_shutdown()
         for number, handler in previous.items():
             signal.signal(number, handler)
-        if profile_before is None:
-            os.environ.pop(PROFILE_VARIABLE, None)
 
 
-def spin(node: Node, stop: threading.Event, done: Callable[[], bool] = lambda: False) -> None:
-    """Run callbacks until ``stop`` is set, ``done`` says so, or the parent process is gone; may be called again.
+@contextmanager
+def finished_bag(bag: FinishedBag | None) -> Iterator[None]:
+    """While within, the process does not end without the bag's index, whatever ends it."""
+    process = ending.current()
+    if process is None or bag is None:
+        yield
+        return
+    with process.closing(bag.close, bag.abandon):
+        yield
 
-    A node keeps its executor from one call to the next: messages that arrive between two executors can go unnoticed.
-    """
-    parent = int(os.environ.get(PARENT_VARIABLE, "0"))
+
+def _leave_graph() -> None:
+    """Say goodbye to the others while the event loop is held up, so that they do not wait for this process."""
+    for node in list(_executors):
+        node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def attach(node: Node) -> Executor:
+    """The event loop of a node; from the first call on, the node is taken off the graph whenever the process ends."""
     if node not in _executors:
         _executors[node] = make_executor()
         _executors[node].add_node(node)
-    executor = _executors[node]
-    try:
-        while rclpy.ok() and not stop.is_set() and not done():
+    return _executors[node]
+
+
+def spin(node: Node, stop: threading.Event, done: Callable[[], bool] = lambda: False) -> None:
+    """Run callbacks until ``stop`` is set or ``done`` says so; may be called again.
+
+    A node keeps its executor from one call to the next: messages that arrive between two executors can go unnoticed. What the
+    loop raises is logged and counted, and the loop goes on; callbacks of a `GuardedNode` do not raise.
+    """
+    executor = attach(node)
+    while rclpy.ok() and not stop.is_set() and not done():
+        try:
             executor.spin_once(timeout_sec=LOOP_S)
-            if parent and os.getppid() != parent:
-                stop.set()
-    except ExternalShutdownException:
-        pass
+        except ExternalShutdownException:
+            return
+        except Exception as error:  # the executor can be used on: it has lost no more than the one event
+            caught_in_loop(node, error)
 
 
 def _end_executors() -> None:

@@ -18,6 +18,8 @@ from .qos import images_subscribed, overridable
 from .qos_mismatch import QosMismatches
 from .sequence_gaps import SequenceGaps, with_number
 
+MOST_BYTES = 2 * 2**30  # some 39 s of two cameras of 640x480 at 30 Hz
+
 
 @dataclass(frozen=True)
 class Received:
@@ -25,6 +27,11 @@ class Received:
 
     camera: str
     content: bytes | CompressedImage
+
+    @property
+    def size(self) -> int:
+        """Bytes."""
+        return len(self.content.data if isinstance(self.content, CompressedImage) else self.content)
 
     def decode(self) -> CameraImage:
         """The pixels; of a raw image a view. Raises SourceError when they cannot be used."""
@@ -39,14 +46,16 @@ class InboxOptions:
 
     Parameters
     ----------
-    lossless : reliable, and nothing is ever thrown away here; otherwise the newest images as they come.
+    lossless : reliable, and nothing is thrown away here below ``most_bytes``; otherwise the newest images as they come.
     compressed : JPEG images instead of raw ones.
     capacity : images per camera that may wait, unless lossless.
+    most_bytes : of images that may wait if lossless; those that come then are thrown away, which is an error.
     """
 
     lossless: bool = False
     compressed: bool = False
     capacity: int = 30
+    most_bytes: int = MOST_BYTES
 
 
 class ImageInbox:
@@ -70,6 +79,7 @@ class ImageInbox:
         self._condition = threading.Condition()
         self._waiting: deque[Received] = deque()
         self._n_waiting = dict.fromkeys(cameras, 0)
+        self._bytes_waiting = 0
         self._subscriptions: dict[str, list[Subscription]] = {}
         self.arrived = dict.fromkeys(cameras, 0)
         self.overflowed = dict.fromkeys(cameras, 0)
@@ -121,14 +131,19 @@ class ImageInbox:
         with self._condition:
             self.last_arrival_s[camera] = time.monotonic()
             self.arrived[camera] += 1
+            if self._options.lossless and self._bytes_waiting + received.size > self._options.most_bytes:
+                self.overflowed[camera] += 1
+                return
             if not self._options.lossless and self._n_waiting[camera] >= self._options.capacity:
                 self._drop_oldest(camera)
             self._waiting.append(received)
             self._n_waiting[camera] += 1
+            self._bytes_waiting += received.size
             self._condition.notify()
 
     def _drop_oldest(self, camera: str) -> None:
         oldest = next(i for i, received in enumerate(self._waiting) if received.camera == camera)
+        self._bytes_waiting -= self._waiting[oldest].size
         del self._waiting[oldest]
         self._n_waiting[camera] -= 1
         self.overflowed[camera] += 1
@@ -140,8 +155,14 @@ class ImageInbox:
                 self._condition.wait(timeout=timeout_s)
             taken = list(self._waiting)
             self._waiting.clear()
+            self._bytes_waiting = 0
             self._n_waiting = dict.fromkeys(self._n_waiting, 0)
             return taken
+
+    @property
+    def most_bytes(self) -> int | None:
+        """Of images that may wait; None where they are counted instead."""
+        return self._options.most_bytes if self._options.lossless else None
 
     def wake(self) -> None:
         """Let `take` return at once."""

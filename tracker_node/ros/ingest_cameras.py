@@ -125,11 +125,12 @@ def open_cameras(chosen: Sequence[IngestCamera], options: SourceOptions, preload
 
     Raises
     ------
-    TrackerError : when not a single one can be used, or recordings have no clock in common.
+    TrackerError : when not a single one can be used, recordings have no clock in common, or would be resampled to another aspect.
     """
     cameras: dict[str, IngestCamera] = {}
     recorded: dict[str, ImageSource] = {}
     problems: dict[str, str] = {}
+    sizes: dict[str, tuple[int, int]] = {}
     first: TrackerError | None = None
     for camera in chosen:
         try:
@@ -141,6 +142,7 @@ def open_cameras(chosen: Sequence[IngestCamera], options: SourceOptions, preload
                     check_fields(camera.capture, camera.address.shown)
             else:
                 source = _open_recorded(camera, options)
+                sizes[camera.name] = source.native_width, source.native_height
                 recorded[camera.name] = PreloadedSource(source) if preload else source
             cameras[camera.name] = camera
         except TrackerError as error:
@@ -148,6 +150,8 @@ def open_cameras(chosen: Sequence[IngestCamera], options: SourceOptions, preload
             first = first or error
     if not cameras and first is not None:
         raise first
+    for name, size in sizes.items():
+        options.check_aspect(*size, name)
     _check_common_clock(recorded)
     return OpenedCameras(cameras, recorded, problems)
 

@@ -63,6 +63,10 @@ class InputRecorder:
         """Messages for which the disk was too slow."""
         return sum(self._bag.dropped.values())
 
+    def abandon(self) -> None:
+        """Leave out what waits."""
+        self._bag.abandon()
+
     def close(self) -> None:
         """Write what waits, and the bag's index.
 

@@ -11,7 +11,8 @@ import subprocess
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, LogInfo
 from launch.conditions import IfCondition
 from launch.launch_context import LaunchContext
 from launch.launch_description_sources import PythonLaunchDescriptionSource
@@ -19,6 +20,8 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.substitutions import ExecutableInPackage, FindPackageShare
 
 SWITCH = ["true", "false"]
+BAG_CLOSED = {"sigterm_timeout": "30", "sigkill_timeout": "30"}
+"""Of nodes that write a bag: they end at once, but a disk that is behind may need this long for what waits."""
 
 _SHARE = FindPackageShare("tracker_node")
 _COMMAND = ExecutableInPackage(executable="tracker_node", package="tracker_node")
@@ -38,6 +41,15 @@ _SHARED: dict[str, dict[str, Any]] = {
     "use_sim_time": {"default_value": "false", "choices": SWITCH, "description": "take the time from /clock"},
     "shrink": {"default_value": "1", "description": "make images so many times smaller"},
     "loop": {"default_value": "false", "choices": SWITCH, "description": "recordings begin again at their end"},
+    "lossless": {
+        "default_value": "false",
+        "choices": SWITCH,
+        "description": "track every image set in order, however long it takes",
+    },
+    "topics": {"default_value": "", "description": "'cam01=/front/image_raw cam02=...': image topics, before what rig.yaml says"},
+    "name": {"default_value": "tracker", "description": "the tracker node's name; one for each of several trackers"},
+    "frame_prefix": {"default_value": "", "description": "before link frames; one for each of several bodies"},
+    "rate": {"default_value": "", "description": "images per second of recordings; empty: what they say"},
     "rviz": {"default_value": "false", "choices": SWITCH, "description": "open RViz"},
     "layout": {"default_value": "", "description": "of RViz; empty: one for the cameras of rig"},
 }
@@ -56,6 +68,17 @@ def argument(name: str, **changes: Any) -> DeclareLaunchArgument:
 def value_of(context: LaunchContext, name: str) -> str:
     """What an argument is in this launch."""
     return LaunchConfiguration(name).perform(context)
+
+
+def missing(package: str, how_to_go_on: str) -> list[LogInfo]:
+    """One line where a package of others is not installed, to be launched in place of its node; nothing where it is."""
+    try:
+        get_package_prefix(package)
+    except (PackageNotFoundError, OSError):  # OSError: without AMENT_PREFIX_PATH
+        return [
+            LogInfo(msg=f"{package} is not installed (apt install ros-$ROS_DISTRO-{package.replace('_', '-')}): {how_to_go_on}")
+        ]
+    return []
 
 
 def said_by(context: LaunchContext, *arguments: str) -> str:

@@ -10,11 +10,12 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from ..errors import TrackerError
+from .guarded_node import GuardedNode
 
 UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = "unconfigured", "inactive", "active", "finalized"
 
 
-class ManagedNode(LifecycleNode):
+class ManagedNode(GuardedNode, LifecycleNode):
     """A lifecycle node whose work is in `set_up`, `begin`, `pause` and `tear_down`; what they raise makes the transition fail.
 
     A failed transition leaves the node in the state it came from: `tear_down` is called after a `set_up` that failed, `pause`

@@ -19,7 +19,6 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import CompressedImage, Image
@@ -28,6 +27,7 @@ from tracker_msgs.msg import TrackedState
 from ..errors import TrackerError, UnknownNameError
 from ..loaders.bag_images import COMPRESSED, RAW
 from .conversions import compressed_message, decode_raw_image, stamp_ns_of
+from .guarded_node import GuardedNode
 from .live_facts import LiveDiagnostics, LiveTracker
 from .message_classes import message_class
 from .qos import RESULT, SENSOR, use_fastdds_profile
@@ -65,7 +65,7 @@ class LiveView:
         use_fastdds_profile()
         self._context = Context()
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = Node("studio", context=self._context, start_parameter_services=False, enable_rosout=False)
+        self._node = GuardedNode("studio", context=self._context, start_parameter_services=False, enable_rosout=False)
         # Not the events executor: it crashes when a subscription is destroyed
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)

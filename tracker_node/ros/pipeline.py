@@ -16,18 +16,22 @@ from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
-from rclpy.node import Node
 from tracker_msgs.msg import TrackedState
 
+from ..loaders.source_address import sources_for_child
 from ..tracking.estimate import Status
 from .child_process import Child
+from .ending import asked_again
 from .executor import ros_process, spin
+from .guarded_node import GuardedNode
 from .qos import RESULT
 
 RECORDER_READY = "recorder: ready"
 _READY_S = 900.0  # on the first start of all, inner loops are compiled
 _TELL_S = 10.0  # without a process being ready, after which that is said
 _END_S = 60.0  # a tracker may still have image sets to track, a recorder messages to write
+_HURRY_S = 0.3  # for the cameras and the tracker, when somebody wants it to end
+_LEAVE_S = 3.0
 _LAST_STATES_S = 0.3  # on their way to us when the tracker has ended
 _N_LISTENERS = 2  # to the state: the ingest (its flow control) and this process; with a recorder one more
 
@@ -40,6 +44,7 @@ class PipelineOptions:
     ----------
     body : options of ``tracker_node tracker``.
     source : options of ``tracker_node camera_ingest``.
+    sources : camera -> source, instead of the rig's; handed over where nobody else can read a password in them.
     cameras : names, for the topics.
     bag : folder to record to, or None.
     masks, overlays, through_masks, markers, images : record these too.
@@ -52,6 +57,7 @@ class PipelineOptions:
     body: list[str]
     source: list[str]
     cameras: tuple[str, ...]
+    sources: dict[str, str] = field(default_factory=dict)
     bag: Path | None = None
     masks: bool = False
     overlays: bool = False
@@ -116,11 +122,12 @@ class Progress:
 class Pipeline:
     """The three processes, and what is known of them; use `run_pipeline`."""
 
-    def __init__(self, options: PipelineOptions, node: Node, stop: threading.Event):
+    def __init__(self, options: PipelineOptions, node: GuardedNode, stop: threading.Event):
         self._options, self._node, self._stop = options, node, stop
         self._children: dict[str, Child] = {}
         self.progress = Progress()
         self._shown_s = 0.0
+        self.interrupted = False
         self._recorder_ready = threading.Event()
         self._subscription = node.create_subscription(TrackedState, "tracker/state", self.progress.add, RESULT)
 
@@ -155,7 +162,9 @@ class Pipeline:
         waits = ["--wait-for-subscribers", str(1 + (recorded and options.images))]
         waits += ["--wait-for-info-subscribers", str(1 + recorded)]
         arguments = ["camera_ingest", *options.source, *pace, *waits]
-        self._children["camera_ingest"] = Child([*arguments, *options.ros_args], lambda line: None)
+        self._children["camera_ingest"] = Child(
+            [*arguments, *options.ros_args], lambda line: None, environment=sources_for_child(options.sources)
+        )
         return True
 
     def _resolved(self, topic: str) -> str:
@@ -205,41 +214,61 @@ class Pipeline:
         print(text if text.startswith("recorder:") else f"pipeline: {text}", file=sys.stderr, flush=True)
 
     def _end(self) -> int:
-        """From the sending end to the receiving end; each gets time to pass on what it has, unless asked a second time."""
-        status, asked = 0, self._stop.is_set()
-        self._stop.clear()
+        """From the sending end to the receiving end; each passes on what it has, or ends soon if that is asked for."""
+        status = 0
+        asked = self._stop.is_set()
+        if asked:
+            self._interrupt("camera_ingest", "tracker")
+            self._wait(_HURRY_S, lambda: self._ended("camera_ingest") and self._ended("tracker"))
+            self._interrupt("recorder")  # by now nothing more comes, or nothing that could be waited for
         for verb in ("camera_ingest", "tracker", "recorder"):
             child = self._children.get(verb)
             if child is None:
                 continue
             unasked = child.returncode is not None and verb != "camera_ingest" and not asked
-            child.interrupt()
-            self._spin_for(_END_S, partial(_has_ended, child))
-            code = child.end(timeout_s=0.1)
+            if not self._stop.is_set():
+                child.finish()
+                self._wait(_END_S, partial(self._ended_or, verb, self._stop.is_set))
+            elif asked:  # a recorder may still have messages to write
+                self._wait(_END_S, partial(self._ended_or, verb, asked_again))
+            code = child.end(timeout_s=_LEAVE_S)
             if code or unasked:
                 self._say(f"{verb} ended {'by itself ' if unasked else ''}with status {code}")
                 status = status or code or 1
-            if verb == "tracker":
-                self._spin_for(_LAST_STATES_S, lambda: False)
+            if verb == "tracker" and not asked:
+                self._wait(_LAST_STATES_S, lambda: False)
         self._show(last=True)
+        self.interrupted = self._stop.is_set()
         return status
 
-    def _spin_for(self, seconds: float, done: Callable[[], bool]) -> None:
+    def _interrupt(self, *verbs: str) -> None:
+        for verb in verbs:
+            if verb in self._children:
+                self._children[verb].interrupt()
+
+    def _ended(self, verb: str) -> bool:
+        return verb not in self._children or self._children[verb].returncode is not None
+
+    def _ended_or(self, verb: str, impatient: Callable[[], bool]) -> bool:
+        return self._ended(verb) or impatient()
+
+    def _wait(self, seconds: float, done: Callable[[], bool]) -> None:
         until_s = time.monotonic() + seconds
-        self._spin(lambda: done() or time.monotonic() > until_s)
+
+        def over() -> bool:
+            self._show()
+            return done() or time.monotonic() > until_s
+
+        spin(self._node, threading.Event(), over)
 
 
-def _has_ended(child: Child) -> bool:
-    return child.returncode is not None
-
-
-def run_pipeline(options: PipelineOptions) -> tuple[int, Progress]:
-    """Run it to its end; returns the exit status and what the states have said."""
-    with ros_process(options.ros_args) as stop:
-        node = Node("pipeline")
+def run_pipeline(options: PipelineOptions) -> tuple[int, Progress, bool]:
+    """Run it to its end; returns the exit status, what the states have said, and whether somebody has ended it."""
+    with ros_process(options.ros_args, forced=False) as stop:
+        node = GuardedNode("pipeline")
         try:
             pipeline = Pipeline(options, node, stop)
             status = pipeline.run()
         finally:
             node.destroy_node()
-    return status, pipeline.progress
+    return status, pipeline.progress, pipeline.interrupted

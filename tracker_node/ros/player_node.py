@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException, ParameterException
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
@@ -22,6 +21,7 @@ from ..loaders.bag_metadata import OfferedQos
 from ..loaders.bag_reader import BagMessage, BagReader
 from .bag_time import MAX_RATE, MIN_RATE, BagTime
 from .conversions import stamp_message
+from .guarded_node import GuardedNode
 from .message_classes import message_class, qos_profile
 from .parameter_overrides import integers_as_doubles, overrides_of
 from .qos import images_published
@@ -47,6 +47,8 @@ class PlayerOptions:
     loop : begin again at the end, for ever.
     clock_hz : rate of ``/clock`` in wall time; 0 for none.
     wait_for_subscribers : begin when every topic of the bag has so many.
+    wait_for_node : begin when the node of this name subscribes to topics of the bag.
+    reliable : offer reliably what was recorded as best effort, too.
     paused : wait for the service ``~/pause``.
     """
 
@@ -58,10 +60,12 @@ class PlayerOptions:
     loop: bool = False
     clock_hz: float = 100.0
     wait_for_subscribers: int = 0
+    wait_for_node: str = ""
+    reliable: bool = False
     paused: bool = False
 
 
-class PlayerNode(Node):
+class PlayerNode(GuardedNode):
     """Publishes the messages of a bag at the times of their recording.
 
     The topics have the types and the quality of service that were recorded. The service ``~/pause`` (std_srvs/SetBool) stops
@@ -123,7 +127,8 @@ class PlayerNode(Node):
                 continue  # ours, not that of another run
             try:
                 depth = topic.qos.depth if topic.qos.durability == "transient_local" else DEPTH
-                qos = OfferedQos(topic.qos.reliability, topic.qos.durability, topic.qos.history, depth)
+                reliability = "reliable" if self._how.reliable else topic.qos.reliability
+                qos = OfferedQos(reliability, topic.qos.durability, topic.qos.history, depth)
                 publishers[name] = self.create_publisher(message_class(topic.type_name), name, qos_profile(qos))
             except (TrackerError, NameValidationException) as error:
                 self.problems[name] = str(error).splitlines()[0]
@@ -186,7 +191,7 @@ class PlayerNode(Node):
 
     def _run(self) -> None:
         try:
-            if self._wait_for_subscribers():
+            if self._wait_for_subscribers() and self._wait_for_node():
                 self._play()
             for publisher in self._outlets.values():
                 publisher.wait_for_all_acked(Duration(seconds=_ACKNOWLEDGE_S))
@@ -206,6 +211,23 @@ class PlayerNode(Node):
                 self.get_logger().info(f"waiting for {wanted} subscriber(s) of {', '.join(lacking)}")
             self._stopped.wait(0.02)
         return not self._stopped.is_set()
+
+    def _wait_for_node(self) -> bool:
+        """Until a node has subscribed to all that it takes: it has begun, and for a moment nothing is added."""
+        name, asked = self._how.wait_for_node, time.monotonic()
+        taken: set[str] = set()
+        while name and not self._stopped.is_set():
+            before, taken = taken, {topic for topic in self._outlets if name in self._subscribers(topic)}
+            if taken and taken == before:
+                return True
+            if time.monotonic() - asked > 5.0:
+                asked = time.monotonic()
+                self.get_logger().info(f"waiting for the node {name} to subscribe")
+            self._stopped.wait(_SETTLE_S)
+        return not self._stopped.is_set()
+
+    def _subscribers(self, topic: str) -> set[str]:
+        return {each.node_name for each in self.get_subscriptions_info_by_topic(self.resolve_topic_name(topic))}
 
     def _play(self) -> None:
         """To the end, in a loop if asked for, and wherever somebody seeks."""

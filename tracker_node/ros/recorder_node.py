@@ -1,9 +1,9 @@
 """Topics into a bag, bytes as they are.
 
 Subscriptions are made as topics appear, with the quality of service that their publishers offer. Where nobody publishes yet,
-the most is asked for (reliable, and what was said before, which latched topics keep), and less when a publisher offers less: it
-does not count the first subscription, so that one that waits for its subscribers waits for the second. Callbacks only enqueue;
-a thread of its own writes.
+it is what nearly all publishers offer (reliable and volatile; transient local for the topics that ROS latches), so that no
+publisher warns of a subscriber that does not match. A publisher that offers something else gets a second subscription, and the
+first one is destroyed. Callbacks only enqueue; a thread of its own writes.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from dataclasses import dataclass, field
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidTopicNameException
-from rclpy.node import Node
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.validate_full_topic_name import validate_full_topic_name
@@ -28,14 +27,17 @@ from ..loaders.bag_metadata import OfferedQos
 from ..loaders.bag_queue import BagQueue
 from ..loaders.message_types import MessageType, UnknownMessageTypeError, message_type
 from .diagnostics import Diagnostics
+from .guarded_node import GuardedNode
 from .message_classes import message_class, offered_qos, qos_profile
-from .recorder_report import RecorderState, TopicPace, topics_status
+from .recorder_report import ON_OCCASION, RecorderState, TopicPace, topics_status
+from .sequence_gaps import with_source_stamp
 
 DISCOVERY_S = 0.1
 REPORT_S = 1.0
 RATE_OVER_S = 10.0
 DEPTH = 100  # messages of a topic that may wait for the event loop
-_MOST = OfferedQos("reliable", "transient_local")
+_LATCHED_BY_ROS = ("/tf_static", "/robot_description", "/map")  # ends of the names of topics
+_MOST_STAMPS = 10 * DEPTH  # of messages that came before the publishers were known
 IMAGE_CHOICES = {"all": (RAW, COMPRESSED), "raw": (RAW,), "compressed": (COMPRESSED,), "none": ()}
 
 
@@ -75,17 +77,23 @@ class TopicSelection:
 
 @dataclass
 class _Recorded:
-    """One topic that is being recorded; ``lost_before`` were lost by the subscription that this one stands for now."""
+    """One topic that is being recorded; ``lost_before`` were lost by the subscription that this one stands for now.
+
+    ``guessed``: no publisher was known when the quality of service was chosen. ``stamps`` are those of messages that came in that
+    time, which a transient-local publisher sends once more to the next subscription.
+    """
 
     type_name: str
     qos: OfferedQos
+    guessed: bool = False
+    stamps: set[int] = field(default_factory=set)
     lost_before: int = 0
     subscription: Subscription | None = None
     announced: bool = False
     pace: TopicPace = field(default_factory=TopicPace)
 
 
-class RecorderNode(Node):
+class RecorderNode(GuardedNode):
     """Records the selected topics.
 
     The services ``~/pause`` (std_srvs/SetBool) and ``~/split`` (std_srvs/Trigger) leave out what comes for a while, and begin
@@ -101,7 +109,7 @@ class RecorderNode(Node):
         super().__init__("recorder")
         self._selection, self._bag = selection, bag
         self._topics: dict[str, _Recorded] = {}
-        self._replaced: list[_Recorded] = []  # destroying a subscription crashes the events executor
+        self._replaced: list[_Recorded] = []
         self._offered_less: set[str] = set()  # topics with a publisher that does not reach our subscription
         self._paused = False
         # When, and messages, bytes and dropped messages then; rates are those of the last seconds.
@@ -114,7 +122,10 @@ class RecorderNode(Node):
         for topic, type_name in selection.names.items():
             if type_name and selection.wants(topic, type_name):
                 publishers = self.get_publishers_info_by_topic(topic)
-                self._subscribe(topic, type_name, offered_qos([p.qos_profile for p in publishers]) if publishers else _MOST)
+                if publishers:
+                    self._subscribe(topic, type_name, offered_qos([p.qos_profile for p in publishers]))
+                else:
+                    self._subscribe(topic, type_name, _usual_qos(topic), guessed=True)
         self._discovery = self.create_timer(DISCOVERY_S, self.discover)
         self._reporting = self.create_timer(REPORT_S, self.report)
         self._pause_service = self.create_service(SetBool, "~/pause", self._on_pause)
@@ -133,8 +144,9 @@ class RecorderNode(Node):
 
     def discover(self) -> None:
         """Subscribe to what has appeared since the last time."""
-        for topic in list(self._offered_less):
-            self._ask_for_less(topic)
+        guessed = [topic for topic, recorded in self._topics.items() if recorded.guessed and self.count_publishers(topic)]
+        for topic in self._offered_less.union(guessed):
+            self._ask_anew(topic)
         for topic, type_names in self.get_topic_names_and_types():
             if topic in self._topics or topic in self.problems or not self._selection.wants(topic, type_names[0]):
                 continue
@@ -146,13 +158,13 @@ class RecorderNode(Node):
                 continue
             self._subscribe(topic, type_names[0], offered_qos([p.qos_profile for p in publishers]))
 
-    def _subscribe(self, topic: str, type_name: str, qos: OfferedQos) -> None:
+    def _subscribe(self, topic: str, type_name: str, qos: OfferedQos, guessed: bool = False) -> None:
         try:
             class_ = message_class(type_name)
         except TrackerError as error:
             self._refuse(topic, str(error))
             return
-        recorded = self._topics[topic] = _Recorded(type_name, qos)
+        recorded = self._topics[topic] = _Recorded(type_name, qos, guessed, pace=TopicPace(on_occasion=type_name in ON_OCCASION))
         wanted = OfferedQos(qos.reliability, qos.durability, "keep_last", DEPTH)
         events = SubscriptionEventCallbacks(
             message_lost=lambda status: self._on_lost(topic, recorded, status.total_count),  # type: ignore[attr-defined]
@@ -160,12 +172,12 @@ class RecorderNode(Node):
             use_default_callbacks=False,
         )
 
-        def on_message(data: bytes) -> None:
-            if self._topics[topic] is recorded:
+        def on_message(data: bytes, stamp_ns: int | None) -> None:
+            if self._topics[topic] is recorded and not _came_before(recorded, stamp_ns):
                 self._on_message(topic, recorded, data)
 
         recorded.subscription = self.create_subscription(
-            class_, topic, on_message, qos_profile(wanted), event_callbacks=events, raw=True
+            class_, topic, with_source_stamp(on_message), qos_profile(wanted), event_callbacks=events, raw=True
         )
 
     def _refuse(self, topic: str, problem: str) -> None:
@@ -198,20 +210,32 @@ class RecorderNode(Node):
         """Somebody publishes with less than we asked for before we knew."""
         if self._topics[topic] is recorded:
             self._offered_less.add(topic)
-            self._ask_for_less(topic)
+            self._ask_anew(topic)
 
-    def _ask_for_less(self, topic: str) -> None:
-        """Subscribe anew with what all publishers offer, once the graph lists the one that offers less."""
+    def _ask_anew(self, topic: str) -> None:
+        """Subscribe with what all publishers offer, once the graph lists the one that offers something else."""
         recorded = self._topics[topic]
         publishers = self.get_publishers_info_by_topic(topic)
-        weakest = offered_qos([p.qos_profile for p in publishers])
-        if not publishers or (weakest.reliability, weakest.durability) == (recorded.qos.reliability, recorded.qos.durability):
+        if not publishers:
+            return
+        recorded.guessed = False
+        offered = offered_qos([p.qos_profile for p in publishers])
+        if (offered.reliability, offered.durability) == (recorded.qos.reliability, recorded.qos.durability):
+            recorded.stamps.clear()
             return
         self._offered_less.discard(topic)
         self._replaced.append(recorded)
-        self._subscribe(topic, recorded.type_name, weakest)
+        self._subscribe(topic, recorded.type_name, offered)
         renewed = self._topics[topic]
-        renewed.announced, renewed.pace, renewed.lost_before = recorded.announced, recorded.pace, self.lost[topic]
+        renewed.announced, renewed.pace, renewed.stamps = recorded.announced, recorded.pace, recorded.stamps
+        renewed.lost_before = self.lost[topic]
+
+    def _destroy_replaced(self) -> None:
+        """Publishers hold a dead reader for a subscriber that does not match; called when it has been replaced for a while."""
+        for recorded in self._replaced:
+            assert recorded.subscription is not None
+            self.destroy_subscription(recorded.subscription)
+        self._replaced = []
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         if self._paused and not request.data:
@@ -230,6 +254,7 @@ class RecorderNode(Node):
 
     def report(self) -> None:
         """Say on /diagnostics how it goes."""
+        self._destroy_replaced()
         paces = {topic: recorded.pace for topic, recorded in self._topics.items()}
         published = {topic: self.count_publishers(topic) for topic in paces if not self._paused}
         self._diagnostics.report("topics", *topics_status(paces, self.lost, published, time.monotonic()))
@@ -262,6 +287,25 @@ class RecorderNode(Node):
             files=bag.n_files,
             refused=self.problems,
         )
+
+
+def _usual_qos(topic: str) -> OfferedQos:
+    """What a publisher will offer, by the name of its topic."""
+    return OfferedQos("reliable", "transient_local" if topic.endswith(_LATCHED_BY_ROS) else "volatile")
+
+
+def _came_before(recorded: _Recorded, stamp_ns: int | None) -> bool:
+    """Whether the subscription before this one has had the message already."""
+    if stamp_ns is None:
+        return False
+    if recorded.guessed:
+        if len(recorded.stamps) < _MOST_STAMPS:
+            recorded.stamps.add(stamp_ns)
+        return False
+    if stamp_ns not in recorded.stamps:
+        return False
+    recorded.stamps.discard(stamp_ns)
+    return True
 
 
 def _definition(type_name: str, publishers: Iterable[TopicEndpointInfo]) -> MessageType:

@@ -15,17 +15,28 @@ _BEHIND = 0.5  # share of the queue
 _STUCK_S = 2.0  # without handing anything to the operating system
 _SILENT_S = 3.0
 _SILENT_PERIODS = 10.0
-_STEADY = 30  # messages from which on a topic has a rate
+_STEADY = 30  # messages, over at least _SILENT_S, from which on a topic has a rate
+ON_OCCASION = frozenset(  # types of messages that tell of events, and have no rate
+    f"{package}/msg/{name}"
+    for package, name in (
+        ("rcl_interfaces", "ParameterEvent"), ("rcl_interfaces", "Log"), ("lifecycle_msgs", "TransitionEvent"),
+        ("action_msgs", "GoalStatusArray"), ("service_msgs", "ServiceEventInfo"),
+    )
+)  # fmt: skip
 
 
 @dataclass
 class TopicPace:
-    """How messages of one topic come, ``count`` since the last pause; times in seconds of the monotonic clock."""
+    """How messages of one topic come, ``count`` since the last pause; times in seconds of the monotonic clock.
+
+    ``on_occasion``: they tell of events, so that no silence is a fault.
+    """
 
     count: int = 0
     first_s: float = 0.0
     last_s: float = 0.0
     before: int = 0  # messages before the last pause
+    on_occasion: bool = False
 
     def add(self) -> None:
         """A message has come."""
@@ -45,7 +56,8 @@ class TopicPace:
 
     def silent_s(self, now_s: float) -> float:
         """How long nothing has come where something should have; 0 if all is well."""
-        if self.count < _STEADY or self.rate_hz < 1.0:
+        burst = self.last_s - self.first_s < _SILENT_S  # what a node says once as it starts
+        if self.on_occasion or burst or self.count < _STEADY or self.rate_hz < 1.0:
             return 0.0
         silent_s = now_s - self.last_s
         return silent_s if silent_s > max(_SILENT_S, _SILENT_PERIODS / self.rate_hz) else 0.0

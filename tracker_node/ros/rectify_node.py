@@ -15,10 +15,11 @@ from sensor_msgs.msg import CameraInfo, Image
 from ..camera.camera_model import CameraModel
 from ..errors import TrackerError
 from .conversions import camera_image_of, camera_model_of, image_message, stamp_ns_of
+from .guarded_node import GuardedNode
 from .qos import SENSOR, images_published
 
 
-class RectifyNode(Node):
+class RectifyNode(GuardedNode):
     """Serves the cameras of the given names."""
 
     def __init__(self, cameras: Sequence[str]):

@@ -8,7 +8,17 @@ from typing import Any
 
 
 def with_number(callback: Callable[[Any, int | None], None]) -> Callable[..., None]:
-    """A subscription's callback that is also told the number of the message, None where the middleware does not give one.
+    """A subscription's callback that is also told the number of the message, None where the middleware does not give one."""
+    return _with_info(callback, "publication_sequence_number")
+
+
+def with_source_stamp(callback: Callable[[Any, int | None], None]) -> Callable[..., None]:
+    """A subscription's callback that is also told when the message was sent [ns], None where the middleware does not say."""
+    return _with_info(callback, "source_timestamp")
+
+
+def _with_info(callback: Callable[[Any, int | None], None], key: str) -> Callable[..., None]:
+    """A callback that is also given one of the things that the middleware knows of a message.
 
     rclpy hands over what it knows of a message when a callback takes two arguments: as two by the usual executors, but as one
     pair by the events executor of Jazzy.
@@ -16,7 +26,7 @@ def with_number(callback: Callable[[Any, int | None], None]) -> Callable[..., No
 
     def receive(*received: Any) -> None:
         message, info = received if len(received) == 2 else received[0]
-        callback(message, info.get("publication_sequence_number"))
+        callback(message, info.get(key))
 
     two = [inspect.Parameter(name, inspect.Parameter.POSITIONAL_ONLY) for name in ("message", "info")]
     receive.__signature__ = inspect.Signature(two)  # type: ignore[attr-defined]

@@ -20,9 +20,31 @@ _LEVELS = {Status.INITIALISING: WARN, Status.TRACKING: OK, Status.DEGRADED: WARN
 _LIMB_LEVELS = {LimbStatus.TRACKING: OK, LimbStatus.UNSEEN: WARN, LimbStatus.DEGRADED: WARN, LimbStatus.LOST: ERROR}
 _REMEMBERED = 150  # image sets that percentiles are of
 _ENOUGH = 20  # of them, for a verdict
+_JUDGED_REPORTS = 10  # what is left out is judged over so many seconds, or it would be said and unsaid by turns
+_TOO_MANY, _TOLERATED = 0.05, 0.01  # share of image sets left out from which on, and down to which, it is said
 _SILENT_REPORTS = 2  # without an image set, until that is said to be wrong
+_SILENT_REPORTS_LOSSLESS = 10  # the same of sources that wait for us, and end
+_FIRST_REPORTS = 30  # the same for the first one: cameras may be started after us
+_NAMED = 4  # degrees of freedom in a message
 _LONG_S, _HANGS_S = 5.0, 60.0  # at work on one image set; compiled code may have to be loaded, or made
 _OTHER_CLOCK_MS = 6e4  # stamps that are farther from now are not of this clock
+_PASSING_S = 1.0  # of stamps: what is over by then is in the states, and no reason for a warning
+_START_S = 10.0  # of stamps, for the body to be found
+
+
+class LeftOut:
+    """Whether too many image sets are left out, over some seconds: what is said does not change from one to the next."""
+
+    def __init__(self) -> None:
+        self._recent: deque[tuple[int, int]] = deque(maxlen=_JUDGED_REPORTS)
+        self._is_said = False
+
+    def too_many(self, tracked: int, left_out: int) -> bool:
+        """So many were tracked and left out since the last call."""
+        self._recent.append((tracked, left_out))
+        n_tracked, n_left_out = (sum(counts) for counts in zip(*self._recent, strict=True))
+        self._is_said = n_left_out > (_TOLERATED if self._is_said else _TOO_MANY) * (n_tracked + n_left_out)
+        return self._is_said
 
 
 class TrackerDiagnostics:
@@ -37,7 +59,9 @@ class TrackerDiagnostics:
         self._sets_before: Mapping[str, int] = {}
         self._jumps_of_clock, self._jumps_before = 0, (0, 0)  # of stamps, and of the clock
         self._silent = 0
+        self._left_out = LeftOut()
         self._limbs_told: set[str] = set()
+        self._since_ns: dict[str, int] = {}  # part -> stamp from which on it has been in trouble
 
     def estimated(self, estimate: TrackEstimate, image_set: ImageSet, counts: WorkerCounts, now_ns: int) -> None:
         """One image set has been tracked and published, at ``now_ns`` of the clock that stamps are of."""
@@ -54,12 +78,25 @@ class TrackerDiagnostics:
             "total [ms]": float(estimate.timings.total_ms),
         }
         said = estimate.status.name + (f": {estimate.status_reason}" if estimate.status_reason else "")
-        self._diagnostics.report("status", _LEVELS[estimate.status], said, values)
+        status, level = estimate.status, _LEVELS[estimate.status]
+        level = self._lasting("start", level, status == Status.INITIALISING, estimate.stamp_ns, _START_S)
+        level = self._lasting("status", level, status == Status.DEGRADED, estimate.stamp_ns)
+        self._diagnostics.report("status", level, said, values)
         for limb in estimate.limbs:
             said = limb.status.name + (f": {limb.reason}" if limb.reason else "")
             values = {"probability of being lost": float(limb.probability)}
             self._limbs_told.add(limb.name)
-            self._diagnostics.report(f"limb {limb.name}", _LIMB_LEVELS[limb.status], said, values, logged=False)
+            part, trouble = f"limb {limb.name}", limb.status != LimbStatus.TRACKING
+            level = self._lasting(part, _LIMB_LEVELS[limb.status], trouble, estimate.stamp_ns)
+            self._diagnostics.report(part, level, said, values, logged=False)
+
+    def _lasting(self, part: str, level: bytes, trouble: bool, stamp_ns: int, passing_s: float = _PASSING_S) -> bytes:
+        """``level``, but OK while a trouble has not yet lasted."""
+        if not trouble:
+            self._since_ns.pop(part, None)
+            return level
+        since_ns = self._since_ns[part] = min(stamp_ns, self._since_ns.get(part, stamp_ns))
+        return level if stamp_ns - since_ns >= 1e9 * passing_s else OK
 
     def clock_jumped(self) -> None:
         """The simulated clock went back."""
@@ -73,7 +110,8 @@ class TrackerDiagnostics:
         self._before_s, self._tracked_before, self._superseded_before = now, counts.tracked, counts.superseded
         values = {"image sets per second": tracked / elapsed_s, "superseded per second": superseded / elapsed_s}
         self._silent = 0 if tracked or worker.busy else self._silent + 1
-        self._diagnostics.report("rate", *_rate_verdict(worker, tracked, superseded, self._silent), values)
+        too_slow = self._left_out.too_many(tracked, superseded)
+        self._diagnostics.report("rate", *_rate_verdict(worker, tracked, self._silent, too_slow), values)
         self._report_sets(worker)
         self._report_clock(worker.formation.clock_jumps)
         if worker.paused:
@@ -101,7 +139,7 @@ class TrackerDiagnostics:
             values |= {"latency p50 [ms]": latency[0], "latency p95 [ms]": latency[1]}
             if len(self._latency_ms) >= _ENOUGH and latency[1] > 1e3 * config.queue_s:
                 level, said = WARN, f"results come more than {config.queue_s:g} s after their images"
-        if len(self._processing_ms) >= _ENOUGH and processing[0] > 1e3 * config.image_period_s:
+        if not worker.lossless and len(self._processing_ms) >= _ENOUGH and processing[0] > 1e3 * config.image_period_s:
             level, said = WARN, f"an image set takes longer than the {1e3 * config.image_period_s:.0f} ms from one to the next"
         self._diagnostics.report("latency", level, said, values)
 
@@ -141,12 +179,24 @@ class TrackerDiagnostics:
             self._diagnostics.report("observability", OK, "not known: the images are not believed")
             return
         names = unobservable(latest.information, self._model)
-        said = f"the images do not tell: {'; '.join(names)}" if names else "the images tell every degree of freedom"
         whole = any(name.startswith("root") for name in names)
-        self._diagnostics.report("observability", WARN if whole else OK, said)
+        values = {f"not told {i + 1}": name for i, name in enumerate(names)}
+        self._diagnostics.report("observability", WARN if whole else OK, untold_in_short(names), values)
 
 
-def _rate_verdict(worker: TrackingWorker, tracked: int, superseded: int, silent: int) -> tuple[bytes, str]:
+def untold_in_short(names: list[str]) -> str:
+    """How many directions the images do not tell, and of what, by the first names; the values have them all."""
+    if not names:
+        return "the images tell every degree of freedom"
+    directions = "1 direction" if len(names) == 1 else f"{len(names)} directions"
+    if any(name.startswith("root") for name in names):
+        return f"the images do not tell {directions}, some of them of the root"
+    first = list(dict.fromkeys(name.split()[0] for name in names))
+    more = f" and {len(first) - _NAMED} more" if len(first) > _NAMED else ""
+    return f"the images do not tell {directions}: {', '.join(first[:_NAMED])}{more}"
+
+
+def _rate_verdict(worker: TrackingWorker, tracked: int, silent: int, too_slow: bool) -> tuple[bytes, str]:
     if worker.fatal is not None:
         return ERROR, f"the tracking thread has ended: {worker.fatal}"
     if worker.paused:
@@ -155,10 +205,12 @@ def _rate_verdict(worker: TrackingWorker, tracked: int, superseded: int, silent:
     at_work_s = 0.0 if since_s is None else time.monotonic() - since_s
     if at_work_s > _LONG_S:
         return WARN if at_work_s < _HANGS_S else ERROR, f"at work on one image set for {at_work_s:.0f} s"
-    if superseded > 0:
-        return WARN, f"too slow: {superseded} of {tracked + superseded} image sets are left out"
+    if too_slow:
+        return WARN, f"too slow: image sets are left out (of the last {_JUDGED_REPORTS} s)"
     if tracked == 0:
-        return (WARN, "no image sets") if silent >= _SILENT_REPORTS else (OK, "waiting for image sets")
+        patience = _SILENT_REPORTS_LOSSLESS if worker.lossless else _SILENT_REPORTS
+        patience = patience if worker.counts.tracked else _FIRST_REPORTS
+        return (WARN, "no image sets") if silent >= patience else (OK, "waiting for image sets")
     return OK, "tracking"
 
 

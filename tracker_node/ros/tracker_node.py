@@ -17,22 +17,30 @@ from ..observation.image_set import ImageSet
 from ..tracking.config import TrackerConfig
 from ..tracking.estimate import TrackEstimate
 from ..tracking.warm_up import warm_up
-from .camera_diagnostics import SILENT_S, CameraDiagnostics
+from .camera_diagnostics import CameraDiagnostics
 from .conversions import camera_model_of
 from .diagnostics import ERROR, OK, WARN, Diagnostics
+from .ending import hurried
+from .heap import keep_for_ever
 from .image_inbox import ImageInbox, InboxOptions
 from .lifecycle import ACTIVE, ManagedNode
 from .parameter_overrides import refuse_unknown_qos, unknown_parameters
 from .parameters import ConfigParameters, FixedParameter
 from .qos_mismatch import QosMismatches
+from .setup_builder import SetupBuilder
 from .tracker_diagnostics import TrackerDiagnostics
 from .tracker_options import TrackerMaker, TrackerOptions
 from .tracker_outputs import TrackerOutputs
 from .tracker_services import TrackerServices
-from .tracking_setup import TrackingSetup
+from .tracking_setup import UNCALIBRATED, TrackingSetup
 from .tracking_worker import TrackingWorker
 
 __all__ = ["TrackerNode", "TrackerOptions"]
+_CALIBRATIONS_S = 30.0  # for cameras that are started after the tracker to say what their lenses are
+
+_FINISH_S = 300.0  # who has asked for it has less patience
+PARAMETERS = "parameters"  # the part of /diagnostics that says whether they are in effect
+_PATIENCE_S = 5.0  # until lenses that no tracker can be made for are tried again
 
 
 class TrackerNode(ManagedNode):
@@ -62,7 +70,9 @@ class TrackerNode(ManagedNode):
         self._lossless, self._from_topics = bool(fixed["lossless"]), fixed["calibration"] == "camera_info"
         self._worker: TrackingWorker | None = None
         self._outputs: TrackerOutputs | None = None
-        self._prepared: TrackingSetup | None = None  # for parameters that are just being set
+        self._changes = 0  # of parameters, or lenses, that have come into effect
+        self._builder = SetupBuilder(self.get_logger().error)
+        self._again_s = 0.0  # steady time from which on a tracker that could not be made is tried again
         self._services_of_node = TrackerServices(
             self, options, lambda: self._worker, lambda: self._parameters_of_node.config.start.enabled
         )
@@ -72,7 +82,7 @@ class TrackerNode(ManagedNode):
         self._began_s = time.monotonic()
         self._timers_of_node = [
             self.create_timer(1.0, self.report, clock=steady),
-            self.create_timer(0.05, self._take_calibrations, clock=steady),
+            self.create_timer(0.05, self._take_setup, clock=steady),
         ]
         self.changed()
 
@@ -88,15 +98,18 @@ class TrackerNode(ManagedNode):
         fixed = self._parameters_of_node.fixed
         self._lenses: dict[str, CameraModel] | None = {} if self._from_topics else None
         self._outputs = TrackerOutputs(self, options.rig, options.model, self._mismatches, str(fixed["frame_prefix"]))
-        inbox = InboxOptions(self._lossless, bool(fixed["compressed"]), options.inbox.capacity)
+        inbox = InboxOptions(self._lossless, bool(fixed["compressed"]), options.inbox.capacity, options.inbox.most_bytes)
         self._inbox = ImageInbox(self, options.rig.names, inbox, self._mismatches)
         config = self._parameters_of_node.config
         if options.make_tracker is None:
             rig = options.rig.subset(cameras)
             warm_up(rig, options.model, config, options.initial_state, options.occluders, writeable=inbox.compressed)
+        self._maker.check(cameras, config)  # loads what a change of parameters needs
+        keep_for_ever()
+        self._setup_in_use = self._setup(config, cameras, self._lenses)
         self._worker = TrackingWorker(
             self._inbox,
-            self._setup(config, cameras),
+            self._setup_in_use,
             self._on_estimate,
             initial_state=options.initial_state or State.neutral(options.model),
             lossless=self._lossless,
@@ -108,10 +121,13 @@ class TrackerNode(ManagedNode):
     def begin(self) -> None:
         """Listen and track."""
         assert self._worker is not None
+        self._builder.wait()
+        self._use_new_setup()
         self._inbox.subscribe(self._parameters_of_node.cameras)
         refuse_unknown_qos(self)
         self._cameras_told.restart()
-        if self._from_topics and self._worker.rig is not None:
+        self._listening_since_s = time.monotonic()
+        if self._from_topics and self._setup_in_use.rig is not None:
             self._diagnostics.report("calibration", OK, "complete")  # it is kept while inactive
         self._worker.start()
 
@@ -123,6 +139,7 @@ class TrackerNode(ManagedNode):
 
     def tear_down(self) -> None:
         """Forget everything."""
+        self._builder.forget()
         if self._worker is not None:
             self._inbox.subscribe(())
         if self._outputs is not None:
@@ -137,9 +154,9 @@ class TrackerNode(ManagedNode):
         self._diagnostics.report("lifecycle", level, said, {"state": self.state}, logged=False)  # it is in the log already
 
     def close(self) -> None:
-        """End; what has come in is tracked where nothing may be lost, and what has been said is delivered first."""
+        """End; what has been said is delivered first. With time, a lossless tracker also tracks what has come in."""
         if self._worker is not None and self.state == ACTIVE:
-            self._worker.stop()
+            self._worker.stop(finish=not hurried(), timeout_s=_FINISH_S)
         if self._outputs is not None:
             self._outputs.wait_until_delivered()
         self.report()
@@ -174,39 +191,76 @@ class TrackerNode(ManagedNode):
         """As rclpy has it, but unknown parameters are named."""
         return unknown_parameters(self, parameter_list) or super().set_parameters_atomically(parameter_list)
 
-    def _setup(self, config: TrackerConfig, cameras: tuple[str, ...]) -> TrackingSetup:
-        rig = self._maker.rig(cameras, self._lenses)
+    def _setup(self, config: TrackerConfig, cameras: tuple[str, ...], lenses: Mapping[str, CameraModel] | None) -> TrackingSetup:
+        rig = self._maker.rig(cameras, lenses)
         return TrackingSetup(config, cameras, rig, None if rig is None else self._maker.tracker(rig, config))
 
     def _check_change(self, config: TrackerConfig, cameras: tuple[str, ...]) -> None:
-        """The tracker is made before the parameters are accepted, so that what does not suit the body is refused."""
-        self._prepared = None if self._worker is None else self._setup(config, cameras)
+        """What does not suit the body is refused before the parameters are accepted."""
+        if self._worker is not None:
+            self._maker.check(cameras, config)
 
     def _on_change(self, config: TrackerConfig) -> None:
-        if self._worker is None or self._prepared is None:
+        if self._worker is not None:
+            self._ask_for_setup()
+            self._diagnostics.report(PARAMETERS, OK, "a change is being prepared")
+
+    def _ask_for_setup(self) -> None:
+        """For the parameters and lenses of now; what is tracked with stays the same until it is made."""
+        parameters, lenses = self._parameters_of_node, self._lenses
+        config, cameras = parameters.config, parameters.cameras
+        self._builder.ask(lambda: self._setup(config, cameras, lenses))
+
+    def _take_setup(self) -> None:
+        if self._worker is None:
+            return
+        self._use_new_setup()
+        self._take_calibrations()
+
+    def _use_new_setup(self) -> None:
+        """A tracker that has been made takes the place of the old one, with the next image set."""
+        assert self._worker is not None
+        try:
+            setup = self._builder.taken()
+        except TrackerError as error:
+            self._again_s = time.monotonic() + _PATIENCE_S
+            said = f"those set last cannot be used, the tracker goes on with those before: {error}"
+            self._diagnostics.report(PARAMETERS, ERROR, said)
+            return
+        if setup is None:
             return
         if self.state == ACTIVE:
-            self._inbox.subscribe(self._prepared.cameras)
-        self._worker.use(self._prepared)
-        self._prepared = None
+            self._inbox.subscribe(setup.cameras)
+        self._worker.use(setup)
+        self._setup_in_use = setup
+        self._changes += 1
+        self._diagnostics.report(PARAMETERS, OK, "in effect", {"changes": self._changes})
+        if self._from_topics and setup.rig is not None:
+            self._diagnostics.report("calibration", OK, "complete")
 
     def _take_calibrations(self) -> None:
         """When all cameras in use have said what their lenses are, tracking begins."""
-        if self._worker is None or self.state != ACTIVE or not self._from_topics or self._worker.rig is not None:
+        assert self._worker is not None
+        waits = self._builder.busy or time.monotonic() < self._again_s
+        if self.state != ACTIVE or not self._from_topics or self._setup_in_use.rig is not None or waits:
             return
         cameras = self._parameters_of_node.cameras
         try:
             self._lenses = {name: camera_model_of(name, info) for name, info in dict(self._inbox.infos).items()}
-            lacking = [name for name in cameras if name not in self._lenses]
-            setup = None if lacking else self._setup(self._parameters_of_node.config, cameras)
         except TrackerError as error:
             self._diagnostics.report("calibration", ERROR, str(error))
             return
-        if setup is not None:
-            self._diagnostics.report("calibration", OK, "complete")
-            self._worker.use(setup)
-        elif time.monotonic() - self._began_s > SILENT_S:
-            self._diagnostics.report("calibration", WARN, f"waiting for camera_info of {', '.join(lacking)}")
+        lacking = [name for name in cameras if name not in self._lenses]
+        if not lacking:
+            self._ask_for_setup()
+        else:
+            waited_s = time.monotonic() - self._listening_since_s
+            said = f"waiting for camera_info of {', '.join(lacking)}"
+            level = WARN if waited_s > _CALIBRATIONS_S else OK
+            lost = self._worker.counts.idle[UNCALIBRATED].total() if self._lossless else 0
+            if lost:
+                level, said = ERROR, f"{said}; {lost} images are lost meanwhile, for want of room"
+            self._diagnostics.report("calibration", level, said)
 
     # What happens
 

@@ -12,6 +12,7 @@ from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from ..tracking.config import TrackerConfig
 from ..tracking.tracker import Tracker
+from ..tracking.warm_up import SmallTrackers
 from .image_inbox import InboxOptions
 from .tracking_setup import Steppable
 
@@ -52,6 +53,7 @@ class TrackerMaker:
     def __init__(self, options: TrackerOptions):
         self._options = options
         self._plates = load_plates(options.rig)
+        self._small: SmallTrackers | None = None
 
     def rig(self, cameras: tuple[str, ...], lenses: Mapping[str, CameraModel] | None = None) -> CameraRig | None:
         """The cameras in use, in the order of the rig, with other lenses if given; None where one of them is not known."""
@@ -74,3 +76,17 @@ class TrackerMaker:
             return options.make_tracker(rig, options.model, config, options.initial_state)
         plates = resized_plates({name: plate for name, plate in self._plates.items() if name in rig.names}, rig)
         return Tracker(rig, options.model, config, plates, options.initial_state, options.occluders)
+
+    def check(self, cameras: tuple[str, ...], config: TrackerConfig) -> None:
+        """Whether such a tracker can be made, in some 20 ms.
+
+        Raises
+        ------
+        TrackerError : the configuration does not suit the body.
+        """
+        options = self._options
+        if options.make_tracker is not None:
+            return
+        if self._small is None:
+            self._small = SmallTrackers(options.rig, options.model, tuple(self._plates))
+        self._small.check(cameras, config)

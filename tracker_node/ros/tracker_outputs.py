@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 
+import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistWithCovarianceStamped
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -18,7 +19,7 @@ from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..observation.image_set import ImageSet
 from ..render.raycaster import render_mask
-from ..tracking.estimate import Status, TrackEstimate
+from ..tracking.estimate import TrackEstimate
 from .conversions import (
     ImageBuffer,
     MarkerBuffer,
@@ -88,20 +89,28 @@ class TrackerOutputs:
             self._node.destroy_publisher(self._publishers.pop())
 
     def publish(self, estimate: TrackEstimate, image_set: ImageSet, rig: CameraRig) -> None:
-        """Everything about one estimate; ``rig`` has the lenses of the images."""
+        """Everything about one estimate; ``rig`` has the lenses of the images.
+
+        Poses, velocities, joints and transforms cannot say that they are wrong: there are none while the body is not known.
+        """
         configuration = Configuration(self._model, estimate.state)
         for camera in rig:
             self._publish_images(estimate, image_set, configuration, rig, camera.name)
-        if self._markers.get_subscription_count():
+        if estimate.status.has_state and self._markers.get_subscription_count():
             self._markers.publish(self._marker_buffer.fill(estimate, configuration))
-        if self._tf is not None and estimate.status != Status.LOST:
+        if estimate.status.known:
+            self._publish_state_of_others(estimate)
+        self._state.publish(tracked_state_message(estimate, self._model, self._frame_id))
+
+    def _publish_state_of_others(self, estimate: TrackEstimate) -> None:
+        """In the messages that other programs know."""
+        if self._tf is not None:
             root = (self._frame_id, self._root_frame, estimate.state.T_world_root)
             self._tf.publish(TFMessage(transforms=tf_message(estimate.stamp_ns, [root])))
         if self._twist.get_subscription_count():
             self._twist.publish(twist_message(estimate, self._frame_id))
         self._pose.publish(pose_message(estimate, self._frame_id))
         self._joints.publish(joint_state_message(estimate, self._model, self._frame_id))
-        self._state.publish(tracked_state_message(estimate, self._model, self._frame_id))
 
     def _publish_images(
         self, estimate: TrackEstimate, image_set: ImageSet, configuration: Configuration, rig: CameraRig, name: str
@@ -110,16 +119,19 @@ class TrackerOutputs:
         image = image_set.get(name)
         stamp_ns = estimate.stamp_ns if image is None else image.stamp_ns
         if self._masks[name].get_subscription_count():
-            mask = render_mask(configuration, camera)
+            empty = np.zeros((camera.model.height, camera.model.width), np.uint8)
+            mask = render_mask(configuration, camera) if estimate.status.has_state else empty
             if name not in self._mask_buffers:
                 self._mask_buffers[name] = ImageBuffer(camera.frame_id, mask.shape[1], mask.shape[0], "mono8")
             self._masks[name].publish(self._mask_buffers[name].fill(stamp_ns, mask))
-        if image is not None and self._overlays[name].get_subscription_count():
+        if image is None or not estimate.status.has_state:
+            return
+        if self._overlays[name].get_subscription_count():
             from ..render.overlay import draw_overlay
 
             drawn = draw_overlay(image.bgr, configuration, camera)
             self._overlays[name].publish(compressed_message(stamp_ns, camera.frame_id, drawn))
-        if image is not None and self._seen[name].get_subscription_count():
+        if self._seen[name].get_subscription_count():
             from ..render.through_mask import target_through_mask
 
             seen = target_through_mask(image.bgr, configuration, camera)

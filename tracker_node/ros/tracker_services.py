@@ -9,8 +9,8 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 from tracker_msgs.srv import SetState
 
-from ..errors import TrackerError
-from ..model.configuration import State
+from ..errors import TrackerError, shown
+from ..model.configuration import State, refuse_implausible
 from .conversions import state_of_pose, values_with_changes
 from .qos import RESULT
 from .tracker_options import TrackerOptions
@@ -81,7 +81,9 @@ class TrackerServices:
 
     def _on_set_state(self, worker: TrackingWorker, request: SetState.Request) -> str:
         model = self._options.model
-        state = State.from_values(values_with_changes(model, self._values_now(worker), request.dof_names, request.values))
+        values = values_with_changes(model, self._values_now(worker), request.dof_names, request.values)
+        refuse_implausible(model, values)
+        state = State.from_values(values)
         worker.set_state(state)
         beyond = model.chain.beyond_limits(state.joint_positions)
         return f"put at the limit: {'; '.join(beyond)}" if beyond else ""
@@ -90,9 +92,11 @@ class TrackerServices:
         frame, world = message.header.frame_id, self._options.rig.world_frame
         try:
             if frame not in ("", world):
-                raise TrackerError(f"expected frame '{world}', got '{frame}'")
+                raise TrackerError(f"expected frame '{world}', got {shown(frame)}")
             worker = self._configured()
             joints = State.from_values(self._values_now(worker)).joint_positions
-            worker.set_state(state_of_pose(message.pose.pose, joints))
+            state = state_of_pose(message.pose.pose, joints)
+            refuse_implausible(self._options.model, state.to_values())
+            worker.set_state(state)
         except TrackerError as error:
             self._node.get_logger().error(f"initialpose: {error}")

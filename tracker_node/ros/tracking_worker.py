@@ -80,6 +80,11 @@ class TrackingWorker:
         self.fatal: Exception | None = None
 
     @property
+    def lossless(self) -> bool:
+        """Whether every image set is tracked, however long that takes."""
+        return self._lossless
+
+    @property
     def rig(self) -> CameraRig | None:
         """The cameras in use, None while their lenses are not known."""
         return self._setup.rig
@@ -223,9 +228,7 @@ class TrackingWorker:
             return
         if self._setup.tracker is None:
             self._not_yet += received
-            dropped = [] if self._lossless else self._not_yet[: -len(self._setup.cameras)]
-            self._leave(dropped, UNCALIBRATED)
-            del self._not_yet[: len(dropped)]
+            self._leave(self._beyond_waiting(), UNCALIBRATED)
             return
         received, self._not_yet = self._not_yet + received, []
         sets: list[ImageSet] = []
@@ -234,6 +237,20 @@ class TrackingWorker:
             if image is not None:
                 sets += self.formation.add(image)
         self._track(sets)
+
+    def _beyond_waiting(self) -> list[Received]:
+        """Images that are too many to wait for lenses: all but the newest; where nothing may be lost, those beyond the limit."""
+        if not self._lossless:
+            n = max(0, len(self._not_yet) - len(self._setup.cameras))
+            dropped, self._not_yet = self._not_yet[:n], self._not_yet[n:]
+            return dropped
+        size, most = 0, self._inbox.most_bytes
+        for n, item in enumerate(self._not_yet):
+            size += item.size
+            if most is not None and size > most:
+                dropped, self._not_yet = self._not_yet[n:], self._not_yet[:n]
+                return dropped
+        return []
 
     def _usable(self, received: Received) -> CameraImage | None:
         assert self._setup.rig is not None
@@ -258,7 +275,10 @@ class TrackingWorker:
         if not self._lossless and len(sets) > _AT_ONCE:
             self.counts.superseded += len(sets) - _AT_ONCE
             sets = sets[-_AT_ONCE:]
-        for image_set in sets:
+        for i, image_set in enumerate(sets):
+            if self._stopping.is_set() and not self._finishing:
+                self.counts.superseded += len(sets) - i
+                return
             self.at_work_since_s = time.monotonic()
             self._step(image_set)
             self.at_work_since_s = None

@@ -20,6 +20,16 @@ class Status(IntEnum):
     DEGRADED = 2
     LOST = 3
 
+    @property
+    def has_state(self) -> bool:
+        """False before a state is found: the estimate then holds the neutral state, which says nothing about the body."""
+        return self is not Status.INITIALISING
+
+    @property
+    def known(self) -> bool:
+        """Whether the state may be used: TRACKING or DEGRADED; messages that cannot say otherwise hold no other."""
+        return self in (Status.TRACKING, Status.DEGRADED)
+
 
 class LimbStatus(IntEnum):
     """Of one limb; same numbers as tracker_msgs/TrackedState. UNSEEN: hidden, or out of the images; its place is a guess."""

@@ -229,8 +229,7 @@ class SelfCheck:
             turn, covariance = fit.values[:n], fit.covariance[:n, :n]
             size = float(np.linalg.norm(turn))
             sigma = float(np.sqrt(turn @ covariance @ turn)) / max(size, 1e-12)
-            certain = float(turn @ np.linalg.solve(covariance, turn)) > options.sigmas**2
-            if certain and size > max(options.angle_rad, options.sigmas * sigma):
+            if size > max(options.angle_rad, options.sigmas * sigma):
                 result.append(CameraFault(name, TURNED, size, sigma, self._onset(fit), rivals))
         if n < len(fit.chosen):
             delay, sigma = float(fit.values[-1]), float(np.sqrt(fit.covariance[-1, -1]))

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..camera.camera_rig import CameraRig
+from ..camera.rig_unit import check_metres
 from ..errors import CalibrationError, FileFormatError
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
@@ -26,6 +27,7 @@ from .estimate import LimbStatus, Status, Timings, TrackEstimate
 from .motion_model import MotionModel, Passage, Prediction
 from .region_engine import RegionEngine
 from .self_check import SelfCheck, SelfCheckOptions
+from .start import body_size
 from .starter import NOT_GIVEN, Starter
 from .workers import Workers
 
@@ -49,6 +51,7 @@ class Tracker:
 
     Raises
     ------
+    TrackerError : the places of the cameras are in millimetres or centimetres.
     CalibrationError : from `step`, when an image does not have the size that its camera was calibrated for, or no colors where
         the engine goes by them.
     """
@@ -62,6 +65,7 @@ class Tracker:
         initial_state: State | None = None,
         occluders: ArticulatedModel | None = None,
     ):
+        check_metres(rig.cameras, body_size(model))
         self.rig, self.model = rig, model
         self.config = config or TrackerConfig()
         self._initial_state = initial_state

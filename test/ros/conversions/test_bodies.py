@@ -9,9 +9,11 @@ pytest.importorskip("rclpy")
 from ros_samples import arm, some_estimate, some_state
 from visualization_msgs.msg import Marker
 
-from tracker_node.geometry import se3, so3
+from tracker_node.geometry import quaternion, se3, so3
 from tracker_node.model.configuration import Configuration
+from tracker_node.render.status_palette import rgb_of
 from tracker_node.ros.conversions import marker_array_message, transform_of_pose, urdf_of
+from tracker_node.ros.conversions.bodies import joint_state_message, tf_message
 from tracker_node.tracking.estimate import Status, TrackEstimate
 
 
@@ -79,4 +81,73 @@ def test_a_lost_body_is_shown_as_lost():
     fields = {**some_estimate(model).__dict__, "status": Status.LOST}
     estimate = TrackEstimate(**fields)
     markers = marker_array_message(estimate, Configuration(model, estimate.state), "world").markers
-    assert all(m.color.a < 0.5 and m.color.r == 1.0 for m in markers)
+    assert all(m.color.a < 0.5 and m.color.r > 2.0 * m.color.g and m.color.b < 0.1 for m in markers)
+
+
+def markers_of(status: Status, frame_id: str = "world"):
+    model = arm()
+    estimate = TrackEstimate(**{**some_estimate(model).__dict__, "status": status})
+    return model, estimate, marker_array_message(estimate, Configuration(model, estimate.state), frame_id).markers
+
+
+def test_markers_are_as_large_as_their_shapes():
+    """RViz scales a cube and a sphere of one metre across; triangles are in metres."""
+    _, _, markers = markers_of(Status.TRACKING)
+    sizes = [(m.scale.x, m.scale.y, m.scale.z) for m in markers]
+    assert sizes == [(0.3, 0.2, 0.5), (1.0, 1.0, 1.0), pytest.approx((0.08, 0.06, 0.24)), (1.0, 1.0, 1.0)]
+    corners = np.array([[p.x, p.y, p.z] for p in markers[3].points]).reshape(-1, 3, 3)
+    mesh = arm().shapes[3].primitive
+    np.testing.assert_array_equal(corners, mesh.vertices[mesh.faces])
+
+
+def test_markers_say_whose_they_are_and_when():
+    _, estimate, markers = markers_of(Status.TRACKING, "lab")
+    assert [m.id for m in markers] == [0, 1, 2, 3] and {m.ns for m in markers} == {"arm"} and {m.action for m in markers} == {0}
+    for marker in markers:
+        assert marker.header.frame_id == "lab"
+        assert marker.header.stamp.sec * 10**9 + marker.header.stamp.nanosec == estimate.stamp_ns
+
+
+@pytest.mark.parametrize(("status", "alpha"), [(Status.TRACKING, 1.0), (Status.DEGRADED, 0.6), (Status.INITIALISING, 0.6)])
+def test_a_body_that_is_tracked_has_its_own_colors(status, alpha):
+    _, _, markers = markers_of(status)
+    cone = markers[1].color
+    assert (cone.r, cone.g, cone.b, cone.a) == pytest.approx((200 / 255, 100 / 255, 50 / 255, alpha), abs=1e-6)
+
+
+def test_a_lost_body_is_faint_in_the_color_of_its_state():
+    for marker in markers_of(Status.LOST)[2]:
+        color = (marker.color.r, marker.color.g, marker.color.b, marker.color.a)
+        assert color == pytest.approx((*rgb_of("lost"), 0.3), abs=1e-6)
+
+
+def test_the_marker_of_a_cone_is_closed_and_has_its_volume():
+    """By the divergence theorem; a prism of 16 sides has 16/2 sin(2 pi/16)/pi of what is inside the ellipse."""
+    cone = arm().shapes[1].primitive
+    triangles = np.array([[p.x, p.y, p.z] for p in markers_of(Status.TRACKING)[2][1].points]).reshape(-1, 3, 3)
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    assert np.abs(np.cross(b - a, c - a).sum(axis=0)).max() < 1e-15  # closed
+    z = np.linspace(cone.z1, cone.z2, 2001)
+    inside = np.trapezoid(cone.a * cone.b * (1.0 + cone.k * z) ** 2, z) * 8.0 * np.sin(np.pi / 8.0)
+    assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0 == pytest.approx(inside, rel=1e-6)
+
+
+def test_joint_states_hold_the_joints_and_not_the_root():
+    model = arm()
+    estimate = some_estimate(model)
+    message = joint_state_message(estimate, model, "lab")
+    assert list(message.name) == [axis.name for axis in model.chain.axes]
+    np.testing.assert_array_equal(message.position, estimate.state.joint_positions)
+    np.testing.assert_array_equal(message.velocity, estimate.velocity[6:])
+    assert message.header.frame_id == "lab"
+    assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == estimate.stamp_ns
+
+
+def test_transforms_are_from_parent_to_child():
+    T = se3.from_rotation_translation(so3.exp(np.array([0.3, -0.2, 0.9])), np.array([1.0, 2.0, 3.0]))
+    (one,) = tf_message(5_000_000_007, [("world", "arm", T)])
+    assert (one.header.frame_id, one.child_frame_id) == ("world", "arm")
+    assert (one.header.stamp.sec, one.header.stamp.nanosec) == (5, 7)
+    q, p = one.transform.rotation, one.transform.translation
+    assert (p.x, p.y, p.z) == (1.0, 2.0, 3.0)
+    np.testing.assert_allclose(quaternion.matrix_from_xyzw(np.array([q.x, q.y, q.z, q.w])), T[:3, :3], atol=1e-12)

@@ -117,3 +117,31 @@ def test_images_without_pixels_or_too_large_are_refused(changes: dict[str, int])
         setattr(message, name, value)
     with pytest.raises(CalibrationError, match=r"left.*expected images of 1 to 16384 pixels on each side, got"):
         camera_model_of("left", message)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "named"),
+    [
+        ("x_offset", 2**32 - 1, "roi: expected a part of the 640x480 image"),
+        ("y_offset", 1, "roi: expected a part"),
+        ("fx", 1e-300, "fx: expected 6.4 to 640000, got 1e-300"),
+        ("fy", 1e8, "fy: expected"),
+        ("cx", 7000.0, "cx: expected -6400 to 6400, got 7000"),
+        ("d", 1e200, "distortion coefficient 1: expected"),
+        ("distortion_model", "x" * 3000, "distortion in camera_info"),
+    ],
+)
+def test_numbers_that_no_lens_has_are_refused(field, value, named):
+    lens = CameraModel(640, 480, K, "plumb_bob", np.array([0.1, -0.2, 0.001, 0.002, 0.03]))
+    message = camera_info_message(5, "left_optical_frame", lens)
+    if field.endswith("offset"):
+        setattr(message.roi, field, value)
+    elif field in ("fx", "fy", "cx"):
+        message.k[{"fx": 0, "fy": 4, "cx": 2}[field]] = value
+    elif field == "d":
+        message.d[0] = value
+    else:
+        message.distortion_model = value
+    with pytest.raises(CalibrationError, match="camera 'left'") as refused:
+        camera_model_of("left", sent(message))
+    assert named in str(refused.value) and len(str(refused.value)) < 700

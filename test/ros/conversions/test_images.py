@@ -63,13 +63,28 @@ def test_big_endian():
     assert image.stamp_ns == 7_000_000_008 and np.array_equal(image.pixels, pixels)
 
 
-def test_padded_rows_are_a_view():
-    pixels = noise(4, 5, "bgr8")
+@pytest.mark.parametrize("encoding", ["bgr8", "mono8"])
+def test_padded_rows_become_as_others(encoding: str):
+    """Compiled code is made for contiguous images that are not changed: other kinds would be compiled in the middle of a run."""
+    pixels = noise(4, 5, encoding)
+    width = pixels.reshape(4, -1).shape[1]
     rows = np.full((4, 20), 99, np.uint8)
-    rows[:, :15] = pixels.reshape(4, 15)
-    message = Image(height=4, width=5, encoding="bgr8", step=20, data=rows.tobytes())
-    assert np.array_equal(camera_image_of("left", message).pixels, pixels)
-    assert np.array_equal(decode_raw_image("left", serialize_message(message)).pixels, pixels)
+    rows[:, :width] = pixels.reshape(4, width)
+    message = Image(height=4, width=5, encoding=encoding, step=20, data=rows.tobytes())
+    packed = Image(height=4, width=5, encoding=encoding, step=width, data=pixels.tobytes())
+    for padded, other in (
+        (camera_image_of("left", message), camera_image_of("left", packed)),
+        (decode_raw_image("left", serialize_message(message)), decode_raw_image("left", serialize_message(packed))),
+    ):
+        assert np.array_equal(padded.pixels, pixels) and not padded.pixels.flags.writeable
+        assert padded.pixels.flags.c_contiguous and other.pixels.flags.c_contiguous
+
+
+def test_a_long_encoding_is_not_quoted_whole():
+    message = Image(height=1, width=1, encoding="x" * 3000, step=3, data=b"123")
+    with pytest.raises(SourceError, match="image encoding: expected one of") as refused:
+        decode_raw_image("left", serialize_message(message))
+    assert len(str(refused.value)) < 600
 
 
 def test_buffer_is_used_again():

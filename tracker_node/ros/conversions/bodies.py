@@ -15,6 +15,7 @@ from ...model.articulated_model import ArticulatedModel, Shape
 from ...model.configuration import Configuration
 from ...model.kinematic_chain import N_ROOT_DOF
 from ...model.primitives import Box, Ellipsoid, TruncatedCone
+from ...render.status_palette import rgb_of
 from ...tracking.estimate import Status, TrackEstimate
 from .estimates import pose_of
 from .stamps import stamp_message
@@ -58,7 +59,8 @@ def marker_array_message(estimate: TrackEstimate, configuration: Configuration, 
 
 def _color(shape: Shape, status: Status) -> ColorRGBA:
     if status == Status.LOST:
-        return ColorRGBA(r=1.0, g=0.0, b=0.0, a=0.3)
+        red, green, blue = rgb_of("lost")
+        return ColorRGBA(r=red, g=green, b=blue, a=0.3)
     r, g, b = (float(c) / 255.0 for c in shape.color_rgb)
     return ColorRGBA(r=r, g=g, b=b, a=1.0 if status == Status.TRACKING else 0.6)
 

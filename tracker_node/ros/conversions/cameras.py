@@ -9,7 +9,8 @@ from sensor_msgs.msg import CameraInfo
 
 from ...camera.camera_model import CameraModel
 from ...camera.distortion import COEFFICIENT_COUNTS
-from ...errors import CalibrationError
+from ...camera.plausible_lens import plausible
+from ...errors import CalibrationError, shown
 from .stamps import stamp_message
 
 _LONGEST_SIDE = 16384  # pixels; pictures of the empty scene are brought to the size that a message claims
@@ -52,12 +53,12 @@ def camera_model_of(camera: str, message: CameraInfo) -> CameraModel:
         name, coefficients = "none", np.zeros(0)
     if name not in COEFFICIENT_COUNTS or coefficients.size not in COEFFICIENT_COUNTS[name]:
         known = ", ".join(f"{key} with {' or '.join(map(str, n))}" for key, n in COEFFICIENT_COUNTS.items())
-        raise CalibrationError(
-            camera, f"distortion in camera_info: expected {known} coefficients, got {name} with {coefficients.size}"
-        )
+        got = f"{shown(name)} with {coefficients.size}"
+        raise CalibrationError(camera, f"distortion in camera_info: expected {known} coefficients, got {got}")
     try:
         _check_numbers(K, coefficients)
-        return _cropped_and_binned(CameraModel(_side(message.width), _side(message.height), K, name, coefficients), message)
+        lens = plausible(CameraModel(_side(message.width), _side(message.height), K, name, coefficients))
+        return _cropped_and_binned(lens, message)
     except ValueError as error:
         raise CalibrationError(camera, f"camera_info: {error}") from error
 
@@ -79,6 +80,9 @@ def _cropped_and_binned(model: CameraModel, message: CameraInfo) -> CameraModel:
     roi = message.roi
     x, y = int(roi.x_offset), int(roi.y_offset)
     width, height = _side(int(roi.width) or model.width), _side(int(roi.height) or model.height)
+    if x + width > model.width or y + height > model.height:
+        got = f"x_offset {x}, y_offset {y}, width {width}, height {height}"
+        raise ValueError(f"roi: expected a part of the {model.width}x{model.height} image, got {got}")
     if (x, y, width, height) != (0, 0, model.width, model.height):
         model = model.mapped(np.array([[1.0, 0.0, -x], [0.0, 1.0, -y]]), width, height)
     bx, by = max(int(message.binning_x), 1), max(int(message.binning_y), 1)

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from sensor_msgs.msg import CompressedImage, Image
 
-from ...errors import SourceError
+from ...errors import SourceError, shown
 from ...loaders.source_image import bayer_pattern, decoded
 from ...observation.image_set import ENCODINGS, CameraImage
 from .stamps import NS_PER_S, stamp_message, stamp_ns_of
@@ -44,7 +44,7 @@ class ImageBuffer:
 
 
 def camera_image_of(camera: str, message: Image) -> CameraImage:
-    """The message's pixels as a view.
+    """The message's pixels as a view; a copy where rows have padding at their ends.
 
     Raises
     ------
@@ -80,20 +80,15 @@ def decode_raw_image(camera: str, data: bytes) -> CameraImage:
 def _view(camera: str, height: int, width: int, encoding: str, step: int, content: np.ndarray) -> tuple[np.ndarray, str]:
     encoding = _SAME_ENCODING.get(encoding, encoding)
     if encoding not in ENCODINGS:
-        raise SourceError(camera, f"image encoding: expected one of {sorted(ENCODINGS)}, got '{encoding}'")
+        raise SourceError(camera, f"image encoding: expected one of {sorted(ENCODINGS)}, got {shown(encoding)}")
     channels = ENCODINGS[encoding]
     if step < width * channels or content.size < height * step or not height * width:
         raise SourceError(camera, f"image message contradicts itself: {width}x{height}, step {step}, {content.size} bytes")
     rows = content[: height * step].reshape(height, step)[:, : width * channels]
-    if channels == 1:
-        return rows, encoding
-    return rows.reshape(height, width, channels) if step == width * channels else _padded(rows, width, channels), encoding
-
-
-def _padded(rows: np.ndarray, width: int, channels: int) -> np.ndarray:
-    """Rows with padding at their ends as (height, width, channels), still a view."""
-    strides = (rows.strides[0], channels, 1)
-    return np.lib.stride_tricks.as_strided(rows, (rows.shape[0], width, channels), strides, writeable=False)
+    if step != width * channels:  # compiled code is made for rows without padding, and images that are not changed
+        rows = np.ascontiguousarray(rows)
+        rows.flags.writeable = False
+    return rows if channels == 1 else rows.reshape(height, width, channels), encoding
 
 
 class _CdrReader:
@@ -149,5 +144,5 @@ def bgr_of_compressed(camera: str, message: CompressedImage) -> CameraImage:
     """
     bgr = decoded(message.data)
     if bgr is None:
-        raise SourceError(camera, f"cannot decode a compressed image of format '{message.format}'")
+        raise SourceError(camera, f"cannot decode a compressed image of format {shown(message.format)}")
     return CameraImage(camera, stamp_ns_of(message.header.stamp), bgr)

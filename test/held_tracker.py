@@ -1,0 +1,34 @@
+"""A tracker that a test can hold and break."""
+
+import threading
+from dataclasses import replace
+
+from ros_samples import some_estimate, tracked_arm
+
+from tracker_node.tracking.estimate import Status, Timings
+
+
+class HeldTracker:
+    """Steps only while ``go`` is set, and fails at the stamps in ``failing``."""
+
+    def __init__(self):
+        self.go, self.stepping, self.failing = threading.Event(), threading.Event(), set()
+        self.status, self.total_ms = Status.DEGRADED, 4.0
+        self.told = []  # states, "reset" and "look anew"
+
+    def step(self, image_set):
+        self.stepping.set()
+        assert self.go.wait(30.0)
+        if image_set.stamp_ns in self.failing:
+            raise RuntimeError("no good")
+        timings = Timings(0.0, 0.0, self.total_ms)
+        return replace(some_estimate(tracked_arm(), image_set.stamp_ns), status=self.status, timings=timings)
+
+    def reset(self):
+        self.told.append("reset")
+
+    def set_state(self, state):
+        self.told.append(state.to_values()[-1])
+
+    def look_anew(self):
+        self.told.append("look anew")

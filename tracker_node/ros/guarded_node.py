@@ -1,0 +1,172 @@
+"""Nodes that no callback can end: what one raises is logged once, counted and said on /diagnostics."""
+
+from __future__ import annotations
+
+import functools
+import traceback
+from collections import Counter, deque
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.service import Service
+from rclpy.subscription import Subscription
+from rclpy.timer import Timer
+
+from .diagnostics import CALLBACKS, ERROR, Diagnostics
+
+NO_ANSWER = "an error in the node, its log has the details"
+_KEPT = 1000  # destroyed ends of topics
+
+
+class CallbackErrors:
+    """Exceptions of the callbacks of one node.
+
+    Attributes
+    ----------
+    count : how many there were.
+    diagnostics : where they are reported; made with the first one where the node has none.
+    """
+
+    def __init__(self, node: Node):
+        self._node = node
+        self._seen: Counter[tuple[str, str]] = Counter()
+        self.count = 0
+        self.diagnostics: Diagnostics | None = None
+
+    def caught(self, where: str, error: Exception) -> None:
+        """Take note of an exception; the log has the details of the first one of its kind."""
+        kind = (where, type(error).__name__)
+        self._seen[kind] += 1
+        self.count += 1
+        if self._seen[kind] == 1:
+            details = "".join(traceback.format_exception(error))
+            self._node.get_logger().error(f"error in the callback of {where}, the node goes on\n{details}")
+        with suppress(Exception):  # of a node that is being destroyed
+            self._report(*kind, str(error))
+
+    def _report(self, where: str, name: str, text: str) -> None:
+        if self.diagnostics is None:
+            self.diagnostics = Diagnostics(self._node)
+        values = {"errors": self.count, "latest": f"{where}: {text}"}
+        said = f"{name} in the callback of {where}; the log has the details"
+        self.diagnostics.report(CALLBACKS, ERROR, said, values, logged=False)
+
+    def guarded(self, where: str, callback: Callable) -> Callable:
+        """The callback, which does not raise."""
+
+        @functools.wraps(callback)  # rclpy goes by the signature
+        def guarded(*arguments: Any) -> Any:
+            try:
+                return callback(*arguments)
+            except Exception as error:
+                self.caught(where, error)
+                return None
+
+        return guarded
+
+    def guarded_service(self, where: str, callback: Callable) -> Callable:
+        """The callback of a service, which answers that it has failed where it would raise."""
+
+        @functools.wraps(callback)
+        def guarded(request: Any, response: Any) -> Any:
+            try:
+                return callback(request, response)
+            except Exception as error:
+                self.caught(where, error)
+                return _failure(type(response)())
+
+        return guarded
+
+
+class GuardedNode(Node):
+    """A node whose callbacks of subscriptions, timers, services and events are guarded.
+
+    An exception that leaves a callback would end the event loop, and with it the process. What is destroyed calls nobody any
+    more: the events executor delivers what it has queued for a subscription even after its end, without a reference to it; so
+    these are kept for a while.
+
+    Attributes
+    ----------
+    callback_errors : what the callbacks have raised.
+    """
+
+    def __init__(self, *arguments: Any, **options: Any):
+        self.callback_errors = CallbackErrors(self)  # the base class makes services
+        self._gone: deque[Any] = deque(maxlen=_KEPT)
+        super().__init__(*arguments, **options)
+
+    def create_subscription(
+        self, msg_type: type, topic: str, callback: Callable, *arguments: Any, event_callbacks: Any = None, **options: Any
+    ) -> Subscription:
+        """As rclpy has it, guarded."""
+        events = self._guarded_events(topic, event_callbacks or SubscriptionEventCallbacks())
+        guarded = self.callback_errors.guarded(topic, callback)
+        return super().create_subscription(msg_type, topic, guarded, *arguments, event_callbacks=events, **options)
+
+    def create_publisher(
+        self, msg_type: type, topic: str, *arguments: Any, event_callbacks: Any = None, **options: Any
+    ) -> Publisher:
+        """As rclpy has it, its events guarded."""
+        events = self._guarded_events(topic, event_callbacks or PublisherEventCallbacks())
+        return super().create_publisher(msg_type, topic, *arguments, event_callbacks=events, **options)
+
+    def create_service(self, srv_type: type, srv_name: str, callback: Callable, **options: Any) -> Service:
+        """As rclpy has it, guarded."""
+        return super().create_service(srv_type, srv_name, self.callback_errors.guarded_service(srv_name, callback), **options)
+
+    def create_timer(self, timer_period_sec: float, callback: Callable, *arguments: Any, **options: Any) -> Timer:
+        """As rclpy has it, guarded."""
+        where = f"a timer of {timer_period_sec:g} s"
+        return super().create_timer(timer_period_sec, self.callback_errors.guarded(where, callback), *arguments, **options)
+
+    def destroy_subscription(self, subscription: Subscription) -> bool:
+        """As rclpy has it; it calls nobody any more."""
+        subscription.callback = _nobody
+        return self._destroyed(subscription, super().destroy_subscription)
+
+    def destroy_publisher(self, publisher: Publisher) -> bool:
+        """As rclpy has it; its events call nobody any more."""
+        return self._destroyed(publisher, super().destroy_publisher)
+
+    def destroy_timer(self, timer: Timer) -> bool:
+        """As rclpy has it; it calls nobody any more."""
+        timer.callback = _nobody
+        self._gone.append(timer)
+        return super().destroy_timer(timer)
+
+    def _destroyed(self, end: Any, destroy: Callable[[Any], bool]) -> bool:
+        self._gone.append(end)
+        for handler in end.event_handlers:
+            handler.callback = _nobody
+        return destroy(end)
+
+    def _guarded_events(self, topic: str, events: Any) -> Any:
+        for name, callback in vars(events).items():
+            if callable(callback):
+                setattr(events, name, self.callback_errors.guarded(f"{topic} ({name})", callback))
+        return events
+
+
+def caught_in_loop(node: Node, error: Exception) -> None:
+    """What the event loop itself raised: a message that cannot be read, an end that is gone."""
+    if isinstance(node, GuardedNode):
+        node.callback_errors.caught("the event loop", error)
+    else:
+        node.get_logger().error("".join(traceback.format_exception(error)))
+
+
+def _nobody(*_: Any) -> None:
+    """Is called in the place of a callback whose end of a topic is gone."""
+
+
+def _failure(response: Any) -> Any:
+    if hasattr(response, "success"):
+        response.success = False
+    for name in ("message", "status_message"):
+        if hasattr(response, name):
+            setattr(response, name, NO_ANSWER)
+    return response
