@@ -4,7 +4,8 @@ import pytest
 from board_scenes import CHARUCO, CHESSBOARD, picture, ring
 
 from tracker_node.calibration.board import Board, BoardDetector
-from tracker_node.calibration.board_detection import CameraViews, detect_boards, without_blur
+from tracker_node.calibration.board_detection import CameraViews, detect_boards, with_board, without_blur
+from tracker_node.camera.camera_rig import Camera
 from tracker_node.errors import CalibrationError, SourceError
 from tracker_node.geometry import se3, so3
 from tracker_node.loaders.image_source import open_source
@@ -103,8 +104,39 @@ def test_all_cameras_are_searched_and_long_recordings_in_bursts(tmp_path):
 
 def test_a_camera_without_the_board_is_named(tmp_path):
     sources = {"left": film(tmp_path, "left", [np.full((120, 160), 90, dtype=np.uint8)] * 3)}
+    seen = detect_boards(sources, SMALL)
     with pytest.raises(CalibrationError, match=r"'left': the board \(charuco 5x4.*in none of its 3 images"):
-        detect_boards(sources, SMALL)
+        with_board(seen, SMALL, 1)
+
+
+def smaller(camera: Camera) -> Camera:
+    return Camera(camera.name, camera.model.resized(640, 400), camera.T_world_cam)
+
+
+def test_the_mirrored_back_of_a_board_is_recognized_and_not_measured_from(tmp_path):
+    """As through thin paper, or printed on the other side so that both lie on each other."""
+    camera = smaller(ring(1, ["plumb_bob"]).cameras[0])
+    front = picture(camera, SMALL, held_towards(camera))
+    back = np.ascontiguousarray(front[:, ::-1])
+    assert BoardDetector(SMALL).find(back) is None and BoardDetector(SMALL).sees_back(back)
+    assert not BoardDetector(SMALL).sees_back(front)
+    sources = {"both": film(tmp_path, "both", [front, back] * 3), "behind": film(tmp_path, "behind", [back] * 6)}
+    seen, left_out = with_board(detect_boards(sources, SMALL), SMALL, 1)
+    assert len(seen["both"].views) == 3 and 1 <= seen["both"].backs <= 3
+    assert list(seen) == ["both"] and "its mirrored back is" in left_out["behind"]
+    with pytest.raises(CalibrationError, match=r"'behind'.*mirrored back"):
+        with_board(seen | {"behind": CameraViews((640, 400), (), 6, backs=2)}, SMALL, 2)
+
+
+def test_corners_that_turn_the_other_way_are_no_view():
+    """What markers of a mirrored print are taken for by chance: the numbers of the other side."""
+    camera = smaller(ring(1, ["plumb_bob"]).cameras[0])
+    detector = BoardDetector(SMALL)
+    view = detector.find(picture(camera, SMALL, held_towards(camera)))
+    columns, rows = SMALL.grid
+    swapped = (np.arange(columns * rows).reshape(rows, columns)[:, ::-1]).ravel()
+    detector._charuco_corners = lambda gray: (swapped[view.ids], view.pixels)
+    assert view is not None and detector.find(np.zeros((800, 1280), np.uint8)) is None
 
 
 def test_images_that_change_their_size_are_refused(tmp_path):

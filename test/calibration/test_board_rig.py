@@ -76,6 +76,7 @@ def test_pairs_agree_to_the_noise(exact, tmp_path):
     assert page.count("data:image/png") == 6 and "http" not in page.replace("http://www.w3.org", "")
 
 
+@pytest.mark.long
 def test_clocks_and_stamps_that_are_off_are_found():
     rig, late_s = ring(8, ["plumb_bob"]).subset(["cam1", "cam2", "cam3"]), [0.0, 0.04, -0.03]
     seen = corners_seen(rig, n=150, noise_px=0.2, late_s=late_s, jitter_s=0.008)

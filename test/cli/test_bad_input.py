@@ -9,11 +9,17 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from camera_rigs import in_millimetres
 from small_clip import Clip, make_clip
 
+from tracker_node.cli._nothing_tracked import nothing_tracked
 from tracker_node.cli.main import main
+from tracker_node.errors import SourceError
 from tracker_node.loaders.bag_reader import BagReader
+from tracker_node.loaders.image_source import SourceOptions
+from tracker_node.loaders.rig_yaml import load_rig
 from tracker_node.loaders.trajectory_file import read_states
+from tracker_node.ros.ingest_cameras import chosen_cameras, open_cameras
 
 N_IMAGES = 8
 CAMERAS = ("cam01", "cam02", "cam03")
@@ -49,7 +55,9 @@ def outcome(clip: Clip, tmp_path: Path, capsys: pytest.CaptureFixture) -> Callab
         damage(folder)
         files = {"rig": "rig.yaml", "model": "model.yaml", "config": "config.yaml", "initial-state": "start.yaml"}
         named = [text for name, file in files.items() for text in (f"--{name}", str(folder / file))]
-        status = main(["track_offline", *named, "--output", str(tmp_path / "run"), "--quiet", *options])
+        quiet = [] if "--told" in options else ["--quiet"]
+        options = tuple(option for option in options if option != "--told")
+        status = main(["track_offline", *named, "--output", str(tmp_path / "run"), *quiet, *options])
         return Outcome(status, capsys.readouterr().err, tmp_path / "run")
 
     return run
@@ -98,6 +106,48 @@ def test_a_source_that_cannot_be_used_is_named_and_the_others_go_on(outcome, kin
     assert {status for status, _ in result.states} == {"DEGRADED"}
 
 
+def test_a_source_that_cannot_be_used_is_told_before_anything_is_tracked(outcome):
+    result = outcome(lambda folder: shutil.rmtree(folder / "cam02"), "--told", "--max-sets", "2")
+    lines = result.said.splitlines()
+    (told,) = [i for i, line in enumerate(lines) if "left out" in line]
+    assert told < min(i for i, line in enumerate(lines) if "image sets, " in line)
+
+
+def nobody(folder: Path) -> None:
+    for name in CAMERAS:
+        for path in (folder / name).iterdir():
+            shutil.copy(folder / f"{name}_plate.png", path)
+
+
+def test_a_run_that_is_lost_throughout_says_so_and_has_a_status_of_its_own(outcome):
+    result = outcome(nobody)
+    assert result.status == 3
+    assert {status for status, _ in result.states} == {"LOST"}
+    (line,) = result.said.splitlines()
+    assert f"LOST in all {N_IMAGES} image sets" in line and "leave out the initial state" in line and "rig check" in line
+
+
+@pytest.mark.parametrize(("counts", "given", "words"), [
+    ({"INITIALISING": 9}, False, "found in none of 9 image sets (nothing moves): give --initial-state"),
+    ({"INITIALISING": 4, "LOST": 5}, False, "tracked in none of 9 image sets (mostly: nothing moves); likely the start was"),
+    ({}, True, "no image set was formed"),
+])  # fmt: skip
+def test_what_is_said_of_a_run_without_a_tracked_set(capsys, counts, given, words):
+    assert nothing_tracked("track_offline", counts, "nothing moves", given) == 3
+    assert words in capsys.readouterr().err
+    assert nothing_tracked("track_offline", counts | {"DEGRADED": 1}, "", given) == 0
+    assert not capsys.readouterr().err
+
+
+def test_another_aspect_is_refused_with_the_nearest_sizes(outcome):
+    result = outcome(lambda folder: None, "--resize", "120x60")
+    assert result.status == 2 and not result.folder.exists()
+    (line,) = result.said.splitlines()
+    assert "120x60 (aspect 2.000) of images of 160x120 (1.333)" in line and "give 120x90 or 80x60" in line
+    with pytest.raises(SourceError, match="give 120x90 or 80x60"):
+        open_cameras(chosen_cameras(load_rig(result.folder.parent / "clip/rig.yaml")), SourceOptions(size=(120, 60)))
+
+
 def test_with_no_source_at_all_nothing_is_begun(outcome):
     result = outcome(lambda folder: [shutil.rmtree(folder / name) for name in CAMERAS])
     assert result.status == 2
@@ -106,6 +156,10 @@ def test_with_no_source_at_all_nothing_is_begun(outcome):
 
 
 MISTAKES = {
+    "millimetres": (
+        lambda folder: in_millimetres(folder / "rig.yaml", folder / "rig.yaml"),
+        ["rig", "millimetres, a rig is in metres", "Divide it by 1000", "rig check"],
+    ),
     "uncalibrated": (edit("rig.yaml", "150.0", "0.0"), ["cam01", "uncalibrated (K[0] = 0)"]),
     "two parents": (
         edit("model.yaml", "child: fore", "child: upper"),

@@ -58,6 +58,22 @@ def test_a_rig_from_folders_of_images(folders, tmp_path, capsys, monkeypatch):
     assert cv2.imread(str(tmp_path / "coverage_left.png")).shape == (400, 640, 3) and (tmp_path / "rig.json").exists()
 
 
+def test_a_camera_without_boards_does_not_stop_the_others(folders, tmp_path, capsys):
+    for name, image in (("away", np.full((400, 640), 90, np.uint8)), ("behind", None)):
+        (tmp_path / name).mkdir()
+        for i in range(4):
+            back = cv2.flip(cv2.imread(str(folders / "left" / f"{i:02d}.png")), 1)
+            cv2.imwrite(str(tmp_path / name / f"{i:02d}.png"), back if image is None else image)
+    videos = [folders / "left", tmp_path / "away", folders / "right", tmp_path / "behind"]
+    assert calibrate("rig", "--videos", *videos, *GIVEN, "-o", tmp_path / "rig.yaml") == 1
+    said = capsys.readouterr().err.splitlines()
+    assert [line.split(":")[1] for line in said] == [" away", " behind"]
+    assert all("this camera is left out" in line for line in said)
+    assert "are its columns and rows" in said[0] and "its mirrored back is" in said[1]
+    assert load_rig(tmp_path / "rig.yaml").names == ("left", "right")
+
+
+@pytest.mark.long
 def test_lenses_first_then_places_and_nothing_is_overwritten(folders, tmp_path, capsys):
     lenses, output = tmp_path / "lenses.yaml", tmp_path / "rig.yaml"
     videos = [f"a={folders / 'left'}", f"b={folders / 'right'}"]

@@ -5,9 +5,10 @@ import pytest
 from cross_files import control_point_rows
 from cross_files import write_control_points as write
 
+from tracker_node.cli._calibrate_dlt import _common
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.control_points import COLUMNS, load_control_points
+from tracker_node.loaders.control_points import COLUMNS, ControlPoints, load_control_points
 from tracker_node.loaders.rig_yaml import load_rig
 from tracker_node.synthesis.cross import cross_rig
 
@@ -107,3 +108,16 @@ def test_bad_lines_are_named(tmp_path, rows, row, column, value, message):
 def test_an_empty_file_is_refused(tmp_path):
     with pytest.raises(FileFormatError, match="one line at least"):
         load_control_points(write(tmp_path / "points.csv", []))
+
+
+def test_points_of_all_cameras_have_weights_where_they_are_seen():
+    def seen(*names):
+        numbers = np.array(["abc".index(name) for name in names], dtype=float)
+        return ControlPoints(names, numbers[:, None] + [0.0, 10.0, 20.0], numbers[:, None] + [100.0, 200.0])
+
+    places, pixels, weights = _common({"left": seen("b", "a"), "right": seen("c", "b")})
+    assert places.tolist() == [[1, 11, 21], [0, 10, 20], [2, 12, 22]]
+    assert weights.tolist() == [[1, 1], [1, 0], [0, 1]]
+    assert pixels[0].tolist() == [[101, 201], [101, 201]]
+    assert pixels[1].tolist() == [[100, 200], [0, 0]]
+    assert pixels[2].tolist() == [[0, 0], [102, 202]]

@@ -1,19 +1,26 @@
 """``calibrate body --from-run`` and ``calibrate refine --from-run`` on the run of a small clip, as a user runs them."""
 
 import json
+import os
+from argparse import Namespace
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from small_clip import RATE_HZ, make_clip
 
-from tracker_node.cli._run_images import chosen_rows, velocity_at
+from tracker_node.cli._run_images import chosen_rows, load_run_images, velocity_at
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError
+from tracker_node.evaluation.estimate_messages import image_message
 from tracker_node.evaluation.run_data import load_run
+from tracker_node.loaders.bag_writer import BagWriter
 from tracker_node.loaders.model_yaml import dump_model, load_model
 from tracker_node.loaders.rig_yaml import load_rig
 from tracker_node.model.shape_parameters import ShapeSpace
+from tracker_node.studio.played_run import open_run
+from tracker_node.studio.session import StudioFiles, open_session
 from tracker_node.tracking.estimate import Status
 
 
@@ -90,9 +97,76 @@ def test_sets_are_spread_and_lost_ones_left_out(run):
     assert len(chosen) == 4 and chosen == sorted(chosen) and chosen[0] <= 1 and chosen[-1] >= 6
     half_lost = np.where(np.arange(len(data)) < 4, int(Status.LOST), int(Status.TRACKING))
     assert min(chosen_rows(replace(data, status=half_lost), 4)) >= 4
-    with pytest.raises(FileFormatError, match="lost"):
+    with pytest.raises(FileFormatError, match="8 LOST"):
         chosen_rows(replace(data, status=np.full(len(data), int(Status.LOST))), 4)
     speed = velocity_at(data, 4)
     tangent = data.configuration(run.model, 5).state.difference(data.configuration(run.model, 3).state)
     assert np.allclose(speed, 0.5 * RATE_HZ * tangent, atol=1e-4)
     assert np.allclose(velocity_at(replace(data, stamps_ns=np.zeros(len(data), dtype=np.int64)), 4), 0.0)
+
+
+@pytest.fixture(scope="module")
+def taken_otherwise(tmp_path_factory):
+    """A clip and a run of it with images, cameras and sources that are not the rig's."""
+    clip = make_clip(tmp_path_factory.mktemp("otherwise"), 8)
+    (clip.folder / "elsewhere").mkdir()
+    (clip.folder / "cam01").rename(clip.folder / "elsewhere" / "first")
+    home = os.getcwd()
+    os.chdir(clip.folder / "elsewhere")
+    try:
+        options = ["--resize", "120x90", "--source", "cam01=first", "--cameras", "cam01", "cam02", "--start", "1"]
+        run = ["track_offline", *clip.arguments(), *options, "--output", str(clip.folder / "run"), "--quiet"]
+        assert main([*run, "--base-stamp-ns", "7000000000"]) == 0
+    finally:
+        os.chdir(home)
+    return clip
+
+
+@pytest.mark.parametrize("what", ["body", "refine"])
+def test_images_are_taken_again_as_the_run_took_them(taken_otherwise, tmp_path, what):
+    limits = ["--only", "girth"] if what == "body" else ["--keep-places"]
+    assert calibrate(what, taken_otherwise, "-o", tmp_path / "found.yaml", *limits) == 0
+    assert (tmp_path / "found.html").read_text().count("data:image/png") == 4  # two instants, two cameras
+
+
+def test_the_images_of_a_run_have_its_size_its_cameras_and_its_parameters(taken_otherwise):
+    images = load_run_images(arguments_of(taken_otherwise))
+    assert images.rig.names == ("cam01", "cam02")
+    assert [(c.model.width, c.model.height) for c in images.rig] == [(120, 90)] * 2
+    assert [i.pixels.shape[:2] for s in images.sets for i in s.images] == [(90, 120)] * 8
+    assert all(plate.shape[:2] == (90, 120) for plate in images.plates.values())
+    assert images.config.optimizer.max_iterations == 5  # of the clip's config.yaml
+
+
+def arguments_of(clip):
+    return Namespace(from_run=str(clip.folder / "run"), sets=4, rig=None, model=None, config=None)
+
+
+def test_it_is_tracked_again_evaluated_and_played(taken_otherwise, tmp_path):
+    run = taken_otherwise.folder / "run"
+    again = ["track_offline", *taken_otherwise.arguments(), "--from-run-bag", str(run / "bag"), "--quiet"]
+    assert main([*again, "--output", str(tmp_path / "again")]) == 0
+    assert (tmp_path / "again" / "states.csv").read_bytes() == (run / "states.csv").read_bytes()
+    assert main(["evaluate", str(run), "--no-pdf", "--output", str(tmp_path), "--pictures", "2"]) == 0
+    page = (tmp_path / "report.html").read_text()
+    assert "left out" not in page and all(f"{name}, image" in page for name in ("cam01", "cam02")) and "cam03, image" not in page
+    files = StudioFiles(rig=taken_otherwise.rig_file, model=taken_otherwise.model_file, run=run)
+    played = open_run(open_session(files))
+    assert played.problem == "" and [dict(n) for n in played.numbers] == [{"cam01": i, "cam02": i} for i in range(1, 8)]
+
+
+def test_a_run_of_a_bag_takes_its_images_from_that_bag(run, tmp_path):
+    recorded = tmp_path / "recorded"
+    with BagWriter(recorded) as writer:
+        for i in range(8):
+            for camera in run.rig:
+                pixels = cv2.imread(str(run.folder / camera.name / f"{i:04d}.png"))
+                stamp_ns = 10**9 + round(i * 1e9 / RATE_HZ)
+                message = image_message(stamp_ns, camera.frame_id, pixels, "bgr8")
+                writer.write_message(f"/{camera.name}/image_raw", stamp_ns, message)
+    arguments = ["track_offline", *run.arguments(), "--bag", str(recorded), "--output", str(tmp_path / "run"), "--quiet"]
+    assert main(arguments) == 0
+    images = load_run_images(Namespace(from_run=str(tmp_path / "run"), sets=4, rig=None, model=None, config=None))
+    assert len(images.sets) == 4 and images.sets[0].stamp_ns >= 10**9
+    assert main(["evaluate", str(tmp_path / "run"), "--no-pdf", "--pictures", "2"]) == 0
+    assert "cam02, image" in (tmp_path / "run" / "report.html").read_text()

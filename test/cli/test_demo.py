@@ -25,7 +25,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_it_runs_again_over_its_own_run_also_where_that_was_killed_early(folder: Path) -> None:
-    arguments = Namespace(out=str(folder), fresh=False)
+    arguments = Namespace(output=str(folder), fresh=False)
     assert demo.run(arguments) == 0 and list(folder.iterdir()) == []
     (folder / "run.json").write_text("{}")  # written before the first message
     assert demo.run(arguments) == 0
@@ -34,5 +34,5 @@ def test_it_runs_again_over_its_own_run_also_where_that_was_killed_early(folder:
 def test_an_offline_run_is_left_as_it_is(folder: Path) -> None:
     (folder / "states.csv").write_text("")
     with pytest.raises(BagExistsError, match=r"states\.csv"):
-        demo.run(Namespace(out=str(folder), fresh=False))
+        demo.run(Namespace(output=str(folder), fresh=False))
     assert (folder / "bag" / "metadata.yaml").exists() and (folder / "run.json").exists()

@@ -179,3 +179,21 @@ def test_a_full_disk_spares_what_was_there(run, tmp_path, capsys, to):
     assert said.count("\n") == 1 and f"a.{to}" in said and ("File too large" in said or "whole" in said)
     assert files() == before
     assert main([*command, "--rate", "120"]) == 0 and files().keys() == before.keys() and files() != before
+
+
+@pytest.mark.parametrize("to", FORMATS)
+def test_the_suffix_of_the_output_names_the_format(run, tmp_path, capsys, to):
+    assert main(["export", str(run), "-o", str(tmp_path / f"a.{to.upper()}")]) == 0
+    assert main(["export", str(run), "--to", to, "-o", str(tmp_path / "b.dat")]) == 0
+    assert (tmp_path / f"a.{to.upper()}").is_dir() == (tmp_path / "b.dat").is_dir() == (to == "csv")
+
+
+def test_a_format_and_a_suffix_that_contradict_each_other_are_refused(run, tmp_path, capsys):
+    for arguments, words in (
+        (["--to", "c3d", "-o", str(tmp_path / "x.trc")], ["--to", "trc", "--to c3d -o"]),
+        (["-o", str(tmp_path / "x")], ["--to", "one of trc, mot, sto, c3d, bvh, tum, csv"]),
+    ):
+        assert main(["export", str(run), *arguments]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert all(word in line for word in words), line
+    assert not list(tmp_path.iterdir())

@@ -25,6 +25,7 @@ def test_experiments_are_found():
     assert {"table1", "convergence", "figures"} <= set(subverbs("reproduce"))
 
 
+@pytest.mark.long
 def test_table1(tmp_path, capsys):
     assert main(["reproduce", "table1", "--quick", "--output", str(tmp_path)]) == 0
     metrics = metrics_of(tmp_path)
@@ -45,6 +46,7 @@ def test_table1(tmp_path, capsys):
     assert page.count("data:image/png") == 1 and "one renderer: stepping" in page
 
 
+@pytest.mark.long
 def test_convergence(tmp_path):
     assert main(["reproduce", "convergence", "--quick", "--output", str(tmp_path)]) == 0
     metrics = metrics_of(tmp_path)
@@ -58,6 +60,7 @@ def test_convergence(tmp_path):
         assert colors_on(tmp_path / f"{name}.png") > 0.001
 
 
+@pytest.mark.long
 def test_figures(tmp_path, capsys):
     assert main(["reproduce", "figures", "--quick", "--output", str(tmp_path)]) == 0
     for name in ("fig1", "fig2"):

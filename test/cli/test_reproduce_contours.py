@@ -34,6 +34,7 @@ def metrics(folder):
     return json.loads((folder / "out/metrics.json").read_text())["metrics"]
 
 
+@pytest.mark.long
 def test_the_sum_has_its_minimum_at_the_truth(metrics):
     """Within a pixel or two for the part, within a step of the coarse grid for the body."""
     for part in ("part", "thin_part"):
@@ -43,11 +44,13 @@ def test_the_sum_has_its_minimum_at_the_truth(metrics):
         assert metrics[f"contours.row.{dof}.sum.minimum_off_{unit}"] <= step
 
 
+@pytest.mark.long
 def test_silhouettes_alone_leave_a_thin_part_free(metrics):
     flat = {key: metrics[f"contours.row.thin_part.{key}.flat_px"] for key in PUBLISHED}
     assert flat["silhouette"] > 5.0 and flat["silhouette"] > 1.5 * flat["sum"]
 
 
+@pytest.mark.long
 def test_every_clip_is_tracked_by_each_method(metrics):
     for clip in ("cones", "mannequin_swing"):
         for method in METHODS[:-1]:
@@ -59,6 +62,7 @@ def test_every_clip_is_tracked_by_each_method(metrics):
     assert metrics["contours.cones.sum.lost_sets"] == 0
 
 
+@pytest.mark.long
 def test_the_sliding_term_changes_iterations_rather_than_errors(metrics):
     for distances in ("sum", "split"):
         prefix = f"contours.cones.sliding_{distances}"
@@ -68,6 +72,7 @@ def test_the_sliding_term_changes_iterations_rather_than_errors(metrics):
         assert metrics[f"{prefix}.iterations_ratio"] == pytest.approx(without / with_)
 
 
+@pytest.mark.long
 def test_it_leaves_pictures_a_table_and_a_page(folder):
     for name in PICTURES:
         picture = cv2.imread(str(folder / f"out/{name}.png"))
@@ -80,6 +85,7 @@ def test_it_leaves_pictures_a_table_and_a_page(folder):
     assert "Fig. 3" in page and "Fig. 6" in page
 
 
+@pytest.mark.long
 def test_contours_are_drawn_over_the_images(folder):
     """Yellow outlines, which the room does not have."""
     for name in ("fig5_cameras", "fig6_cones"):
@@ -87,6 +93,7 @@ def test_contours_are_drawn_over_the_images(folder):
         assert np.mean((r > 220) & (g > 190) & (b < 130)) > 1e-3, name
 
 
+@pytest.mark.long
 def test_single_image_sets_of_a_clip(folder):
     clip = synthetic_clip(folder / "clips/small_cones-6", "cones")
     stamps = [image_set.stamp_ns for image_set in clip.stream()]

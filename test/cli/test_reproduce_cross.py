@@ -14,6 +14,7 @@ from tracker_node.synthesis.cross_film import Footage
 PICTURES = ("fig3_plan", "fig7_side_mask", "fig8_twist_mask", "fig9_side_pose", "fig10_twist_pose", "side_video", "twist_errors")
 
 
+@pytest.mark.long
 def test_the_command_leaves_figures_pictures_and_a_page(tmp_path, capsys):
     assert main(["reproduce", "cross", "--quick", "--output", str(tmp_path)]) == 0
     metrics = json.loads((tmp_path / "metrics.json").read_text())["metrics"]

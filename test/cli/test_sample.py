@@ -15,7 +15,7 @@ from tracker_node.loaders.sample_data import SAMPLES, fetch_sample
 from tracker_node.loaders.state_yaml import load_state
 
 
-@pytest.mark.parametrize("command", [["sample", "balancing", "--output"], ["demo", "--out"]])
+@pytest.mark.parametrize("command", [["sample", "balancing", "--output"], ["demo", "--output"]])
 def test_without_network_and_cache_it_is_said_in_one_line(no_index, tmp_path, capsys, command):
     assert main([*command, str(tmp_path / "out")]) == 2
     error = capsys.readouterr().err
@@ -35,7 +35,7 @@ def cached_or_network(monkeypatch):
         monkeypatch.setenv("PIP_NO_INDEX", "1")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_whole_sample(cached_or_network, tmp_path, capsys):
     folder = tmp_path / "balancing"
     assert main(["sample", "balancing", "--output", str(folder)]) == 0

@@ -34,21 +34,27 @@ def test_a_sound_rig_gives_no_alarm(clip):
     assert told(clip) == []
 
 
-@pytest.mark.parametrize(
-    "fault",
-    [
-        "wrong_resolution", "swapped_cameras", "mirrored_axis", "millimetres", "bad_extrinsics", "moved_camera",
-        "wrong_focal_length", "clock_offset", "exposure_change", "interlaced_video", "duplicate_images", "low_image_rate",
-    ],
+QUICK = ("wrong_resolution", "moved_camera", "interlaced_video", "low_image_rate")
+SLOW = (
+    "swapped_cameras", "mirrored_axis", "millimetres", "bad_extrinsics", "wrong_focal_length", "clock_offset", "exposure_change",
+    "duplicate_images",
 )  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", [*QUICK, *(pytest.param(fault, marks=pytest.mark.long) for fault in SLOW)])
 def test_each_fault_alone_is_named_with_its_camera_and_nothing_else(fault, clip):
     planted = faults.PLANTED[fault]
     assert told(planted.plant(clip)) == [(planted.fault, tuple(clip.rig.names[i] for i in planted.cameras))]
 
 
-def test_what_is_fitted_is_what_was_planted(clip):
+@pytest.mark.long
+def test_the_focal_length_that_is_fitted_is_what_was_planted(clip):
     focal = examine(*_rig_and_recordings(faults.wrong_focal_length(clip, 1.15))).findings[0]
     assert focal.values["factor"] == pytest.approx(1.0 / 1.15, abs=0.02)
+
+
+@pytest.mark.long
+def test_what_is_fitted_is_what_was_planted(clip):
     clock = examine(*_rig_and_recordings(faults.clock_offset(clip, 0.2))).findings[0]
     assert clock.values["late_s"] == pytest.approx(-0.2, abs=0.02)
     assert "time_offset_s: 0.2" in clock.sentence
@@ -56,17 +62,20 @@ def test_what_is_fitted_is_what_was_planted(clip):
     assert place.values["turned_deg"] == pytest.approx(4.0, abs=1.5)
 
 
+@pytest.mark.long
 def test_one_place_in_millimetres_among_metres(clip):
     transform = clip.rig.cameras[2].T_world_cam.copy()
     transform[:3, 3] *= 1000.0
     assert told(clip.with_camera(2, T_world_cam=transform)) == [("unit", ("cam3",))]
 
 
+@pytest.mark.long
 def test_axes_as_in_opengl(clip):
     flipped = tuple(replace(c, T_world_cam=c.T_world_cam @ np.diag([1.0, -1.0, -1.0, 1.0])) for c in clip.rig)
     assert told(replace(clip, rig=replace(clip.rig, cameras=flipped))) == [("mirrored", ())]
 
 
+@pytest.mark.long
 def test_places_that_are_inverted(clip):
     inverted = tuple(replace(c, T_world_cam=c.T_cam_world) for c in clip.rig)
     assert ("place", ()) in told(replace(clip, rig=replace(clip.rig, cameras=inverted)))

@@ -71,4 +71,4 @@ def test_fewer_instants_and_those_that_are_too_few(cameras, motions):
 def test_all_pairs(cameras, motions):
     table = agreements(cameras, motions)
     assert np.isnan(np.diag(table)).all()
-    assert table[0, 1] == table[1, 0] == of(cameras, motions)
+    assert table[0, 1] == table[1, 0] == pytest.approx(of(cameras, motions), rel=1e-12)

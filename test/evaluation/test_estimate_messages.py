@@ -5,13 +5,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ros_samples import arm, some_estimate
+from ros_samples import arm, small_rig, some_estimate, tracked_arm
 
 from tracker_node.camera.camera_model import CameraModel
 from tracker_node.camera.camera_rig import Camera
 from tracker_node.errors import CalibrationError
 from tracker_node.evaluation import estimate_messages as messages
+from tracker_node.evaluation.run_writer import RunWriter
+from tracker_node.loaders.bag_reader import BagReader
 from tracker_node.loaders.message_types import typestore
+from tracker_node.observation.image_set import ImageSet
+from tracker_node.tracking.estimate import Status
 
 LENSES = {
     "none": np.zeros(0),
@@ -120,3 +124,15 @@ def test_nodes_and_offline_runs_make_the_same_messages() -> None:
     same(messages.image_message(5, "c", pixels, "mono8"), conversions.image_message(5, "c", pixels, "mono8"))
     color = np.random.default_rng(1).integers(0, 256, (6, 5, 3), dtype=np.uint8)
     same(messages.image_message(5, "c", color, "bgr8"), conversions.image_message(5, "c", color, "bgr8"))
+
+
+def test_what_cannot_say_that_it_is_wrong_is_not_written_while_the_body_is_not_known(tmp_path):
+    """As the node does."""
+    rig, model = small_rig(tmp_path), tracked_arm()
+    statuses = [Status.INITIALISING, Status.TRACKING, Status.LOST, Status.DEGRADED]
+    with RunWriter(tmp_path / "run", rig, model) as writer:
+        for i, status in enumerate(statuses):
+            writer.append(replace(some_estimate(model, i), status=status), ImageSet(i, ()))
+    with BagReader(tmp_path / "run/bag") as reader:
+        stamps = {end: [stamp for stamp, _ in reader.decoded(f"/tracker/{end}")] for end in ("state", "pose", "joint_states")}
+    assert stamps == {"state": [0, 1, 2, 3], "pose": [1, 3], "joint_states": [1, 3]}

@@ -96,12 +96,14 @@ MARKS = """[...document.querySelectorAll('[data-chart]')].filter(e => {
 }).map(e => e.dataset.chart)"""  # charts that do not show a line per series, a bar per value, an image per map
 
 
-def test_a_narrow_page_scrolls_its_parts_and_not_itself(folder):
-    with browser_tab() as tab:
-        tab.page.set_viewport_size({"width": 600, "height": 900})
+@pytest.mark.parametrize("width", [600, 390])
+def test_a_narrow_page_scrolls_its_parts_and_not_itself(folder, width):
+    with browser_tab(width) as tab:
         tab.page.goto((folder / "two" / "report.html").as_uri())
         tab.page.wait_for_function("document.documentElement.dataset.drawn", timeout=60_000)
-        assert tab.page.evaluate("document.documentElement.scrollWidth") <= 600
+        assert tab.page.evaluate("document.documentElement.scrollWidth") <= width
+        meanings = tab.page.evaluate("[...document.querySelectorAll('td.meaning')].map(cell => cell.clientHeight)")
+        assert meanings and max(meanings) < 90  # pixels: some lines, no column of single words
         assert min(tab.page.evaluate("[...document.querySelectorAll('figure')].map(f => f.clientWidth)")) >= 140
 
 

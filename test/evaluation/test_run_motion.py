@@ -51,7 +51,7 @@ def test_lost_and_unseen_limbs_are_gaps_where_asked_for(tmp_path):
 
 def test_a_run_without_any_sound_state_is_refused(tmp_path):
     tracked = moving(3, gaps=(0, 1, 2))
-    with pytest.raises(FileFormatError, match="at least one that is not lost"):
+    with pytest.raises(FileFormatError, match="not LOST, got '3 LOST'"):
         motion_of_run(load_run(write_run(tmp_path / "run", tracked)), tracked.model)
 
 

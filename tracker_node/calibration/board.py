@@ -108,9 +108,16 @@ class BoardDetector:
         gray = bgr if bgr.ndim == 2 else cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
         gray = 255 - gray if self.board.inverted else gray
         ids, pixels = self._charuco_corners(gray) if self.board.kind == "charuco" else self._chessboard_corners(gray)
-        if len(ids) < self._least or not _spans_plane(self.board.corners[ids]):
+        if len(ids) < self._least or not _spans_plane(self.board.corners[ids]) or _is_reflected(self.board.corners[ids], pixels):
             return None
         return BoardView(stamp_ns, ids, pixels, edge_width(gray, self.board.corners[ids], pixels), image)
+
+    def sees_back(self, bgr: np.ndarray) -> bool:
+        """Whether the board's mirrored back is in an image: a print that shows through, or one on both sides.
+
+        Markers alone tell; a chessboard's back looks like a front whose corners are counted otherwise.
+        """
+        return self.board.kind == "charuco" and self.find(np.ascontiguousarray(bgr[:, ::-1])) is not None
 
     def _charuco_corners(self, gray: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         pixels, ids, _, _ = self._charuco.detectBoard(gray)
@@ -158,6 +165,15 @@ def _spans_plane(points: np.ndarray) -> bool:
     """True when points (n, 3) of a board are not all on one line of it."""
     singular = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     return bool(singular[1] > 0.1 * singular[0])
+
+
+def _is_reflected(points: np.ndarray, pixels: np.ndarray) -> bool:
+    """True where corners turn the other way than on the printed side: by the sign of the homography's determinant.
+
+    The board's y points up and the image's down, so that the printed side has a negative one.
+    """
+    H, _ = cv2.findHomography(points[:, :2], pixels, cv2.LMEDS)
+    return H is not None and bool(np.linalg.det(_axes_at(H, points.mean(axis=0))) > 0.0)
 
 
 def edge_width(gray: np.ndarray, points: np.ndarray, pixels: np.ndarray) -> float:

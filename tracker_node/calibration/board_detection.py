@@ -15,6 +15,7 @@ from ..loaders.image_source import ImageSource
 from .board import Board, BoardDetector, BoardView
 
 BURST = 3  # images looked at in a row, so that it is known how the board moves
+_BACK = "its mirrored back is, which is not measured from: show this camera the printed side together with another camera"
 _SHARP_PX = 4.0  # an edge this wide is sharp in any camera
 _BLURRED = 1.8  # times as wide as the camera's median: too blurred to be used
 
@@ -30,6 +31,7 @@ class CameraViews:
     image_size : (width, height).
     views : in order of time.
     looked_at, blurred : images searched, and views left out since they are blurred.
+    backs : images in which the board's mirrored back was seen; every third without the board is searched for it.
     problems : of the source, such as an end before the last announced image.
     picture : one of the images with the board, (h, w, 3) BGR.
     """
@@ -40,12 +42,13 @@ class CameraViews:
     blurred: int = 0
     problems: tuple[str, ...] = field(default=())
     picture: np.ndarray | None = None
+    backs: int = 0
 
 
 def detect_boards(
     sources: Mapping[str, ImageSource], board: Board, most_images: int = 600, progress: Progress | None = None
 ) -> dict[str, CameraViews]:
-    """Views of the board by every camera.
+    """Views of the board by every camera; those that never saw it have none (see `with_board`).
 
     Of long recordings about ``most_images`` a camera are searched: bursts of `BURST` images at the same times in all cameras.
 
@@ -55,7 +58,6 @@ def detect_boards(
 
     Raises
     ------
-    CalibrationError : a camera that never saw the board.
     SourceError : images that change their size.
     """
     counter = _Counter(sum(source.n_images for source in sources.values()), progress)
@@ -64,10 +66,25 @@ def detect_boards(
         jobs = {name: pool.submit(_detect, source, board, every_s, counter) for name, source in sources.items()}
         found = {name: job.result() for name, job in jobs.items()}
     counter.finish()
-    for name, seen in found.items():
-        if not seen.views:
-            raise CalibrationError(name, f"the board ({board}) is in none of its {seen.looked_at} images: {_advice(board)}")
     return found
+
+
+def with_board(seen: Mapping[str, CameraViews], board: Board, least: int) -> tuple[dict[str, CameraViews], dict[str, str]]:
+    """The cameras that saw the board, and for each of the others why it has no part in the calibration.
+
+    Raises
+    ------
+    CalibrationError : fewer than ``least`` cameras saw it; of the first that did not.
+    """
+    left_out = {}
+    for name, found in seen.items():
+        if not found.views:
+            why = f"{_BACK} (in {found.backs} of those searched for it)" if found.backs else _advice(board)
+            left_out[name] = f"the board ({board}) is in none of its {found.looked_at} images: {why}"
+    if len(seen) - len(left_out) < least:
+        name = next(iter(left_out), next(iter(seen), ""))
+        raise CalibrationError(name, left_out.get(name, f"{least} cameras are needed that see the board"))
+    return {name: found for name, found in seen.items() if name not in left_out}, left_out
 
 
 def without_blur(views: list[BoardView]) -> tuple[list[BoardView], int]:
@@ -80,7 +97,7 @@ def without_blur(views: list[BoardView]) -> tuple[list[BoardView], int]:
 
 
 def _detect(source: ImageSource, board: Board, every_s: float, counter: _Counter) -> CameraViews:
-    detector, views, looked_at, picture = BoardDetector(board), [], 0, None
+    detector, views, looked_at, picture, backs = BoardDetector(board), [], 0, None, 0
     for number, (stamp_ns, bgr) in enumerate(source):
         counter.add()
         if every_s and 1e-9 * (stamp_ns % round(1e9 * every_s)) >= BURST / source.rate_hz - 1e-6:
@@ -90,9 +107,11 @@ def _detect(source: ImageSource, board: Board, every_s: float, counter: _Counter
         if view is not None:
             views.append(view)
             picture = bgr if picture is None else picture
+        elif looked_at % BURST == 1 or backs:
+            backs += detector.sees_back(bgr)
     sharp, blurred = without_blur(views)
     size = source.width, source.height
-    return CameraViews(size, tuple(sharp), looked_at, blurred, tuple(source.counts.problems), picture)
+    return CameraViews(size, tuple(sharp), looked_at, blurred, tuple(source.counts.problems), picture, backs)
 
 
 def _burst_period_s(sources: Mapping[str, ImageSource], most_images: int) -> float:

@@ -32,7 +32,6 @@ def triangulate(
     """
     n_points, n_cameras = weights.shape
     normal, right = np.zeros((n_points, 3, 3)), np.zeros((n_points, 3))
-    seen = np.zeros(n_points, dtype=np.int64)
     for index in range(n_cameras):
         rays, ok = models[index].rays(pixels[:, index])
         weight = np.where(ok, weights[:, index], 0.0)
@@ -40,11 +39,9 @@ def triangulate(
         projector = weight[:, None, None] * (np.eye(3) - directions[:, :, None] * directions[:, None, :])
         normal += projector
         right += projector @ Ts_world_cam[index, :3, 3]
-        seen += weight > 0.0
     trace = np.trace(normal, axis1=1, axis2=2)
-    # The smallest eigenvalue vanishes when all rays are parallel: 1e-4 of the trace is an angle of about one degree.
-    smallest = np.linalg.eigvalsh(normal)[:, 0]
-    valid = (seen >= 2) & (smallest > 1e-4 * np.maximum(trace, 1e-12))
+    # The smallest eigenvalue vanishes for a single ray, and when all are parallel: 1e-4 of the trace is an angle of 1.6 degrees.
+    valid = np.linalg.eigvalsh(normal)[:, 0] > 1e-4 * trace
     points = np.zeros((n_points, 3))
     points[valid] = np.linalg.solve(normal[valid], right[valid][..., None])[..., 0]
     return points, valid

@@ -13,7 +13,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from ..loaders.mcap_writer import COMPRESSIONS
 
     parser.add_argument("bag", type=Path, help="bag folder, or a .mcap or .db3 file; it is left as it is")
-    parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="the new bag; must not exist")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER", help="the new bag; must not exist")
     parser.add_argument("--compression", choices=tuple(COMPRESSIONS), default="none", help="of the new bag (default: none)")
 
 

@@ -106,18 +106,29 @@ def sources_of(args: argparse.Namespace, stamps: str | None = None) -> dict[str,
     return sources
 
 
-def detect(args: argparse.Namespace, sources: dict[str, ImageSource], board: Board) -> dict[str, CameraViews]:
-    """What every camera saw of the board, with a line on each on stdout."""
-    from ..calibration.board_detection import detect_boards
+def detect(
+    args: argparse.Namespace, sources: dict[str, ImageSource], board: Board, least: int
+) -> tuple[dict[str, CameraViews], dict[str, str]]:
+    """What every camera saw of the board, with a line on each on stdout; and why others have no part, with one on stderr.
+
+    Raises
+    ------
+    CalibrationError : fewer than ``least`` cameras saw it.
+    """
+    from ..calibration.board_detection import detect_boards, with_board
 
     progress = None if args.quiet else StageProgress(f"calibrate {args.what}")
-    seen = detect_boards(sources, board, args.images, progress)
+    seen, left_out = with_board(detect_boards(sources, board, args.images, progress), board, least)
+    for name, problem in left_out.items():
+        print(f"tracker_node calibrate {args.what}: {name}: {problem}; this camera is left out", file=sys.stderr)
     for name, found in seen.items():
         corners = sum(len(view.ids) for view in found.views)
         print(f"{name}: the board in {len(found.views)} of {found.looked_at} images, {corners} corners; {found.blurred} blurred")
         for problem in found.problems:
             print(f"{name}: note: {problem}")
-    return seen
+        if found.backs:
+            print(f"{name}: note: the board's mirrored back is in {found.backs} other images at least, which are left out")
+    return seen, left_out
 
 
 class StageProgress:

@@ -140,11 +140,12 @@ def _placed(model, markers, states_file: str, options):
     trajectory = read_states(states_file)
     if tuple(trajectory.dof_names) != tuple(model.chain.dof_names):
         raise FileFormatError(states_file, "columns", f"the degrees of freedom of {model.name}", trajectory.dof_names)
-    if not trajectory.rows:
-        raise FileFormatError(states_file, "rows", "at least one state", "none")
+    tracked = [i for i, row in enumerate(trajectory.rows) if row.status not in ("LOST", "INITIALISING")]
+    if not tracked:
+        raise FileFormatError(states_file, "rows", "at least one state that is not lost", f"none in {len(trajectory.rows)} rows")
     seconds = (trajectory.stamps_ns - trajectory.stamps_ns[0]) * 1e-9 + markers.times_s[0]
-    nearest = [int(abs(markers.times_s - t).argmin()) for t in seconds]  # by time since the first image
-    states = [State.from_values(row.values) for row in trajectory.rows]
+    nearest = [int(abs(markers.times_s - seconds[i]).argmin()) for i in tracked]  # by time since the first image
+    states = [State.from_values(trajectory.rows[i].values) for i in tracked]
     return place_landmarks(model, states, [targets_of(model, markers, row) for row in nearest], options)
 
 

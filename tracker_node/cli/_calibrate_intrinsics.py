@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
     if args.views < LEAST_VIEWS:
         raise FileFormatError("command line", "--views", f"at least {LEAST_VIEWS}", args.views)
     board = board_of(args)
-    seen = detect(args, sources_of(args), board)
+    seen, left_out = detect(args, sources_of(args), board, least=1)
     progress, found = None if args.quiet else StageProgress("calibrate intrinsics"), {}
     for done, (name, camera) in enumerate(seen.items(), start=1):
         found[name] = calibrate_lens(name, board, camera.views, camera.image_size, args.distortion, args.views)
@@ -65,4 +65,4 @@ def run(args: argparse.Namespace) -> int:
     for note in coverage_notes(pixels, {name: camera.image_size for name, camera in seen.items()}):
         print(f"note: {note}")
     print(f"wrote {args.output}, {page} and {', '.join(map(str, files))}; places are still to be found (calibrate rig --lenses)")
-    return 0
+    return 1 if left_out else 0

@@ -47,7 +47,8 @@ def run(args: argparse.Namespace) -> int:
     check_for_rig(board)
     tracked_later = sources_by_name(args.sources, sources)
     options, lenses = _options(args), _lenses(args, sources)
-    seen = detect(args, sources, board)
+    seen, left_out = detect(args, sources, board, least=2)
+    lenses = None if lenses is None else {name: lens for name, lens in lenses.items() if name in seen}
     found = calibrate_rig(board, seen, options, lenses, None if args.quiet else StageProgress("calibrate rig"))
     write_rig_file(rig_file_of(_with_sources(args, found, tracked_later)), args.output, base_dir=".")
     write_rig_page(page, found, seen)
@@ -67,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     if not found.adjustment.converged:
         print(f"note: not converged after {found.adjustment.iterations} iterations; see whether the figures are good enough")
     print(f"wrote {args.output}, {page}, {figures} and {', '.join(map(str, files))}")
-    return 0
+    return 1 if left_out else 0
 
 
 def _options(args: argparse.Namespace):

@@ -105,10 +105,16 @@ def evaluate_recording(recording: RecordingFile, args: argparse.Namespace, run: 
     """Hold a run against what the recording names, as ``tracker_node evaluate`` does; returns the exit status."""
     from .sample import run_verb
 
+    arguments = evaluation_of(recording, args, run, output)
+    return run_verb(*arguments) if arguments else 0
+
+
+def evaluation_of(recording: RecordingFile, args: argparse.Namespace, run: Path, output: Path) -> list[str]:
+    """The verb ``evaluate`` and its arguments for a run of this recording; empty if it is not to be evaluated."""
     entry = recording.evaluate
     if entry is None:
-        return 0
-    arguments: list[str | Path] = [run, "--model", args.model, "--rig", args.rig, "--name", entry.name]
+        return []
+    arguments: list[str | Path] = ["evaluate", run, "--model", args.model, "--rig", args.rig, "--name", entry.name]
     arguments += ["--align", entry.align, "--lag", str(entry.lag)]
     arguments += ["--first-image", str(args.start), "--output", output]
     if (args.start, args.end, getattr(args, "max_sets", None)) == (recording.images.start, recording.images.end, None):
@@ -121,4 +127,4 @@ def evaluate_recording(recording: RecordingFile, args: argparse.Namespace, run: 
         arguments += ["--masks", entry.masks]
     for target in entry.targets:
         arguments += ["--target", target]
-    return run_verb("evaluate", *arguments)
+    return [str(argument) for argument in arguments]

@@ -19,7 +19,7 @@ QUICK_COARSENESS = 5
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add("--output", default="out/reproduce/contours", metavar="DIR", help="folder of the results (default: %(default)s)")
+    add("-o", "--output", default="out/reproduce/contours", metavar="DIR", help="folder of the results (default: %(default)s)")
     add(
         "--clips", nargs="+", choices=CLIPS, metavar="NAME",
         help=f"only these of {', '.join(CLIPS)} (default: all that are to be had; quick: the first two)",

@@ -21,7 +21,7 @@ START_ERRORS = ((60.0, 6.0), (100.0, 10.0), (150.0, 15.0), (200.0, 20.0), (300.0
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add("--output", default="out/reproduce/convergence", metavar="DIR", help="folder of the results (default: %(default)s)")
+    add("-o", "--output", default="out/reproduce/convergence", metavar="DIR", help="folder of the results (default: %(default)s)")
     add("--trials", type=int, default=44, metavar="N", help="starts for each size of the start's error (default: %(default)s)")
     add("--quick", action="store_true", help="few small images and starts: shows that it runs, the figures mean nothing")
 

@@ -18,7 +18,7 @@ _SHOWN_FIELDS = 7
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--output", default="out/reproduce/cross", metavar="DIR", help="folder of the results (%(default)s)")
+    parser.add_argument("-o", "--output", default="out/reproduce/cross", metavar="DIR", help="folder of results (%(default)s)")
     parser.add_argument("--seed", type=int, default=20, help="of noise, background, lights and control points (%(default)s)")
     parser.add_argument("--quick", action="store_true", help="three fields of each throw, two ways to track: a first look")
 

@@ -17,7 +17,7 @@ ESTIMATE_ERROR = (40.0, -30.0, 20.0, 6.0, 3.0, -8.0)  # mm and degrees: a pose t
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add("--output", default="out/reproduce/figures", metavar="DIR", help="folder of the pictures (default: %(default)s)")
+    add("-o", "--output", default="out/reproduce/figures", metavar="DIR", help="folder of the pictures (default: %(default)s)")
     add("--rig", metavar="RIG", help="rig.yaml for the plan view (default: the cameras around the wooden cross)")
     add("--quick", action="store_true", help="small pictures")
 

@@ -26,7 +26,7 @@ START_ERROR = (30.0, -30.0, 20.0, 4.0, -3.0, 4.0)  # of the first image set, mm 
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--output", default="out/reproduce/table1", metavar="DIR", help="folder of the results (%(default)s)")
+    parser.add_argument("-o", "--output", default="out/reproduce/table1", metavar="DIR", help="folder of results (%(default)s)")
     parser.add_argument("--quick", action="store_true", help="three small images: shows that it runs, the figures mean nothing")
 
 

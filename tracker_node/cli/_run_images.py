@@ -67,7 +67,7 @@ def add_run_arguments(parser: argparse.ArgumentParser, n_sets: int) -> None:
     add("--sets", type=int, default=n_sets, metavar="N", help="image sets, spread over the run (default: %(default)s)")
     add("--evidence", choices=EVIDENCE, default=EVIDENCE[0],
         help="region: colors on either side of contours; silhouette: needs plates to be good (default: %(default)s)")  # fmt: skip
-    add("--config", metavar="FILE", help="tracker parameters, for how the images are looked at (default: built in)")
+    add("--config", metavar="FILE", help="tracker parameters, for how the images are looked at (default: the run's)")
     add("--quiet", action="store_true", help="no progress on stderr")
 
 
@@ -97,18 +97,18 @@ def load_run_images(args: argparse.Namespace) -> RunImages:
     """
     from ..evaluation.config_file import load_config
     from ..evaluation.run_data import load_run
+    from ..evaluation.run_images import config_of_run, rig_of_run
     from ..loaders.model_yaml import load_model
     from ..loaders.plate_file import load_plates, resized_plates
     from ..loaders.rig_yaml import load_rig
-    from ..tracking.config import TrackerConfig
 
     if args.sets < 1:
         raise FileFormatError("command line", "--sets", "a number of at least 1", args.sets)
     run = load_run(args.from_run)
     rig_path, model_path = named_file(args, run.info, "rig"), named_file(args, run.info, "model")
-    model, given = load_model(model_path), load_rig(rig_path)
+    model, given = load_model(model_path), rig_of_run(load_rig(rig_path), run.info, other_file=args.rig is not None)
     run.check_model(model, model_path)
-    config = load_config(args.config) if args.config else TrackerConfig()
+    config = load_config(args.config) if args.config else config_of_run(run.info)
     chosen = chosen_rows(run, args.sets)
     rig, images = _images(run, given, [int(run.stamps_ns[i]) for i in chosen])
     found = [i for i in chosen if int(run.stamps_ns[i]) in images]
@@ -129,16 +129,16 @@ def chosen_rows(run: Any, n: int) -> list[int]:
 
     good = np.flatnonzero(run.status == int(Status.TRACKING))
     if len(good) < min(n, len(run)):
-        good = np.flatnonzero((run.status != int(Status.LOST)) & (run.status != int(Status.INITIALISING)))
+        good = np.flatnonzero(run.believed)
     if not len(good):
-        raise FileFormatError(run.path, "(states)", "image sets in which the body was tracked", f"{len(run)} lost ones")
+        raise FileFormatError(run.path, "(states)", "image sets in which the body was tracked", run.status_text)
     parts = np.array_split(good, min(n, len(good)))
     return [int(part[np.argmin(run.residual_px[part])]) for part in parts]
 
 
 def velocity_at(run: Any, row: int) -> np.ndarray:
-    """(n_dof,) tangent a second at a row of a run, from the rows around it."""
-    first, last = max(row - 1, 0), min(row + 1, len(run) - 1)
+    """(n_dof,) tangent a second at a row of a run, from the rows around it in which the body was tracked."""
+    first, last = (beside if 0 <= beside < len(run) and run.believed[beside] else row for beside in (row - 1, row + 1))
     seconds = 1e-9 * float(run.stamps_ns[last] - run.stamps_ns[first])
     tangent = _state(run, last).difference(_state(run, first))
     return tangent / seconds if seconds > 0.0 else np.zeros_like(tangent)
@@ -152,22 +152,15 @@ def _state(run: Any, row: int) -> State:
 
 def _images(run: Any, rig: CameraRig, stamps_ns: list[int]) -> tuple[CameraRig, dict[int, ImageSet]]:
     """The rig for the images of a run, and its image sets by stamp."""
-    from ..evaluation.image_sets import rig_of_bag
-    from ..evaluation.recorded_sets import RecordedRunStream
-    from ..loaders.bag_images import image_topics
+    from ..evaluation.run_images import run_stream
     from ..loaders.bag_reader import BagReader
-    from ..loaders.image_source import SourceOptions
 
     if run.bag is None:
         raise FileFormatError(run.path, "(bag)", "the bag of the run, which lists the images of every state", "none")
     wanted, images = set(stamps_ns), {}
     with BagReader(run.bag) as reader:
-        rig = rig_of_bag(rig, reader)
-        recorded = bool(image_topics(reader, rig.names))
-        options = run.info.get("options") or {}
-        first, last, rate_hz = int(options.get("start") or 0), options.get("end"), options.get("rate")
-        source = None if recorded else SourceOptions(first, last, rate_hz=rate_hz)
-        for image_set in RecordedRunStream(rig, reader, source):
+        rig, stream = run_stream(rig, reader, run.info)
+        for image_set in stream:
             if image_set.stamp_ns in wanted:
                 images[image_set.stamp_ns] = image_set
                 if len(images) == len(wanted):

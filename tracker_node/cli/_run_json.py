@@ -8,6 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..errors import without_password
+from ..loaders.source_address import relocated
+
 if TYPE_CHECKING:
     from ..ros.pipeline import Progress
 
@@ -15,12 +18,18 @@ _FILES = ("rig", "model", "initial_state", "occluders", "config")
 
 
 def named_options(args: argparse.Namespace) -> dict[str, Any]:
-    """The options of a command line by name, files with their whole paths."""
-    files = {name: Path(value) for name in _FILES if (value := getattr(args, name))}
-    return {name: _plain(value) for name, value in {**vars(args), **files}.items() if not name.startswith("_")}
+    """The options of a command line by name, files and sources with their whole paths."""
+    changed: dict[str, Any] = {name: Path(value) for name in _FILES if (value := getattr(args, name))}
+    if getattr(args, "source", None):
+        changed["source"] = [(camera, relocated(source, Path.cwd())) for camera, source in args.source]
+    return {name: _plain(value) for name, value in {**vars(args), **changed}.items() if not name.startswith("_")}
 
 
 def _plain(value: Any) -> Any:
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, str):
+        return without_password(value)
     if value == math.inf:
         return "all"
     return str(value.resolve()) if isinstance(value, Path) else value

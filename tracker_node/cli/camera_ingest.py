@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from ._sizes import image_size
+from ._topics import add_topics_argument, with_topics
 
 SUMMARY = "publish videos, image folders, bags, devices, network streams or topics as the ROS cameras of a rig"
 EXAMPLE = """tracker_node camera_ingest --rig rig.yaml --loop --shrink 2
@@ -54,6 +55,7 @@ def add_source_arguments(parser: argparse.ArgumentParser) -> None:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rig", metavar="FILE", help="rig.yaml with cameras and their sources; without it, --source names them")
     add_source_arguments(parser)
+    add_topics_argument(parser)
     parser.add_argument("--loop", action="store_true", help="begin again at the end, for ever")
     parser.add_argument(
         "--as-fast-as-consumed",
@@ -108,11 +110,13 @@ def cameras_of(rig, args: argparse.Namespace):
 
 def run(args: argparse.Namespace) -> int:
     from ..loaders.rig_yaml import load_rig
+    from ..loaders.source_address import sources_from_parent
     from ..ros.camera_ingest_node import CameraIngestNode, IngestOptions, check_consumable
-    from ..ros.executor import ros_process, spin
+    from ..ros.executor import finished_bag, ros_process, spin
     from ..ros.ingest_cameras import open_cameras
     from ..ros.input_recorder import InputRecorder
 
+    args.source = args.source or sources_from_parent()
     rig = load_rig(args.rig) if args.rig else None
     options = IngestOptions(
         source=source_options(args, keep=args.record is not None),
@@ -126,26 +130,33 @@ def run(args: argparse.Namespace) -> int:
     )
     opened = open_cameras(cameras_of(rig, args), options.source, args.preload)
     check_consumable(opened, options)  # before a bag is begun
+    for name, problem in opened.problems.items():
+        print(f"tracker_node camera_ingest: {name}: {problem}", file=sys.stderr, flush=True)
+    for name, source in opened.recorded.items():
+        if source.note:
+            print(f"tracker_node camera_ingest: note: {name}: {source.note}", file=sys.stderr, flush=True)
     recorder = InputRecorder(args.record) if args.record is not None else None
-    try:
-        with ros_process(args.ros_args) as stop:
-            node = CameraIngestNode(opened, options, recorder)
-            node.start()
-            try:
-                spin(node, stop, node.finished.is_set)
-            finally:
-                node.close()
-                counts, problems = node.counts, node.problems
-                node.destroy_node()
-    finally:
-        bag_problem = _close(recorder)
+    with finished_bag(recorder):
+        try:
+            with ros_process(with_topics(args.ros_args, rig, dict(args.topics))) as stop:
+                node = CameraIngestNode(opened, options, recorder)
+                node.start()
+                try:
+                    spin(node, stop, node.finished.is_set)
+                finally:
+                    node.close()
+                    counts, problems = node.counts, node.problems
+                    node.destroy_node()
+        finally:
+            bag_problem = _close(recorder)
     print(summarize(counts))
     if recorder is not None:
         print(f"recorded: {recorder.written} messages in {args.record}, {recorder.dropped} dropped")
     if bag_problem:
         problems = problems | {"bag": bag_problem}
     for name, problem in problems.items():
-        print(f"tracker_node camera_ingest: {name}: {problem}", file=sys.stderr)
+        if opened.problems.get(name) != problem:  # told at the beginning
+            print(f"tracker_node camera_ingest: {name}: {problem}", file=sys.stderr)
     return 1 if problems else 0
 
 

@@ -9,16 +9,16 @@ import time
 from pathlib import Path
 
 SUMMARY = "track a real recording of a person from end to end (fetch, ingest, track, record, evaluate) and report"
-EXAMPLE = "tracker_node demo --out out/demo"
+EXAMPLE = "tracker_node demo --output out/demo"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--out", default="out/demo", metavar="DIR", help="folder to write (default: %(default)s)")
+    parser.add_argument("-o", "--output", default="out/demo", metavar="DIR", help="folder to write (default: %(default)s)")
     parser.add_argument("--fresh", action="store_true", help="make rig, plates and body anew, even where they are there already")
 
 
 def run(args: argparse.Namespace) -> int:
-    folder = Path(args.out)
+    folder = Path(args.output)
     began = time.monotonic()
     for number, (title, stage) in enumerate((("The recording", _recording), ("Tracking and evaluation", _track)), 1):
         print(f"\n== {number} of 2: {title} ({time.monotonic() - began:.0f} s)", flush=True)

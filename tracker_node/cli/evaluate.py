@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="prefix of the figures' keys; repeat for several runs (default: run, or the names of their folders)")  # fmt: skip
     add("--csv", action="store_true", help="also write every table and chart as CSV and JSON, into figures/")
     add("--no-pdf", action="store_true", help="without report.pdf, which takes the longest to write")
-    add("--output", metavar="DIR", help="where the report goes (default: the folder of the run; needed for several)")
+    add("-o", "--output", metavar="DIR", help="where the report goes (default: the folder of the run; needed for several)")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -97,6 +97,7 @@ def _review(args: argparse.Namespace, path: str, name: str, model_path: str | No
 def _look_at_images(args: argparse.Namespace, tracked: Any, model: Any, rig_path: str | None, period_ns: float, first_image: int):
     """Silhouettes, pictures for the contact sheets, and what could not be shown."""
     from ..evaluation.reference_masks import load_reference_masks
+    from ..evaluation.run_images import rig_of_run
     from ..evaluation.silhouettes import ImageReview, ReviewOptions, review_images
     from ..loaders.rig_yaml import load_rig
 
@@ -104,7 +105,8 @@ def _look_at_images(args: argparse.Namespace, tracked: Any, model: Any, rig_path
         return ImageReview(problems=["Without a rig there are no silhouettes and no pictures (--rig FILE)."])
     masks = load_reference_masks(args.masks) if args.masks else {}
     options = ReviewOptions(pictures=args.pictures, first_image=first_image)
-    return review_images(tracked, model, load_rig(rig_path), masks, period_ns, options, _say)
+    rig = rig_of_run(load_rig(rig_path), tracked.info, other_file=rig_path != _named(tracked.info, "rig"))
+    return review_images(tracked, model, rig, masks, period_ns, options, _say)
 
 
 def _first_image(info: Any) -> int:

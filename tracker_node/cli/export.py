@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("run", metavar="RUN",
         help="folder written by track_offline or pipeline, a folder smoothed in it, or a bag with tracked states")  # fmt: skip
-    add("--to", required=True, choices=FORMATS, help="the format; csv writes several tables into a folder")
+    add("--to", choices=FORMATS, help="the format (default: by the output's suffix); csv writes several tables into a folder")
     add("-o", "--output", required=True, metavar="PATH", help="file to write (csv: folder)")
     add("--model", metavar="FILE", help="body model; default: what run.json names")
     add("--topic", help="topic of the states, where a bag has several")
@@ -81,7 +81,9 @@ def run(args: argparse.Namespace) -> int:
     from ..evaluation.run_motion import motion_of_run
     from ..loaders.model_yaml import load_model
 
-    options, output = _options(args), Path(args.output)
+    output = Path(args.output)
+    args.to = _format_of(args.to, output)
+    options = _options(args)
     if output.is_dir() and args.to == "csv":
         if any(output.iterdir()) and not args.force:
             raise _wrong("--output", "a folder that is empty or not there yet, or --force", args.output)
@@ -102,6 +104,21 @@ def run(args: argparse.Namespace) -> int:
     notes += _write(args.to, motion, output, options, kinematics)
     _say(args, motion, options, notes)
     return 0
+
+
+def _format_of(to: str | None, output: Path) -> str:
+    """The format that is asked for by name, by the output's suffix, or by both alike.
+
+    Raises
+    ------
+    FileFormatError : they contradict each other, or neither says one.
+    """
+    named = output.suffix.lower().removeprefix(".")
+    if to is None and named not in FORMATS:
+        raise _wrong("--to", f"one of {', '.join(FORMATS)}, or an output with such a suffix", f"-o {output}")
+    if to is not None and named in FORMATS and to != named:
+        raise _wrong("--to", f"the format that the output's suffix names, {named}, or another output", f"--to {to} -o {output}")
+    return to or named
 
 
 def _options(args: argparse.Namespace) -> ExportOptions:

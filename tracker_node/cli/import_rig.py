@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..errors import without_password
 from ._run_images import refuse_to_overwrite
 from ._sizes import size_option
 from ._sources import add_sources_argument, sources_by_name
@@ -18,7 +19,6 @@ EXAMPLE = (
     "  tracker_node import_rig intrinsics.yml extrinsics.yml --size 1280x720 --unit mm -o rig.yaml"
 )
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
-_LARGEST_ROOM_M = 100.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -131,6 +131,8 @@ def _rig_of_dlt(file: str, size: tuple[int, int] | None):
 
 def _in_metres(rig, unit: float):
     """The rig with its places multiplied; those that then cannot be metres are told."""
+    from ..camera.rig_unit import LARGEST_ROOM_M
+
     cameras = []
     for camera in rig:
         T_world_cam = camera.T_world_cam.copy()
@@ -138,7 +140,7 @@ def _in_metres(rig, unit: float):
         cameras.append(replace(camera, T_world_cam=T_world_cam))
     centers = np.array([camera.center for camera in cameras])
     apart = np.linalg.norm(centers[:, None] - centers[None], axis=2)
-    if apart.max(initial=0.0) > _LARGEST_ROOM_M:
+    if apart.max(initial=0.0) > LARGEST_ROOM_M:
         print(f"note: the cameras are {apart.max():.0f} m apart; if the file is in millimetres, say --unit mm")
     return replace(rig, cameras=tuple(cameras))
 
@@ -151,4 +153,4 @@ def _report(rig) -> None:
         size = f"{model.width}x{model.height}"
         print(f"{camera.name:12} {size:>11} {model.K[0, 0]:9.1f} {model.distortion_model:20} {center}")
         if camera.source and not Path(camera.source).exists():
-            print(f"{'':12} note: {camera.source} does not exist")
+            print(f"{'':12} note: {without_password(camera.source)} does not exist")

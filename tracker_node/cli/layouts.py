@@ -16,7 +16,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", type=Path, metavar="FILE", help="model.yaml or URDF: the body (default: the human)")
     parser.add_argument("--tracker", default="tracker", metavar="NAME", help="the tracker's node (default: %(default)s)")
     parser.add_argument("--namespace", default="", metavar="NS", help="of the tracker and the cameras (default: none)")
-    parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="gets rviz/, foxglove/ and plotjuggler/")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="FOLDER", help="gets rviz/, foxglove/ and plotjuggler/"
+    )
     parser.add_argument("--force", action="store_true", help="write over what is there")
 
 

@@ -12,8 +12,10 @@ import pkgutil
 import sys
 
 from ..errors import TrackerError
+from ._last_resort import EX_CLOSED_PIPE, EX_USAGE, closed_pipes, reader_is_gone, threads_say_one_line, unexpected
 
 NODES = ("camera_ingest", "tracker", "recorder", "player", "pipeline", "rectify")
+INTERRUPTED = 130  # as a shell has it
 
 
 def verbs() -> list[str]:
@@ -43,23 +45,66 @@ def _overview() -> str:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run one verb; a user's mistake is one line on stderr and exit status 2."""
-    argv = list(sys.argv[1:] if argv is None else argv)
-    if not argv or argv[0] in ("-h", "--help", "help"):
-        print(_overview())
-        return 0
-    if argv[0] == "--version":
+    """Run one verb; a user's mistake is one line on stderr and exit status 2, whatever else ends it one line and 70.
+
+    Parameters
+    ----------
+    argv : the verb and its arguments; None for those of this process, which a signal then ends with status 0 if it is a node.
+    """
+    if argv is not None or not sys.argv[1:] or sys.argv[1] not in NODES:
+        return _guarded(list(sys.argv[1:] if argv is None else argv))
+    from ..ros.ending import Ending, end_now
+
+    with Ending(last=True) as ending:  # before the imports, which take seconds
+        status = _guarded(sys.argv[1:])
+        status = 0 if status == INTERRUPTED else status
+        if ending.hurried.is_set():
+            end_now(status)
+    return status
+
+
+def _guarded(argv: list[str]) -> int:
+    verb, rest = (argv[0], argv[1:]) if argv else ("", [])
+    try:
+        with threads_say_one_line(verb, rest):
+            status = _overviewed(argv) if not verb or verb.startswith("-") or verb == "help" else _run(verb, rest)
+    except SystemExit as end:  # of argparse
+        if closed_pipes():
+            return EX_CLOSED_PIPE
+        raise end
+    except KeyboardInterrupt:
+        status = INTERRUPTED
+    except BrokenPipeError as error:
+        return EX_CLOSED_PIPE if reader_is_gone() else unexpected(verb, rest, error)  # else a connection's
+    except Exception as error:
+        status = unexpected(verb, rest, error)
+    return EX_CLOSED_PIPE if closed_pipes() else status
+
+
+def _overviewed(argv: list[str]) -> int:
+    if argv and argv[0] == "--version":
         from .. import __version__
 
         print(f"tracker_node {__version__}")
         return 0
-    verb, rest = argv[0], argv[1:]
+    if not argv or argv[0] in ("-h", "--help", "help"):
+        print(_overview())
+        return 0
+    return _unknown(argv[0])
+
+
+def _unknown(verb: str) -> int:
+    print(f"tracker_node: unknown verb '{verb}'; valid: {', '.join(verbs())}", file=sys.stderr)
+    return EX_USAGE
+
+
+def _run(verb: str, rest: list[str]) -> int:
     if verb not in verbs():
-        print(f"tracker_node: unknown verb '{verb}'; valid: {', '.join(verbs())}", file=sys.stderr)
-        return 2
+        return _unknown(verb)
     module = importlib.import_module(f"tracker_node.cli.{verb}")
-    # Nodes take ROS arguments after their own; argparse must not see them, it would take `-p` or `-r` for ours.
-    split = rest.index("--ros-args") if verb in NODES and "--ros-args" in rest else len(rest)
+    # Nodes take ROS arguments after their own; argparse must not see them, it would take `-p` or `-r` for ours. Launch appends
+    # them to every verb that it starts.
+    split = rest.index("--ros-args") if "--ros-args" in rest else len(rest)
     args = _parser_of(verb, module).parse_args(rest[:split])
     if verb in NODES:
         args.ros_args = rest[split:]
@@ -67,37 +112,41 @@ def main(argv: list[str] | None = None) -> int:
         return int(module.run(args) or 0)
     except TrackerError as error:
         print(f"tracker_node {verb}: error: {error}", file=sys.stderr)
-        return 2
+    except BrokenPipeError:
+        raise
     except OSError as error:  # a file that cannot be written, mostly: readers raise a TrackerError themselves
         where = f"{error.filename}: " if error.filename else ""
         print(f"tracker_node {verb}: error: {where}{error.strerror or error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        return 130
+    return EX_USAGE
+
+
+def _node(verb: str) -> int:
+    sys.argv.insert(1, verb)
+    return main()
 
 
 def camera_ingest() -> int:
-    return main(["camera_ingest", *sys.argv[1:]])
+    return _node("camera_ingest")
 
 
 def tracker() -> int:
-    return main(["tracker", *sys.argv[1:]])
+    return _node("tracker")
 
 
 def recorder() -> int:
-    return main(["recorder", *sys.argv[1:]])
+    return _node("recorder")
 
 
 def player() -> int:
-    return main(["player", *sys.argv[1:]])
+    return _node("player")
 
 
 def pipeline() -> int:
-    return main(["pipeline", *sys.argv[1:]])
+    return _node("pipeline")
 
 
 def rectify() -> int:
-    return main(["rectify", *sys.argv[1:]])
+    return _node("rectify")
 
 
 if __name__ == "__main__":

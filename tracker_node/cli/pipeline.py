@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
 
-from ._recording import add_recording_argument, evaluate_recording, fill_in
+from ._nothing_tracked import nothing_tracked
+from ._recording import add_recording_argument, evaluation_of, fill_in
 from ._run_json import end_of_live_run, start_of_live_run
+from ._topics import with_topics
 from .camera_ingest import add_source_arguments, cameras_of, source_options
+from .sample import run_verb
 from .tracker import add_body_arguments
 
 SUMMARY = "run camera_ingest, tracker and recorder together, from cameras to a bag, and evaluate if a recording.yaml says so"
@@ -24,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_body_arguments(parser, required=False)
     add_source_arguments(parser)
     parser.add_argument(
-        "--output", type=Path, metavar="FOLDER", help="folder of the run: bag/, and run.json, which says how it was made"
+        "-o", "--output", type=Path, metavar="FOLDER", help="folder of the run: bag/, and run.json, which says how it was made"
     )
     parser.add_argument(
         "--bag", type=Path, metavar="FOLDER", help="record states, poses, joints, calibrations and diagnostics to this bag"
@@ -67,6 +71,7 @@ def run(args: argparse.Namespace) -> int:
     options = PipelineOptions(
         body=_body_options(args, readable),
         source=_source_options(args),
+        sources=dict(args.source),
         cameras=tuple(readable),
         bag=args.bag,
         masks=args.masks,
@@ -77,19 +82,26 @@ def run(args: argparse.Namespace) -> int:
         recorder=["--split-mb", str(args.split_mb), "--compression", args.compression],
         lossless=not args.real_time,
         n_expected=n_images,
-        ros_args=args.ros_args,
+        ros_args=with_topics(args.ros_args, rig, {}),
     )
     folder, start = _run_folder(args), start_of_live_run(args, n_images)
     if folder is not None:
         write_summary(folder, start)  # now, for a run that is killed
-    status, progress = run_pipeline(options)
+    status, progress, interrupted = run_pipeline(options)
     if folder is not None:
         write_summary(folder, end_of_live_run(start, progress))
     counts = ", ".join(f"{n} {status.name}" for status, n in sorted(progress.statuses.items()))
     print(f"{progress.sets} image sets: {counts or 'none'}" + (f"; bag {args.bag}" if args.bag else ""))
-    if status == 0 and recording is not None and args.bag is not None:
-        status = evaluate_recording(recording, args, args.bag, args.output or args.bag.parent)
-    return status
+    arguments = evaluation_of(recording, args, args.bag, args.output or args.bag.parent) if recording and args.bag else []
+    if interrupted:
+        if arguments:
+            print(f"not evaluated, as it was ended early; to do it: tracker_node {shlex.join(arguments)}")
+        raise KeyboardInterrupt if status == 0 else SystemExit(status)
+    by_status = {each.name: n for each, n in progress.statuses.items()}
+    untracked = nothing_tracked("pipeline", by_status, "", args.initial_state is not None) if status == 0 else 0
+    if status == 0 and arguments:
+        status = run_verb(*arguments)
+    return status or untracked
 
 
 def _run_folder(args: argparse.Namespace) -> Path | None:
@@ -151,8 +163,6 @@ def _source_options(args: argparse.Namespace) -> list[str]:
         result += ["--decode-threads", str(args.decode_threads)]
     if args.cameras:
         result += ["--cameras", *args.cameras]
-    if args.source:
-        result += ["--source", *(f"{name}={source}" for name, source in args.source)]
     if args.capture:
         result += ["--capture", *args.capture]
     return result + [flag for name, flag in (("compressed", "--compressed"), ("loop", "--loop")) if getattr(args, name)]

@@ -20,6 +20,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--loop", action="store_true", help="begin again at the end, for ever")
     parser.add_argument("--clock", type=float, default=100.0, metavar="HZ", help="rate of /clock, 0 for none (default 100)")
     parser.add_argument("--wait-for-subscribers", type=int, default=0, metavar="N", help="begin when every topic has N of them")
+    parser.add_argument(
+        "--wait-for-node", default="", metavar="NAME", help="begin when this node subscribes to topics of the bag"
+    )
+    parser.add_argument("--reliable", action="store_true", help="offer reliably what was recorded as best effort, too")
     parser.add_argument("--paused", action="store_true", help="wait for the service ~/pause to let it go")
 
 
@@ -37,6 +41,8 @@ def run(args: argparse.Namespace) -> int:
         loop=args.loop,
         clock_hz=args.clock,
         wait_for_subscribers=args.wait_for_subscribers,
+        wait_for_node=args.wait_for_node,
+        reliable=args.reliable,
         paused=args.paused,
     )
     with BagReader(args.bag) as reader:

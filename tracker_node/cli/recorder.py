@@ -16,12 +16,12 @@ EXAMPLE = "tracker_node recorder --output out/run1 --regex '/(cam0[1-4]|tracker)
 READY = "recorder: ready"
 """Start of the line on stdout that says that messages are recorded from now on."""
 QUIET_S = 0.3  # after a signal, messages on their way are still taken until there was none for this long
-DRAIN_S = 5.0
+DRAIN_S, HURRIED_DRAIN_S = 5.0, 0.4  # and no longer than this
 MB = 2**20
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="the bag; must not exist")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER", help="the bag; must not exist")
     what = parser.add_argument_group("what is recorded (at least one)")
     what.add_argument(
         "--topics",
@@ -65,32 +65,34 @@ def _add_file_arguments(how) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from ..errors import TrackerError
-    from ..ros.executor import ros_process, spin
+    from ..ros.executor import finished_bag, ros_process, spin
     from ..ros.heap import keep_freed_memory
     from ..ros.recorder_node import RecorderNode
 
     selection = selection_of(args)
     keep_freed_memory()
     bag = _open_bag(args)
-    failed = False
-    try:
-        with ros_process(args.ros_args) as stop:
-            node = RecorderNode(selection, bag)
-            print(f"{READY}, {len(node.topics)} topics so far, writing to {args.output}", flush=True)
-            spin(node, stop, lambda: bool(node.bag_problem))
-            node.report()
-            until_s = time.monotonic() + (DRAIN_S if not node.bag_problem else QUIET_S)
-            spin(node, threading.Event(), lambda: _quiet(node.last_message_s, until_s))
-            lost, problems, topics = dict(node.lost), dict(node.problems), node.topics
-            node.destroy_node()
-    finally:
+    with finished_bag(bag):
+        problem, lost, problems, topics = "", {}, {}, {}
         try:
-            bag.close()
-        except TrackerError as error:
-            failed = True
-            print(f"tracker_node recorder: error: {error}", file=sys.stderr)
+            with ros_process(args.ros_args) as stop:
+                node = RecorderNode(selection, bag)
+                print(f"{READY}, {len(node.topics)} topics so far, writing to {args.output}", flush=True)
+                spin(node, stop, lambda: bool(node.bag_problem))
+                node.report()
+                ended_s = time.monotonic()
+                spin(node, threading.Event(), lambda: _quiet(node, ended_s))
+                lost, problems, topics = dict(node.lost), dict(node.problems), node.topics
+                node.destroy_node()
+        finally:
+            try:
+                bag.close()
+            except TrackerError as error:
+                problem = str(error)
+    if problem:
+        print(f"tracker_node recorder: error: {problem}", file=sys.stderr)
     _report(bag, topics, lost, problems)
-    return 1 if failed else 0
+    return 1 if problem else 0
 
 
 def _open_bag(args: argparse.Namespace):
@@ -160,9 +162,12 @@ def _compiled(text: str) -> re.Pattern[str]:
         raise TrackerError(f"regular expression '{text}': {error}") from None
 
 
-def _quiet(last_message_s: float, until_s: float) -> bool:
-    now = time.monotonic()
-    return now - last_message_s > QUIET_S or now > until_s
+def _quiet(node, ended_s: float) -> bool:
+    from ..ros.ending import hurried
+
+    now_s = time.monotonic()
+    drain_s = QUIET_S if node.bag_problem else HURRIED_DRAIN_S if hurried() else DRAIN_S
+    return now_s - max(node.last_message_s, ended_s) > QUIET_S or now_s - ended_s > drain_s
 
 
 def _report(bag, topics: dict[str, str], lost: dict[str, int], problems: dict[str, str]) -> None:

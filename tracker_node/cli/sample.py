@@ -15,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "name", choices=("balancing",), help="balancing: a man balances on a treadmill; four cameras, 100 images each, 60 Hz"
     )
-    parser.add_argument("--output", metavar="DIR", help="folder to write (default: the sample's name)")
+    parser.add_argument("-o", "--output", metavar="DIR", help="folder to write (default: the sample's name)")
     parser.add_argument("--fresh", action="store_true", help="make everything anew, even what is there already")
 
 

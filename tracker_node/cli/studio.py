@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
+from ._last_resort import unexpected
+
 SUMMARY = "serve a local web page: set a pose by hand, digitize points, play a run back, watch a running graph"
 EXAMPLE = "tracker_node studio --rig rig.yaml --model person.yaml --initial-state start.yaml --run out/run1"
 
@@ -48,12 +50,10 @@ def run(args: argparse.Namespace) -> int:
     for problem in session.images.problems if session.images is not None else ():
         print(f"studio: {problem}", file=sys.stderr)
     listener, access = listening_socket(args.port)
+    app = make_app(session, access, all_pages(), lambda error: unexpected("studio", sys.argv[2:], error))
     server = uvicorn.Server(
-        uvicorn.Config(
-            make_app(session, access, all_pages()), log_level="warning", access_log=False, server_header=False,
-            timeout_graceful_shutdown=2,
-        )
-    )  # fmt: skip
+        uvicorn.Config(app, log_level="warning", access_log=False, server_header=False, timeout_graceful_shutdown=2)
+    )
     for number in (signal.SIGINT, signal.SIGTERM):  # uvicorn's own handlers come later than somebody may
         signal.signal(number, lambda *_: setattr(server, "should_exit", True))
     with session.closing, closing(listener):

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ._nothing_tracked import nothing_tracked
 from ._recording import add_recording_argument, evaluate_recording, fill_in
 from ._run_json import named_options
 from ._sizes import image_size
@@ -44,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="model.yaml or URDF: fixed things that may hide the body, in the world's frame",
     )
     parser.add_argument(
-        "--output", type=Path, metavar="FOLDER", help="folder for bag, states.csv, joints.csv, poses.csv, run.json"
+        "-o", "--output", type=Path, metavar="FOLDER", help="folder for bag, states.csv, joints.csv, poses.csv, run.json"
     )
     parser.add_argument("--cameras", nargs="+", metavar="NAME", help="only these cameras of the rig")
     images = parser.add_argument_group("images")
@@ -90,7 +91,15 @@ def run(args: argparse.Namespace) -> int:
     recording = fill_in(args, BUILT_IN)
     if args.output is None:
         raise TrackerError("where the results go: give --output FOLDER")
+    if args.from_run_bag is not None:
+        _as_that_run(args)
     rig, model = _with_sources(load_rig(args.rig), args.source), load_model(args.model)
+    told: list[str] = []
+
+    def tell(sentence: str) -> None:
+        told.append(sentence)
+        print(f"track_offline: {sentence}", file=sys.stderr, flush=True)
+
     summary = run_offline(
         OfflineRun(
             rig=rig.subset(args.cameras) if args.cameras else rig,
@@ -109,11 +118,28 @@ def run(args: argparse.Namespace) -> int:
         ),
         args.output,
         None if args.quiet else _Progress(),
+        tell,
     )
-    _report(summary, args.output, args.quiet)
+    _report(summary, args.output, args.quiet, told)
+    untracked = nothing_tracked("track_offline", summary["status_counts"], summary["reason"], args.initial_state is not None)
     if summary["errors"]:
         return 1
-    return evaluate_recording(recording, args, args.output, args.output) if recording is not None else 0
+    if recording is None:
+        return untracked
+    return evaluate_recording(recording, args, args.output, args.output) or untracked
+
+
+def _as_that_run(args: argparse.Namespace) -> None:
+    """What the command line leaves out of how images are taken is as in the run that is made again."""
+    from ..evaluation.run_data import run_info
+    from ..evaluation.run_images import options_of
+
+    options = options_of(run_info(args.from_run_bag))
+    for name in ("start", "end", "rate", "resize", "shrink", "base_stamp_ns", "cameras", "source"):
+        if getattr(args, name) in (None, BUILT_IN.get(name, 0)) and options.get(name):
+            setattr(args, name, options[name])
+    args.resize = args.resize and (int(args.resize[0]), int(args.resize[1]))
+    args.source = [(camera, source) for camera, source in args.source]
 
 
 def _with_sources(rig: CameraRig, sources: list[tuple[str, str]]) -> CameraRig:
@@ -171,8 +197,8 @@ class _Progress:
         print(f"track_offline: {text:<70}", end=end, file=sys.stderr, flush=True)
 
 
-def _report(summary: dict[str, Any], output: Path, quiet: bool) -> None:
-    for error in summary["errors"]:
+def _report(summary: dict[str, Any], output: Path, quiet: bool, told: list[str]) -> None:
+    for error in (error for error in summary["errors"] if error not in told):
         print(f"track_offline: {error}", file=sys.stderr)
     if quiet:
         return

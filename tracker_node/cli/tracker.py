@@ -6,6 +6,8 @@ import argparse
 import sys
 import time
 
+from ._topics import add_topics_argument, with_topics
+
 SUMMARY = "track a body in the images of ROS cameras"
 EXAMPLE = "tracker_node tracker --rig rig.yaml --model person.yaml --initial-state start.yaml"
 SETTLE_S = 0.3  # between our discovery of a subscriber and its discovery of us; what is sent before is lost
@@ -36,6 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="rig",
         help="where the lenses are taken from; camera_info suits resampled images (default: rig)",
     )
+    add_topics_argument(parser)
     parser.add_argument("--lossless", action="store_true", help="track every image set in order, however long it takes")
     parser.add_argument(
         "--wait-for",
@@ -72,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
         from ..loaders.model_yaml import load_model
         from ..loaders.rig_yaml import load_rig
         from ..loaders.state_yaml import load_state
-        from ..ros.executor import ros_process, spin
+        from ..ros.executor import attach, ros_process, spin
         from ..ros.image_inbox import InboxOptions
         from ..ros.lifecycle import FINALIZED, INACTIVE
         from ..ros.tracker_node import TrackerNode
@@ -90,8 +93,9 @@ def run(args: argparse.Namespace) -> int:
         calibration_from_topics=args.calibration == "camera_info",
         autostart=not args.no_autostart,
     )
-    with ros_process(args.ros_args) as stop:
+    with ros_process(with_topics(args.ros_args, rig, dict(args.topics))) as stop:
         node = TrackerNode(options)
+        attach(node)
         failure: object = None
         try:
             if node.autostart and node.configure():

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..camera.camera_rig import Camera, CameraRig
+from ..camera.rig_unit import wrong_unit
 from .doctor_geometry import Diagnosis, Repair, diagnose
 from .doctor_motion import common_grid, motion_on_grid
 from .doctor_recording import CameraRecording
@@ -19,7 +20,6 @@ from .doctor_setup import Setup
 from .doctor_video import rate_problems, size_problems, source_problems, video_problems
 from .finding import FAULTS, Finding
 
-_LARGEST_ROOM_M = 100.0  # a camera farther than this from what it films is not meant in metres
 _LEAST_AGREEMENT = 0.35
 _NOT_CHECKED = "not checked: places, lenses and clocks. The cameras could not be compared"
 
@@ -54,6 +54,7 @@ def examine(rig: CameraRig, recordings: Mapping[str, CameraRecording]) -> Examin
     cameras: list[Camera] = []
     for camera in rig:
         recording = recordings[camera.name]
+        notes += [f"{camera.name}: {note}" for note in recording.notes]
         findings += source_problems(recording)
         if not len(recording):
             continue
@@ -85,27 +86,16 @@ def examine(rig: CameraRig, recordings: Mapping[str, CameraRecording]) -> Examin
 
 def _units(cameras: list[Camera]) -> tuple[list[Finding], list[Camera]]:
     """Findings, and the cameras in metres."""
-    if len(cameras) < 2:
+    wrong = wrong_unit(cameras)
+    if wrong is None:
         return [], cameras
-    centers = np.array([camera.center for camera in cameras])
-    distances = np.linalg.norm(centers[:, None] - centers[None], axis=2)
-    apart = np.array([np.median(np.delete(row, i)) for i, row in enumerate(distances)])
-    far = apart > _LARGEST_ROOM_M
-    if not far.any():
-        return [], cameras
-    typical = float(np.median(apart[far]))
-    unit, factor = ("millimetres", 1e-3) if typical > 1000.0 else ("centimetres", 1e-2)
-    names = () if far.all() else tuple(camera.name for camera, is_far in zip(cameras, far, strict=True) if is_far)
-    who = f"{', '.join(names)}: stands {typical:.0f} m from the others" if names else f"The cameras are {typical:.0f} m apart"
-    sentence = (
-        f"{who}: the translation of T_world_cam seems to be in {unit}, a rig is in metres ({typical * factor:.2f} m then)."
-        f" Divide it by {1 / factor:.0f}."
-    )
     in_metres = [
-        replace(camera, T_world_cam=_scaled(camera.T_world_cam, factor)) if is_far else camera
-        for camera, is_far in zip(cameras, far, strict=True)
+        replace(camera, T_world_cam=_scaled(camera.T_world_cam, wrong.factor)) if camera.name in wrong.cameras else camera
+        for camera in cameras
     ]
-    return [Finding("unit", names, sentence, {"apart_m": typical, "factor": factor})], in_metres
+    names = () if wrong.all_of_them else wrong.cameras
+    values = {"apart_m": wrong.apart_m, "factor": wrong.factor}
+    return [Finding("unit", names, wrong.sentence, values)], in_metres
 
 
 def _scaled(transform: np.ndarray, factor: float) -> np.ndarray:

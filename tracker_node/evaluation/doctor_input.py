@@ -83,7 +83,7 @@ def _recorded(name: str, source: ImageSource, seconds: float, first_ns: int) -> 
     if early >= source.n_images:  # over before the others begin
         early, first_ns = 0, source.stamp_ns(source.options.start)
     n = min(source.n_images - early, max(2, round(seconds * source.rate_hz)))
-    recording = CameraRecording(name, n, source.rate_hz)
+    recording = CameraRecording(name, n, source.rate_hz, notes=[source.note] if source.note else [])
     try:
         for stamp_ns, bgr in islice(dropwhile(lambda image: image[0] < first_ns, source), n):
             recording.add(stamp_ns, bgr)

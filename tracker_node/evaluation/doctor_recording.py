@@ -42,7 +42,7 @@ class CameraRecording:
     combs : `comb_ratio` of some pairs of successive images in which enough moves.
     view_shifts : how the background has moved, now and then.
     picture : the image in the middle of those seen so far, BGR, for the report (its index is ``picture_index``).
-    problems : what went wrong while reading, one sentence each.
+    problems, notes : what went wrong while reading, and what is unusual about the source, one sentence each.
     """
 
     name: str
@@ -57,6 +57,7 @@ class CameraRecording:
     picture: np.ndarray | None = None
     picture_index: int = 0
     problems: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
 
     def __post_init__(self):
         self._before: np.ndarray | None = None

@@ -91,7 +91,7 @@ def video_problems(recording: CameraRecording, everyone: list[CameraRecording]) 
             )
         )  # fmt: skip
     good &= ~repeated
-    brightness = recording.brightness()[good] if good.any() else np.ones(1)
+    brightness = recording.brightness()[good]  # the first image always is
     change = float(brightness.max() / max(brightness.min(), 1e-6) - 1.0)
     if change > _EXPOSURE_CHANGE:
         sharpest = int(np.argmax(np.abs(np.diff(np.log(brightness)))))

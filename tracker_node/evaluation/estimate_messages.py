@@ -12,6 +12,7 @@ import numpy as np
 
 from ..camera.camera_model import CameraModel
 from ..camera.camera_rig import Camera
+from ..camera.plausible_lens import plausible
 from ..errors import CalibrationError, TrackerError
 from ..geometry import quaternion
 from ..loaders.bag_images import NS_PER_S, stamp_ns_of
@@ -165,7 +166,7 @@ def lens_of(camera: str, message: Any) -> CameraModel:
     if not coefficients.any() and name in ("none", "plumb_bob", "rational_polynomial"):
         name, coefficients = "none", np.zeros(0)
     try:
-        return CameraModel(int(message.width), int(message.height), K, name, coefficients)
+        return plausible(CameraModel(int(message.width), int(message.height), K, name, coefficients))
     except (ValueError, TrackerError) as error:
         raise CalibrationError(camera, f"camera_info: {error}") from None
 

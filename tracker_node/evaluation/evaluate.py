@@ -81,7 +81,7 @@ class SilhouetteScores:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Result of `evaluate`; n image sets with a state, m joints."""
+    """Result of `evaluate`; n image sets of the run, m joints."""
 
     name: str
     joints: tuple[str, ...]
@@ -104,14 +104,14 @@ class Evaluation:
     lost_limbs: tuple[str, ...]
     status: np.ndarray  # (n,)
     residual_px: np.ndarray
-    iterations: np.ndarray
+    iterations: np.ndarray  # (n,) NaN without a state
     cameras: tuple[str, ...]
     camera_residuals_px: np.ndarray  # (n, c), 0 where there is none
     silhouettes: SilhouetteScores = field(default_factory=SilhouetteScores)
 
     @property
     def missing_sets(self) -> int:
-        """Image sets without any state."""
+        """Image sets that the run says nothing of."""
         return self.image_sets - len(self.times_s)
 
     @property
@@ -180,7 +180,7 @@ def evaluate(
         expected = f"times within those of the run, {_span(run.stamps_ns)}"
         raise FileFormatError("truth", "times", expected, _span(truth.stamps_ns))
     uncorrected = truth_at(truth, run.stamps_ns, 0.0, period_ns)
-    difference, valid = estimate.positions_m - at_sets.positions_m, at_sets.valid
+    difference, valid = estimate.positions_m - at_sets.positions_m, at_sets.valid & estimate.valid
     errors = metrics.joint_errors(estimate.positions_m, at_sets.positions_m)
     in_segment, offsets = metrics.offset_free_errors(difference, valid, rotations)
     in_world, _ = metrics.offset_free_errors(difference, valid)
@@ -195,7 +195,7 @@ def evaluate(
         image_sets=expected_sets(run, period_ns, options.image_sets),
         raw=ErrorSeries(errors, valid),
         no_lag_correction=ErrorSeries(
-            metrics.joint_errors(estimate.positions_m, uncorrected.positions_m), uncorrected.valid
+            metrics.joint_errors(estimate.positions_m, uncorrected.positions_m), uncorrected.valid & estimate.valid
         ),
         offset_free=ErrorSeries(in_segment, valid),
         offset_free_world=ErrorSeries(in_world, valid),
@@ -205,11 +205,11 @@ def evaluate(
         corrected_m=estimate.positions_m - np.einsum("nmij,mj->nmi", rotations, offsets),
         truth_m=at_sets.positions_m,
         bones=_bone_lengths(estimate, at_sets),
-        lost=metrics.lost_sets(np.ones(len(run), dtype=bool), said_lost, errors, valid),
+        lost=metrics.lost_sets(run.has_state, said_lost, errors, valid),
         lost_limbs=_lost_limbs(joints, errors, valid),
         status=run.status,
         residual_px=run.residual_px,
-        iterations=run.iterations,
+        iterations=np.where(run.has_state, run.iterations, np.nan),
         cameras=run.cameras,
         camera_residuals_px=run.camera_residuals_px,
     )
@@ -247,15 +247,16 @@ def image_numbers(run: RunData, period_ns: float) -> np.ndarray:
 def _tracked_joints(
     run: RunData, model: ArticulatedModel, joints: tuple[str, ...]
 ) -> tuple[Trajectories, np.ndarray, tuple[str, ...]]:
-    """Joints over time, rotations (n, m, 3, 3) of the segments that their offsets are constant in, and those' names."""
+    """Joints over time, rotations (n, m, 3, 3) of the segments that their offsets are constant in, and those' names; NaN, and not
+    valid, in sets without a state."""
     columns = [model.landmark_index(joint) for joint in joints]
     links = offset_links(model, joints)
-    positions, rotations = np.empty((len(run), len(joints), 3)), np.empty((len(run), len(joints), 3, 3))
-    for i in range(len(run)):
-        configuration = run.configuration(model, i)
+    positions, rotations = np.full((len(run), len(joints), 3), np.nan), np.full((len(run), len(joints), 3, 3), np.nan)
+    for i in np.flatnonzero(run.has_state):
+        configuration = run.configuration(model, int(i))
         positions[i] = configuration.landmarks_world[columns]
         rotations[i] = configuration.Ts_world_link[links, :3, :3]
-    estimate = Trajectories(joints, run.stamps_ns, positions, np.ones(positions.shape[:2], dtype=bool))
+    estimate = Trajectories(joints, run.stamps_ns, positions, np.repeat(run.has_state[:, None], len(joints), axis=1))
     return estimate, rotations, tuple(model.chain.links[link] for link in links)
 
 

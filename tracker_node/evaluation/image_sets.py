@@ -44,13 +44,15 @@ class ImageSetStream(ABC):
 
     Attributes
     ----------
-    errors : what went wrong, one sentence each.
+    errors : what went wrong, one sentence each; what is in it before the iteration is known beforehand.
+    notes : what is unusual about the sources and good to know.
     n_expected : number of sets, as far as it is known beforehand.
     """
 
     def __init__(self, rig: CameraRig):
         self.rig = rig
         self.errors: list[str] = []
+        self.notes: list[str] = []
         self.n_expected: int | None = None
 
     @abstractmethod
@@ -149,6 +151,7 @@ class SourceStream(ImageSetStream):
         options = options or SourceOptions()
         super().__init__(resampled_rig(rig, options))
         self._sources = opened_sources(rig, options, self.errors)
+        self.notes += [f"camera '{name}': {source.note}" for name, source in self._sources.items() if source.note]
         self._matcher = _Matcher(tuple(self._sources), config)
         self.n_expected = min(source.n_images for source in self._sources.values())
 
@@ -259,9 +262,15 @@ def merged_images(sources: dict[str, ImageSource], errors: list[str]) -> Iterato
 
 
 def resampled_rig(rig: CameraRig, options: SourceOptions) -> CameraRig:
-    """The rig for the images that these options deliver; lenses are scaled as `camera_ingest` scales its ``camera_info``."""
+    """The rig for the images that these options deliver; lenses are scaled as `camera_ingest` scales its ``camera_info``.
+
+    Raises
+    ------
+    SourceError : a size of another aspect.
+    """
     cameras = []
     for camera in rig:
+        options.check_aspect(camera.model.width, camera.model.height, camera.name)
         size = options.output_size(camera.model.width, camera.model.height)
         same = size == (camera.model.width, camera.model.height)
         cameras.append(camera if same else replace(camera, model=camera.model.resized(*size)))

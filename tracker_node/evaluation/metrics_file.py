@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from .. import __version__
+from ..errors import without_password
 from ..loaders.json_values import finite
 from ..loaders.whole_file import write_whole
 
@@ -73,13 +74,13 @@ def format_metrics(metrics: Mapping[str, float | int]) -> str:
 
 
 def command_line() -> str:
-    """The command line of this process, to be pasted into a shell."""
-    program = Path(sys.argv[0])
+    """The command line of this process, to be pasted into a shell; without passwords."""
+    program, arguments = Path(sys.argv[0]), [without_password(argument) for argument in sys.argv[1:]]
     if program.name == "main.py" and program.parent.name == "cli":
-        return shlex.join(["tracker_node", *sys.argv[1:]])
+        return shlex.join(["tracker_node", *arguments])
     if program.suffix == ".py":
-        return shlex.join(["python", os.path.relpath(program), *sys.argv[1:]])
-    return shlex.join([program.name, *sys.argv[1:]])
+        return shlex.join(["python", os.path.relpath(program), *arguments])
+    return shlex.join([program.name, *arguments])
 
 
 def versions() -> dict[str, str]:

@@ -53,8 +53,9 @@ def pa_mpjpe(estimate: np.ndarray, truth: np.ndarray, valid: np.ndarray) -> floa
 
     Known as protocol 2 of Human3.6M (Ionescu et al., IEEE PAMI 36, 2014). Sets with fewer than three valid joints do not count.
     """
-    judged = valid & (valid.sum(axis=1) >= _MIN_JOINTS)[:, None]
-    return mean_error(joint_errors(procrustes_aligned(estimate, truth, valid), truth), judged)
+    judged = valid.sum(axis=1) >= _MIN_JOINTS
+    estimate, truth, valid = estimate[judged], truth[judged], valid[judged]
+    return mean_error(joint_errors(procrustes_aligned(estimate, truth, valid), truth), valid)
 
 
 def pck(errors: np.ndarray, valid: np.ndarray, thresholds: np.ndarray) -> np.ndarray:

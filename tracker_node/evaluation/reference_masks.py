@@ -6,7 +6,6 @@ the person, and polygons drawn by hand, where it does not. ``masks.json`` says w
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +14,10 @@ import cv2
 import numpy as np
 
 from ..errors import FileFormatError, SourceError
+from ..loaders.json_values import read_json
 from .still_difference import still_difference_mask
+
+_FARTHEST_PX, _LARGEST_PX = 1e6, 65_536  # of a corner, of an image
 
 
 def polygon_mask(polygons: list[np.ndarray], width: int, height: int) -> np.ndarray:
@@ -61,10 +63,7 @@ def load_reference_masks(path: str | Path) -> dict[str, CameraMasks]:
     ------
     FileFormatError : naming the field.
     """
-    try:
-        content = json.loads(Path(path).read_text())
-    except (OSError, ValueError) as error:
-        raise FileFormatError(path, "(file)", "a readable JSON file", str(error)) from None
+    content = read_json(path)
     cameras = content.get("cameras") if isinstance(content, dict) else None
     if not isinstance(cameras, dict) or not cameras:
         raise FileFormatError(path, "cameras", "a mapping of camera names", cameras)
@@ -76,7 +75,7 @@ def _camera_masks(path: str | Path, name: str, entry: object) -> CameraMasks:
     if not isinstance(entry, dict):
         raise FileFormatError(path, where, "a mapping", entry)
     size = entry.get("image_size")
-    if not (isinstance(size, list) and len(size) == 2 and all(isinstance(v, int) and v > 0 for v in size)):
+    if not (isinstance(size, list) and len(size) == 2 and all(isinstance(v, int) and 0 < v <= _LARGEST_PX for v in size)):
         raise FileFormatError(path, f"{where}.image_size", "[width, height] in pixels", size)
     if ("still" in entry) == ("polygons" in entry):
         raise FileFormatError(path, where, "either 'still' or 'polygons'", sorted(entry))
@@ -89,7 +88,7 @@ def _camera_masks(path: str | Path, name: str, entry: object) -> CameraMasks:
         raise FileFormatError(path, f"{where}.polygons", "image number -> outlines", entry["polygons"])
     polygons = {}
     for number, outlines in entry["polygons"].items():
-        if not number.isdigit():
+        if not (number.isdecimal() and len(number) < 10):
             raise FileFormatError(path, f"{where}.polygons", "image numbers", number)
         polygons[int(number)] = _outlines(path, f"{where}.polygons.{number}", outlines)
     return CameraMasks(name, size[0], size[1], polygons=polygons)
@@ -101,9 +100,9 @@ def _outlines(path: str | Path, where: str, outlines: object) -> list[np.ndarray
     for outline in outlines if isinstance(outlines, list) else [outlines]:
         try:
             points = np.array(outline, dtype=np.float64).reshape(-1, 2)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             points = np.zeros((0, 2))
-        if len(points) < 3 or not np.isfinite(points).all():
+        if len(points) < 3 or not (np.abs(points) <= _FARTHEST_PX).all():
             raise FileFormatError(path, where, "outlines [u, v, u, v, ...] of at least three points", outline)
         result.append(points)
     return result

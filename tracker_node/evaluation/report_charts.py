@@ -7,16 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..render.status_palette import STATES
 from ..tracking.estimate import LimbStatus, Status
 from . import pose_metrics
 from .document import Bars, Chart, HeatMap, Line, Strip, Strips, strips_of
 from .metrics import LOST_JOINT_M
-from .palette import BLACK, BLUE, CYCLE, GREEN, ORANGE, PALE, RED, SKY
+from .palette import BLACK, BLUE, CYCLE, GREEN, ORANGE, RED
 from .review import Review
 
-STATUS_COLORS = {Status.INITIALISING: SKY, Status.TRACKING: GREEN, Status.DEGRADED: ORANGE, Status.LOST: RED}
-LIMB_COLORS = {LimbStatus.UNSEEN: PALE, LimbStatus.TRACKING: GREEN, LimbStatus.DEGRADED: ORANGE, LimbStatus.LOST: RED}
-TRUTH_COLORS = {"near": GREEN, "lost": RED, "no truth": PALE}
+STATUS_COLORS = {status: STATES[status.name.lower()] for status in Status}
+LIMB_COLORS = {status: STATES[status.name.lower()] for status in LimbStatus}
+TRUTH_COLORS = {"near": STATES["tracking"], "lost": STATES["lost"], "no truth": STATES["unseen"]}
 
 
 def status_strips(reviews: Sequence[Review]) -> Strips:
@@ -115,7 +116,7 @@ def joint_bars(reviews: Sequence[Review]) -> Bars | None:
 def joint_map(review: Review) -> HeatMap | None:
     """Error of every joint in every set."""
     e = review.joints
-    if e is None:
+    if e is None or not e.raw.valid.any():
         return None
     times, errors = review.over_time(np.where(e.raw.valid, 1e3 * e.raw.errors_m, np.nan))
     top = max(5.0, float(np.nanpercentile(errors, 99)))
@@ -172,7 +173,8 @@ def residual_charts(reviews: Sequence[Review]) -> Iterator[Chart]:
 
 def effort_charts(reviews: Sequence[Review]) -> Iterator[Chart]:
     """Iterations and milliseconds per set."""
-    lines = [_line(i, review, review.run.iterations.astype(float), reviews) for i, review in enumerate(reviews)]
+    counts = [np.where(review.run.has_state, review.run.iterations, np.nan) for review in reviews]
+    lines = [_line(i, review, counts[i], reviews) for i, review in enumerate(reviews)]
     yield Chart("iterations", "Iterations", "Steps of the optimizer per image set.", y_label="iterations", lines=lines)
     lines = []
     for i, review in enumerate(reviews):

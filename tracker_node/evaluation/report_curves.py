@@ -85,7 +85,9 @@ def _dof_curves(review: Review, color: str) -> Iterator[Curve]:
 
 def _landmark_curves(review: Review, color: str) -> Iterator[Curve]:
     names = review.model.landmark_names
-    points = np.array([review.run.configuration(review.model, i).landmarks_world for i in range(len(review.run))])
+    points = np.full((len(review.run), len(names), 3), np.nan)
+    for i in np.flatnonzero(review.run.has_state):
+        points[i] = review.run.configuration(review.model, int(i)).landmarks_world
     e = review.joints
     for m, name in enumerate(names):
         panels = []

@@ -60,6 +60,7 @@ FIGURES = (
     Figure("total_ms_p50", "Time per image set", "ms", "median"),
     Figure("total_ms_p95", "… 95th percentile", "ms", ""),
     Figure("total_ms_p99", "… 99th percentile", "ms", "with the compilation of a first start, if the run begins with it"),
+    Figure("sets_without_state", "Without a state", "", "the body had not been found yet, or there is no result for the set", 0),
     Figure("said_lost_sets", "Said to be lost", "", "sets with status LOST", 0),
     Figure("said_degraded_sets", "Said to be degraded", "", "sets with status DEGRADED", 0),
     Figure("said_reacquisition_s_median", "… until found again", "s", "from LOST to another status, median", 2),

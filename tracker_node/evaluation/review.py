@@ -90,6 +90,7 @@ class Review:
         assert self.joints is not None
         times, sets = instants(self.times_s, self.period_s)
         judged = np.any(self.joints.raw.valid, axis=1)
+        judged |= ~self.run.has_state  # without a state it is lost, whatever the truth
         return times, (sets < 0) | self.joints.lost[sets], (sets < 0) | judged[sets]
 
     @property
@@ -180,6 +181,7 @@ class Review:
 
     def _own_figures(self) -> dict[str, float | int]:
         figures: dict[str, float | int] = {
+            "sets_without_state": int((~self.run.has_state).sum()) + self.image_sets - len(self.run),
             "said_lost_sets": int(self.said_lost.sum()),
             "said_degraded_sets": int((self.run.status == Status.DEGRADED).sum()),
         }
@@ -242,7 +244,7 @@ def _at_sets(truth: Truth, run: RunData, options: EvaluationOptions, lag: float,
 
 
 def _against_states(run: RunData, model: ArticulatedModel, truth: TrueStates) -> dict:
-    whole = truth.states(model)
+    whole = [state if there else None for state, there in zip(truth.states(model), run.has_state, strict=True)]
     found: dict = {"states": state_errors(run, model, truth)}
     if any(state is not None for state in whole):
         segments = segment_errors(run, model, whole)
@@ -257,11 +259,15 @@ def _against_states(run: RunData, model: ArticulatedModel, truth: TrueStates) ->
 
 def _own(run: RunData) -> dict[str, float | int]:
     """What stands in `Evaluation.metrics` too, of a run without truth."""
-    figures: dict[str, float | int] = {"residual_px": float(np.mean(run.residual_px))}
+    figures: dict[str, float | int] = {"residual_px": _mean(run.residual_px[run.has_state])}
     for i, camera in enumerate(run.cameras):
         seen = run.camera_residuals_px[run.camera_residuals_px[:, i] > 0, i]
-        figures[f"residual_px_{camera}"] = float(seen.mean()) if len(seen) else float("nan")
-    return figures | {"iterations": float(np.mean(run.iterations))}
+        figures[f"residual_px_{camera}"] = _mean(seen)
+    return figures | {"iterations": _mean(run.iterations[run.has_state])}
+
+
+def _mean(values: np.ndarray) -> float:
+    return float(np.mean(values)) if len(values) else float("nan")
 
 
 def _losses(lost: np.ndarray, times_s: np.ndarray, known: np.ndarray | None = None) -> dict[str, float | int]:

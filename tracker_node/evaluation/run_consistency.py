@@ -54,14 +54,14 @@ def landmark_nees(run: RunData, model: ArticulatedModel, joints: Evaluation, off
     columns = [model.landmark_index(joint) for joint in joints.joints]
     errors = (joints.corrected_m if offset_free else joints.estimate_m) - joints.truth_m
     covariances = np.zeros((*errors.shape, 3))
-    for i in range(len(run)):
-        J = run.configuration(model, i).landmark_jacobian()[columns]
+    for i in np.flatnonzero(run.has_state):
+        J = run.configuration(model, int(i)).landmark_jacobian()[columns]
         covariances[i] = J @ run.details.covariances[i].astype(np.float64) @ np.swapaxes(J, 1, 2)
     return _series(joints.joints, errors, covariances, joints.raw.valid)
 
 
 def state_nees(run: RunData, truth: Sequence[State | None]) -> NeesSeries | None:
-    """Of the whole state, of a run with covariances against a true state (or None) for every set of it."""
+    """Of the whole state, of a run with covariances against a true state for every set of it; None where either has none."""
     if run.details is None:
         return None
     valid = np.array([state is not None for state in truth])

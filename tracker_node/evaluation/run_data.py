@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 from ..camera.camera_rig import CameraRig
 from ..errors import FileFormatError
 from ..loaders.bag_reader import STORAGE_SUFFIXES, BagReader
+from ..loaders.json_values import read_json
 from ..loaders.message_types import TRACKED_STATE
 from ..loaders.motion_file import CovarianceTrajectory, read_covariances
 from ..loaders.trajectory_file import read_states
@@ -62,8 +62,9 @@ class RunData:
     ----------
     stamps_ns : (n,) of the image sets.
     status : (n,) numbers of `tracking.estimate.Status`.
-    values : (n, n_dof) as `model.configuration.State.to_values`, in the order of ``dof_names``.
-    residual_px : (n,) rms over all cameras. iterations : (n,).
+    values : (n, n_dof) as `model.configuration.State.to_values`, in the order of ``dof_names``; NaN in sets without a state: the
+        body had not been found (status INITIALISING).
+    residual_px : (n,) rms over all cameras, NaN without a state. iterations : (n,).
     camera_residuals_px, camera_samples : (n, c), per name of ``cameras``; c = 0 when the run does not tell.
     info : content of ``run.json``, empty without one.
     details : None for a run without a bag.
@@ -97,13 +98,45 @@ class RunData:
             cameras=rig.names,
             camera_residuals_px=np.array([[c.residual_px for c in e.cameras] for e in estimates]),
             camera_samples=np.array([[c.samples for c in e.cameras] for e in estimates]),
-        )
+        )._without_guesses()
+
+    def _without_guesses(self) -> RunData:
+        """NaN instead of the neutral state that is written before the body is found."""
+        found = self.has_state & np.array([Status(int(status)).has_state for status in self.status], dtype=bool)
+        values, residual_px = np.where(found[:, None], self.values, np.nan), np.where(found, self.residual_px, np.nan)
+        details = self.details
+        if details is not None:
+            details = replace(details, covariances=np.where(found[:, None, None], details.covariances, np.float32(0.0)))
+        return replace(self, values=values, residual_px=residual_px, details=details)
 
     def __len__(self) -> int:
         return len(self.stamps_ns)
 
+    @property
+    def has_state(self) -> np.ndarray:
+        """(n,) bool."""
+        return np.isfinite(self.values).all(axis=1)
+
+    @property
+    def believed(self) -> np.ndarray:
+        """(n,) bool: with a state that the tracker does not call LOST."""
+        return self.has_state & (self.status != int(Status.LOST))
+
+    @property
+    def status_text(self) -> str:
+        """How many sets have each status, for messages: ``12 INITIALISING, 3 LOST``."""
+        counts = [(int((self.status == int(status)).sum()), status.name) for status in Status]
+        return ", ".join(f"{count} {name}" for count, name in counts if count)
+
     def configuration(self, model: ArticulatedModel, i: int) -> Configuration:
-        """The model as tracked in image set ``i``."""
+        """The model as tracked in image set ``i``.
+
+        Raises
+        ------
+        ValueError : a set without a state.
+        """
+        if not np.isfinite(self.values[i]).all():
+            raise ValueError(f"expected an image set with a state, got {i}, {Status(int(self.status[i])).name}")
         return Configuration(model, State.from_values(self.values[i]))
 
     def check_model(self, model: ArticulatedModel, model_path: str | Path) -> None:
@@ -131,7 +164,7 @@ def load_run(path: str | Path, topic: str | None = None) -> RunData:
     if not path.exists():
         raise FileFormatError(path, "(path)", "a run folder or a bag", "nothing there")
     bag = _bag_in(path)
-    info = _read_info(_info_of(path)) if path.is_dir() else {}
+    info = run_info(path)
     if path.is_dir() and (path / STATES_FILE).exists():
         run = _from_csv(path / STATES_FILE)
         if bag is not None:
@@ -145,7 +178,7 @@ def load_run(path: str | Path, topic: str | None = None) -> RunData:
         raise FileFormatError(path, "(path)", f"a folder with {STATES_FILE} or {BAG_FOLDER}/, or a bag", "neither")
     if not len(run):
         raise FileFormatError(path, "(states)", "at least one tracked state", "none")
-    return replace(run, bag=bag, info=info)
+    return replace(run, bag=bag, info=info)._without_guesses()
 
 
 def _bag_in(path: Path) -> Path | None:
@@ -157,6 +190,17 @@ def _bag_in(path: Path) -> Path | None:
     return None
 
 
+def run_info(path: str | Path) -> dict[str, Any]:
+    """Content of the ``run.json`` of a run folder, or of a bag in one; empty without one.
+
+    Raises
+    ------
+    FileFormatError : one that cannot be read.
+    """
+    path = Path(path)
+    return _read_info(_info_of(path)) if path.is_dir() else {}
+
+
 def _info_of(folder: Path) -> Path:
     """Of a part of a run it is the file of the run that tells, unless the part has one of its own."""
     told_beside = folder.name in (SMOOTHED, BAG_FOLDER) and not (folder / INFO_FILE).exists()
@@ -166,10 +210,7 @@ def _info_of(folder: Path) -> Path:
 def _read_info(path: Path) -> dict[str, Any]:
     if not path.exists():
         return {}
-    try:
-        info = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise FileFormatError(path, "(file)", "a readable JSON file", str(error)) from None
+    info = read_json(path)
     if not isinstance(info, dict):
         raise FileFormatError(path, "(content)", "a JSON object", info)
     return info
@@ -202,7 +243,10 @@ def _from_bag(path: Path, topic: str | None) -> RunData:
         if len(topics) != 1:
             problem = ", ".join(topics) or "none"
             raise FileFormatError(path, "topics", f"one topic of type {TRACKED_STATE} (or give its name)", problem)
-        messages = [message for _, message in reader.decoded(topics[0])]
+        found = reader.topic(topics[0])
+        if found.type_name != TRACKED_STATE:
+            raise FileFormatError(path, found.name, f"messages of type {TRACKED_STATE}", found.type_name)
+        messages = [message for _, message in reader.decoded(found.name)]
     first = messages[0] if messages else None
     dof_names = tuple(first.dof_names) if first else ()
     cameras = tuple(first.cameras) if first else ()
@@ -227,8 +271,9 @@ def _from_bag(path: Path, topic: str | None) -> RunData:
 
 
 def _details(path: Path, messages: Sequence[Any], n_dof: int) -> RunDetails:
-    n, limbs = len(messages), tuple(getattr(messages[0], "limbs", ())) if messages else ()  # version 0.1 judged none
-    if any(tuple(getattr(m, "limbs", ())) not in (limbs, ()) for m in messages):
+    judged = [tuple(getattr(m, "limbs", ())) for m in messages]  # none by version 0.1, nor before the body is found
+    n, limbs = len(messages), next(filter(None, judged), ())
+    if any(found not in (limbs, ()) for found in judged):
         raise FileFormatError(path, "limbs", "the same limbs throughout", "a change within the bag")
     details = RunDetails.unknown(n, n_dof, limbs)
     for i, m in enumerate(messages):

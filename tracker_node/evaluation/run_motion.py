@@ -10,12 +10,11 @@ from scipy.spatial.transform import Rotation, Slerp
 from ..errors import FileFormatError
 from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..tracking.estimate import LimbStatus, Status
+from ..tracking.estimate import LimbStatus
 from ..tracking.limbs import limbs_of
 from .run_data import RunData
 
 LOST = ("gap", "limbs", "keep")
-NOT_BELIEVED = (Status.LOST, Status.INITIALISING)
 MOST_INSTANTS = 5_000_000
 ON_GRID = 0.25  # of a period: stamps that lie so near to those of a constant rate are taken for them
 _SAME_RATE = 0.01  # by which share a rate may differ from the run's own to be taken for it
@@ -89,17 +88,16 @@ def motion_of_run(run: RunData, model: ArticulatedModel, lost: str = "gap") -> R
 
     Parameters
     ----------
-    lost : one of `LOST`. States that are lost, or still being looked for, leave a gap, or are kept as they stand; with "limbs"
-        single limbs that are lost or not seen have gaps, too.
+    lost : one of `LOST`. States that are lost leave a gap, or are kept as they stand; with "limbs" single limbs that are lost or
+        not seen have gaps, too. Where no state had been found yet there is always a gap.
 
     Raises
     ------
     FileFormatError : no state is left, or limbs are asked for of a run that does not judge them.
     """
-    valid = np.ones(len(run), dtype=bool) if lost == "keep" else ~np.isin(run.status, [int(status) for status in NOT_BELIEVED])
-    valid &= np.isfinite(run.values).all(axis=1)
+    valid = run.has_state if lost == "keep" else run.believed
     if not valid.any():
-        raise FileFormatError(run.path, "(states)", "at least one that is not lost", f"{len(run)} lost ones")
+        raise FileFormatError(run.path, "(states)", "at least one image set with a state that is not LOST", run.status_text)
     values = np.where(valid[:, None], run.values, 0.0)
     unknown = _unknown_links(run, model) if lost == "limbs" else None
     return RunMotion(model, run.stamps_ns, values, valid, steady_period_ns(run.stamps_ns), unknown_links=unknown)

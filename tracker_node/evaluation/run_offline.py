@@ -14,7 +14,6 @@ import numpy as np
 
 from ..camera.camera_rig import CameraRig
 from ..errors import TrackerError
-from ..loaders.bag_images import image_topics
 from ..loaders.bag_reader import BagReader
 from ..loaders.image_source import SourceOptions
 from ..loaders.plate_file import load_plates, resized_plates
@@ -28,6 +27,8 @@ from ..tracking.tracker import Tracker
 from .image_sets import BagStream, ImageSetStream, SourceStream, resampled_rig, rig_of_bag
 from .metrics_file import command_line, cpu, versions
 from .recorded_sets import RecordedRunStream
+from .run_data import run_info
+from .run_images import run_stream
 from .run_writer import RunWriter
 from .smoothed_writer import SmoothedWriter
 
@@ -66,8 +67,12 @@ class OfflineRun:
     named_options: dict[str, Any] = field(default_factory=dict)
 
 
-def run_offline(run: OfflineRun, output: str | Path, progress: Progress | None = None) -> dict[str, Any]:
+def run_offline(
+    run: OfflineRun, output: str | Path, progress: Progress | None = None, tell: Callable[[str], None] = lambda sentence: None
+) -> dict[str, Any]:
     """Track, write the output folder, and return what ``run.json`` holds.
+
+    ``tell`` is told, before anything is tracked, what is wrong with the sources or unusual about them.
 
     An error in the middle (a damaged file, images of a wrong size) ends the run, but what was tracked until then is in the
     folder, and ``errors`` of the summary names it.
@@ -78,8 +83,9 @@ def run_offline(run: OfflineRun, output: str | Path, progress: Progress | None =
     """
     with ExitStack() as stack:
         reader = stack.enter_context(BagReader(run.bag)) if run.bag else None
-        rig = resampled_rig(run.rig, run.source_options) if reader is None else rig_of_bag(run.rig, reader)
-        stream = _stream_of(run, rig, reader)
+        rig, stream = _stream_of(run, reader)
+        for sentence in (*stream.errors, *stream.notes):
+            tell(sentence)
         plates = resized_plates(load_plates(run.rig), rig)
         tracker = Tracker(rig, run.model, run.config, plates, run.initial_state, run.occluders)
         if run.smooth_s is not None and not tracker.in_information_units:
@@ -100,13 +106,15 @@ def run_offline(run: OfflineRun, output: str | Path, progress: Progress | None =
     return summary
 
 
-def _stream_of(run: OfflineRun, rig: CameraRig, reader: BagReader | None) -> ImageSetStream:
+def _stream_of(run: OfflineRun, reader: BagReader | None) -> tuple[CameraRig, ImageSetStream]:
+    """The rig for the images, and the image sets."""
     if reader is None:
-        return SourceStream(run.rig, run.config.synchronizer, run.source_options)
+        stream = SourceStream(run.rig, run.config.synchronizer, run.source_options)
+        return resampled_rig(run.rig, run.source_options), stream
     if run.from_run:
-        recorded = bool(image_topics(reader, rig.names))
-        return RecordedRunStream(rig, reader, None if recorded else run.source_options)
-    return BagStream(rig, run.config.synchronizer, reader)
+        return run_stream(run.rig, reader, run_info(reader.path), run.source_options)
+    rig = rig_of_bag(run.rig, reader)
+    return rig, BagStream(rig, run.config.synchronizer, reader)
 
 
 def _what_mostly(name: str) -> str:
@@ -121,6 +129,7 @@ class _Record:
     model: ArticulatedModel
     began: float = field(default_factory=time.perf_counter)
     status: Counter = field(default_factory=Counter)
+    reasons: Counter[str] = field(default_factory=Counter)  # of sets in which the body is not tracked
     stamps_ns: list[int] = field(default_factory=list)
     total_ms: list[float] = field(default_factory=list)
     iterations: list[int] = field(default_factory=list)
@@ -130,10 +139,13 @@ class _Record:
 
     def add(self, estimate: TrackEstimate) -> None:
         self.status[estimate.status] += 1
+        if estimate.status in (Status.LOST, Status.INITIALISING) and estimate.status_reason:
+            self.reasons[estimate.status_reason] += 1
         self.stamps_ns.append(estimate.stamp_ns)
         self.total_ms.append(estimate.timings.total_ms)
-        self.iterations.append(estimate.iterations)
-        self.residual_px.append(estimate.residual_px)
+        if estimate.status.has_state:
+            self.iterations.append(estimate.iterations)
+            self.residual_px.append(estimate.residual_px)
         names = [] if estimate.information is None else unobservable(estimate.information, self.model)
         self.untold.update(set(map(_what_mostly, names)))
         for fault in estimate.faults:
@@ -180,6 +192,8 @@ def _summary(run: OfflineRun, stream: ImageSetStream, record: _Record) -> dict[s
         "contradicted_cameras": list(record.faults.values()),
         "unobservable": [{"what": what, "sets": sets} for what, sets in record.untold.most_common()],
         "errors": list(stream.errors),
+        "notes": list(stream.notes),
+        "reason": record.reasons.most_common(1)[0][0] if record.reasons else "",
         "options": dict(run.named_options),
         "parameters": flatten(run.config),
         "versions": versions(),

@@ -8,7 +8,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from ..camera.camera_rig import CameraRig
+import numpy as np
+
+from ..camera.camera_rig import Camera, CameraRig
 from ..loaders.bag_metadata import OfferedQos
 from ..loaders.bag_writer import BagExistsError, BagWriter
 from ..loaders.message_types import TRACKED_STATE, typestore
@@ -93,8 +95,8 @@ class RunWriter:
                 self.bag.add_topic(topic, "sensor_msgs/msg/CompressedImage", OfferedQos())
 
     def append(self, estimate: TrackEstimate, image_set: ImageSet) -> None:
-        """One instant to all files."""
-        configuration = Configuration(self._model, estimate.state)
+        """One instant to all files; before a state is found, there is no row of joints and poses, and masks are empty."""
+        configuration, has_state = Configuration(self._model, estimate.state), estimate.status.has_state
         if not self._count:
             description = typestore().types[STRING](data=urdf_of(self._model))
             self.bag.write_message(DESCRIPTION, estimate.stamp_ns, description)
@@ -104,37 +106,41 @@ class RunWriter:
                 stamp_ns=estimate.stamp_ns,
                 status=estimate.status.name,
                 reason=estimate.status_reason,
-                values=estimate.state.to_values(),
+                values=estimate.state.to_values() if has_state else np.full(self._model.n_dof, np.nan),
                 score=estimate.score,
                 residual_px=estimate.residual_px,
                 iterations=estimate.iterations,
                 evaluations=estimate.evaluations,
             )
         )
-        self._joints.append(estimate.stamp_ns, configuration.landmarks_world)
-        self._poses.append(estimate.stamp_ns, estimate.state.T_world_root)
+        if has_state:
+            self._joints.append(estimate.stamp_ns, configuration.landmarks_world)
+            self._poses.append(estimate.stamp_ns, estimate.state.T_world_root)
         self._count += 1
         if self._count % FLUSH_EVERY == 0:
             self.bag.flush()
 
     def _write_messages(self, estimate: TrackEstimate, image_set: ImageSet, configuration: Configuration) -> None:
         stamp_ns, frame_id, prefix = estimate.stamp_ns, self._rig.world_frame, self._prefix
+        has_state = estimate.status.has_state
         for camera in self._rig:
             image = image_set.get(camera.name)
             if image is not None:
                 info = messages.camera_info_message(image.stamp_ns, camera)
                 self.bag.write_message(f"/{camera.name}/camera_info", stamp_ns, info)
             if self._masks:
-                pixels = render_mask(configuration, camera)
+                pixels = render_mask(configuration, camera) if has_state else _empty_mask(camera)
                 mask_stamp_ns = stamp_ns if image is None else image.stamp_ns
                 mask = messages.image_message(mask_stamp_ns, camera.frame_id, pixels, "mono8")
                 self.bag.write_message(f"{prefix}/{camera.name}/mask", stamp_ns, mask)
-            if self._through_masks and image is not None:
+            if self._through_masks and image is not None and has_state:
                 seen = messages.compressed_message(
                     image.stamp_ns, camera.frame_id, target_through_mask(image.bgr, configuration, camera)
                 )
                 self.bag.write_message(f"{prefix}/{camera.name}/target_through_mask", stamp_ns, seen)
         self.bag.write_message(f"{prefix}/state", stamp_ns, messages.tracked_state_message(estimate, self._model, frame_id))
+        if not estimate.status.known:  # as the node does: these messages cannot say that they are wrong
+            return
         self.bag.write_message(f"{prefix}/pose", stamp_ns, messages.pose_message(estimate, frame_id))
         self.bag.write_message(f"{prefix}/joint_states", stamp_ns, messages.joint_state_message(estimate, self._model, frame_id))
 
@@ -151,3 +157,7 @@ class RunWriter:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
+
+
+def _empty_mask(camera: Camera) -> np.ndarray:
+    return np.zeros((camera.model.height, camera.model.width), dtype=np.uint8)

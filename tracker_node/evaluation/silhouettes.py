@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -23,6 +24,7 @@ from .evaluate import SilhouetteScores, image_numbers
 from .metrics import intersection_over_union
 from .reference_masks import CameraMasks, read_still
 from .run_data import RunData
+from .run_images import image_bag_of
 
 SAME_INSTANT = 0.45  # images: how far an image's stamp may be from that of its set
 
@@ -86,9 +88,12 @@ def review_images(
     Images come from the rig's sources, or from the run's bag for a camera without one.
     """
     options = options or ReviewOptions()
+    rows = np.flatnonzero(run.has_state)
+    if not len(rows):
+        return ImageReview(problems=["There is no image set with a state, and so no silhouette and no picture."])
     numbers = image_numbers(run, period_ns) + options.first_image
-    row_of = {int(number): row for row, number in enumerate(numbers)}
-    shown = {int(numbers[i]) for i in spread(len(run), options.pictures)}
+    row_of = {int(numbers[row]): int(row) for row in rows}
+    shown = {int(numbers[rows[i]]) for i in spread(len(rows), options.pictures)}
     task = _Task(run, model, period_ns, row_of, shown, options)
     review = ImageReview()
     for camera in rig:
@@ -149,8 +154,9 @@ def _images(task: _Task, camera: Camera, wanted: set[int]) -> Iterator[tuple[int
     """(number, BGR) of the wanted images of a camera."""
     if not wanted:
         return
-    if camera.source is None and task.run.bag is not None:
-        yield from _bag_images(task, camera, wanted)
+    bag = image_bag_of(task.run.bag, task.run.info, (camera.name,))
+    if task.run.bag is not None and (camera.source is None or bag not in (None, task.run.bag)):
+        yield from _bag_images(task, camera, wanted, bag or task.run.bag)
         return
     source = open_camera_source(camera, SourceOptions(start=min(wanted), end=max(wanted) + 1))
     numbers = {source.stamp_ns(i): i for i in sorted(wanted)}
@@ -163,14 +169,13 @@ def _images(task: _Task, camera: Camera, wanted: set[int]) -> Iterator[tuple[int
             yield numbers[stamp_ns], image
 
 
-def _bag_images(task: _Task, camera: Camera, wanted: set[int]) -> Iterator[tuple[int, np.ndarray]]:
-    """The same from the run's bag, by stamp; images that were made smaller for tracking get the camera's size."""
-    assert task.run.bag is not None
+def _bag_images(task: _Task, camera: Camera, wanted: set[int], bag: Path) -> Iterator[tuple[int, np.ndarray]]:
+    """The same from a bag, by stamp; images that were made smaller for tracking get the camera's size."""
     size = (camera.model.width, camera.model.height)
-    with BagReader(task.run.bag) as reader:
+    with BagReader(bag) as reader:
         topics = image_topics(reader, [camera.name])
         if not topics:
-            raise SourceError(camera.name, f"the rig names no source, and {task.run.bag} holds no images")
+            raise SourceError(camera.name, f"the rig names no source, and {bag} holds no images")
         for image in camera_images(reader, topics):
             offset = (image.stamp_ns - int(task.run.stamps_ns[0])) / task.period_ns
             number = round(offset) + task.options.first_image

@@ -7,6 +7,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 
+import numpy as np
+
 from ..loaders.motion_file import CovariancesWriter, VelocitiesWriter
 from ..loaders.trajectory_file import JointsWriter, PosesWriter, StateRow, StatesWriter
 from ..model.articulated_model import ArticulatedModel
@@ -31,8 +33,8 @@ class SmoothedWriter:
     lag_s : seconds of what comes after an instant that are used for it; infinite: the whole of the recording, which is then
         written at its end.
 
-    Status, reason, residual and score are those of the tracker. What came before the body was first believed to be found is
-    left out.
+    Status, reason, residual and score are those of the tracker. What comes before the body is first believed to be found has rows
+    without a state.
     """
 
     def __init__(self, output: str | Path, model: ArticulatedModel, motion: MotionConfig, lag_s: float):
@@ -70,23 +72,28 @@ class SmoothedWriter:
     def _write(self, beliefs: list[Belief | None]) -> None:
         for belief in beliefs:
             estimate = self._waiting.popleft()
-            if belief is not None:
+            if belief is None:
+                self._write_state(estimate, np.full(self._model.n_dof, np.nan))
+            else:
                 self._write_one(estimate, belief)
 
-    def _write_one(self, estimate: TrackEstimate, belief: Belief) -> None:
-        stamp_ns, state = estimate.stamp_ns, clip_to_limits(belief.state, self._model.chain)
+    def _write_state(self, estimate: TrackEstimate, values: np.ndarray) -> None:
         self._states.append(
             StateRow(
-                stamp_ns=stamp_ns,
+                stamp_ns=estimate.stamp_ns,
                 status=estimate.status.name,
                 reason=estimate.status_reason,
-                values=state.to_values(),
+                values=values,
                 score=estimate.score,
                 residual_px=estimate.residual_px,
                 iterations=estimate.iterations,
                 evaluations=estimate.evaluations,
             )
         )
+
+    def _write_one(self, estimate: TrackEstimate, belief: Belief) -> None:
+        stamp_ns, state = estimate.stamp_ns, clip_to_limits(belief.state, self._model.chain)
+        self._write_state(estimate, state.to_values())
         self._joints.append(stamp_ns, Configuration(self._model, state).landmarks_world)
         self._poses.append(stamp_ns, state.T_world_root)
         self._velocities.append(stamp_ns, belief.velocity)

@@ -92,10 +92,11 @@ def state_errors(run: RunData, model: ArticulatedModel, truth: TrueStates) -> St
         near = [row[root] if ok else None for row, ok in zip(truth.values, np.all(truth.valid[:, root], axis=1), strict=True)]
     scale = np.array([1e3 if name in "xyz" else np.degrees(1.0) for name in order])
     tracked, true = unwrapped(run.values, near)[:, mine] * scale, truth.values[:, theirs] * scale
+    valid = truth.valid[:, theirs] & run.has_state[:, None]
     turns = np.array([name not in "xyz" for name in order])
-    tracked -= np.where(turns, _WHOLE_TURN * np.round((tracked - true) / _WHOLE_TURN), 0.0) * truth.valid[:, theirs]
+    tracked -= np.where(turns, _WHOLE_TURN * np.round((tracked - true) / _WHOLE_TURN), 0.0) * valid
     units = tuple("mm" if name in "xyz" else "deg" for name in order)
-    return StateErrors(tuple(ROWS.get(name, name) for name in order), units, tracked, true, truth.valid[:, theirs])
+    return StateErrors(tuple(ROWS.get(name, name) for name in order), units, tracked, true, valid)
 
 
 def segment_errors(run: RunData, model: ArticulatedModel, truth: Sequence[State | None]) -> SegmentErrors:

@@ -19,6 +19,7 @@ from .association import Trajectories, between
 from .coordinates import load_coordinates
 
 COORDINATES = (".mot", ".sto")
+_NO_TRUTH = ("LOST", "INITIALISING")
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +76,9 @@ def holds_states(path: str | Path) -> bool:
 
 
 def load_true_states(path: str | Path, model: ArticulatedModel | None = None, y_up: bool | None = None) -> TrueStates:
-    """States from a file in the format of ``states.csv``, whose rows with status LOST do not count, or a ``.mot`` or ``.sto``.
+    """States from a file in the format of ``states.csv``, or a ``.mot`` or ``.sto``.
+
+    Rows without a state, or with status LOST, do not count.
 
     Parameters
     ----------
@@ -94,15 +97,17 @@ def load_true_states(path: str | Path, model: ArticulatedModel | None = None, y_
     latest = {int(stamp): i for i, stamp in enumerate(trajectory.stamps_ns)}
     rows = [latest[stamp] for stamp in sorted(latest)]
     variables = unwrapped(trajectory.values[rows])
-    sound = np.array([trajectory.status[i] != "LOST" for i in rows])
+    sound = np.array([trajectory.status[i] not in _NO_TRUTH for i in rows]) & np.isfinite(variables).all(axis=1)
+    variables = np.where(sound[:, None], variables, 0.0)
     names = (*ROOT_NAMES, *trajectory.dof_names[N_ROOT_DOF:])
     return TrueStates(names, trajectory.stamps_ns[rows], variables, np.repeat(sound[:, None], len(names), axis=1))
 
 
 def unwrapped(values: np.ndarray, near: Sequence[np.ndarray | None] | None = None) -> np.ndarray:
-    """(n, k) pose variables of states' values (n, k), each row's angles near those of ``near``, or of the row before."""
-    variables = np.empty(values.shape)
-    for i, row in enumerate(values):
-        beside = near[i] if near is not None else None
-        variables[i] = to_variables(State.from_values(row), variables[i - 1] if beside is None and i else beside)
+    """(n, k) pose variables of states' values (n, k), each row's angles near those of ``near``, or of the last row before that is
+    finite; other rows are NaN."""
+    variables, before = np.full(values.shape, np.nan), None
+    for i in np.flatnonzero(np.isfinite(values).all(axis=1)):
+        beside = near[int(i)] if near is not None else None
+        variables[i] = before = to_variables(State.from_values(values[i]), before if beside is None else beside)
     return variables

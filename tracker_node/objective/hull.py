@@ -12,6 +12,7 @@ from scipy import ndimage
 from ..camera.camera_rig import Camera
 
 _LEAST = 0.1  # probability left to a place that a camera denies: silhouettes have holes
+_MOST_STEPS = 200  # of a grid, each way: 8 million points, some hundred megabytes
 _REACH = 1.6  # of the distance from the cameras to what they look at: half the width of the volume that is looked into
 
 
@@ -31,7 +32,7 @@ class Volume:
 
 
 def seen_volume(cameras: Sequence[Camera], size_m: float, step_m: float) -> Volume:
-    """Grid over what the cameras look at, for a body of ``size_m``.
+    """Grid over what the cameras look at, for a body of ``size_m``; its step is larger where it would have too many points.
 
     Its middle is nearest to all optical axes. One camera only, or cameras side by side, have no such point: then it lies where
     the body would fill two thirds of an image.
@@ -46,6 +47,7 @@ def seen_volume(cameras: Sequence[Camera], size_m: float, step_m: float) -> Volu
     middle = np.linalg.solve(A, np.einsum("nij,nj->i", across, centers) + weak * guess)
     reach = max(float(np.median(np.linalg.norm(centers - middle, axis=1))) / _REACH, size_m)
     low, high = middle - reach, middle + reach
+    step_m = max(step_m, 2.0 * reach / _MOST_STEPS)
     shape = tuple(int(n) for n in np.ceil((high - low) / step_m) + 1)
     return Volume(low, step_m, (shape[0], shape[1], shape[2]))
 

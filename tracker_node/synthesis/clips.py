@@ -7,7 +7,6 @@ on the left; spherical joints as quaternions wxyz, knees and elbows as one angle
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from ..errors import FileFormatError, SourceError, UnknownNameError
+from ..loaders.json_values import read_json
 from .joined import LONG_RUN, LONG_RUN_CLIPS, LONG_RUN_IMAGES, LONG_RUN_RADIUS_M, joined, within
 from .motions import PROCEDURAL, Motion, chained, heading, swing
 
@@ -136,10 +136,7 @@ def read_clip(path: str | Path) -> Clip:
     path = Path(path)
     if not path.is_file():
         raise SourceError(path, "no such motion file")
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise FileFormatError(path, "(file)", "JSON", str(error)) from None
+    content = read_json(path)
     frames = content.get("Frames") if isinstance(content, dict) else None
     if not isinstance(frames, list) or len(frames) < 2:
         raise FileFormatError(path, "Frames", "a list of at least two rows", frames)

@@ -138,7 +138,7 @@ def is_recorded(folder: str | Path, description: dict) -> bool:
     """Whether ``folder`` holds the complete recording that ``description`` stands for."""
     try:
         found = json.loads((Path(folder) / "synthetic.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return False
     return found == json.loads(json.dumps(description))
 
