@@ -15,6 +15,8 @@ from tracker_node.loaders.control_points import load_control_points
 from tracker_node.loaders.rig_yaml import load_rig, rig_file_of, write_rig_file
 from tracker_node.studio.digitizing import Method, reconstruct
 
+pytestmark = pytest.mark.long  # a browser and a studio for each test
+
 EYES = {"left": (2.0, 0.3, 1.2), "back": (-0.6, 2.1, 1.0), "right": (-1.5, -1.6, 1.4)}
 PLACE = np.array([0.12, -0.21, 0.93])
 N_SETS = 3

@@ -35,6 +35,8 @@ from tracker_node.ros.qos import RESULT
 from tracker_node.studio.live_page import Desk
 from tracker_node.studio.session import StudioFiles, StudioSession
 
+pytestmark = pytest.mark.long  # a browser and a studio for each test
+
 SERVICE_OF = {"Set state": "set_state", "Reinitialize": "reinitialize", "Disable": "enable", "Enable": "enable"}
 GREEN_BGR, BLUE_BGR = (40, 200, 60), (220, 60, 30)
 

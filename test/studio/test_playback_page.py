@@ -181,3 +181,21 @@ def test_curves_are_chosen_by_name(page, clip):
     states = read_states(clip.folder / "run/states.csv")
     expected = np.rad2deg(states.values[:, states.dof_names.index("shoulder_y")])
     np.testing.assert_allclose(answer["values"], expected, atol=1e-4)
+
+
+@pytest.mark.long
+def test_the_first_image_set_is_drawn_whenever_it_is_gone_to(page):
+    view = page.locator("canvas[aria-label='camera cam01']")
+
+    def shown(key):
+        page.keyboard.press(key)
+        page.wait_for_selector("body[aria-busy=false]")
+        page.wait_for_function("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))")
+        return view.screenshot()
+
+    page.keyboard.press("0")
+    first = shown("Home")
+    assert row(page) == 0
+    last = shown("End")
+    assert last != first
+    assert shown("Home") == first

@@ -9,6 +9,8 @@ from studio_process import running_studio
 from tracker_node.loaders.state_yaml import load_state
 from tracker_node.model.configuration import Configuration
 
+pytestmark = pytest.mark.long  # a browser and a studio
+
 SET = 1
 
 
@@ -90,6 +92,10 @@ def hands(desk):
     studio, tab, clip = desk
     hands = Hands(tab.page, clip)
     hands.open(studio.page("pose.html"))
+    if tab.page.locator("#kept").is_visible():  # from the test before
+        tab.page.click("#discard")
+        hands.settled()
+        hands.open(studio.page("pose.html"))
     tab.page.keyboard.press("0")
     yield hands
     assert tab.errors == []
@@ -215,3 +221,20 @@ def test_a_page_without_its_files_says_which(desk):
         tab.page.wait_for_selector("#facts tr")
         assert "not given" in tab.page.inner_text("#facts")
     tab.errors.clear()  # the console names what the server has refused
+
+
+def test_a_pose_that_is_not_saved_outlives_a_reload_until_it_is_discarded(desk, hands):
+    studio, first = desk[0], pytest.approx(np.rad2deg(-0.7), abs=0.1)
+    hands.number("elbow_flexion").fill("-77")
+    hands.press("Enter")
+    hands.page.locator("#set").fill("2")
+    hands.settled()
+    hands.open(studio.page("pose.html"))
+    assert hands.value("elbow_flexion") == pytest.approx(-77.0, abs=0.1)
+    assert hands.page.locator("#kept").is_visible() and "not saved" in hands.page.inner_text("#kept")
+    assert hands.page.inner_text("#where").startswith("set 2 of 3")
+    hands.page.click("#discard")
+    hands.settled()
+    assert hands.value("elbow_flexion") == first and hands.page.locator("#kept").is_hidden()
+    hands.open(studio.page("pose.html"))
+    assert hands.value("elbow_flexion") == first and hands.page.locator("#kept").is_hidden()

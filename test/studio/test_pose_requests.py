@@ -32,6 +32,7 @@ QUESTIONS = {
         },
     ),
     "load": (Loaded, {"name": names}),
+    "keep": (PoseInSet, {"values": values, "set": sets}),
     "save": (Saved, {"values": values, "set": sets, "name": names, "overwrite": st.booleans()}),
 }
 

@@ -13,8 +13,8 @@ import numpy as np
 from ..errors import FileFormatError
 from ..loaders.clicks import dump_clicks, load_clicks
 from ..loaders.control_points import ControlPoints, dump_control_points, load_control_points
+from ..loaders.limited_file import read_text
 from ..loaders.owned_folder import OwnedFolder
-from ..loaders.yaml_file import read_text
 
 PASSES = ("first", "second", "third")
 CONTROL_FILE, NAMES_FILE = "control_points.csv", "points.txt"

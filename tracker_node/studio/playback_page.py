@@ -82,10 +82,12 @@ class PlaybackDesk:
         }
 
     def drawn(self, asked: AskedRow) -> dict[str, Any]:
-        """The body of a state in all cameras."""
+        """The body of a state in all cameras; nothing where there is no state yet."""
         data = self._run.data
         if not 0 <= asked.row < len(data):
             raise FileFormatError("request", "row", f"a number below {len(data)}", asked.row)
+        if not data.has_state[asked.row]:
+            return {"cameras": {camera.name: {"parts": [], "handles": []} for camera in self._run.rig}}
         return {"cameras": self._drawer.drawn(data.configuration(self._run.model, asked.row).state)}
 
     def curve(self, asked: AskedCurve) -> dict[str, Any]:

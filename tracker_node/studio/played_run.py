@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
-from ..camera.camera_rig import Camera, CameraRig
-from ..errors import FileFormatError, TrackerError
-from ..evaluation.image_sets import rig_of_bag
+from ..camera.camera_rig import CameraRig
+from ..errors import TrackerError
 from ..evaluation.recorded_sets import RecordedRunStream, RecordedSet, recorded_set
 from ..evaluation.run_data import STATES_FILE, RunData, load_run
-from ..loaders.bag_images import image_topics, only_topic
+from ..evaluation.run_images import image_bag_of, options_of, rig_from_bag, rig_of_run, source_options_of
+from ..loaders.bag_images import only_topic
 from ..loaders.bag_reader import BagReader
-from ..loaders.image_source import SourceOptions
 from ..loaders.message_types import TRACKED_STATE
 from ..loaders.trajectory_file import read_states
 from ..model.articulated_model import ArticulatedModel
@@ -56,6 +54,8 @@ def open_run(session: StudioSession) -> PlayedRun:
         raise TrackerError("this page needs a run: start with --run FOLDER")
     data = load_run(path)
     data.check_model(model, session.files.model or "--model")
+    own_rig = session.files.rig is not None and str(session.files.rig.resolve()) == options_of(data.info).get("rig")
+    rig = rig_of_run(rig, data.info, other_file=not own_rig)
     sets, reasons = _recorded(data)
     try:
         return _with_images(PlayedRun(data, rig, model, None, (), reasons), sets)
@@ -78,57 +78,22 @@ def _recorded(data: RunData) -> tuple[dict[int, RecordedSet], tuple[str, ...]]:
 
 def _with_images(run: PlayedRun, sets: Mapping[int, RecordedSet]) -> PlayedRun:
     data, rig = run.data, run.rig
+    as_run = replace(source_options_of(data.info, data.path), size=None, shrink=1)  # people see them whole
     if data.bag is None:
-        images = RecordedImages(rig, _source_options(data))
+        images = RecordedImages(rig, as_run)
         numbers = _by_time(images, data.stamps_ns)
         return replace(run, images=images, numbers=numbers, problem="; ".join(images.problems))
-    options = None
-    with BagReader(data.bag) as reader:
-        image_bag = _image_bag(data, rig)
-        if image_bag is None:
-            options = RecordedRunStream(rig, reader, _source_options(data)).source_options
+    options, image_bag = None, image_bag_of(data.bag, data.info, rig.names)
     if image_bag is not None:
-        rig = _from_bag(rig, image_bag)
+        rig = rig_from_bag(rig, image_bag)
+    else:
+        with BagReader(data.bag) as reader:
+            options = RecordedRunStream(rig, reader, as_run).source_options
     images = RecordedImages(rig, options)
     made_from = [sets[stamp_ns].images if stamp_ns in sets else () for stamp_ns in data.stamps_ns.tolist()]
     numbered = [{camera: images.number_at(camera, ns) for camera, ns in pairs} for pairs in made_from]
     there = tuple({camera: number for camera, number in found.items() if number is not None} for found in numbered)
     return replace(run, rig=rig, images=images, numbers=there, problem="; ".join(images.problems))
-
-
-def _image_bag(data: RunData, rig: CameraRig) -> Path | None:
-    """The bag with the images of a run: its own, or that which it was tracked in; None where they came from the rig's sources."""
-    options = data.info.get("options") or {}
-    for bag in (data.bag, options.get("bag"), options.get("from_run_bag")):
-        if bag is not None and Path(bag).exists():
-            with BagReader(bag) as reader:
-                if image_topics(reader, rig.names):
-                    return Path(bag)
-    return None
-
-
-def _source_options(data: RunData) -> SourceOptions:
-    """As the run was started."""
-    options = data.info.get("options") or {}
-    try:
-        return SourceOptions(
-            int(options.get("start") or 0), options.get("end"), rate_hz=options.get("rate"),
-            base_stamp_ns=int(options.get("base_stamp_ns") or 0),
-        )  # fmt: skip
-    except (TypeError, ValueError) as error:
-        raise FileFormatError(data.path, "run.json: options", "start, end and rate of the images", str(error)) from None
-
-
-def _from_bag(rig: CameraRig, bag: Path) -> CameraRig:
-    """The cameras with a bag as their source, its stamps as they are, and lenses for its images; those it lacks have none."""
-    with BagReader(bag) as reader:
-        recorded = set(image_topics(reader, rig.names).values())
-        rig = rig_of_bag(rig, reader)
-    cameras = (
-        Camera(c.name, c.model, c.T_world_cam, source=f"bag:{bag}" if c.name in recorded else None, gain=c.gain, gamma=c.gamma)
-        for c in rig
-    )
-    return CameraRig(tuple(cameras), rig.world_frame, rig.lights)
 
 
 def _by_time(images: RecordedImages, stamps_ns: np.ndarray) -> tuple[Mapping[str, int], ...]:

@@ -50,6 +50,10 @@ class Saved(PoseInSet):
     overwrite: bool = False
 
 
+class Nothing(FileModel):
+    """No more than that it is asked for."""
+
+
 class Loaded(FileModel):
     """A file to be read."""
 
@@ -62,6 +66,7 @@ class PoseDesk:
     def __init__(self, session: StudioSession):
         self._session = session
         self._files = PoseFiles(session.files.folder)
+        self._kept: PoseInSet | None = None
 
     @made_once
     def _drawer(self) -> OutlineDrawer:
@@ -86,7 +91,19 @@ class PoseDesk:
             "parts": [{"name": s.name, "color": c} for s, c in zip(model.shapes, self._drawer.colors(), strict=True)],
             "score": {"name": self._bench.scorer.name, "meaning": self._bench.scorer.meaning, "shrunk": self._bench.factor},
             "folder": str(self._session.files.folder),
+            "kept": None if self._kept is None else {"values": self._kept.values, "set": self._kept.set},
         }
+
+    def keep(self, asked: PoseInSet) -> dict[str, Any]:
+        """Keep the pose for a page that is loaded again, as long as the studio runs."""
+        state_of(asked.values, self._session.needed_model())  # refuses what is no pose of the body
+        self._kept = asked
+        return {}
+
+    def discard(self) -> dict[str, Any]:
+        """Forget the kept pose: the next page begins with the first one."""
+        self._kept = None
+        return {}
 
     def show(self, asked: Pose) -> dict[str, Any]:
         """The pose within its limits, and drawn."""
@@ -144,6 +161,8 @@ def routes(session: StudioSession) -> Sequence[BaseRoute]:
     return [
         get("/api/pose/body", desk.body),
         get("/api/pose/names", desk.names),
+        post("/api/pose/keep", PoseInSet, desk.keep),
+        post("/api/pose/discard", Nothing, lambda asked: desk.discard()),
         post("/api/pose/show", Pose, desk.show),
         post("/api/pose/drag", Drag, desk.drag),
         post("/api/pose/score", PoseInSet, desk.score),

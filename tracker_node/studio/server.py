@@ -17,31 +17,40 @@ from starlette.staticfiles import StaticFiles
 
 from ..errors import SourceError, TrackerError
 from .endpoints import Answer, get, image
+from .palette import ROUTE as PALETTE
 from .security import Access, OnlyOwnPages
 from .session import StudioSession
+from .unexpected_errors import UnexpectedErrors
 
 WEB_FOLDER = Path(__file__).parent / "web"
 
 Page = Callable[[StudioSession], Sequence[BaseRoute]]
 
 
-def make_app(session: StudioSession, access: Access, pages: Sequence[Page] = ()) -> Starlette:
+def make_app(
+    session: StudioSession, access: Access, pages: Sequence[Page] = (), unexpected: Callable[[Exception], object] | None = None
+) -> Starlette:
     """The application.
 
     Parameters
     ----------
     pages : what the single pages add: each gives its routes, below ``/api/<page>/``, for a session.
+    unexpected : is told of an error that nobody has foreseen; the page gets it in one sentence. None: it is raised.
     """
     routes: list[BaseRoute] = [
         get("/api/session", lambda: session_facts(session)),
         image("/images/{camera}/{number}", session.needed_images),
+        PALETTE,
     ]
     for page in pages:
         routes += page(session)
     routes.append(Mount("/", StaticFiles(directory=WEB_FOLDER, html=True)))
+    middleware = [Middleware(OnlyOwnPages, access=access)]
+    if unexpected is not None:
+        middleware.append(Middleware(UnexpectedErrors, tell=unexpected))
     return Starlette(
         routes=routes,
-        middleware=[Middleware(OnlyOwnPages, access=access)],
+        middleware=middleware,
         exception_handlers={TrackerError: _told, OSError: _not_written},
     )
 

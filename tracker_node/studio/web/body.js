@@ -100,7 +100,7 @@ export function latestOnly(run) {
     if (busy) return;
     busy = true;
     try {
-      while (next) { const now = next; next = null; await run(now); }
+      while (next !== null) { const now = next; next = null; await run(now); }
     } finally { busy = false; }
   };
 }

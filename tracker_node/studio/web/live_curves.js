@@ -1,7 +1,8 @@
 // Curves of the last minute, and the shades of statuses.
 
-export const SHADES = { TRACKING: "good", DEGRADED: "fair", INITIALISING: "fair", LOST: "bad" };
-const COLORS = { good: "#2c8a4b", fair: "#c98a06", bad: "#c43d3d", "": "#a9b3bf" };
+export const SHADES = { TRACKING: "good", DEGRADED: "fair", INITIALISING: "first", LOST: "bad" };
+const style = getComputedStyle(document.documentElement); // of palette.css
+const color = (status) => style.getPropertyValue(`--${status.toLowerCase()}`).trim() || "#a9b3bf";
 const SECONDS = 60;
 
 /** Draw [time, value, status] of the last minute; null is a gap, the status a strip at the foot; `why` is said where all are gaps. */
@@ -22,7 +23,7 @@ export function drawCurve(canvas, points, now, why) {
   context.textAlign = "right";
   if (values.length) context.fillText(`${format(top)}`, width - 4, y(top) - 3);
   recent.forEach(([time, , status], i) => {
-    context.fillStyle = COLORS[SHADES[status] ?? ""];
+    context.fillStyle = color(status ?? "");
     context.fillRect(x(time), height - 4, Math.max(1, x(recent[i + 1]?.[0] ?? now) - x(time)), 4);
   });
   if (!values.length) {

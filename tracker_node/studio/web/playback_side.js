@@ -10,7 +10,8 @@ const FIRST_CURVES = 2;
 export function showState(container, run, row) {
   const status = run.statuses[run.status[row]];
   const word = make("b", { class: "status", id: "status" }, status);
-  word.style.color = STATUS_COLOR[status];
+  word.style.color = `var(--${status}-word)`;
+  word.style.borderColor = STATUS_COLOR[status];
   const limbs = run.limbs.map((name, i) => {
     const said = run.limb_statuses[run.limb_status[row][i]];
     return line(name, STATUS_COLOR[said], said);

@@ -21,12 +21,15 @@ class PosePage {
     // What is asked meanwhile is left out, but for the last
     this.ask = latestOnly((question) => this.answer(question));
     this.score = latestOnly((values) => this.showScore(values));
+    this.tellKept = latestOnly(([path, pose]) => attempt(() => request(path, pose)));
     this.bringImages = latestOnly((numbers) => Promise.all(this.grid.views.map(
       (view) => view.setImage(view.name in numbers ? `/images/${view.name}/${numbers[view.name]}` : ""))));
     for (const view of this.grid.views) bindMouse(view, this);
     this.listen();
-    this.ask({ path: "/api/pose/show", asked: { values: body.values }, then: (answer) => { this.draw(answer); this.zoomAll(); } });
-    this.goTo(0);
+    if (body.kept) this.history.set(body.kept.values, true, "kept");
+    $("kept").hidden = !body.kept;
+    this.ask({ path: "/api/pose/show", asked: { values: this.history.now }, then: (answer) => { this.draw(answer); this.zoomAll(); } });
+    this.goTo(body.kept?.set ?? 0);
   }
 
   // --- asking the server
@@ -56,6 +59,7 @@ class PosePage {
     this.fields.set(answer.values);
     $("undo").disabled = !this.history.canUndo;
     $("redo").disabled = !this.history.canRedo;
+    this.keep(answer.values);
     this.score(answer.values);
   }
 
@@ -77,6 +81,7 @@ class PosePage {
     $("where").textContent = `set ${this.shown.set} of ${sets.length}, ${(stamp_ns * 1e-9).toFixed(3)} s`;
     this.bringImages(numbers);
     this.score(this.history.now);
+    this.keep(this.history.now);
   }
 
   // --- what changes the pose
@@ -97,6 +102,20 @@ class PosePage {
     for (const { dofs } of this.body.groups) for (const dof of dofs) if (dof.neutral !== null) values[dof.index] = dof.neutral;
     this.history.set(values, true, "neutral");
     this.show(values);
+  }
+
+  /** The server keeps the pose for a reload of the page, unless it is the one that the page begins with. */
+  keep(values) {
+    if (!this.history.changes) return;
+    const changed = values.some((value, i) => Math.abs(value - this.body.values[i]) > 1e-6);
+    this.tellKept(changed ? ["/api/pose/keep", { values, set: this.shown.set }] : ["/api/pose/discard", {}]);
+  }
+
+  /** Back to the pose that the page began with; `undo` takes that back. */
+  discard() {
+    $("kept").hidden = true;
+    this.history.set(this.body.values, true, "discard");
+    this.show(this.history.now);
   }
 
   async fit() {
@@ -124,7 +143,7 @@ class PosePage {
       this.history.set(answer.values, true, "load");
       this.take(answer);
     });
-    onClicks({ undo, redo, neutral: () => this.neutral(), fit, zoom, help, before, after, fold });
+    onClicks({ discard: () => this.discard(), undo, redo, neutral: () => this.neutral(), fit, zoom, help, before, after, fold });
     $("set").max = this.session.sets.length - 1;
     $("set").addEventListener("input", () => this.goTo($("set").valueAsNumber));
     const control = { z: undo, y: redo, s: files.openSaving };

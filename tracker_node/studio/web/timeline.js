@@ -2,11 +2,12 @@
 
 import { clamp } from "/common.js";
 
-export const STATUS_COLOR = {
-  initialising: "#8fa3bd", tracking: "#3fa565", degraded: "#e0a021", lost: "#cf4646", unseen: "#ccd3db",
-};
+const style = getComputedStyle(document.documentElement); // of palette.css
+const STATES = ["initialising", "tracking", "degraded", "lost", "unseen"];
+export const STATUS_COLOR = Object.fromEntries(STATES.map((state) => [state, style.getPropertyValue(`--${state}`).trim()]));
 export const CURVE_COLORS = ["#1667c7", "#c2551e", "#7a3fb5", "#1d8a7a", "#b8336a", "#6b6b00"];
-const LEFT = 150, RIGHT = 56, TOP = 8, STRIP = 14, LIMB = 9, GAP = 3, PLOT_GAP = 16;
+const WIDE = { left: 150, right: 56 }, NARROW = { left: 88, right: 44 }, NARROW_PX = 600;
+const TOP = 8, STRIP = 14, LIMB = 9, GAP = 3, PLOT_GAP = 16;
 
 /**
  * Draws { seconds, strips: [{name, colors[]}], plots: [{name, unit, curves: [{values, color, name}]}], cursor } on a canvas.
@@ -24,9 +25,11 @@ export class Timeline {
   }
 
   get n() { return this.data?.seconds.length ?? 0; }
-  get width() { return this.canvas.clientWidth - LEFT - RIGHT; }
-  x(row) { return LEFT + ((row + 0.5) / Math.max(this.n, 1)) * this.width; }
-  rowAt(x) { return clamp(Math.floor(((x - LEFT) / this.width) * this.n), 0, Math.max(this.n - 1, 0)); }
+  get margins() { return this.canvas.clientWidth < NARROW_PX ? NARROW : WIDE; }
+  get left() { return this.margins.left; }
+  get width() { return this.canvas.clientWidth - this.left - this.margins.right; }
+  x(row) { return this.left + ((row + 0.5) / Math.max(this.n, 1)) * this.width; }
+  rowAt(x) { return clamp(Math.floor(((x - this.left) / this.width) * this.n), 0, Math.max(this.n - 1, 0)); }
 
   draw() {
     const { canvas } = this, ratio = window.devicePixelRatio || 1;
@@ -53,7 +56,7 @@ export class Timeline {
 
   _strip(context, { name, colors }, y, height) {
     context.fillStyle = "#637083"; context.textAlign = "right"; context.textBaseline = "middle";
-    context.fillText(name, LEFT - 8, y + height / 2 + 0.5, LEFT - 14);
+    context.fillText(name, this.left - 8, y + height / 2 + 0.5, this.left - 14);
     for (let from = 0; from < colors.length;) {
       let to = from + 1;
       while (to < colors.length && colors[to] === colors[from]) to++;
@@ -73,13 +76,13 @@ export class Timeline {
     context.strokeStyle = "#e6eaef"; context.lineWidth = 1;
     context.fillStyle = "#637083"; context.textBaseline = "middle"; context.textAlign = "left";
     for (const tick of ticks(low, high)) {
-      context.beginPath(); context.moveTo(LEFT, at(tick)); context.lineTo(LEFT + this.width, at(tick)); context.stroke();
-      context.fillText(`${+tick.toPrecision(6)} ${unit}`, LEFT + this.width + 6, at(tick));
+      context.beginPath(); context.moveTo(this.left, at(tick)); context.lineTo(this.left + this.width, at(tick)); context.stroke();
+      context.fillText(`${+tick.toPrecision(6)} ${unit}`, this.left + this.width + 6, at(tick));
     }
     context.textAlign = "right";
-    if (name) context.fillText(name, LEFT - 8, y + height / 2, LEFT - 14);
+    if (name) context.fillText(name, this.left - 8, y + height / 2, this.left - 14);
     curves.forEach(({ values, color, name: label }, i) => {
-      if (label) { context.fillStyle = color; context.fillText(label, LEFT - 8, y + 6 + 13 * i, LEFT - 14); }
+      if (label) { context.fillStyle = color; context.fillText(label, this.left - 8, y + 6 + 13 * i, this.left - 14); }
       context.strokeStyle = color; context.lineWidth = 1.4;
       context.beginPath();
       let drawing = false;
@@ -100,7 +103,7 @@ export class Timeline {
     const { seconds } = this.data, last = seconds[this.n - 1];
     context.fillStyle = "#637083"; context.textBaseline = "alphabetic"; context.textAlign = "center";
     let row = 0;
-    for (const tick of ticks(seconds[0], last, 8)) {
+    for (const tick of ticks(seconds[0], last, this.width < 400 ? 4 : 8)) {
       while (row < this.n - 1 && seconds[row] < tick - 1e-9) row++;
       context.fillText(`${+tick.toPrecision(6)} s`, this.x(row), y);
     }
