@@ -73,9 +73,9 @@ class Graph:
             self.said.append((status.name, status.level, status.message))
             self.values[status.name] = {pair.key: pair.value for pair in status.values}
 
-    def launch(self, *arguments: str | Path) -> NodeProcess:
-        """``tracker_node <verb>`` as a process."""
-        self._processes.append(NodeProcess(*arguments))
+    def launch(self, *arguments: str | Path, **env: str) -> NodeProcess:
+        """``tracker_node <verb>`` as a process, with further variables of its environment."""
+        self._processes.append(NodeProcess(*arguments, env=env))
         return self._processes[-1]
 
     def tracker(self, *options: str) -> NodeProcess:

@@ -20,7 +20,7 @@ EVERY_S = 0.2  # a set, while a report is waited for
 FATES = ("used", "late", "duplicate", "incomplete", "too_old", "ahead", "clock_jump", "reset", "waiting")
 
 
-def _begun(graph: Graph, *options: str) -> Sender:
+def begun(graph: Graph, *options: str) -> Sender:
     """A tracker that takes everything, tracking."""
     graph.tracker("--lossless", *options)
     sender = graph.sender()
@@ -42,7 +42,7 @@ def _receiving_again(graph: Graph, send: Callable[[], None]) -> None:
     graph.until(said, f"'{CAMERA}' says that it is receiving again")
 
 
-def _sound_again(graph: Graph, sender: Sender, n_missing: int = 0) -> None:
+def sound_again(graph: Graph, sender: Sender, n_missing: int = 0) -> None:
     """More sound sets; all sets so far have a state but for so many at most, and the camera is fine."""
     sender.sets(12)
     _receiving_again(graph, sender.sets)
@@ -52,10 +52,10 @@ def _sound_again(graph: Graph, sender: Sender, n_missing: int = 0) -> None:
 
 def _refused(damage: Callable[[Image], Image], *texts: str) -> Callable[[Graph], Outcome]:
     def inject(graph: Graph) -> Outcome:
-        sender = _begun(graph)
+        sender = begun(graph)
         sender.sets(3, {"cam2": lambda image: [damage(image)]})
         said = graph.wait_said(CAMERA, ERROR, *texts)
-        _sound_again(graph, sender)
+        sound_again(graph, sender)
         refused = graph.count(CAMERA, "refused")
         return Outcome(
             f"ERROR cam2: {said}; then OK; {len(graph.states)} of {sender.number} sets tracked", f"{refused} images", refused == 3
@@ -82,35 +82,35 @@ def _yuv(image: Image) -> Image:
 
 
 def _late(graph: Graph) -> Outcome:
-    sender = _begun(graph)
+    sender = begun(graph)
     held: list[Image] = []
     sender.sets(1, {"cam2": lambda image: held.append(image) or []})  # type: ignore[func-returns-value]
     sender.sets(4)
     graph.until(lambda: len(graph.states) >= 10, "states")
     sender.publish("cam2", held[0])
-    _sound_again(graph, sender)
+    sound_again(graph, sender)
     graph.until(lambda: graph.count(CAMERA, "late") == 1, "one image counted as late")
     return Outcome(f"set tracked without it; 1 counted as late; {len(graph.states)} of {sender.number} sets tracked", "1 image")
 
 
 def _doubled(graph: Graph) -> Outcome:
-    sender = _begun(graph)
+    sender = begun(graph)
     sender.sets(4, {"cam2": lambda image: [image, image]})
-    _sound_again(graph, sender)
+    sound_again(graph, sender)
     graph.until(lambda: graph.count(CAMERA, "duplicate") == 4, "four images counted as duplicate")
     seen = f"4 counted as duplicate; {len(graph.states)} of {sender.number} sets tracked, once each"
     return Outcome(seen, "nothing", len(graph.states) == sender.number)
 
 
 def _reordered(graph: Graph) -> Outcome:
-    sender = _begun(graph)
+    sender = begun(graph)
     for _ in range(4):  # the second image of cam2 before the first, whose partners wait
         first, second = sender.number, sender.number + 1
         for camera, order in (("cam1", (first, second)), ("cam2", (second, first)), ("cam3", (first, second))):
             for number in order:
                 sender.publish(camera, sender.message(camera, number))
         sender.number += 2
-    _sound_again(graph, sender, 4)
+    sound_again(graph, sender, 4)
     values = {key: int(value) for key, value in graph.values[CAMERA].items() if key in FATES or key == "received"}
     stamps_ns = stamps(graph.states)
     forward = all(a < b for a, b in pairwise(stamps_ns))
@@ -120,7 +120,7 @@ def _reordered(graph: Graph) -> Outcome:
 
 
 def _clock_back(graph: Graph) -> Outcome:
-    sender = _begun(graph)
+    sender = begun(graph)
     sender.offset_ns -= 500_000_000
     before = len(graph.states)
     sender.sets(8)
@@ -134,7 +134,7 @@ def _clock_back(graph: Graph) -> Outcome:
 
 
 def _offset_jumps(graph: Graph) -> Outcome:
-    sender = _begun(graph)
+    sender = begun(graph)
     sender.sets(20, shift_ns=10 * 10**9)
     said = graph.wait_said(CAMERA, WARN, "in no set")
     graph.until(lambda: len(graph.states) >= 24, f"24 states, of {len(graph.states)}")
@@ -187,11 +187,24 @@ def _calibration(spoil: Callable[[CameraInfo], None], *texts: str) -> Callable[[
                     spoil(info)
                 sender.cameras.infos[camera.name].publish(info)
 
-        calibrate(True)
-        said = graph.wait_said("tracker: calibration", ERROR, "cam2", *texts)
+        def calibrated(spoilt: bool, level: bytes, *texts: str) -> str:
+            """What is said; calibrations come with each image in real graphs, so that none is lost for good."""
+            mark, sent_s = len(graph.said), 0.0
+
+            def found() -> list[str]:
+                nonlocal sent_s
+                if time.monotonic() - sent_s > EVERY_S:
+                    calibrate(spoilt)
+                    sent_s = time.monotonic()
+                new = [text for name, at, text in graph.said[mark:] if name == "tracker: calibration" and at == level]
+                return [text for text in new if all(part in text for part in texts)]
+
+            graph.until(found, f"'tracker: calibration' says {texts}")
+            return found()[0]
+
+        said = calibrated(True, ERROR, "cam2", *texts)
         tracked_meanwhile = len(graph.states)
-        calibrate(False)
-        graph.wait_said("tracker: calibration", OK, "complete")
+        calibrated(False, OK, "complete")
         sender.tracked(5)
         seen = f"ERROR calibration: {said}; nothing tracked; the right one is taken: 5 of 5 sets tracked"
         return Outcome(seen, "nothing", tracked_meanwhile == 0)
@@ -205,6 +218,14 @@ def _nan(info: CameraInfo) -> None:
 
 def _uncalibrated(info: CameraInfo) -> None:
     info.k[:] = 0.0
+
+
+def _region_beyond(info: CameraInfo) -> None:
+    info.roi.x_offset = 2**32 - 1
+
+
+def _no_focal_length(info: CameraInfo) -> None:
+    info.k[0] = 1e-300
 
 
 DRILLS = (
@@ -223,4 +244,14 @@ DRILLS = (
     Drill("a camera's clock jumps ahead", "sets of the others go on, its images counted; whole again after", _offset_jumps),
     Drill("calibration with NaN", "named, nothing tracked; the right one is taken", _calibration(_nan, "nan")),
     Drill("uncalibrated camera", "named, nothing tracked; the right one is taken", _calibration(_uncalibrated, "uncalibrated")),
+    Drill(
+        "calibration with a region beyond the image",
+        "named, nothing tracked; the right one is taken",
+        _calibration(_region_beyond, "roi", "4294967295"),
+    ),
+    Drill(
+        "calibration with a focal length of 1e-300",
+        "named, nothing tracked; the right one is taken",
+        _calibration(_no_focal_length, "fx", "1e-300"),
+    ),
 )

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """How accurate the contour tracker is where truth is exact: on its own body, and on a person that is not its model.
 
-``cones`` is the tracker's own model in motion: what is left is the method's error. ``mannequin_*`` is a skinned, dressed body in
-captured motions, to which the model was scaled by a T-pose: what is left besides is the model's. Both are rendered by another
-renderer than the tracker's, in a furnished room, with lens distortion, blur, noise and a shadow; 6 cameras of 640x480, 30 Hz.
+``cones`` is the tracker's own model in motion: what is left is the method's error. ``mannequin_scaled_*`` is a skinned, dressed
+body in captured motions, to which the model was scaled by a T-pose: what is left besides is the model's. Both are rendered by
+another renderer than the tracker's, in a furnished room, with lens distortion, blur, noise and a shadow; 6 cameras of 640x480,
+30 Hz.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ def _arguments() -> argparse.Namespace:
     )
     parser.add_argument("--quick", action="store_true", help="fewer and shorter sequences")
     parser.add_argument("--json", metavar="FILE", help="write the figures there")
-    parser.add_argument("--only", nargs="+", metavar="NAME", help="only these sequences, e.g. cones mannequin_walk")
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="only these sequences, e.g. cones mannequin_scaled_walk")
     parser.add_argument("--cache", type=Path, default=DEFAULT_CACHE, help="where recordings are kept (default: %(default)s)")
     parser.add_argument("--motions", default=default_motions(), metavar="FOLDER", help="captured clips (default: %(default)s)")
     return parser.parse_args()
@@ -75,14 +76,14 @@ def _arguments() -> argparse.Namespace:
 def _jobs(size: str, motions: str | None) -> list[Job]:
     jobs = [Job("cones", Request(subject="model", motion="waves", n_images=CONES_IMAGES[size]))]
     if motions is None:
-        missing = ", ".join(f"mannequin_{clip}" for clip in CLIPS[size])
+        missing = ", ".join(f"mannequin_scaled_{clip}" for clip in CLIPS[size])
         print(
             f"NOT MEASURED: {missing}. They need the captured clips (humanoid3d_walk.txt and so on): name their folder with"
             " --motions, or the folder that holds bullet_motions/ with TRACKER_SHARED_DATA. The procedural motion stands in.",
             file=sys.stderr,
         )
-        return [*jobs, Job("mannequin_swing", Request(motion="swing", n_images=60))]
-    return jobs + [Job(f"mannequin_{clip}", Request(motion=clip, motions=motions)) for clip in CLIPS[size]]
+        return [*jobs, Job("mannequin_scaled_swing", Request(motion="swing", n_images=60))]
+    return jobs + [Job(f"mannequin_scaled_{clip}", Request(motion=clip, motions=motions)) for clip in CLIPS[size]]
 
 
 def track(folder: Path, name: str, config: TrackerConfig) -> Evaluation:

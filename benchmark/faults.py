@@ -9,8 +9,8 @@ field, or hold something that can be used (finite, cameras that project, bodies 
 written and read again; files that only write the same in another way must be read as the same. The seed is fixed.
 
 `fuzz.*` are files of rigs, bodies, robot descriptions, parameters, recordings and states, `fuzz_others.*` a tenth as many of
-meshes, clicks and tables, on top. Exit status 1 when a drill is not as expected or a file is not answered; drills that cannot
-be run here are `faults.skipped`.
+OpenCV's storages, meshes, clicks and tables, on top. Exit status 1 when a drill is not as expected or a file is not answered;
+drills that cannot be run here are `faults.skipped`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from tracker_node.evaluation.metrics_file import report_metrics
 
 SEED, N_FILES = 6, 10_000
 CORE = ("rig", "rig_file", "model", "slides", "part", "config", "plain_config", "recording", "state", "urdf")
-OTHERS = ("mesh", "clicks", "control_points", "places", "stamps", "markers", "table")
+OTHERS = ("opencv_yaml", "opencv_xml", "opencv_json", "mesh", "clicks", "control_points", "places", "stamps", "markers", "table")
 OTHERS_SHARE = 0.1  # of the number of the others, on top
 PARTS = ("drills", "fuzz")
 
@@ -52,17 +52,26 @@ def fuzz(n_files: int, seed: int) -> dict[str, float | int]:
     return metrics
 
 
+def drills() -> tuple:
+    """All of them; they need ROS."""
+    from _file_drills import DRILLS as FILE_DRILLS
+    from _image_drills import DRILLS as IMAGE_DRILLS
+    from _process_drills import DRILLS as PROCESS_DRILLS
+    from _request_drills import DRILLS as REQUEST_DRILLS
+    from _stream_drills import DRILLS as STREAM_DRILLS
+
+    return (*PROCESS_DRILLS, *REQUEST_DRILLS, *IMAGE_DRILLS, *FILE_DRILLS, *STREAM_DRILLS)
+
+
 def drill(only: list[str]) -> dict[str, float | int]:
     """Inject the faults one after the other; the metrics."""
     from _fault_graph import recorded_and_ros, run_drill
-    from _image_drills import DRILLS as IMAGE_DRILLS
-    from _process_drills import DRILLS as PROCESS_DRILLS
 
-    drills = [one for one in (*PROCESS_DRILLS, *IMAGE_DRILLS) if not only or any(text in one.name for text in only)]
+    chosen = [one for one in drills() if not only or any(text in one.name for text in only)]
     n_expected = n_run = n_skipped = 0
     print("| fault | expected | seen | data lost | verdict |\n|---|---|---|---|---|")
     with recorded_and_ros() as recording:
-        for one in drills:
+        for one in chosen:
             began = time.monotonic()
             outcome = run_drill(one, recording)
             verdict = "skipped" if outcome.skipped else "as expected" if outcome.expected else "NOT AS EXPECTED"

@@ -6,8 +6,10 @@ import subprocess
 import sys
 
 import cv2
+import pytest
 
 
+@pytest.mark.long
 def test_the_procedural_motion_stands_in_for_the_clips(repository, tmp_path):
     command = [sys.executable, repository / "benchmark/color_articulated.py", "--quick", "--max-sets", "2"]
     command += ["--cache", tmp_path, "--pictures", tmp_path, "--json", tmp_path / "figures.json"]

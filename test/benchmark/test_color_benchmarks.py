@@ -40,6 +40,7 @@ def test_arrivals_are_counted(scene):
     assert [images is scene.images[i % 2] for i, images in enumerate(knows.seen)] == [True] * 8
 
 
+@pytest.mark.long
 def test_every_optimizer_has_its_figures(scene):
     metrics = color_step.measure(scene, 2)
     for name in ("stepping", "stepping_published", "simplex", "alignment", "default"):
@@ -49,6 +50,7 @@ def test_every_optimizer_has_its_figures(scene):
     assert metrics["step.default_error_mm_p90"] < 5.0
 
 
+@pytest.mark.long
 def test_the_default_arrives_from_200_mm_and_20_degrees(scene):
     default = _color_fits.contestants(scene)["default"]
     assert color_basin.arrival_rate(scene, default, 200, 20, 6) == 1.0

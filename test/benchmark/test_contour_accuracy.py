@@ -29,10 +29,12 @@ def test_a_recording_is_tracked_and_judged(tmp_path):
 
 def test_without_the_clips_it_says_what_is_not_measured(capsys):
     jobs = benchmark._jobs("full", None)
-    assert [job.name for job in jobs] == ["cones", "mannequin_swing"]
+    assert [job.name for job in jobs] == ["cones", "mannequin_scaled_swing"]
     message = capsys.readouterr().err
-    assert "NOT MEASURED: mannequin_walk, mannequin_cartwheel, mannequin_spinkick" in message and "--motions" in message
+    lacking = ", ".join(f"mannequin_scaled_{clip}" for clip in ("walk", "cartwheel", "spinkick"))
+    assert f"NOT MEASURED: {lacking}" in message and "--motions" in message
 
 
 def test_with_the_clips_all_targets_are_measured():
-    assert [job.name for job in benchmark._jobs("quick", "clips")] == ["cones", "mannequin_walk", "mannequin_spinkick"]
+    names = [job.name for job in benchmark._jobs("quick", "clips")]
+    assert names == ["cones", "mannequin_scaled_walk", "mannequin_scaled_spinkick"]

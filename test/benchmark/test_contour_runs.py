@@ -87,6 +87,7 @@ def test_strides_and_cameras_are_those_asked_for(figure):
     assert len(list(clip.sets(stride=2, limit=2))) == 2
 
 
+@pytest.mark.long
 def test_figure_tracks_and_judges(figure):
     program = contour_figure
     clip = _contour_runs.Clip.load(figure)
@@ -111,6 +112,7 @@ def test_basin_starts_are_off_by_what_is_said(figure):
     assert 0 < (off[6:] > 0).sum() < 16
 
 
+@pytest.mark.long
 def test_basin_counts_trials_that_arrive(figure, monkeypatch):
     program, runs = contour_figure, _contour_runs
     clip = runs.Clip.load(figure)
@@ -140,6 +142,7 @@ def test_parameters_of_the_command_line():
         configured(["evidence.kinds=region"])
 
 
+@pytest.mark.long
 def test_a_person_is_tracked_with_another_body(person):
     program, runs, body = contour_mannequin, _contour_runs, _fitted_body
     clip = runs.Clip.load(person)
@@ -165,6 +168,7 @@ def test_without_the_clips_it_says_so(name, monkeypatch, capsys):
     assert "--motions or TRACKER_SHARED_DATA" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_core_times_image_sets_after_the_first_ones(figure):
     program = core
     config = program.configuration(1, ["evidence.kind=region"])
@@ -195,6 +199,7 @@ def test_live_images_go_forward_and_backward(figure, tmp_path):
     assert rig["cam02"].source == str(tmp_path / "cam02")
 
 
+@pytest.mark.long
 def test_live_graph(figure, monkeypatch):
     """States come for images that are sent; how many in time is the machine's business here."""
     pytest.importorskip("rclpy")

@@ -8,12 +8,10 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS is not installed")
 pytest.importorskip("tracker_msgs", reason="the interface package is not installed")
 
-import _image_drills
-import _process_drills
 import faults
 from _fault_graph import Drill, Graph, Outcome, recorded_and_ros, run_drill
 
-DRILLS = {drill.name: drill for drill in (*_image_drills.DRILLS, *_process_drills.DRILLS)}
+DRILLS = {drill.name: drill for drill in faults.drills()}
 MOST_IMPORTANT = (
     "camera process killed, started again",
     "tracker killed, started again",
@@ -25,7 +23,17 @@ MOST_IMPORTANT = (
     "clock jumps back",
     "a camera's clock jumps ahead",
     "calibration with NaN",
+    "rig in millimetres",
+    "a node without ROS",
+    "a camera taken out of use while images flow",
+    "deactivated and activated while images flow",
+    "set_state far beyond the room",
+    "lossless, and camera_info does not come",
+    "OpenCV calibration nested 100 000 times (YAML)",
+    "/dev/zero as a rig",
+    "streams with a password",
 )
+QUICK = "image doubled"  # for every change; the others are long
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +42,7 @@ def recording() -> Iterator[Path]:
         yield folder
 
 
-@pytest.mark.parametrize("name", MOST_IMPORTANT)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.long] * (name != QUICK)) for name in MOST_IMPORTANT])
 def test_drill(name, recording):
     outcome = run_drill(DRILLS[name], recording)
     if outcome.skipped:
@@ -42,6 +50,7 @@ def test_drill(name, recording):
     assert outcome.expected, outcome.seen
 
 
+@pytest.mark.long
 def test_what_does_not_happen_is_not_as_expected(recording, monkeypatch):
     monkeypatch.setattr("_fault_graph.TIMEOUT_S", 0.2)
 
@@ -54,6 +63,7 @@ def test_what_does_not_happen_is_not_as_expected(recording, monkeypatch):
     assert "nobody" in outcome.seen
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("error", [OSError("no such\nthing"), AssertionError()])
 def test_an_error_is_not_as_expected_either(error, recording):
     def inject(graph: Graph) -> Outcome:

@@ -11,10 +11,18 @@ from tracker_node.errors import CalibrationError, FileFormatError
 from tracker_node.loaders.rig_yaml import load_rig
 
 CORE = ("rig", "rig_file", "model", "slides", "part", "config", "plain_config", "recording", "state", "urdf")
-OTHERS = ("mesh", "clicks", "control_points", "places", "stamps", "markers", "table")
+OTHERS = ("opencv_yaml", "opencv_xml", "opencv_json", "mesh", "clicks", "control_points", "places", "stamps", "markers", "table")
 
 
-@pytest.mark.parametrize(("kinds", "count", "least_refused"), [(CORE, 450, 0.6), (OTHERS, 250, 0.5)])
+@pytest.mark.parametrize(
+    ("kinds", "count", "least_refused"),
+    [
+        (CORE, 50, 0.4),
+        (OTHERS, 30, 0.3),
+        pytest.param(CORE, 450, 0.6, marks=pytest.mark.long),
+        pytest.param(OTHERS, 250, 0.5, marks=pytest.mark.long),
+    ],
+)
 def test_fuzzed_files_are_answered(kinds, count, least_refused, tmp_path):
     answers = Answers()
     run(tmp_path, 2026, kinds, count, answers)

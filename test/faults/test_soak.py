@@ -40,7 +40,7 @@ def test_an_interrupt_ends_it(tmp_path, monkeypatch):
         soak.measure(plan)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_minutes(tmp_path):
     said: list[str] = []
     figures = soak.measure(soak.Plan(the_arm(tmp_path / "arm"), TrackerConfig(), "model.yaml", SECONDS, RATE_HZ), said.append)

@@ -1,0 +1,3 @@
+"""Faults that change nothing that could be seen, each with its reason: (file, line before, line after)."""
+
+EQUIVALENT: dict[tuple[str, str, str], str] = {}
