@@ -8,6 +8,7 @@ SHELL := /bin/bash
 VENV := .venv
 RUN := $(VENV)/bin/python
 OUT := out
+JOBS := 2
 
 # The first Python on the PATH that will do; a name alone may belong to a version manager that does not have it.
 PYTHON ?= $(or $(shell for python in python3.12 python3.11 python3; do \
@@ -25,12 +26,10 @@ MSGS := $(VENV)/.msgs-installed
 PACKAGE := $(VENV)/.package-installed
 MSGS_SOURCES := $(shell find msgs -type f -not -path '*/build/*')
 PACKAGE_SOURCES := setup.py setup.cfg pyproject.toml package.xml $(shell find config launch resource -type f 2>/dev/null)
-FULL_PYTHON ?= python3
 # Nodes and commands have their own documentation, and nodes need ROS.
 DOCUMENTED := tracker_node '!tracker_node.ros' '!tracker_node.cli'
-BENCHMARKS := $(filter-out benchmark/_%,$(sort $(wildcard benchmark/*.py)))
 
-.PHONY: help setup check-system system demo test test-full lint docs benchmark benchmark-full clean
+.PHONY: help setup check-system system demo test test-long test-ros lint docs benchmark benchmark-full clean
 
 help:  ## show this list
 	@grep -hE '^[a-z-]+:.*  ## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*  ## (.*)/  make \1\t\2/' | expand -t 24
@@ -63,18 +62,25 @@ $(PACKAGE): $(MSGS) $(PACKAGE_SOURCES) tools/link_data_files.py
 	@touch $@
 
 demo: setup check-system  ## track a real recording of a person from end to end; results in out/demo
-	@$(RUN) -m tracker_node.cli.main demo --out $(OUT)/demo
+	@$(RUN) -m tracker_node.cli.main demo --output $(OUT)/demo
 
-test: setup check-system  ## import contract, ruff, mypy and all tests
+# Two at once, each file's tests in one process, which makes what they share once.
+PYTEST := $(RUN) -m pytest -n $(JOBS) --dist loadfile
+
+# The types take a minute of one processor at the first time: they are checked while the tests run, and said at the end.
+test: setup check-system  ## import contract, ruff, mypy and the tests that take no more than seconds each
 	@$(VENV)/bin/lint-imports
 	@$(VENV)/bin/ruff check .
-	@$(VENV)/bin/mypy
-	@$(RUN) -m pytest $(PYTEST_ARGS)
+	@types=$$(mktemp); $(VENV)/bin/mypy >"$$types" 2>&1 & checked=$$!; tests=0; good=0; \
+	$(PYTEST) -m "not long and not ros" $(PYTEST_ARGS) || tests=$$?; \
+	wait $$checked || good=$$?; cat "$$types"; rm -f "$$types"; exit $$((tests > 0 ? tests : good))
 
-# With the Python of the ROS installation, not ours: the wheels have neither the ros2 command, nor launch, nor RViz.
-test-full:  ## what needs a full ROS 2 installation, sourced, with this package built in it
-	@command -v ros2 >/dev/null || { echo "test-full: no ros2 command: source /opt/ros/jazzy/setup.bash and install/local_setup.bash"; exit 2; }
-	@$(FULL_PYTHON) -m pytest -m full $(PYTEST_ARGS)
+test-long: setup check-system  ## real processes, walkthroughs of the pages, drills, soak and fuzz
+	@$(PYTEST) -m "long and not ros" $(PYTEST_ARGS)
+
+# TRACKER_ROS2_ENV names the folder whose env.sh makes `ros2` and `launch` available, with this package installed in it.
+test-ros: setup check-system  ## what needs the real ros2 command and launch
+	@$(PYTEST) -m ros $(PYTEST_ARGS)
 
 lint: setup  ## import contract, ruff and mypy
 	@$(VENV)/bin/lint-imports
@@ -86,14 +92,10 @@ docs: setup  ## the reference of all modules, as pages in out/docs
 	@echo "$(OUT)/docs/index.html"
 
 benchmark: setup check-system  ## quick run of every benchmark; JSON in out/benchmark
-	@mkdir -p $(OUT)/benchmark
-	@for program in $(BENCHMARKS); do echo "== $$program"; \
-		$(RUN) "$$program" --quick --json "$(OUT)/benchmark/$$(basename "$$program" .py).json"; done
+	@$(RUN) benchmark/_all.py --quick --output $(OUT)/benchmark
 
 benchmark-full: setup check-system  ## full run of every benchmark
-	@mkdir -p $(OUT)/benchmark
-	@for program in $(BENCHMARKS); do echo "== $$program"; \
-		$(RUN) "$$program" --json "$(OUT)/benchmark/$$(basename "$$program" .py).json"; done
+	@$(RUN) benchmark/_all.py --output $(OUT)/benchmark
 
 clean:  ## remove .venv and everything that was built or written
 	rm -rf $(VENV) $(OUT) build install log *.egg-info msgs/build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

@@ -72,3 +72,10 @@ def ros_domain_id(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
         patch.setenv("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_log")))
         yield domain_id
     lock.close()
+
+
+def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
+    """How the tests ended, beside those that failed: `tools/second_try.py` asks for both."""
+    cache = session.config.cache
+    if cache is not None and not hasattr(session.config, "workerinput"):
+        cache.set("tracker_node/exit_status", int(exitstatus))

@@ -43,7 +43,7 @@ def test_pages_have_signatures_parameters_and_sources(repository, tmp_path):
     assert re.search(r"<h6 id=\"[^\"]*parameters\">Parameters</h6>", errors, re.IGNORECASE)  # numpydoc is understood
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_every_public_module_has_its_page(repository, tmp_path):
     build(repository, options_of_make(repository)[0], tmp_path)
     for module in (repository / "tracker_node").rglob("*.py"):

@@ -44,7 +44,7 @@ def walkthrough(tmp_path, monkeypatch, shelf, ros_domain_id) -> Iterator[Walkthr
     walk.close()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("page", [page for page in PAGES if page not in WITH_SAMPLE and any(map(is_run, commands_of(page)))])
 def test_page(page, walkthrough):
     walkthrough.follow(page)
@@ -176,7 +176,7 @@ def edited(rig: Path, block: str) -> None:
     rig.write_text(yaml.safe_dump(values))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_tutorial(sample, walkthrough):
     walkthrough.follow("docs/tutorial.md", edits_of_the_tutorial(sample))
     assert walkthrough.done == [command for command in commands_of("docs/tutorial.md") if is_run(command)]
@@ -184,7 +184,7 @@ def test_the_tutorial(sample, walkthrough):
     assert Path("live/bag/metadata.yaml").is_file()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_readme(sample, walkthrough, tmp_path):
     """Its files have other names, and all videos the size of the calibration."""
     shutil.copyfile(sample["calibration.toml"], tmp_path / "Calib.toml")

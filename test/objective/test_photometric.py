@@ -24,6 +24,9 @@ from tracker_node.optimize.alignment import AlignmentOptions, align
 from tracker_node.render.raycaster import render_color
 from tracker_node.synthesis.target_images import TargetStudio
 
+# Three minutes of compiling: each number of lights and way to compare is a kernel of its own. test_on_colors aligns in make test.
+pytestmark = pytest.mark.long
+
 SPOT = (
     Light("ambient", (0.4, 0.4, 0.4)),
     Light("spot", (0.7, 0.7, 0.7), position=(4.0, 3.0, 4.0), direction=(-4.0, -3.0, -3.0), half_angle=0.7),

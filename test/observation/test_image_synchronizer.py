@@ -282,3 +282,172 @@ def test_misuse_is_named():
         synchronizer(cameras=("a", "a"))
     with pytest.raises(ValueError, match="image_period_s > 0"):
         ImageSynchronizer(CAMERAS, image_period_s=0.0, tolerance=0.4, queue_s=1.0)
+
+
+def decided(sync, puts):
+    """Of each set, in periods: which image decided it, and its stamps by camera."""
+    found = []
+    for camera, periods in puts:
+        for one in sync.add(image(camera, round(periods * PERIOD_NS))):
+            found.append(((camera, periods), {x.camera: x.stamp_ns / PERIOD_NS for x in one.images}))
+    return found
+
+
+def two(min_cameras=0, queue=5):
+    return synchronizer(min_cameras, queue_s=queue * PERIOD_NS * 1e-9, cameras=("left", "right"))
+
+
+@pytest.mark.parametrize(("queue", "back"), [(5, 5), (0, 1)])
+def test_stamps_jump_when_they_go_back_by_more_than_the_queue_and_a_period(queue, back):
+    for more_ns, jumps in ((0, 0), (1, 1)):
+        sync = two(queue=queue)
+        run(sync, [("left", 10**12), ("left", 10**12 - back * PERIOD_NS - more_ns)], flush=False)
+        assert sync.clock_jumps == jumps
+
+
+def test_the_tolerance_and_the_end_of_a_set_belong_to_it():
+    sync = two()
+    assert summary(run(sync, [("left", 0), ("right", TOLERANCE_NS)], flush=False)) == [(("left", 0), ("right", TOLERANCE_NS))]
+    run(sync, [("left", TOLERANCE_NS), ("left", TOLERANCE_NS + 1)], flush=False)
+    assert (sync.counters["left"]["late"], sync.counters["left"]["waiting"]) == (1, 1)
+    apart = two()
+    assert run(apart, [("left", 0), ("right", TOLERANCE_NS + 1)], flush=False) == []
+    assert [c["incomplete"] for c in apart.counters.values()] == [1, 0]  # whoever has sent later will not send it any more
+
+
+def test_a_camera_is_waited_for_until_it_has_sent_something_later():
+    puts = [("left", 0), ("middle", 0), ("right", 0), ("left", 1), ("middle", 1), ("left", 2), ("middle", 2), ("right", 2)]
+    everybody = {"left": 2.0, "middle": 2.0, "right": 2.0}
+    assert decided(synchronizer(min_cameras=2), puts)[1:] == [
+        (("right", 2), {"left": 1.0, "middle": 1.0}), (("right", 2), everybody),
+    ]  # fmt: skip
+
+
+def test_a_silent_camera_is_waited_for_as_long_as_the_queue_once():
+    """Its last image was the ninth: as the fifteenth of another comes, it has been silent for more than five periods."""
+    sync = synchronizer(min_cameras=2, queue_s=5 * PERIOD_NS * 1e-9)
+    found = decided(sync, [(c, i) for i in range(20) for c in CAMERAS if c != "right" or i < 10])
+    assert [(which, min(stamps.values())) for which, stamps in found[10:]] == [
+        *((("left", 15), float(i)) for i in range(10, 15)), *((("middle", i), float(i)) for i in range(15, 20)),
+    ]  # fmt: skip
+
+
+def test_what_all_are_needed_for_waits_as_long_as_the_queue_each_time():
+    sync = synchronizer(min_cameras=3, queue_s=5 * PERIOD_NS * 1e-9)
+    puts = [(c, i) for i in range(30) for c in CAMERAS if c != "right" or i < 10]
+    assert len(decided(sync, puts)) == 10
+    assert sync.counters["left"]["too_old"] == sync.counters["middle"]["too_old"] == 14  # those of 10 to 23
+    assert sync.flush() == []
+    assert sync.counters["left"]["incomplete"] == sync.counters["middle"]["incomplete"] == 6
+    assert sync.sets_not_formed["too_old"] == 14 and sync.sets_not_formed["incomplete"] == 6
+
+
+def test_a_camera_is_given_up_when_it_lags_by_more_than_the_queue():
+    for lag, given_up in ((5.0, []), (5.1, [17.0])):
+        found = decided(two(min_cameras=1), [("left", 10), ("right", 10), ("left", 17), ("right", 17 - lag)])
+        assert [min(stamps.values()) for _, stamps in found] == [10.0, 17.0 - lag, *given_up]
+
+
+def test_how_far_images_overtake_each_other_is_remembered_and_slowly_forgotten():
+    puts = [(c, i) for i in range(6) for c in ("left", "right")]
+    puts += [("left", 6), ("right", 8), ("right", 6), ("right", 7), ("left", 7), ("left", 8)]  # overtaken by two periods
+    puts += [(c, i) for i in range(9, 14) for c in ("left", "right") if (c, i) != ("right", 9)]
+    late = {min(stamps.values()): which for which, stamps in decided(two(min_cameras=1, queue=8), puts)}
+    assert late[8.0] == ("left", 8) and late[9.0] == ("right", 12)  # not before 9 + 2 and the tolerance
+    calm = [*puts, *((c, i) for i in range(14, 400) for c in ("left", "right")), ("left", 400), ("left", 401), ("right", 401)]
+    assert dict((min(s.values()), w) for w, s in decided(two(min_cameras=1, queue=8), calm))[400.0] == ("right", 401)
+
+
+def test_disorder_is_believed_up_to_the_queue():
+    sync = two(min_cameras=1, queue=2)
+    puts = [("left", 0), ("right", 0), ("right", 4), ("right", 2), ("left", 4), ("left", 5), *(("right", i) for i in (6, 7, 8))]
+    assert dict((min(s.values()), w) for w, s in decided(sync, puts))[5.0] == ("right", 8)
+
+
+def test_images_of_the_old_clock_are_dropped_for_as_long_as_the_queue():
+    sync = two()
+    run(sync, [(c, 10**12) for c in ("left", "right")], flush=False)
+    run(sync, [("left", 0), *(("right", 10**12 + i * PERIOD_NS) for i in range(1, 9))], flush=False)
+    assert sync.clock_jumps == 1
+    assert sync.counters["right"]["clock_jump"] == 5 and sync.counters["left"]["clock_jump"] == 0
+
+
+def test_a_camera_that_has_jumped_itself_is_on_the_new_clock():
+    sync = two(min_cameras=1)
+    run(sync, [(c, 10**12) for c in ("left", "right")], flush=False)
+    run(sync, [("left", 0), ("right", 0), ("right", 10**12)], flush=False)
+    assert sync.clock_jumps == 1 and sync.counters["right"]["clock_jump"] == 0
+    assert sync.counters["right"]["received"] == 3
+
+
+def test_after_a_reset_the_same_stamps_are_new_ones():
+    sync = two()
+    run(sync, [("left", 7), ("right", 7), ("left", PERIOD_NS)], flush=False)
+    sync.reset()
+    assert summary(run(sync, [("left", 7), ("right", 7)])) == [(("left", 7), ("right", 7))]
+    assert all(c["duplicate"] == c["late"] == 0 for c in sync.counters.values()) and sync.sets_complete == 2
+
+
+def test_what_comes_long_before_the_others_waits_for_them_until_its_time_is_up():
+    """Two of three send from far before an image that is alone enough: they are decided first, and it after them or never."""
+    def puts(n):
+        return [("right", 100), *((c, i) for i in range(n) for c in ("left", "middle"))]
+
+    sync = synchronizer(min_cameras=1, queue_s=5 * PERIOD_NS * 1e-9)
+    found = decided(sync, puts(4))
+    assert [min(s.values()) for _, s in found] == [0.0, 1.0, 2.0, 3.0] and sync.counters["right"]["waiting"] == 1
+    assert sync.flush() == [] and sync.counters["right"]["ahead"] == 1
+    later = synchronizer(min_cameras=1, queue_s=5 * PERIOD_NS * 1e-9)
+    decided(later, puts(6))
+    assert later.counters["right"]["waiting"] == 1
+    decided(later, [("left", 6), ("middle", 6), ("left", 7)])
+    assert later.counters["right"]["ahead"] == 1 and later.sets_not_formed["ahead"] == 1
+
+
+@pytest.mark.parametrize("changes", [{"tolerance": 1.0}, {"tolerance": -0.1}, {"queue_s": -1e-3}, {"min_cameras": -1}])
+def test_numbers_out_of_range_are_refused(changes):
+    with pytest.raises(ValueError, match="expected"):
+        synchronizer(**changes)
+    synchronizer(**{"tolerance": 0.0, "queue_s": 0.0, "min_cameras": 3})
+    with pytest.raises(ValueError, match="unique camera names"):
+        synchronizer(cameras=())
+
+
+def test_after_a_jump_images_within_the_queue_are_of_the_new_clock():
+    sync = two()
+    run(sync, [(c, 10**12) for c in ("left", "right")], flush=False)
+    run(sync, [("left", 0), ("right", 5 * PERIOD_NS)], flush=False)
+    assert sync.counters["right"]["clock_jump"] == 0 and sync.counters["right"]["waiting"] == 1
+
+
+def test_the_last_images_of_a_recording_that_nobody_has_followed_are_a_set():
+    """The others may have paused: only what they have sent since would say that this camera's clock is wrong."""
+    sync = synchronizer(min_cameras=1, queue_s=5 * PERIOD_NS * 1e-9)
+    sets = run(sync, [*((c, i * PERIOD_NS) for i in range(3) for c in CAMERAS), ("right", 100 * PERIOD_NS)])
+    assert summary(sets)[-1] == (("right", 100 * PERIOD_NS),) and sync.counters["right"]["ahead"] == 0
+
+
+def test_cameras_that_have_fallen_silent_hold_nobody_up():
+    sync = synchronizer(min_cameras=1, queue_s=5 * PERIOD_NS * 1e-9)
+    puts = [("right", 100), ("left", 0), ("middle", 0), *(("right", 100 + i) for i in range(1, 7))]
+    found = decided(sync, puts)
+    assert [(which, min(stamps.values())) for which, stamps in found] == [
+        (("middle", 0), 0.0), *((("right", 106), 100.0 + i) for i in range(7)),
+    ]  # fmt: skip
+    assert sync.counters["right"]["ahead"] == 0
+
+
+def test_an_image_at_the_very_end_of_a_set_is_a_duplicate():
+    sync = two()
+    sets = run(sync, [("left", 0), ("left", TOLERANCE_NS), ("right", TOLERANCE_NS)], flush=False)
+    assert summary(sets) == [(("left", 0), ("right", TOLERANCE_NS))]
+    assert (sync.counters["left"]["duplicate"], sync.counters["left"]["waiting"]) == (1, 0)
+
+
+def test_a_clock_that_hardly_advances_does_not_fill_the_memory():
+    """The others are silent, and by the only clock there is hardly any time passes."""
+    sync = synchronizer()
+    assert run(sync, [("left", n * 1000) for n in range(1000)], flush=False) == []
+    counts = sync.counters["left"]
+    assert counts["waiting"] <= 100 and counts["waiting"] + counts["too_old"] == counts["received"] == 1000
+    assert sync.sets_not_formed["too_old"] > 0

@@ -1,5 +1,7 @@
 """Levenberg-Marquardt against a reference solver, and its promises about joint limits."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bodies import random_state
@@ -12,7 +14,7 @@ from tracker_node.model.configuration import State
 from tracker_node.model.human import human_model
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 from tracker_node.objective.normal_equations import NormalEquations
-from tracker_node.optimize.levenberg_marquardt import LevenbergMarquardtOptions, clip_to_limits, minimize
+from tracker_node.optimize.levenberg_marquardt import LevenbergMarquardtOptions, clip_to_limits, minimize, stepped
 
 N_AXES = 5
 EXACT = LevenbergMarquardtOptions(max_iterations=200, tolerance=0.0, step_tolerance=1e-10)
@@ -165,3 +167,74 @@ def test_clipping_keeps_the_root():
     clipped = clip_to_limits(State(T, np.full(model.chain.n_axes, 99.0)), model.chain)
     np.testing.assert_array_equal(clipped.T_world_root, T)
     np.testing.assert_array_equal(clipped.joint_positions, model.chain.upper)
+
+
+class Scripted:
+    """Costs as listed, one an evaluation, the last for all that follow; H and g stay as given."""
+
+    def __init__(self, costs, H=None, g=None):
+        self.costs, self.asked = list(costs), []
+        self.H, self.g = np.eye(6) if H is None else H, np.ones(6) if g is None else g
+
+    def linearize(self, state: State) -> NormalEquations:
+        self.asked.append(state.T_world_root[0, 3])
+        return NormalEquations(self.H, self.g, self.costs[min(len(self.asked), len(self.costs)) - 1], 6)
+
+
+FIXED = KinematicChain(("base",), ())
+AT_REST = State(np.eye(4), np.zeros(0))
+ENDLESS = LevenbergMarquardtOptions(max_iterations=4, damping=1.0, tolerance=0.0, step_tolerance=0.0)
+
+
+def test_refused_steps_become_shorter_as_the_damping_rises():
+    """With the unit matrix and a gradient of ones, a step is -1 / (1 + damping) along every axis."""
+    objective = Scripted([1.0, 2.0])
+    result = minimize(objective, AT_REST, FIXED, ENDLESS)
+    np.testing.assert_allclose(objective.asked[1:5], [-1.0 / (1.0 + 8.0**k) for k in range(4)], rtol=1e-6)
+    assert (result.iterations, result.evaluations, result.converged) == (4, 6, False)
+    assert result.equations.cost == 2.0  # that of the last evaluation, which is of the result
+
+
+def test_steps_that_help_become_longer_as_the_damping_falls():
+    only_x = np.eye(6)[0]
+    objective = Scripted([5.0, 4.0, 3.0, 2.0, 1.0], g=only_x)
+    result = minimize(objective, AT_REST, FIXED, ENDLESS)
+    np.testing.assert_allclose(np.diff(objective.asked), [-1.0 / (1.0 + 0.2**k) for k in range(4)], rtol=1e-6)
+    assert (result.iterations, result.evaluations, result.equations.cost) == (4, 5, 1.0)
+    assert result.state.T_world_root[0, 3] == objective.asked[-1]
+
+
+def test_a_cost_that_stays_the_same_is_no_step_forward():
+    objective = Scripted([1.0, 1.0])
+    assert minimize(objective, AT_REST, FIXED, ENDLESS).state.T_world_root[0, 3] == 0.0
+
+
+def test_a_matrix_that_has_no_minimum_is_damped_until_it_has():
+    H = np.eye(6)
+    H[0, 1] = H[1, 0] = 2.0  # positive definite from a damping of 1 on
+    objective = Scripted([2.0, 1.0], H=H, g=np.eye(6)[0])
+    result = minimize(objective, AT_REST, FIXED, LevenbergMarquardtOptions(2, 0.3, 8.0, 0.2, 0.0, 0.0))
+    expected = np.linalg.solve(H + 2.4 * np.eye(6), -np.eye(6)[0])
+    assert objective.asked[1] == pytest.approx(expected[0], rel=1e-6)
+    assert (result.iterations, result.evaluations) == (2, 2)
+    state = stepped(NormalEquations(H, np.ones(6), 1.0, 6), AT_REST, FIXED, 0.3)
+    assert state is AT_REST
+    assert minimize(Scripted([2.0], H=H), AT_REST, FIXED, replace(ENDLESS, max_iterations=1, damping=0.3)).evaluations == 2
+
+
+def test_it_ends_by_gain_by_step_or_by_damping():
+    def ends(costs, **changes):
+        result = minimize(Scripted(costs), AT_REST, FIXED, replace(ENDLESS, max_iterations=50, **changes))
+        return result.iterations, result.converged
+
+    assert ends([100.0, 90.0, 80.9, 80.0, 70.0], tolerance=0.05) == (3, True)  # 10 %, 10.1 %, 1.1 %
+    assert ends([9.0, 8.0, 7.0, 6.0], step_tolerance=0.8) == (1, True)  # a step of 1/2
+    assert ends([9.0, 8.0, 7.0, 6.0, 6.0], step_tolerance=0.4)[0] > 3
+    assert ends([1.0, 2.0], step_tolerance=0.12) == (2, True)  # refused: 1/2, then 1/9
+    assert ends([1.0, 2.0], damping=1e5) == (3, True)  # 1e5, 8e5, 6.4e6
+
+
+def test_one_step_by_damping_of_each_degree_of_freedom():
+    damping = np.arange(6.0)
+    state = stepped(NormalEquations(2.0 * np.eye(6), np.array([3.0, 3, 3, 0, 0, 0]), 1.0, 6), AT_REST, FIXED, damping)
+    np.testing.assert_allclose(state.T_world_root[:3, 3], -3.0 / (2.0 * (1.0 + damping[:3])), rtol=1e-6)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State
@@ -158,3 +159,75 @@ def test_what_comes_of_arcs_is_told_apart():
     straight, nothing = fit_covariance(H, evidence(H, H), BODY)
     np.testing.assert_allclose(covariance - arcs, straight, atol=1e-12)
     assert arcs.any() and not nothing.any()
+
+
+def weak_shoulder(degrees: float) -> tuple[np.ndarray, ImageEvidence, np.ndarray]:
+    """(H, images, direction): all is well known but one turn of a shoulder about two of its axes."""
+    direction = np.zeros(N)
+    for name in ("left_shoulder_abduction", "left_shoulder_internal_rotation"):
+        direction[MODEL.chain.dof_names.index(name)] = np.sqrt(0.5)
+    H = 1e6 * np.eye(N) + (1.0 / np.radians(degrees) ** 2 - 1e6) * np.outer(direction, direction)
+    return H, ImageEvidence(H, H, np.tile(1e5 * np.eye(6), (N_LINKS, 1, 1))), direction
+
+
+def test_directions_known_to_a_degree_are_straight():
+    for degrees, bent in ((0.95, False), (1.05, True)):
+        H, images, _ = weak_shoulder(degrees)
+        assert fit_covariance(H, images, BODY)[1].any() == bent
+
+
+def test_arcs_are_followed_up_to_thirty_degrees():
+    across = []
+    for degrees in (15.0, 30.0, 60.0, 80.0):
+        H, images, direction = weak_shoulder(degrees)
+        beside = np.eye(N) - np.outer(direction, direction)
+        across.append(np.trace(beside @ fit_covariance(H, images, BODY)[1] @ beside))
+    assert across[0] == pytest.approx(across[1] / 16.0, rel=1e-3)  # the fourth power of the standard deviation
+    assert across[1:] == pytest.approx([across[1]] * 3, rel=1e-3)
+
+
+def test_one_arc_has_half_the_bend_as_its_mean_and_that_squared_twice_as_its_variance():
+    """Of e^2 b / 2 with e normal of variance v: the second moment is (v b / 2)^2 + 2 (v b / 2)^2."""
+    H, images, direction = weak_shoulder(8.0)
+    pull = 1e5 * link_bends(BODY, direction[:, None])[0]
+    makes_up = np.linalg.solve(H, np.einsum("la,na,ln->n", pull, BODY.twists, MODEL.chain.link_moved_by))
+    half = 0.5 * np.radians(8.0) ** 2 * makes_up
+    expected = BEYOND_SECOND_ORDER * 3.0 * np.outer(half, half)
+    np.testing.assert_allclose(fit_covariance(H, images, BODY)[1], expected, rtol=1e-3, atol=1e-3 * np.abs(expected).max())
+
+
+def test_trust_is_a_share_of_the_root_of_information():
+    rng = np.random.default_rng(3)
+    J, moved_by = rng.normal(size=(2 * N, N)), MODEL.chain.link_moved_by
+    told = ImageEvidence(J.T @ J, 0.5 * J.T @ J, np.tile(np.eye(6), (N_LINKS, 1, 1)), rng.normal(size=N))
+    trust = np.ones(N)
+    k = MODEL.chain.dof_names.index("left_shoulder_abduction")
+    trust[k] = 0.5
+    half = told.trusted(trust, moved_by)
+    scale = np.where(np.arange(N) == k, 0.5, 1.0)
+    np.testing.assert_allclose(half.information, told.information * np.outer(scale, scale))
+    np.testing.assert_allclose(half.scatter, told.scatter * np.outer(scale, scale))
+    np.testing.assert_allclose(half.normal[:, 0, 0], np.where(moved_by[:, k], 0.25, 1.0))
+    assert half.gradient is None
+
+
+def test_trust_in_all_changes_nothing():
+    rng = np.random.default_rng(9)
+    J = rng.normal(size=(3 * N, N))
+    told = ImageEvidence(J.T @ J, 0.5 * J.T @ J, np.zeros((N_LINKS, 6, 6)), rng.normal(size=N))
+    for a, b in zip(told.measurement(), told.measurement(np.ones(N)), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_degrees_of_freedom_of_any_unit_are_measured_alike():
+    """Metres, millimetres, radians: units change what is said as they should, over ten powers of ten."""
+    rng = np.random.default_rng(10)
+    J, offset = rng.normal(size=(3 * N, N)), rng.normal(size=N)
+    H = J.T @ J
+    units = 10.0 ** rng.uniform(0.0, 2.0, N)
+    both = np.outer(units, units)
+    M, pull = ImageEvidence(H, 2.0 * H, np.zeros((N_LINKS, 6, 6)), -H @ offset).measurement()
+    scaled, pulled = ImageEvidence(both * H, 2.0 * both * H, np.zeros((N_LINKS, 6, 6)), -units * (H @ offset)).measurement()
+    np.testing.assert_allclose(M, 0.5 * H, rtol=1e-4, atol=1e-4 * np.abs(H).max())
+    np.testing.assert_allclose(scaled / both, 0.5 * H, atol=1e-3 * np.abs(H).max())
+    np.testing.assert_allclose(pulled / units, pull, atol=1e-3 * np.abs(pull).max())

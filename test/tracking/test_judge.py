@@ -7,10 +7,11 @@ import pytest
 
 from tracker_node.objective import contour_residual as kernel
 from tracker_node.objective.contour_agreement import BOUNDARY, N_AGREEMENT, ON_BOUNDARY, ON_OUTLINE, OUTLINE
+from tracker_node.objective.normal_equations import NormalEquations
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.tracking.config import StatusConfig
-from tracker_node.tracking.estimate import Status
-from tracker_node.tracking.judge import NOTHING, Recovery, judge
+from tracker_node.tracking.estimate import CameraReport, Status
+from tracker_node.tracking.judge import NOTHING, Recovery, covariance_of, judge, reports_of
 
 CONFIG = StatusConfig(degraded_agreement=0.6, lost_agreement=0.4, degraded_residual_px=5.0, lost_residual_px=12.0)
 ABSENT, ELSEWHERE, EMPTY = "absent", "elsewhere", "empty"
@@ -106,3 +107,64 @@ def test_images_that_stay_worse_after_a_loss_are_usual_in_the_end():
     told(recovery, *[0.92] * 5, 0.1)
     said = told(recovery, *[0.8] * 600)
     assert said[30] is Status.DEGRADED and said[-1] is Status.TRACKING
+
+
+def slot(count=0.0, weight=0.0, squares=0.0, **agreement):
+    stats, shares = np.zeros(kernel.N_STATISTICS), np.zeros(N_AGREEMENT)
+    stats[kernel.COUNT], stats[kernel.WEIGHT], stats[kernel.SQUARES] = count, weight, squares
+    for name, value in agreement.items():
+        shares[{"outline": OUTLINE, "on_boundary": ON_BOUNDARY, "boundary": BOUNDARY, "on_outline": ON_OUTLINE}[name]] = value
+    return SimpleNamespace(stats=stats, agreement=shares)
+
+
+def seen(name: str, empty: bool = False):
+    return SimpleNamespace(camera=name, empty=empty)
+
+
+def test_a_cameras_agreement_is_the_harmonic_mean_of_both_shares():
+    slots = [slot(100.0, 100.0, 100.0, outline=80.0, on_boundary=60.0, boundary=40.0, on_outline=10.0)]
+    images = ImageSet(7, (CameraImage("a", 7, np.zeros((2, 2, 3), np.uint8)),))
+    assert judge(slots, [seen("a")], images, CONFIG)[2] == pytest.approx(2.0 * 0.75 * 0.25 / (0.75 + 0.25))
+
+
+def test_twenty_samples_in_all_are_enough():
+    assert verdict(0.9, 0.9, samples=10.0)[0] is Status.TRACKING
+    assert verdict(0.9, 0.9, samples=9.5)[:2] == (Status.LOST, "only 19 contour samples find a boundary")
+
+
+def test_limits_themselves_are_in_order():
+    assert verdict(0.9, 0.9, residual_px=5.0)[0] is Status.TRACKING
+    assert verdict(0.9, 0.9, residual_px=12.0)[0] is Status.DEGRADED
+    assert verdict(0.5, 0.5)[0] is Status.DEGRADED and verdict(0.75, 0.625)[0] is Status.TRACKING
+
+
+def test_reports_have_what_each_camera_saw_and_the_sum_of_all():
+    names = ("a", "b", "c", "d")
+    rig = [SimpleNamespace(name=name) for name in names]
+    slots = [slot(30.0, 10.0, 40.0), slot(20.0, 5.0, 125.0), slot(99.0, 99.0, 9900.0), slot(99.0, 99.0, 9900.0)]
+    images = ImageSet(7, tuple(CameraImage(name, 7 + i, np.zeros((2, 2, 3), np.uint8)) for i, name in enumerate(names[:3])))
+    reports, rms = reports_of(rig, slots, [seen("a"), seen("b"), seen("c", empty=True), None], images)
+    assert reports == (
+        CameraReport("a", 7, 2.0, 30), CameraReport("b", 8, 5.0, 20), CameraReport("c", 9, 0.0, 0), CameraReport("d", 0, 0.0, 0),
+    )  # fmt: skip
+    assert rms == pytest.approx(np.sqrt((40.0 + 125.0) / 15.0))
+
+
+@pytest.mark.parametrize(("rms_px", "factor"), [(0.5, 1.0), (1.5, 1.0), (4.5, 9.0)])
+def test_the_covariance_grows_with_residuals_beyond_those_expected(rms_px, factor):
+    config = StatusConfig(residual_sigma_px=1.5)
+    root = np.random.default_rng(3).normal(size=(4, 4))
+    H = root @ root.T + 3.0 * np.eye(4)
+    equations = NormalEquations(H, np.zeros(4), 1.0, 10)
+    found = covariance_of(equations, [slot(10.0, 10.0, 10.0 * rms_px**2)], [seen("a")], config)
+    np.testing.assert_allclose(found, factor * np.linalg.inv(H), rtol=1e-5, atol=1e-6)
+    np.testing.assert_array_equal(found, found.T)
+    np.testing.assert_array_equal(equations.H, H)  # not written to
+
+
+def test_what_nothing_is_known_of_has_a_large_variance():
+    H = np.diag([1e4, 0.0])
+    found = covariance_of(NormalEquations(H, np.zeros(2), 1.0, 10), [slot()], [seen("a")], StatusConfig())
+    np.testing.assert_allclose(np.diag(found), [1e-4, 100.0], rtol=1e-5)
+    tiny = covariance_of(NormalEquations(0.0 * H, np.zeros(2), 1.0, 0), [slot()], [seen("a")], StatusConfig())
+    np.testing.assert_allclose(np.diag(tiny), 1e6)

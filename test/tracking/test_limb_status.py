@@ -151,3 +151,140 @@ def test_a_set_cannot_change_the_odds_by_more_than_the_limit():
     judge.probabilities[:] = [1e-4, 0.2, 1e-4, 1e-4, 1e-4]
     p = told(judge, evidence(left_forearm=0.0))["left_forearm"].probability
     assert p / (1.0 - p) == pytest.approx(0.25 * np.e, rel=0.01)
+
+
+def table(*rows) -> np.ndarray:
+    return np.array(rows, dtype=np.float64)
+
+
+def parts(expected, close, ratio=None) -> PartEvidence:
+    zero = np.zeros_like(expected)
+    return PartEvidence(expected, zero, close, zero, zero if ratio is None else ratio)
+
+
+def test_measures_of_a_limb_of_two_shapes_in_three_cameras():
+    expected = table([10.0, 10.0, 50.0], [20.0, 0.0, 50.0], [2.0, 2.0, 50.0])  # the third camera sees too little
+    close = table([5.0, 3.0, 50.0], [18.0, 0.0, 50.0], [2.0, 2.0, 50.0])
+    ratio = table([10.0, 20.0, 999.0], [40.0, 0.0, 999.0], [7.0, 7.0, 999.0])
+    found = limb_measures(parts(expected, close, ratio), np.array([True, True, False]))
+    worst = min(25.0 / 32.0, 1.0)  # the second shape has 12 samples: too few for itself
+    assert found == pytest.approx([26.0 / 40.0, 0.9, 70.0 / 40.0, worst])
+
+
+@pytest.mark.parametrize(("samples", "known"), [(5.0, True), (4.9, False)])
+def test_a_camera_needs_five_samples_of_a_limb(samples, known):
+    found = limb_measures(parts(table([samples]), table([1.0])), np.array([True]))
+    assert (found is not None) is known
+    if known:
+        assert found == pytest.approx([0.2, 0.2, 0.0, 0.2])  # no part has enough for itself: the limb's share
+
+
+def test_a_part_needs_fifteen_samples_to_be_the_worst():
+    for samples, worst in ((15.0, 0.2), (14.9, 1.0)):
+        seen = parts(table([20.0, samples]), table([20.0, 0.2 * samples]))
+        assert limb_measures(seen, np.array([True, True]))[3] == pytest.approx(worst)
+
+
+def test_of_an_even_number_of_cameras_the_better_is_the_middle_one():
+    expected = np.full((4, 1), 10.0)
+    close = table([1.0], [9.0], [3.0], [6.0])
+    assert limb_measures(parts(expected, close), np.array([True]))[1] == pytest.approx(0.6)
+
+
+def test_noise_is_less_than_a_fifth_of_the_outline():
+    expected = np.full((2, 3), 10.0)
+    assert is_noise(parts(expected, np.full((2, 3), 1.99))) and not is_noise(parts(expected, np.full((2, 3), 2.0)))
+
+
+def test_reports_in_words():
+    judge = LimbJudge(MODEL, StatusConfig())
+    assert not judge.knows and judge.lost == [] and not judge.body_lost and judge.was_lost
+    told(judge, evidence(), 10)
+    assert judge.knows and judge.lost == []
+    fine = told(judge, evidence())
+    assert all(report.reason == "" for report in fine.values())
+    hidden = told(judge, evidence(left_forearm=None))["left_forearm"]
+    assert (hidden.status, hidden.reason) == (LimbStatus.UNSEEN, "hidden, or in no image")
+    vague = told(judge, evidence(), 1, np.eye(MODEL.n_dof) * 0.2**2)["left_shank"]
+    assert vague.status is LimbStatus.LOST and vague.reason.startswith("its end may be elsewhere: known to ")
+    sigma = judge.tip_sigmas(STATE, np.eye(MODEL.n_dof) * 0.2**2)[NAMES.index("left_shank")]
+    assert vague.reason.endswith(f"{1e3 * sigma:.0f} mm")
+    trunk = told(judge, evidence(trunk=0.1), 3)
+    assert trunk["left_shank"].reason == "the trunk is" and "10 % of its outline" in trunk["trunk"].reason
+    assert 0 in judge.lost and judge.body_lost
+
+
+def test_a_body_is_lost_with_more_than_half_of_its_limbs():
+    judge = LimbJudge(MODEL, StatusConfig())
+    told(judge, evidence(), 10)
+    judge.probabilities[:] = [0.1, 0.5, 0.6, 0.1, 0.49]
+    assert judge.lost == [1, 2] and not judge.body_lost
+    judge.probabilities[4] = 0.5
+    assert judge.lost == [1, 2, 4] and judge.body_lost
+    judge.restart()
+    assert judge.was_lost and judge.probabilities == pytest.approx(0.3)
+    told(judge, evidence(), 3)
+    judge.restart()
+    assert not judge.was_lost
+
+
+def test_without_evidence_a_limb_is_less_and_less_certain_by_the_rates_configured():
+    config = replace(StatusConfig(), limb_loss=0.1, limb_recovery=0.3)
+    judge = LimbJudge(MODEL, config)
+    told(judge, evidence(), 10)
+    judge.probabilities[:] = [0.0, 0.2, 0.2, 0.2, 0.2]
+    hidden = told(judge, evidence(left_forearm=None))["left_forearm"]
+    assert judge.probabilities[1] == pytest.approx(0.2 * 0.7 + 0.8 * 0.1)
+    assert hidden.probability == pytest.approx(1.0 - (1.0 - 0.22) * (1.0 - judge.probabilities[0]), abs=1e-9)
+    judge.probabilities[:] = 0.2
+    assert [r.probability for r in judge.nothing_seen()] == pytest.approx([0.2 + 0.8 * 0.1] * 5)
+
+
+def test_levels_follow_what_is_seen_while_all_is_well_and_never_below_the_least():
+    judge = LimbJudge(MODEL, StatusConfig())
+    told(judge, evidence(0.6))
+    assert judge.shares == pytest.approx(1.0)
+    told(judge, evidence(0.8))
+    assert judge.shares == pytest.approx(0.8 / 0.6)
+    level = 0.6 + 0.05 * 0.2
+    told(judge, evidence(0.8))
+    assert judge.shares == pytest.approx(0.8 / level)
+    told(judge, evidence(1.0, left_shank=None))
+    assert np.isnan(judge.shares[NAMES.index("left_shank")]).all() and np.nanmax(judge.shares) == pytest.approx(1.5)
+    poor = LimbJudge(MODEL, StatusConfig())
+    told(poor, evidence(0.2))
+    assert poor.shares[:, :2] == pytest.approx(0.2 / 0.4) and poor.shares[:, 3] == pytest.approx(0.2 / 0.3)
+
+
+def test_shapes_of_limbs_that_are_well_are_sound():
+    judge = LimbJudge(MODEL, StatusConfig())
+    told(judge, evidence(), 10)
+    reports = tuple(told(judge, evidence(left_shank=0.1, right_forearm=None), 3).values())
+    sound = judge.sound_shapes(reports)
+    for limb in judge.limbs:
+        assert sound[limb.shapes].all() == (limb.name not in ("left_shank", "right_forearm"))
+        assert sound[limb.shapes].any() == sound[limb.shapes].all()
+
+
+def test_the_share_believed_of_a_lost_limb_is_the_root_of_what_it_may_be_right_by():
+    judge = LimbJudge(MODEL, StatusConfig())
+    lost = {"left_forearm": 0.64, "left_shank": 1.0}
+    share = judge.trust([
+        LimbReport(name, LimbStatus.LOST if name in lost else LimbStatus.DEGRADED, "", lost.get(name, 0.4)) for name in NAMES
+    ])  # fmt: skip
+    arm, shank = judge_limb("left_forearm").dofs, judge_limb("left_shank").dofs
+    assert share[arm] == pytest.approx(0.6) and share[shank] == pytest.approx(0.01)
+    assert (share[~(arm | shank)] == 1.0).all()
+
+
+def test_the_body_in_words():
+    def said(letters):
+        kinds = {"T": LimbStatus.TRACKING, "D": LimbStatus.DEGRADED, "L": LimbStatus.LOST, "U": LimbStatus.UNSEEN}
+        return body_status([report(kinds[letter], f"limb{i}") for i, letter in enumerate(letters)])[1]
+
+    assert said("TLLLT") == "3 of 4 limbs that should be seen are lost"
+    assert said("TLLUT") == "2 of 3 limbs that should be seen are lost"
+    assert said("TLUUU") == "limb1 lost"  # one alone does not tell of the body
+    assert said("TLDUD") == "limb1 lost" and said("TTDUD") == "limb2, limb4 uncertain" and said("TTTUU") == "limb3, limb4 unseen"
+    assert said("LTTTT") == "limb0: why" and said("UUU") == "no camera sees the body where it is expected"
+    assert said("UTT") == "limb0 unseen"

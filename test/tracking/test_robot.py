@@ -5,6 +5,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pytest
 from mesh_robot import folded, of_meshes
 from small_studio import RATE_HZ, Recording
 
@@ -62,6 +63,7 @@ def test_a_robot_is_followed_to_the_end_of_its_slide():
     assert clip.errors_mm(found)[3:].max() < 15.0
 
 
+@pytest.mark.long
 def test_a_robot_is_found_without_a_first_pose():
     clip = robot_at_work()
     tracker = Tracker(clip.rig, clip.model, from_dict({}), clip.plates)

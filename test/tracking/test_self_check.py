@@ -13,7 +13,7 @@ from tracker_node.geometry import se3, so3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.objective.normal_equations import CameraEquations, Comparison, NormalEquations
 from tracker_node.tracking.camera_fault import DELAYED, TURNED, CameraFault
-from tracker_node.tracking.self_check import SelfCheck
+from tracker_node.tracking.self_check import SelfCheck, SelfCheckOptions, _Block, _Fit, _turn_twists
 
 RATE_HZ, BEGIN_NS, SIGMA_PX = 30.0, 10**9, 1.0
 MODEL = body()
@@ -199,3 +199,118 @@ def test_a_single_camera_contradicts_nobody():
         camera = CameraEquations(np.tile(100.0 * np.eye(6), (3, 1, 1)), rng.normal(5.0, 0.1, (3, 6)))
         fit = Comparison(state_at(k / RATE_HZ), NormalEquations(1e6 * np.eye(n), np.zeros(n), 0.0, 1), [None, camera, None])
         assert not check.add(BEGIN_NS + round(1e9 * k / RATE_HZ), fit)
+
+
+def test_a_turned_camera_turns_about_its_center():
+    """The twist at a point p is w x (p - c), w an axis of the camera."""
+    T = se3.from_rotation_translation(so3.exp(np.array([0.4, -0.7, 1.1])), np.array([1.0, -2.0, 0.5]))
+    twists, point = _turn_twists(T), np.array([0.3, 0.9, -0.4])
+    for k in range(3):
+        v, w = twists[:3, k], twists[3:, k]
+        np.testing.assert_allclose(w, T[:3, k])
+        np.testing.assert_allclose(v + np.cross(w, point), np.cross(T[:3, k], point - T[:3, 3]), atol=1e-12)
+
+
+def test_faults_are_what_remains_when_the_state_is_free():
+    """Against least squares over all rows: the part of the faults' columns that no motion of the body makes up for."""
+    rig, rng = ring(3), np.random.default_rng(4)
+    check, state, velocity = SelfCheck(rig, MODEL), state_at(0.7), rng.normal(size=MODEL.n_dof)
+    moved, twists = MODEL.chain.link_moved_by, Configuration(MODEL, state).twists
+    n_links, of_state, of_faults, residuals, cameras = len(moved), [], [], [], []
+    for i in range(3):
+        if i == 1:
+            cameras.append(None)
+            continue
+        normal, gradient = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6))
+        for link in range(n_links):
+            W, r = rng.normal(size=(8, 6)), rng.normal(size=8)
+            normal[link], gradient[link] = W.T @ W, W.T @ r
+            column = np.zeros((8, 12))
+            column[:, 4 * i : 4 * i + 3] = W @ _turn_twists(rig.cameras[i].T_world_cam)
+            column[:, 4 * i + 3] = -W @ ((moved[link] * velocity) @ twists)
+            of_faults.append(column)
+            of_state.append(W @ (moved[link][:, None] * twists).T)
+            residuals.append(r)
+        cameras.append(CameraEquations(normal, gradient))
+    A, B, r = np.vstack(of_state), np.vstack(of_faults), np.concatenate(residuals)
+    L, e = check._marginal(Comparison(state, NormalEquations(A.T @ A, A.T @ r, 0.0, 1), cameras), velocity)
+    free = np.eye(len(A)) - A @ np.linalg.pinv(A)
+    np.testing.assert_allclose(L, B.T @ free @ B, atol=1e-6)
+    np.testing.assert_allclose(e, B.T @ free @ r, atol=1e-6)
+
+
+def found(values, sigmas, chosen=(0, 1, 2, 3)) -> list[CameraFault]:
+    """What is said of the second camera's fault with these values and standard deviations."""
+    check = SelfCheck(ring(3), MODEL, SelfCheckOptions(angle_rad=0.01, delay_s=0.02, sigmas=5.0))
+    check._blocks.append(_Block(77, np.zeros((12, 12)), np.zeros(12)))
+    chosen = tuple(4 + k for k in chosen)
+    fit = _Fit(1, chosen, np.array(values, dtype=float), np.diag(np.square(sigmas)), 100.0, 1.0, 4)
+    return check._faults_of(fit, ("cam03",))
+
+
+def test_a_fault_must_be_larger_than_it_matters_and_than_it_is_uncertain():
+    small = 1e-4
+    (turn,) = found([0.006, -0.0081, 0.0], [small] * 3, (0, 1, 2))  # 0.0101 in all
+    assert (turn.camera, turn.kind, turn.rivals, turn.since_ns) == ("cam02", TURNED, ("cam03",), 77)
+    assert turn.size == pytest.approx(np.hypot(0.006, 0.0081)) and turn.sigma == pytest.approx(small)
+    assert found([0.006, -0.0079, 0.0], [small] * 3, (0, 1, 2)) == []
+    assert found([0.0, 0.03], [1.0, 0.0061], (0, 1)) == []  # 4.9 standard deviations
+    assert [fault.kind for fault in found([0.0, 0.03], [1.0, 0.0059], (0, 1))] == [TURNED]
+    assert found([-0.021], [small], (3,))[0].size == -0.021 and found([-0.021], [small], (3,))[0].kind == DELAYED
+    assert found([0.019], [small], (3,)) == [] and found([0.1], [0.0201], (3,)) == []
+    assert found([0.1], [0.0199], (3,))[0].sigma == pytest.approx(0.0199)
+    assert [f.kind for f in found([0.05, 0.0, 0.0, 0.1], [small] * 4)] == [TURNED, DELAYED]
+
+
+def test_a_fault_begins_with_the_latest_blocks_that_it_explains():
+    """phi.L.phi + 2 e.phi is negative where the fault phi explains more than it costs."""
+    check = SelfCheck(ring(3), MODEL)
+    for begin_ns, e in ((10, -9.0), (20, 9.0), (30, -2.0), (40, -9.0)):
+        check._blocks.append(_Block(begin_ns, 3.0 * np.eye(12), np.full(12, e)))
+    assert check._onset(_Fit(0, (3,), np.array([1.0]), np.eye(1), 1.0, 1.0, 4)) == 30  # 3 - 4 < 0 < 3 + 18
+    assert check._onset(_Fit(0, (3,), np.array([2.0]), np.eye(1), 1.0, 1.0, 4)) == 40  # 12 - 8 > 0
+
+
+def test_a_fault_that_goes_on_began_when_it_was_first_seen():
+    check = SelfCheck(ring(3), MODEL)
+    fault = CameraFault("cam02", DELAYED, 0.1, 0.01, 500, ())
+    check._faults = (replace(fault, kind=TURNED, since_ns=1), replace(fault, camera="cam01", since_ns=2))
+    assert check._remembered(fault).since_ns == 500
+    check._faults += (replace(fault, since_ns=300),)
+    assert check._remembered(fault) == replace(fault, since_ns=300)
+    assert check._remembered(replace(fault, since_ns=200)).since_ns == 200
+
+
+def test_a_set_that_is_not_believed_gives_no_velocity():
+    """Three sets in a row are needed for that of the middle one."""
+    rig = ring(3)
+
+    def blocks(skipped: int | None, n: int = 3) -> int:
+        world, check = World(rig), SelfCheck(rig, MODEL)
+        for k in range(n):
+            if k == skipped:
+                check.skip()
+            world.step(check, k, rig, (0.0,) * 3)
+        return len(check._blocks)
+
+    assert [blocks(None), blocks(1), blocks(2), blocks(None, 2)] == [1, 0, 0, 0]
+    assert blocks(2, 5) == 1
+
+
+def test_sets_are_summed_over_an_eighth_of_the_window():
+    check = SelfCheck(ring(3), MODEL, SelfCheckOptions(window_s=0.8))
+    for stamp_ns in (0, 99_999_999, 100_000_000, 150_000_000, 230_000_000):
+        check._add_to_block(stamp_ns, np.eye(12), np.ones(12))
+    assert [block.begin_ns for block in check._blocks] == [0, 100_000_000, 230_000_000]
+    assert [block.L[0, 0] for block in check._blocks] == [2.0, 2.0, 1.0]
+    assert [block.e[5] for block in check._blocks] == [2.0, 2.0, 1.0]
+
+
+def test_a_degree_of_freedom_that_no_image_tells_of_is_no_obstacle():
+    rig, n = ring(3), MODEL.n_dof
+    H = np.eye(n)
+    H[-1, -1] = 0.0
+    nothing = [CameraEquations(np.zeros((3, 6, 6)), np.zeros((3, 6))) for _ in range(3)]
+    fit = Comparison(state_at(0.1), NormalEquations(H, np.zeros(n), 0.0, 1), nothing)
+    L, e = SelfCheck(rig, MODEL)._marginal(fit, np.ones(n))
+    assert not L.any() and not e.any()

@@ -266,3 +266,43 @@ def test_misuse_is_refused():
     smoother.add(Sighting(10, State(np.eye(4), np.zeros(2)), None))
     with pytest.raises(ValueError, match="order"):
         smoother.add(Sighting(9, State(np.eye(4), np.zeros(2)), None))
+
+
+def test_only_joints_say_how_much_better_an_arc_is_known():
+    straight = np.diag([9.0] * 6 + [1.0, 2.0])
+    arcs = np.ones((N, N))
+    estimate = SimpleNamespace(covariance=straight + arcs, arcs=arcs)
+    covariance = np.zeros((2 * N, 2 * N))
+    covariance[:N, :N] = np.diag([0.0] * 6 + [0.5, 1.0])
+    belief = Belief(State(np.eye(4), np.zeros(2)), np.zeros(N), covariance)
+    np.testing.assert_allclose(smoothed_covariance(belief, estimate), covariance[:N, :N] + 0.25)
+    estimate.covariance = arcs  # nothing is said of the straight part
+    np.testing.assert_allclose(smoothed_covariance(belief, estimate), covariance[:N, :N] + 1.0)
+
+
+def test_an_estimate_without_images_is_no_sighting_of_the_body():
+    state = State(np.eye(4), np.zeros(2))
+    estimate = SimpleNamespace(stamp_ns=5, state=state, information=None, pull=None)
+    sighting = Sighting.of(estimate, Prior(state, np.ones(N)))
+    assert (sighting.stamp_ns, sighting.state, sighting.information, sighting.pull) == (5, state, None, None)
+
+
+def test_the_rest_adds_to_the_information_of_the_images():
+    state = State(np.eye(4), np.array([0.3, -0.2]))
+    information, stiffness = np.diag(np.arange(1.0, 9.0)), np.array([0.0] * 6 + [20.0, 30.0])
+    estimate = SimpleNamespace(stamp_ns=5, state=state, information=information, pull=None)
+    sighting = Sighting.of(estimate, Prior(State(np.eye(4), np.zeros(2)), stiffness))
+    np.testing.assert_allclose(sighting.information, information + np.diag(stiffness))
+    assert sighting.pull is None
+
+
+def test_two_sightings_of_one_instant_are_one_twice_as_sure():
+    """No time passes between them, and neither does the body move."""
+    state, other = State(np.eye(4), np.zeros(2)), State(np.eye(4), np.array([0.2, 0.0]))
+    information = 1e4 * np.eye(N)
+    sightings = [Sighting(10, one, information, information @ one.difference(state) * 0.0) for one in (state, other)]
+    first, second = smooth(sightings, DYNAMICS)
+    np.testing.assert_allclose(second.state_covariance, np.linalg.inv(2e4 * np.eye(N) + np.eye(N)), rtol=1e-6)
+    np.testing.assert_allclose(first.state_covariance, second.state_covariance, rtol=1e-6)
+    np.testing.assert_allclose(first.state.joint_positions, second.state.joint_positions, atol=1e-9)
+    assert second.state.joint_positions[0] == pytest.approx(0.1, rel=1e-3)

@@ -2,6 +2,7 @@
 
 import gc
 
+import pytest
 from start_scenes import largest_error_m, scene, standing
 
 from tracker_node.tracking.config import from_dict
@@ -22,6 +23,7 @@ TRUE = standing(
 )  # fmt: skip
 
 
+@pytest.mark.long
 def test_a_wrong_start_is_lost_and_comes_back():
     tracker = Tracker(SCENE.rig, SCENE.model, SMALL, SCENE.plates, WRONG)
     estimates = [tracker.step(SCENE.image_set(n, SCENE.images(TRUE, n))) for n in range(8)]

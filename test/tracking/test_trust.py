@@ -38,6 +38,7 @@ def boarded_up(image_set, seed: int):
     return replace(image_set, images=tuple(replace(image, pixels=board(image.pixels)) for image in image_set.images))
 
 
+@pytest.mark.long
 def test_everything_occluded_is_lost_and_comes_back(clip):
     tracker, still = tracker_of(clip), clip.sets[0]
     before = [tracker.step(replace_stamp(still, i)) for i in range(4)]

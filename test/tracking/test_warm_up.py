@@ -58,7 +58,7 @@ def recording(tmp_path_factory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("state", ["given", "looked for"])
+@pytest.mark.parametrize("state", ["given", pytest.param("looked for", marks=pytest.mark.long)])
 def test_nothing_is_loaded_after_it(recording, state):
     command = [sys.executable, "-c", TRACK, str(recording), str(N), state]
     answer = subprocess.run(command, capture_output=True, text=True, check=True).stdout
