@@ -1,4 +1,4 @@
-"""A real ROS graph for tests: a probe in this process, and the nodes as processes of their own. Nothing sleeps."""
+"""A real ROS graph for tests: a probe in this process, and the nodes as processes of their own."""
 
 import os
 import signal
@@ -20,6 +20,7 @@ from tracker_node.ros.executor import make_executor
 from tracker_node.ros.qos import PROFILE_VARIABLE, images_published, use_fastdds_profile
 
 TIMEOUT_S = 240.0  # generous: compiled code may have to be made first
+AGAIN_S, FOUND_S = 5.0, 0.3
 
 
 class Probe:
@@ -31,6 +32,7 @@ class Probe:
         self._executor.add_node(self.node)
         self.received: dict[str, list] = {}
         self.diagnostics: dict[str, object] = {}
+        self._clients: dict = {}
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 100)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
@@ -54,12 +56,31 @@ class Probe:
             self._executor.spin_once(timeout_sec=0.05)
 
     def ask(self, service_type, name: str, request):
-        """The answer of a service."""
-        client = self.node.create_client(service_type, name)
-        self.spin_until(client.service_is_ready, f"service {name}")
-        future = client.call_async(request)
-        self.spin_until(future.done, f"answer of {name}")
-        return future.result()
+        """The answer of a service.
+
+        A node that has not found this client yet sends its answer to nobody: what only reads is asked again, and what changes
+        something is asked a little later than the service is seen.
+        """
+        client = self._client(service_type, name)
+        until_s, reads = time.monotonic() + TIMEOUT_S, service_type.__name__.startswith(("Get", "List", "Describe"))
+        while True:
+            future = client.call_async(request)
+            again_s = min(until_s, time.monotonic() + AGAIN_S) if reads else until_s
+            self.spin_until(lambda f=future, t=again_s: f.done() or time.monotonic() > t)
+            if future.done():
+                return future.result()
+            assert time.monotonic() < until_s, f"no answer of {name} within {TIMEOUT_S:g} s"
+
+    def _client(self, service_type, name: str):
+        """One client per service; one that is new is given the time to be found."""
+        if name in self._clients and self._clients[name].service_is_ready():
+            return self._clients[name]
+        if name not in self._clients:
+            self._clients[name] = self.node.create_client(service_type, name)
+        self.spin_until(self._clients[name].service_is_ready, f"service {name}")
+        found_s = time.monotonic() + FOUND_S
+        self.spin_until(lambda: time.monotonic() > found_s)
+        return self._clients[name]
 
     def close(self) -> None:
         self.node.destroy_node()

@@ -51,7 +51,8 @@ def wait_until(predicate, timeout_s: float = 240.0, explain=lambda: "") -> None:
 def send(publisher, messages) -> None:
     """Publish once somebody listens, and until all of it has arrived."""
     wait_until(lambda: publisher.get_subscription_count() > 0)
-    time.sleep(0.2)  # the other side must have found us too, and there is no way to ask
+    # The other side must have found us too, and there is no way to ask; what is reliable waits for it by itself.
+    time.sleep(0.2 if publisher.qos_profile.reliability.name == "RELIABLE" else 1.0)
     for message in messages:
         publisher.publish(message)
         time.sleep(0.002)

@@ -388,8 +388,9 @@ def test_a_lossless_tracker_that_has_no_room_says_so(probe, build):
 
 def test_images_that_wait_for_lenses_are_limited(probe, build):
     bench = build(lossless=True, most_bytes=4 * 120 * 160 * 3, calibration_from_topics=True)
+    counts = bench.node._worker.counts.idle["uncalibrated"]
     for i in range(4):
         bench.send(i)
-    counts = bench.node._worker.counts.idle["uncalibrated"]
+        probe.spin_until(lambda: not bench.node._inbox.waiting, "the worker has them")
     probe.spin_until(lambda: counts.total() == 9, "nine of twelve are too many")
     probe.spin_until(lambda: any("9 images are lost" in said for _, said in bench.said("calibration")), "said so")

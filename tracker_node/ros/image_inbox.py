@@ -160,6 +160,11 @@ class ImageInbox:
             return taken
 
     @property
+    def waiting(self) -> int:
+        """Images that have come and have not been taken."""
+        return len(self._waiting)
+
+    @property
     def most_bytes(self) -> int | None:
         """Of images that may wait; None where they are counted instead."""
         return self._options.most_bytes if self._options.lossless else None
