@@ -92,9 +92,9 @@ class Watcher:
                 self.said.append(status.message)
             self.counts[status.name] = {pair.key: pair.value for pair in status.values}
 
-    def lost(self, cameras: tuple[str, ...]) -> int:
+    def lost(self, cameras: tuple[str, ...], keys: tuple[str, ...] = GONE) -> int:
         """Images so far."""
-        return sum(int(self.counts.get(f"tracker: {name}", {}).get(key, "0")) for name in cameras for key in GONE)
+        return sum(int(self.counts.get(f"tracker: {name}", {}).get(key, "0")) for name in cameras for key in keys)
 
     def superseded(self) -> int:
         """Image sets so far that were left out for a newer one."""

@@ -16,7 +16,6 @@ from ..model.configuration import State
 from ..observation.image_set import ImageSet
 from ..tracking.config import TrackerConfig
 from ..tracking.estimate import TrackEstimate
-from ..tracking.warm_up import warm_up
 from .camera_diagnostics import CameraDiagnostics
 from .conversions import camera_model_of
 from .diagnostics import ERROR, OK, WARN, Diagnostics
@@ -101,9 +100,7 @@ class TrackerNode(ManagedNode):
         inbox = InboxOptions(self._lossless, bool(fixed["compressed"]), options.inbox.capacity, options.inbox.most_bytes)
         self._inbox = ImageInbox(self, options.rig.names, inbox, self._mismatches)
         config = self._parameters_of_node.config
-        if options.make_tracker is None:
-            rig = options.rig.subset(cameras)
-            warm_up(rig, options.model, config, options.initial_state, options.occluders, writeable=inbox.compressed)
+        self._maker.prepare(cameras, config, writeable=inbox.compressed)
         self._maker.check(cameras, config)  # loads what a change of parameters needs
         keep_for_ever()
         self._setup_in_use = self._setup(config, cameras, self._lenses)
@@ -192,6 +189,7 @@ class TrackerNode(ManagedNode):
         return unknown_parameters(self, parameter_list) or super().set_parameters_atomically(parameter_list)
 
     def _setup(self, config: TrackerConfig, cameras: tuple[str, ...], lenses: Mapping[str, CameraModel] | None) -> TrackingSetup:
+        self._maker.prepare(cameras, config, writeable=bool(self._parameters_of_node.fixed["compressed"]))
         rig = self._maker.rig(cameras, lenses)
         return TrackingSetup(config, cameras, rig, None if rig is None else self._maker.tracker(rig, config))
 

@@ -12,7 +12,7 @@ from ..model.articulated_model import ArticulatedModel
 from ..model.configuration import State
 from ..tracking.config import TrackerConfig
 from ..tracking.tracker import Tracker
-from ..tracking.warm_up import SmallTrackers
+from ..tracking.warm_up import SmallTrackers, warm_up
 from .image_inbox import InboxOptions
 from .tracking_setup import Steppable
 
@@ -54,6 +54,7 @@ class TrackerMaker:
         self._options = options
         self._plates = load_plates(options.rig)
         self._small: SmallTrackers | None = None
+        self._prepared: tuple[TrackerConfig, bool] | None = None
 
     def rig(self, cameras: tuple[str, ...], lenses: Mapping[str, CameraModel] | None = None) -> CameraRig | None:
         """The cameras in use, in the order of the rig, with other lenses if given; None where one of them is not known."""
@@ -63,6 +64,22 @@ class TrackerMaker:
         if any(name not in lenses for name in cameras):
             return None
         return replace(rig, cameras=tuple(replace(camera, model=lenses[camera.name]) for camera in rig))
+
+    def prepare(self, cameras: tuple[str, ...], config: TrackerConfig, writeable: bool) -> None:
+        """Have the code in memory that such a tracker runs, so that it does not stop to compile in the middle of a run.
+
+        ``writeable``: whether its images will be.
+
+        Raises
+        ------
+        TrackerError : the configuration does not suit the body.
+        """
+        options = self._options
+        if options.make_tracker is not None or self._prepared == (config, writeable):
+            return
+        rig = options.rig.subset(cameras)
+        warm_up(rig, options.model, config, options.initial_state, options.occluders, writeable=writeable)
+        self._prepared = (config, writeable)
 
     def tracker(self, rig: CameraRig, config: TrackerConfig) -> Steppable:
         """A tracker that knows nothing yet but the initial state.
