@@ -67,13 +67,11 @@ demo: setup check-system  ## track a real recording of a person from end to end;
 # Two at once, each file's tests in one process, which makes what they share once.
 PYTEST := $(RUN) -m pytest -n $(JOBS) --dist loadfile
 
-# The types take a minute of one processor at the first time: they are checked while the tests run, and said at the end.
-test: setup check-system  ## import contract, ruff, mypy and the tests that take no more than seconds each
+# The types take a minute of a processor at the first time, which the tests need: `make lint` has them.
+test: setup check-system  ## import contract, ruff and the tests that take no more than seconds each
 	@$(VENV)/bin/lint-imports
 	@$(VENV)/bin/ruff check .
-	@types=$$(mktemp); $(VENV)/bin/mypy >"$$types" 2>&1 & checked=$$!; tests=0; good=0; \
-	$(PYTEST) -m "not long and not ros" $(PYTEST_ARGS) || tests=$$?; \
-	wait $$checked || good=$$?; cat "$$types"; rm -f "$$types"; exit $$((tests > 0 ? tests : good))
+	@$(PYTEST) -m "not long and not ros" $(PYTEST_ARGS)
 
 test-long: setup check-system  ## real processes, walkthroughs of the pages, drills, soak and fuzz
 	@$(PYTEST) -m "long and not ros" $(PYTEST_ARGS)

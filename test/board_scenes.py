@@ -79,7 +79,8 @@ def picture(camera: Camera, board: Board, T_world_board: np.ndarray, noise: floa
     texels = 64.0 / board.square_m
     face = face_of(board, texels)
     model, fine = camera.model, 2
-    v, u = np.mgrid[0 : model.height * fine, 0 : model.width * fine]
+    u0, v0, u1, v1 = _region(camera, T_world_board, face.shape, texels)  # a ray of every pixel would take a second
+    v, u = np.mgrid[v0 * fine : v1 * fine, u0 * fine : u1 * fine]
     pixels = (np.stack([u.ravel(), v.ravel()], axis=1) + 0.5) / fine - 0.5
     rays = np.column_stack([_normalized(model, pixels), np.ones(len(pixels))])
     T = se3.inverse(camera.T_cam_world @ T_world_board)
@@ -91,7 +92,8 @@ def picture(camera: Camera, board: Board, T_world_board: np.ndarray, noise: floa
     y = (-at[:, 1] * texels + face.shape[0] / 2.0 - 0.5).reshape(u.shape).astype(np.float32)
     drawn = cv2.remap(cv2.GaussianBlur(face, (0, 0), 1.0), x, y, cv2.INTER_LINEAR, borderValue=110)
     drawn = np.where((depth > 0.0).reshape(u.shape), drawn, 110)
-    image = cv2.resize(drawn.astype(np.uint8), (model.width, model.height), interpolation=cv2.INTER_AREA)
+    image = np.full((model.height, model.width), 110, dtype=np.uint8)
+    image[v0:v1, u0:u1] = cv2.resize(drawn.astype(np.uint8), (u1 - u0, v1 - v0), interpolation=cv2.INTER_AREA)
     dirt = np.random.default_rng(seed).normal(0.0, noise, image.shape)
     return np.clip(image + dirt, 0, 255).astype(np.uint8)
 
@@ -110,6 +112,20 @@ def face_of(board: Board, texels: float) -> np.ndarray:
     face = np.where(face > 127, 220, 25).astype(np.uint8)
     face = cv2.copyMakeBorder(face, *(square,) * 4, cv2.BORDER_CONSTANT, value=220)
     return 245 - face if board.inverted else face
+
+
+def _region(camera: Camera, T_world_board: np.ndarray, shape: tuple[int, int], texels: float) -> tuple[int, int, int, int]:
+    """Pixels (u0, v0, u1, v1) that hold all of the face; the whole image where some of it cannot be projected."""
+    y, x = (0.5 * length / texels + 0.01 for length in shape)
+    along = np.linspace(-1.0, 1.0, 40)
+    rim = [(a * x, b * y, 0.0) for t in along for a, b in ((t, -1.0), (t, 1.0), (-1.0, t), (1.0, t))]
+    pixels, valid = camera.project(se3.apply(T_world_board, np.array(rim)))
+    width, height = camera.model.width, camera.model.height
+    if not valid.all():
+        return 0, 0, width, height
+    low, high = np.floor(pixels.min(axis=0)).astype(int) - 8, np.ceil(pixels.max(axis=0)).astype(int) + 9
+    (u0, v0), (u1, v1) = np.clip(low, 0, (width - 1, height - 1)), np.clip(high, 1, (width, height))
+    return int(u0), int(v0), int(u1), int(v1)
 
 
 def _normalized(model: CameraModel, pixels: np.ndarray) -> np.ndarray:

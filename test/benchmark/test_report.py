@@ -1,9 +1,13 @@
 """What the benchmark of the report makes its recording of, and how it reads a browser's times."""
 
+import shutil
 
 import numpy as np
 import pytest
 import report as benchmark
+from browser import NAMES
+
+needs_browser = pytest.mark.skipif(not any(map(shutil.which, NAMES)), reason="no browser: sudo apt-get install -y chromium")
 
 
 def test_instants_go_there_and_back_without_a_jump():
@@ -12,6 +16,7 @@ def test_instants_go_there_and_back_without_a_jump():
     assert np.abs(np.diff(order)).max() == np.abs(np.diff(order)).min() == 1
 
 
+@needs_browser
 def test_times_of_a_page_are_those_of_the_browser(tmp_path):
     page = tmp_path / "page.html"
     script = "setTimeout(() => { document.documentElement.dataset.drawn = performance.now(); }, 300);"
@@ -20,6 +25,7 @@ def test_times_of_a_page_are_those_of_the_browser(tmp_path):
     assert 0.0 < load.event_s < load.drawn_s and load.drawn_s >= 0.3 and 0.0 < load.cpu_s < load.drawn_s
 
 
+@needs_browser
 def test_a_page_with_errors_is_not_timed(tmp_path):
     page = tmp_path / "page.html"
     page.write_text("<!DOCTYPE html><script>document.documentElement.dataset.drawn = 1; undefinedThing();</script>")

@@ -23,7 +23,7 @@ from tracker_node.loaders.bag_writer import BagWriter
 from tracker_node.loaders.model_yaml import dump_model, load_model
 from tracker_node.loaders.openpose_json import load_openpose
 
-PATIENCE_S = 3.0  # after the last byte
+PATIENCE_S, MORE_S = 3.0, 0.5  # for the first byte, and after one
 SOURCES = ("tracker_node", "tools", "benchmark", "launch", "msgs")
 FORBIDDEN_MODULES = {"pickle", "cPickle", "dill", "cloudpickle", "joblib", "shelve", "marshal", "telnetlib", "xmlrpc"}
 FORBIDDEN_NAMES = {"eval", "exec", "__import__"}
@@ -173,7 +173,7 @@ class Outsider:
 
     def send(self, *lines: str | bytes, body: bytes = b"") -> bytes:
         """What the server says to these header lines until it closes; where they do not ask for that, until it says no more."""
-        patience_s = 60.0 if "Connection: close" in lines else PATIENCE_S
+        patience_s, more_s = (60.0, 60.0) if "Connection: close" in lines else (PATIENCE_S, MORE_S)
         head = b"\r\n".join(line.encode("latin-1") if isinstance(line, str) else line for line in lines)
         answer = b""
         with socket.create_connection(("127.0.0.1", self.port), timeout=patience_s) as connection:
@@ -181,6 +181,7 @@ class Outsider:
                 connection.sendall(head + b"\r\n\r\n" + body)
                 while chunk := connection.recv(65536):
                     answer += chunk
+                    connection.settimeout(more_s)
             except (ConnectionError, TimeoutError):  # it has heard enough
                 pass
         return answer

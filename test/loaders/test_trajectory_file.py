@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tracker_node.errors import FileFormatError
@@ -23,6 +23,7 @@ def state_row(values: np.ndarray, stamp_ns: int = 7, reason: str = "") -> tf.Sta
 
 @settings(max_examples=50, deadline=None)
 @given(values=st.lists(finite, min_size=8, max_size=8), stamp_ns=st.integers(-(2**62), 2**62), reason=reasons)
+@example(values=[0.0] * 8, stamp_ns=0, reason="a\rb\r\nc")
 def test_states_come_back_bit_for_bit(tmp_path_factory, values, stamp_ns, reason) -> None:
     path = tmp_path_factory.mktemp("states") / "states.csv"
     tf.write_states(path, tf.StateTrajectory(NAMES, (state_row(np.array(values), stamp_ns, reason),)))

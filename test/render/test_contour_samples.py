@@ -11,6 +11,7 @@ from tracker_node.model.articulated_model import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.primitives import Ellipsoid
+from tracker_node.objective.per_camera import camera_constants
 from tracker_node.render import contour
 from tracker_node.render.contour_samples import (
     BEYOND,
@@ -111,8 +112,7 @@ def balls():
     spheres, n_most = np.empty((2, 4)), most_samples(arrays.packed, N_SAMPLES)
     contour.world_spheres(Ts, arrays.bounds, spheres)
     rows, pixels = np.zeros((n_most, contour.N_COLUMNS)), np.zeros((n_most, N_PIXEL_COLUMNS))
-    info, T = np.zeros((n_most, N_INFO_COLUMNS), dtype=np.int32), camera.T_cam_world
-    packed = lens.params, np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3]), camera.center
+    info, packed = np.zeros((n_most, N_INFO_COLUMNS), dtype=np.int32), camera_constants(camera)
     n = collect_samples(arrays.packed, Ts, spheres, packed, N_SAMPLES, 3.0, rows, pixels, info)
     chords = np.full((n, 2), np.nan)
     chords_px(arrays.packed, Ts, packed, rows, pixels, info, n, 100.0, chords)

@@ -14,6 +14,7 @@ from tracker_node.model.articulated_model import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.primitives import Box, Ellipsoid, Mesh, TruncatedCone
+from tracker_node.objective.per_camera import camera_constants
 from tracker_node.render import contour
 from tracker_node.render.contour import INNER, OUTER
 from tracker_node.render.contour_edges import box_mesh, solid_of
@@ -76,8 +77,7 @@ def samples_of(configuration, camera, n_samples=25, caps=True):
     n = most_samples(arrays.packed, n_samples)
     rows, pixels = np.zeros((n, contour.N_COLUMNS)), np.zeros((n, N_PIXEL_COLUMNS))
     info = np.zeros((n, N_INFO_COLUMNS), dtype=np.int32)
-    T = camera.T_cam_world
-    packed = camera.model.params, np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3]), camera.center
+    packed = camera_constants(camera)
     n = collect_samples(arrays.packed, Ts, spheres, packed, n_samples, 1.0, rows, pixels, info)
     return rows[:n], pixels[:n], info[:n]
 
@@ -280,8 +280,7 @@ def test_chords_end_at_the_other_side_of_the_mask(renderer, name):
     camera = look_at((0.5, 0.5, 0.3), (0.0, 0.0, 0.0), LENS)
     rows, pixels, info = samples_of(configuration, camera)
     mask = renderer.render_view(configuration, camera).labels > 0
-    T = camera.T_cam_world
-    packed = camera.model.params, np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3]), camera.center
+    packed = camera_constants(camera)
     shapes, reach, off = ShapeArrays.from_model(configuration.model).packed, 64.0, []
     chords = np.empty((len(rows), 2))
     chords_px(shapes, configuration.Ts_world_shape, packed, rows, pixels, info, len(rows), reach, chords)

@@ -98,7 +98,7 @@ def test_points_and_normals_of_a_cast():
 
     def at(row, column):
         x, y = found.table.xs[v0 + row, u0 + column - found.column], found.table.ys[v0 + row, u0 + column - found.column]
-        shape, number = labels[row, column] - 1, found.numbers[row, column]
+        shape, number = int(labels[row, column] - 1), int(found.numbers[row, column])
         posed = found.coefficients, found.frames, found.triangles
         return np.array(surface_at(*posed, arrays.corners, arrays.levels, arrays.texels, shape, number, x, y))
 

@@ -153,5 +153,6 @@ def _changed(before: np.ndarray, now: np.ndarray) -> np.ndarray:
     difference = now - before
     difference = np.abs(difference - np.median(difference, axis=0))
     noise = _NOISE_FACTOR * np.median(difference, axis=0)
-    beyond = (difference - noise).max(axis=1)
+    blue, green, red = (difference - noise).T
+    beyond = np.maximum(np.maximum(blue, green), red)  # as .max(axis=1), in a tenth of the time
     return np.clip((beyond - _CHANGED_LEVELS) / (_SURELY_LEVELS - _CHANGED_LEVELS), 0.0, 1.0)

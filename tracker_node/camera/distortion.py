@@ -92,9 +92,13 @@ def monotonic_radius(model_id: int, k: np.ndarray, limit: float = 8.0) -> float:
     """Largest radius up to which distortion keeps points in order (beyond it the polynomial folds back)."""
     if model_id == 0:
         return np.inf
-    radii = np.linspace(0.0, limit, 4001)[1:]
-    for radius in radii:
-        _, _, slope, _, _, _ = distort(model_id, k, float(radius), 0.0)
+    return float(_first_fold(model_id, k, np.linspace(0.0, limit, 4001)[1:]))
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _first_fold(model_id, k, radii):
+    for i in range(radii.size):
+        _, _, slope, _, _, _ = distort(model_id, k, radii[i], 0.0)
         if slope <= 0.02:
-            return float(radius)
+            return radii[i]
     return np.inf

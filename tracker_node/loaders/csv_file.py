@@ -86,7 +86,7 @@ class CsvTable:
 
     def __init__(self, path: str | Path):
         self.path = Path(path)
-        self._lines = csv.reader(io.StringIO(read_text(self.path, TABLE_BYTES), newline=""))
+        self._lines = csv.reader(io.StringIO(read_text(self.path, TABLE_BYTES, unix_lines=False), newline=""))
         self.header: tuple[str, ...] = tuple(self._next() or ())
 
     def _next(self) -> list[str] | None:

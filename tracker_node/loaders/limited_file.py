@@ -63,8 +63,8 @@ def read_bytes(path: str | Path, limit: int = SETTINGS_BYTES) -> bytes:
     return content
 
 
-def read_text(path: str | Path, limit: int = SETTINGS_BYTES) -> str:
-    """Text of a file, UTF-8, with ends of lines as on Unix; see `read_bytes`.
+def read_text(path: str | Path, limit: int = SETTINGS_BYTES, unix_lines: bool = True) -> str:
+    """Text of a file, UTF-8, with ends of lines as on Unix, or as they are; see `read_bytes`.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def read_text(path: str | Path, limit: int = SETTINGS_BYTES) -> str:
         text = read_bytes(path, limit).decode("utf-8")
     except UnicodeDecodeError as error:
         raise FileFormatError(path, "(file)", "UTF-8 text", f"byte {error.start} is not") from None
-    return text.replace("\r\n", "\n").replace("\r", "\n")
+    return text.replace("\r\n", "\n").replace("\r", "\n") if unix_lines else text
 
 
 def _size(n_bytes: int) -> str:

@@ -36,6 +36,20 @@ ALL_SMOOTH, BEHIND, NOT_SMOOTH = 0, 1, 2
 PLANES, XS, YS, WIDTH, HEIGHT, DISTORTED, N_VIEW = 0, 1, 2, 3, 4, 5, 6
 
 
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def box_of_all(boxes):
+    """What the ``boxes`` (n, 4) of shapes that cover any pixel span together: (u0, v0, u1, v1), with u1 = 0 where there is none.
+
+    A function of its own because its results are integers without a known value: begun in its callers, 1 << 30 would be part of
+    a type, and whatever takes it compiled twice.
+    """
+    u0, v0, u1, v1 = 1 << 30, 1 << 30, 0, 0
+    for s in range(boxes.shape[0]):
+        if boxes[s, 2] > boxes[s, 0] and boxes[s, 3] > boxes[s, 1]:
+            u0, v0, u1, v1 = min(u0, boxes[s, 0]), min(v0, boxes[s, 1]), max(u1, boxes[s, 2]), max(v1, boxes[s, 3])
+    return u0, v0, u1, v1
+
+
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def pose_shapes(chain, links, Ts_link_shape, T_world_root, joint_positions, Ts_world_link, twists, Ts_world_shape):
     """Fill ``Ts_world_shape`` (n, 4, 4) for a root pose and joint angles; ``chain`` is what `forward_kinematics` takes of it."""

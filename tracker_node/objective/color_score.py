@@ -231,8 +231,8 @@ class ColorObjective:
         if len(roots) >= n:
             ends = [len(roots) * k // n for k in range(n + 1)]
             parts = [(slice(ends[k], ends[k + 1]), self._rows) for k in range(n)]
-        else:
-            parts = [(slice(None), self._rows[k::n]) for k in range(n)]
+        else:  # copies: rows apart are another type, for which the kernel would be compiled again
+            parts = [(slice(None), self._rows[k::n].copy()) for k in range(n)]
         others = [self._executor.submit(run, k, *parts[k]) for k in range(1, n)]
         run(0, *parts[0])
         for other in others:

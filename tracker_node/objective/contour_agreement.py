@@ -40,7 +40,7 @@ def count_agreement(shapes, Ts, camera, maps, decided, n_samples, limits, sample
     counts[:] = 0.0
     n_outline = 0
     for shape in range(flags.shape[0]):
-        count = draw_contour(shapes, shape, Ts[shape], center, n_samples, False, picks[shape], n_picks, rows)
+        count = draw_contour(shapes, shape, Ts[shape], center, n_samples, np.bool_(False), picks[shape], n_picks, rows)
         project_samples(params, R, t, rows, count, 0.0, pixels, outwards)
         for j in range(count):
             if flags[shape, j] != OUTER or outwards[j] < 0.0:

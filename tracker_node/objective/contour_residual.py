@@ -214,7 +214,7 @@ def linearize_camera(shapes, Ts, spheres, camera, maps, options, n_samples, refr
     rows, pixels = np.empty((most, N_COLUMNS)), np.empty((most, N_PIXEL_COLUMNS))
     outwards, beyonds, nearby = np.empty(most), np.empty(most, dtype=np.int64), np.empty(links.size, dtype=np.int64)
     sliding, scale_sq, pulls = options[SLIDING] > 0.5, options[ROBUST_SCALE] ** 2, options[BOUNDARY_WEIGHT] > 0.0
-    n_outline = 0
+    n_outline = np.int64(0)  # as 0, its value would be part of a type
     views = np.empty((links.size if refresh else 0, N_VIEW_COLUMNS))
     if refresh:
         flags[:] = HIDDEN

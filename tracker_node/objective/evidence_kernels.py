@@ -41,6 +41,7 @@ def draw_body(kinds, dims, T_cam_world, Ts_world_shape, params, limits, xs, ys, 
     """Draw all shapes into ``buffer`` (h, w rounded up to sixteen), before what is farther; ``out`` (4,): what they may cover."""
     T, box, pixels, whole = np.empty((4, 4)), np.empty(4), np.empty(4, dtype=np.int64), np.zeros(4, dtype=np.int64)
     whole[2], whole[3] = size[0], size[1]
+    corner = np.int64(0)  # as 0, its value would be part of a type
     out[0], out[1], out[2], out[3] = size[0], size[1], 0, 0
     for s in range(kinds.shape[0]):
         for i in range(4):
@@ -61,7 +62,7 @@ def draw_body(kinds, dims, T_cam_world, Ts_world_shape, params, limits, xs, ys, 
             pixels[:] = whole
         if pixels[2] <= pixels[0] or pixels[3] <= pixels[1]:
             continue
-        draw_shape(kinds[s], bounds, coefficients, s + 1, xs, ys, pixels, 0, 0, buffer)
+        draw_shape(kinds[s], bounds, coefficients, s + 1, xs, ys, pixels, corner, corner, buffer)
         out[0], out[1] = min(out[0], pixels[0] // LANES * LANES), min(out[1], pixels[1])
         out[2], out[3] = max(out[2], pixels[2]), max(out[3], pixels[3])
 

@@ -34,6 +34,7 @@ from .color_kernels import (
     WIDTH,
     XS,
     YS,
+    box_of_all,
     draw_smooth,
     find_spans,
     prepare_camera,
@@ -303,10 +304,7 @@ def linearize_camera(form, shapes, camera, pixels, lights, weights, Ts_world_sha
     )
     if verdict != ALL_SMOOTH:
         return verdict
-    u0, v0, u1, v1 = 1 << 30, 1 << 30, 0, 0
-    for s in range(kinds.shape[0]):
-        if boxes[s, 2] > boxes[s, 0] and boxes[s, 3] > boxes[s, 1]:
-            u0, v0, u1, v1 = min(u0, boxes[s, 0]), min(v0, boxes[s, 1]), max(u1, boxes[s, 2]), max(v1, boxes[s, 3])
+    u0, v0, u1, v1 = box_of_all(boxes)
     if u1 <= u0:
         return verdict
     stride = u1 - u0 + LANES

@@ -15,6 +15,7 @@ from .color_kernels import (
     LANES,
     PLANES,
     WIDTH,
+    box_of_all,
     draw_smooth,
     find_spans,
     pose_shapes,
@@ -97,10 +98,7 @@ def _score_camera(shapes, camera, view, rays, planes, costs, colors, caps, work,
     )
     if total[2] != ALL_SMOOTH:  # boxes are not valid then
         return
-    u0, v0, u1, v1 = 1 << 30, 1 << 30, 0, 0
-    for s in range(kinds.shape[0]):
-        if boxes[s, 2] > boxes[s, 0] and boxes[s, 3] > boxes[s, 1]:
-            u0, v0, u1, v1 = min(u0, boxes[s, 0]), min(v0, boxes[s, 1]), max(u1, boxes[s, 2]), max(v1, boxes[s, 3])
+    u0, v0, u1, v1 = box_of_all(boxes)
     if u1 <= u0 or v1 <= v0:
         return
     stride = u1 - u0 + LANES

@@ -197,8 +197,8 @@ class SceneObjective:
             return run(0, slice(None), self._seen)
         if len(roots) >= n:
             parts = [(slice(len(roots) * k // n, len(roots) * (k + 1) // n), self._seen) for k in range(n)]
-        else:
-            parts = [(slice(None), self._seen[k::n]) for k in range(n)]
+        else:  # copies: see `ColorObjective._share_out`
+            parts = [(slice(None), self._seen[k::n].copy()) for k in range(n)]
         others = [self._executor.submit(run, k, *parts[k]) for k in range(1, n)]
         run(0, *parts[0])
         for other in others:

@@ -159,7 +159,7 @@ class Observer:
         boundary = boundary_points(silhouette, to_silhouette, trusted, _FINE_STEP)
         if options.refine_boundary:
             to_silhouette -= self._refinement(bgr, region, boundary)
-        boundary = boundary[:: max(1, round(options.boundary_step_px / _FINE_STEP))]
+        boundary = np.ascontiguousarray(boundary[:: max(1, round(options.boundary_step_px / _FINE_STEP))])
         return Observation(self.camera, region, silhouette, edges, to_silhouette, to_edge, boundary, not silhouette.any())
 
     def _refinement(self, bgr: np.ndarray, region: Region, boundary: np.ndarray) -> np.ndarray:

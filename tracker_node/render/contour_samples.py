@@ -89,7 +89,7 @@ def collect_samples(shapes, Ts, spheres, camera, n_samples, outward_px, rows, pi
     for shape in range(n_shapes):
         # Drawn where they are to stay; those that are not seen are overwritten
         found, seen = rows[n:], pixels[n:]
-        count = draw_contour(shapes, shape, Ts[shape], center, n_samples, True, picks, n_picks, found)
+        count = draw_contour(shapes, shape, Ts[shape], center, n_samples, np.bool_(True), picks, n_picks, found)
         if count == 0:
             continue
         n_nearby = nearby_shapes(views, shape, nearby)
