@@ -4,9 +4,9 @@
 Equally many faults are drawn by a seed from each module of `NAMED`, whose faults cost users most, and from other modules that the
 seed draws. A fault counts as noticed when a test of `make test` (not `long`, not `ros`) fails or does not end. The tests tried
 are those that run the faulty function, from the `--files` files of tests nearest to the module (by name, then by the fewest
-imports between), the nearest and shortest first, for about twenty seconds in all; where a fault survives these, those of
-`--further` files more. Tests that do not pass without a fault are not used. The share is a lower bound: tests farther off are
-not asked.
+imports between and by what they say), the nearest and shortest first, for about twenty seconds in all; where a fault survives
+these, those of `--further` files more. Tests that do not pass without a fault are not used. The share is a lower bound: tests
+farther off are not asked.
 
 Faults that change nothing that could be seen are listed with their reasons in `_equivalent_mutants.py`, and are left out.
 """
