@@ -96,7 +96,8 @@ def _tried(pool: Any, drawn: list[Mutant], imports: Imports, root: Path, args: a
     results: list[Result] = []
     for result in pool.imap_unordered(try_mutant, tasks):
         results.append(result)
-        print(f"{sum(r.noticed for r in results)} of {len(results)} noticed", file=sys.stderr, flush=True)
+        rest = "" if result.noticed else f"; not {result.mutant.path}:{result.mutant.line}: {result.mutant.after}"
+        print(f"{sum(r.noticed for r in results)} of {len(results)} noticed{rest}", file=sys.stderr, flush=True)
     return results
 
 
