@@ -19,7 +19,7 @@ import random
 import sys
 import time
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +38,7 @@ NAMED = (
 N_OTHERS, EACH = {False: 20, True: 7}, {False: 7, True: 3}  # by --quick
 FILES, FURTHER = 2, 4  # files of tests tried on a module's faults, and more for those that survive
 MEASURING_S = 40.0  # of processor time for a file of tests as it is; what has not run by then is not used
+MOST_COMPILING = 4  # times that a file of tests is run for that
 
 
 @dataclass(frozen=True)
@@ -68,8 +69,9 @@ def main() -> int:
         results = _tried(pool, drawn, imports, root, args, slice(args.files))
         survivors = [result.mutant for result in results if not result.noticed]
         if args.further and survivors:  # whoever is not noticed near by may be farther off
-            results = [result for result in results if result.noticed]
-            results += _tried(pool, survivors, imports, root, args, slice(args.files, args.files + args.further))
+            before = {result.mutant: result for result in results}
+            again = _tried(pool, survivors, imports, root, args, slice(args.files, args.files + args.further))
+            results = [result for result in results if result.noticed] + [_joined(before[r.mutant], r) for r in again]
     for result in results:
         _say(result, args.verbose)
     metrics = {
@@ -83,6 +85,11 @@ def main() -> int:
 
     report_metrics(metrics, args.json)
     return 0
+
+
+def _joined(near: Result, far: Result) -> Result:
+    """Of a fault that the tests near by have not noticed."""
+    return replace(far, tests=near.tests + far.tests, left_out=near.left_out + far.left_out)
 
 
 def _tried(pool: Any, drawn: list[Mutant], imports: Imports, root: Path, args: argparse.Namespace, files: slice) -> list[Result]:
@@ -134,7 +141,11 @@ def measure(task: tuple[str, Path]) -> None:
         copy = tree()
         fresh = copy.root / "measured.json"
         fresh.unlink(missing_ok=True)
-        outcome = copy.run([file], MEASURING_S, (Recorder(copy.root, fresh),), ("--maxfail=1000",))
+        for _ in range(MOST_COMPILING):  # until nothing is compiled any more, which may take longer than all tests
+            compiled = copy.compiled()
+            outcome = copy.run([file], MEASURING_S, (Recorder(copy.root, fresh),), ("--maxfail=1000",))
+            if copy.compiled() == compiled:
+                break
         content = json.loads(fresh.read_text()) if fresh.exists() else {"tests": {}, "fixtures": []}
         if outcome.status not in (*SURVIVED, None):
             failed = [name for name, one in content["tests"].items() if not one["passed"]]
