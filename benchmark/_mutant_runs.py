@@ -89,6 +89,10 @@ class Tree:
         sources = [self.root / name for name in names]
         return [kept for s in sources for kept in (s.parent / "__pycache__").glob(f"{s.stem}.*.nb?")]
 
+    def compiled(self) -> dict[Path, int]:
+        """The machine code that there is, and when it was made, ns."""
+        return {kept: kept.stat().st_mtime_ns for kept in (self.root / "tracker_node").rglob("*.nb?")}
+
     def run(self, tests: list[str], limit_s: float, plugins: tuple[object, ...] = (), arguments: tuple[str, ...] = ()) -> Outcome:
         """Run these tests in a process of their own, until the first fails; ``limit_s`` of processor time."""
         log = self.root / "out/pytest_output.txt"

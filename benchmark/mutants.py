@@ -4,9 +4,9 @@
 Equally many faults are drawn by a seed from each module of `NAMED`, whose faults cost users most, and from other modules that the
 seed draws. A fault counts as noticed when a test of `make test` (not `long`, not `ros`) fails or does not end. The tests tried
 are those that run the faulty function, from the `--files` files of tests nearest to the module (by name, then by the fewest
-imports between), the nearest and shortest first, for about twenty seconds in all; where a fault survives these, those of
-`--further` files more. Tests that do not pass without a fault are not used. The share is a lower bound: tests farther off are
-not asked.
+imports between and by what they say), the nearest and shortest first, for about twenty seconds in all; where a fault survives
+these, those of `--further` files more. Tests that do not pass without a fault are not used. The share is a lower bound: tests
+farther off are not asked.
 
 Faults that change nothing that could be seen are listed with their reasons in `_equivalent_mutants.py`, and are left out.
 """
@@ -19,7 +19,7 @@ import random
 import sys
 import time
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +38,7 @@ NAMED = (
 N_OTHERS, EACH = {False: 20, True: 7}, {False: 7, True: 3}  # by --quick
 FILES, FURTHER = 2, 4  # files of tests tried on a module's faults, and more for those that survive
 MEASURING_S = 40.0  # of processor time for a file of tests as it is; what has not run by then is not used
+MOST_COMPILING = 4  # times that a file of tests is run for that
 
 
 @dataclass(frozen=True)
@@ -68,8 +69,9 @@ def main() -> int:
         results = _tried(pool, drawn, imports, root, args, slice(args.files))
         survivors = [result.mutant for result in results if not result.noticed]
         if args.further and survivors:  # whoever is not noticed near by may be farther off
-            results = [result for result in results if result.noticed]
-            results += _tried(pool, survivors, imports, root, args, slice(args.files, args.files + args.further))
+            before = {result.mutant: result for result in results}
+            again = _tried(pool, survivors, imports, root, args, slice(args.files, args.files + args.further))
+            results = [result for result in results if result.noticed] + [_joined(before[r.mutant], r) for r in again]
     for result in results:
         _say(result, args.verbose)
     metrics = {
@@ -85,6 +87,11 @@ def main() -> int:
     return 0
 
 
+def _joined(near: Result, far: Result) -> Result:
+    """Of a fault that the tests near by have not noticed."""
+    return replace(far, tests=near.tests + far.tests, left_out=near.left_out + far.left_out)
+
+
 def _tried(pool: Any, drawn: list[Mutant], imports: Imports, root: Path, args: argparse.Namespace, files: slice) -> list[Result]:
     """What becomes of faults, by these of the files of tests, from the nearest on."""
     chosen = {name: imports.test_files(name)[files] for name in {one.path for one in drawn}}
@@ -96,7 +103,8 @@ def _tried(pool: Any, drawn: list[Mutant], imports: Imports, root: Path, args: a
     results: list[Result] = []
     for result in pool.imap_unordered(try_mutant, tasks):
         results.append(result)
-        print(f"{sum(r.noticed for r in results)} of {len(results)} noticed", file=sys.stderr, flush=True)
+        rest = "" if result.noticed else f"; not {result.mutant.path}:{result.mutant.line}: {result.mutant.after}"
+        print(f"{sum(r.noticed for r in results)} of {len(results)} noticed{rest}", file=sys.stderr, flush=True)
     return results
 
 
@@ -133,7 +141,11 @@ def measure(task: tuple[str, Path]) -> None:
         copy = tree()
         fresh = copy.root / "measured.json"
         fresh.unlink(missing_ok=True)
-        outcome = copy.run([file], MEASURING_S, (Recorder(copy.root, fresh),), ("--maxfail=1000",))
+        for _ in range(MOST_COMPILING):  # until nothing is compiled any more, which may take longer than all tests
+            compiled = copy.compiled()
+            outcome = copy.run([file], MEASURING_S, (Recorder(copy.root, fresh),), ("--maxfail=1000",))
+            if copy.compiled() == compiled:
+                break
         content = json.loads(fresh.read_text()) if fresh.exists() else {"tests": {}, "fixtures": []}
         if outcome.status not in (*SURVIVED, None):
             failed = [name for name, one in content["tests"].items() if not one["passed"]]

@@ -91,6 +91,22 @@ def test_tests_are_tried_by_name_and_nearness(tmp_path: Path) -> None:
     assert users == {("tracker_node/a/user.py", "User.call"), ("test/a/test_near.py", "test")}
 
 
+def test_a_file_that_says_what_a_module_is_called_is_tried_before_others_as_near(tmp_path: Path) -> None:
+    for name, text in {
+        "tracker_node/__init__.py": "",
+        "tracker_node/a/_fit_body.py": "def fitted():\n    pass\n",
+        "tracker_node/a/main.py": "from . import _fit_body\n",
+        "test/a/test_all.py": "from tracker_node.a import main\n",
+        "test/a/test_calls.py": "from tracker_node.a import main\nmain.other.fitted()\n",
+        "test/a/test_half.py": "from tracker_node.a import main\nmain('body')\n",
+        "test/b/test_words.py": "from tracker_node.a import main\nmain('fit body')\n",
+    }.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    nearest = ["test/a/test_calls.py", "test/b/test_words.py", "test/a/test_half.py", "test/a/test_all.py"]
+    assert Imports(tmp_path).test_files("tracker_node/a/_fit_body.py") == nearest
+
+
 def test_every_equivalent_fault_can_still_be_drawn_and_has_a_reason(repository: Path) -> None:
     for (path, before, after), reason in EQUIVALENT.items():
         found = mutants(path, (repository / path).read_bytes())

@@ -5,6 +5,7 @@ import pytest
 
 from tracker_node.calibration.board import BoardView
 from tracker_node.calibration.board_instants import (
+    LEAST_COMMON,
     BoardInstant,
     chosen,
     group_views,
@@ -137,3 +138,41 @@ def test_instants_that_link_cameras_come_first():
     links = [BoardInstant({"a": view(500 + i, (60.0 * i, 0)), "b": view(500 + i, (60.0 * i, 0))}) for i in range(2)]
     assert chosen([*alone, *links], {}, 2) == links
     assert chosen([*alone, *links], {}, 1) == links  # even if these are more
+
+
+def test_of_views_of_one_place_the_stiller_is_taken():
+    """How still a board is counts against what is usual: a pace of the median halves what a view is worth."""
+    instants = [BoardInstant({"a": view(10 * i, (x, 0.0), image=i)}) for i, x in enumerate((0.0, 300.0, 340.0, 900.0))]
+    speed = {("a", i): 10.0 for i in range(4)}
+    assert chosen(instants, speed | {("a", 1): 90.0}, 3) == [instants[0], instants[2], instants[3]]
+    assert chosen(instants, speed | {("a", 2): 90.0}, 3) == [instants[0], instants[1], instants[3]]
+
+
+def test_an_instant_of_more_cameras_adds_more():
+    """Each camera counts, and half a camera less: one of two cameras is worth six of one that is as far."""
+    one = [BoardInstant({"a": view(10 * i, (400.0 * i, 0.0))}) for i in range(3)]
+    two = [BoardInstant({"a": view(100 + i, (400.0 * i, 0.0)), "b": view(100 + i, (400.0 * i, 0.0))}) for i in range(3)]
+    assert chosen([*one, *two], {}, 3) == two
+
+
+def test_larger_and_tilted_boards_are_other_places():
+    """At the same middle of the image: the same view again, one of twice the size, and one with its corners along a diagonal."""
+
+    def seen(ms, corners):
+        corners = np.asarray(corners, dtype=float)
+        return BoardInstant({"a": BoardView(round(ms * MS), np.arange(4), corners - corners.mean(axis=0) + 100.0, 2.0, 0)})
+
+    tilted = [[0.0, 0.0], [30.0, 20.0], [20.0, 30.0], [50.0, 50.0]]
+    instants = [seen(0, SQUARE), seen(10, SQUARE), seen(20, 2.0 * SQUARE), seen(30, tilted), seen(40, SQUARE)]
+    assert chosen(instants, {}, 3)[1:] == [instants[2], instants[3]]
+
+
+def test_the_pairs_that_link_share_so_many_and_no_more():
+    """Of ten instants of both cameras at one place, `LEAST_COMMON`, and the rest of ``most`` by what they add."""
+    both = [BoardInstant({"a": view(i, (i, 0.0)), "b": view(i, (i, 0.0))}) for i in range(LEAST_COMMON + 4)]
+    far = [BoardInstant({"a": view(500 + i, (500.0 + 300.0 * i, 0.0))}) for i in range(4)]
+    taken = chosen([*both, *far], {}, LEAST_COMMON)
+    assert len(taken) == LEAST_COMMON
+    assert all(len(one.views) == 2 for one in taken)
+    assert len(chosen([*both, *far], {}, LEAST_COMMON + 2)) == LEAST_COMMON + 2
+    assert chosen([*both, *far], {}, 1) == taken

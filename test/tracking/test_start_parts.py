@@ -84,6 +84,46 @@ def test_proposals_are_apart_and_the_same_again():
         np.testing.assert_array_equal(a.joint_positions, b.joint_positions)
 
 
+@pytest.fixture(scope="module")
+def alternatives():
+    return finder(SCENE.images(POSED), SCENE.plates).alternatives
+
+
+def test_colors_that_the_images_bear_out_are_half_believed(alternatives):
+    stated = alternatives._stated
+    told = stated.any(axis=1)
+    counts = 1000.0 * stated
+    found = alternatives._densities(counts.copy())
+    whole = counts.sum(axis=0) / counts.sum()
+    for shape in np.flatnonzero(told):
+        own = (counts[shape] + 30.0 * whole) / (counts[shape].sum() + 30.0)
+        np.testing.assert_allclose(found[shape], 0.5 * (own + stated[shape]), atol=1e-12)
+
+
+def test_where_they_are_not_left_and_right_look_alike(alternatives):
+    """All pixels of each shape in a color of its own that nobody states; shapes without pixels look like the whole body."""
+    n, bins = alternatives._stated.shape
+    free = np.flatnonzero(~(alternatives._stated > 1.0 / bins).any(axis=0))
+    counts = np.zeros((n, bins))
+    counts[np.arange(n), free[:n]] = 100.0
+    names = [shape.name for shape in SCENE.model.shapes]
+    empty = next(i for i, name in enumerate(names) if not name.startswith(("left_", "right_")))
+    counts[empty] = 0.0
+    found = alternatives._densities(counts.copy())
+    np.testing.assert_allclose(found.sum(axis=1), 1.0)
+    left = next(i for i, name in enumerate(names) if name.startswith("left_"))
+    right = names.index(names[left].replace("left_", "right_"))
+    np.testing.assert_array_equal(found[left], found[right])
+    of_body = 1.0 / (n - 1)  # a color's share of the whole body
+    assert found[left, free[left]] == pytest.approx((50.0 + 30.0 * of_body) / 130.0)
+    assert found[empty, free[left]] == pytest.approx(of_body)
+
+
+def test_the_length_of_a_limb_is_from_its_first_link_to_its_tip(alternatives):
+    first = Configuration(SCENE.model, POSED).Ts_world_link[np.flatnonzero(ARM.links)[0], :3, 3]
+    assert alternatives._length(POSED, ARM) == pytest.approx(np.linalg.norm(tip(POSED) - first))
+
+
 def test_the_doubtful_limb_is_mended_and_no_other_is_touched():
     def judged(state: State) -> Trial:
         """As an engine would that knows the truth: the surer, the nearer the arm."""

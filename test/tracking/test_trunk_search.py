@@ -1,11 +1,14 @@
 """A trunk that is looked for: the state of the largest gain, within the limits, with nothing but the trunk moved."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bodies import crane
 
+from tracker_node.model.articulated_model import ArticulatedModel
 from tracker_node.model.configuration import State
-from tracker_node.model.kinematic_chain import N_ROOT_DOF
+from tracker_node.model.kinematic_chain import N_ROOT_DOF, Axis, Joint, KinematicChain
 from tracker_node.tracking.limbs import limbs_of
 from tracker_node.tracking.trunk_search import best_trunk
 
@@ -75,6 +78,21 @@ def test_places_scatter_by_metres_and_turns_by_radians():
     spread = moved.std(axis=0)
     assert spread[:3] == pytest.approx(0.08, rel=0.2)
     assert spread[3:6] == pytest.approx(0.2, rel=0.2)
+
+
+def test_axes_of_the_trunk_scatter_no_farther_than_between_their_limits():
+    """An axis with a hundredth of a radian between its limits, and one with two."""
+    narrow = Axis("narrow", (0.0, 0.0, 1.0), 0.0, 0.01)
+    wide = Axis("wide", (0.0, 1.0, 0.0), -1.0, 1.0)
+    joint = Joint("waist", "base", "top", np.eye(4), (narrow, wide))
+    model = ArticulatedModel("torso", KinematicChain(("base", "top"), (joint,)), MODEL.shapes[:1])
+    trunk = replace(TRUNK, dofs=np.ones(model.n_dof, dtype=bool))
+    gain, start = Gain([0.0, 0.0, 0.0]), State.neutral(model)
+    best_trunk(trunk, [start], model.chain, gain, 1200, np.random.default_rng(3))
+    joints = np.array([state.joint_positions for state in gain.asked[1]])
+    inside = joints[(joints[:, 0] > 0.0) & (joints[:, 0] < 0.01), 0]
+    assert 0.3 < len(inside) / len(joints) < 0.4  # of a normal distribution from its one end, within its sigma
+    assert joints[:, 1].std() == pytest.approx(0.2, rel=0.2)
 
 
 def test_only_the_trunk_moves():

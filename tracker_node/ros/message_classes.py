@@ -22,7 +22,7 @@ def message_class(type_name: str) -> Any:
     kind, _, name = rest.partition("/")
     try:
         return getattr(import_module(f"{package}.{kind}"), name)
-    except (ImportError, AttributeError, ValueError) as error:
+    except (ImportError, AttributeError, TypeError, ValueError) as error:  # a name without a package is a TypeError
         raise TrackerError(f"message type '{type_name}' cannot be used here: {error}") from None
 
 

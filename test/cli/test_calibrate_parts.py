@@ -1,0 +1,178 @@
+"""Parts of the calibrating commands: options in their units, times of trials, stills, clocks that are written."""
+
+import argparse
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+from camera_rigs import circle_rig
+
+from tracker_node.calibration import board_figures
+from tracker_node.cli import _calibrate_body as body
+from tracker_node.cli import _calibrate_intrinsics as intrinsics
+from tracker_node.cli import _calibrate_plate as plate
+from tracker_node.cli import _calibrate_rig as rig_command
+from tracker_node.errors import CalibrationError, FileFormatError, SourceError
+from tracker_node.geometry import se3
+from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
+from tracker_node.loaders.trajectory_file import StateRow, StateTrajectory, write_states
+from tracker_node.loaders.trc import MarkerTrajectories
+from tracker_node.model.configuration import Configuration, State
+from tracker_node.model.human import human_model
+from tracker_node.model.landmark_names import MARKER_OF_LANDMARK
+
+MODEL = human_model()
+BOARD = ("--charuco", "4x5", "--square", "0.05")
+
+
+def parsed(command, *arguments):
+    parser = argparse.ArgumentParser()
+    command.add_arguments(parser)
+    return parser.parse_args(list(arguments))
+
+
+def rig_options(*arguments, videos=("a.mp4",)):
+    return rig_command._options(parsed(rig_command, "--videos", *videos, *BOARD, *arguments))
+
+
+def test_milliseconds_become_seconds():
+    options = rig_options("--stamp-sigma-ms", "15", "--tolerance-ms", "8", "--sets", "3")
+    assert (options.stamp_sigma_s, options.tolerance_s, options.most_instants) == pytest.approx((0.015, 0.008, 3))
+    assert rig_options().tolerance_s is None
+    assert (rig_options().stamp_sigma_s, rig_options().most_instants) == (0.02, 100)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("--stamp-sigma-ms", "0"), ("--stamp-sigma-ms", "10000"), ("--tolerance-ms", "-1"), ("--sets", "2"), ("--keep-lenses",)],
+)
+def test_options_that_nobody_can_mean_are_refused(arguments):
+    with pytest.raises(FileFormatError, match=arguments[0]):
+        rig_options(*arguments)
+
+
+def test_clocks_are_exact_for_folders_and_free_for_videos(tmp_path):
+    folder = (f"left={tmp_path}",)
+    assert rig_options(videos=folder).clocks == rig_options(videos=(str(tmp_path),)).clocks == "exact"
+    assert rig_options().clocks == "free"
+    assert rig_options("--stamps", "t.csv", videos=folder).clocks == "free"
+    assert rig_options("--clocks", "offset", videos=folder).clocks == "offset"
+
+
+def test_lenses_are_refined_unless_they_are_kept():
+    assert rig_options("--lenses", "l.yaml").free_lenses
+    assert not rig_options("--lenses", "l.yaml", "--keep-lenses").free_lenses
+
+
+def test_given_lenses_are_of_the_recordings_size(tmp_path):
+    rig = circle_rig(2)
+    write_rig_file(rig_file_of(rig), tmp_path / "lenses.yaml")
+    args = SimpleNamespace(lenses=str(tmp_path / "lenses.yaml"))
+    source = SimpleNamespace(width=640, height=480, path="a.mp4")
+    found = rig_command._lenses(args, {"cam02": source})
+    assert list(found) == ["cam02"]
+    np.testing.assert_allclose(found["cam02"].K, rig["cam02"].model.K)
+    for size in ((480, 640), (640, 481), (639, 480)):
+        with pytest.raises(CalibrationError, match="cam01"):
+            rig_command._lenses(args, {"cam01": SimpleNamespace(width=size[0], height=size[1], path="a.mp4")})
+    assert rig_command._lenses(SimpleNamespace(lenses=None), {}) is None
+
+
+@pytest.mark.parametrize(("write", "offsets"), [(True, [0, 12_500_000]), (False, [0, 0])])
+def test_clocks_that_are_off_are_written_in_nanoseconds(monkeypatch, capsys, write, offsets):
+    rig = circle_rig(2)
+    late = {
+        "cam01": SimpleNamespace(clock_s=0.02, clock_is_off=False),
+        "cam02": SimpleNamespace(clock_s=0.0125, clock_is_off=True),
+    }
+    monkeypatch.setattr(board_figures, "camera_figures", lambda found: late)
+    args = SimpleNamespace(write_clocks=write)
+    result = rig_command._with_sources(args, SimpleNamespace(rig=rig), {"cam01": "a.mp4", "cam02": None})
+    assert [camera.time_offset_ns for camera in result] == offsets
+    assert [camera.source for camera in result] == ["a.mp4", None]
+    assert capsys.readouterr().out == "cam02: its images are 12.5 ms later than they say, beside cam01\n"
+
+
+def test_defaults_of_the_commands():
+    args = parsed(body)
+    assert (args.joint_sigma_mm, args.y_up, args.sets, args.output) == (15.0, True, 20, "person.yaml")
+    assert not parsed(body, "--z-up").y_up
+    assert parsed(intrinsics, "--videos", "a.mp4", *BOARD).views == 80
+    assert parsed(plate, "--rig", "r.yaml").images == 25
+
+
+@pytest.mark.parametrize(
+    ("arguments", "comment"),
+    [
+        (("--model", "x/m.yaml", "--trc", "y/t.trc"), "p, from m.yaml, scaled to t.trc. Units"),
+        (("--stature", "1.8"), "p, for a stature of 1.8 m. Units"),
+        (("--trc", "t.trc", "--stature", "1.75"), "p, scaled to t.trc, for a stature of 1.75 m. Units"),
+    ],
+)
+def test_a_body_says_where_it_comes_from(arguments, comment):
+    text = body._comment("p", parsed(body, *arguments))
+    assert text.startswith(comment)
+    assert ("human_measures.py" in text) == ("--model" not in arguments)
+
+
+def test_lengths_are_told_in_millimetres(capsys):
+    segment = SimpleNamespace(name="thigh", measured_m=0.4, expected_m=0.41, used_m=0.405)
+    body._print_fit(SimpleNamespace(segments=[segment], size=1.0234, residual_m=0.0052))
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].split() == ["thigh", "400.0", "410.0", "405.0"]
+    assert lines[2] == "size 1.023 of the model; joints of the trial fitted to 5.2 mm"
+
+
+def test_parameters_are_told_in_percent(capsys):
+    one = SimpleNamespace(name="girth", value=0.051, sigma=0.012, prior_sigma=0.1)
+    contours = SimpleNamespace(rms_px=2.0), SimpleNamespace(rms_px=1.5, count=70)
+    body._print_parameters(SimpleNamespace(parameters=[one], overall=contours, n_sets=20))
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].split() == ["girth", "+5.1", "1.2", "10"]
+    assert lines[2] == "contours: rms 2.00 -> 1.50 px, 70 lines in 20 image sets"
+
+
+def test_states_are_held_against_the_rows_of_their_time(tmp_path):
+    """Rows are at 5, 5.1 and 5.2 s; the second, lost state has no part: landmarks go up by the mean of 0 and 2 cm."""
+    pose = State.neutral(MODEL, se3.exp(np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])))
+    landmarks = Configuration(MODEL, pose).landmarks_world
+    points = np.array([landmarks + np.array([0.0, 0.0, up_m]) for up_m in (0.0, 0.05, 0.02)])
+    names = tuple(MARKER_OF_LANDMARK[name] for name in MODEL.landmark_names)
+    markers = MarkerTrajectories(names, np.array([5.0, 5.1, 5.2]), points, 10.0, np.ones(points.shape[:2], bool))
+    rows = tuple(StateRow(7 * 10**9 + i * 10**8, status, "", pose.to_values()) for i, status in enumerate(
+        ("TRACKING", "LOST", "DEGRADED")))  # fmt: skip
+    write_states(tmp_path / "states.csv", StateTrajectory(MODEL.chain.dof_names, rows))
+    placed = body._placed(MODEL, markers, str(tmp_path / "states.csv"), body_options())
+    moved = placed.landmark_positions - MODEL.landmark_positions
+    np.testing.assert_allclose(moved[:, 2], 0.01, atol=1e-3)
+
+
+def body_options():
+    from tracker_node.calibration.body import ScalingOptions
+
+    return ScalingOptions(0.015)
+
+
+@pytest.mark.parametrize("status", ["LOST", "INITIALISING"])
+def test_states_that_are_all_lost_are_refused(tmp_path, status):
+    rows = (StateRow(0, status, "", State.neutral(MODEL).to_values()),)
+    write_states(tmp_path / "states.csv", StateTrajectory(MODEL.chain.dof_names, rows))
+    with pytest.raises(FileFormatError, match=r"at least one state that is not lost.*none in 1 rows"):
+        body._placed(MODEL, None, str(tmp_path / "states.csv"), body_options())
+
+
+def test_a_still_is_found_by_the_camera_s_name_and_has_its_size(tmp_path):
+    image = np.random.default_rng(0).integers(0, 256, (4, 6, 3), dtype=np.uint8)
+    cv2.imwrite(str(tmp_path / "a.png"), image)
+    np.testing.assert_array_equal(plate._still(str(tmp_path), "a", (4, 6, 3)), image)
+    with pytest.raises(CalibrationError, match="its still is 6x4, its recording 8x5"):
+        plate._still(str(tmp_path), "a", (5, 8, 3))
+    with pytest.raises(SourceError, match="no image named b"):
+        plate._still(str(tmp_path), "b", (4, 6, 3))
+
+
+@pytest.mark.parametrize("images", [2, 0])
+def test_a_plate_takes_three_images_at_least(images):
+    with pytest.raises(FileFormatError, match="at least 3"):
+        plate.run(SimpleNamespace(images=images))

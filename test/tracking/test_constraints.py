@@ -1,0 +1,43 @@
+"""What a body may not do, and its pull to the neutral pose."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bodies import crane
+
+from tracker_node.model.articulated_model import ArticulatedModel
+from tracker_node.model.human import human_model
+from tracker_node.model.kinematic_chain import KinematicChain
+from tracker_node.objective.collision import CollisionObjective
+from tracker_node.tracking.config import from_dict
+from tracker_node.tracking.constraints import constraints_of, neutral_information, resting
+
+
+def test_joints_are_pulled_by_their_stiffness_and_the_root_is_free():
+    """A pull of 9 squared pixels is half a unit of information."""
+    chain = crane().chain
+    found = neutral_information(chain, replace(from_dict({}).motion, neutral_angle=9.0))
+    assert found[:6].tolist() == [0.0] * 6
+    assert found[6:] == pytest.approx([0.5 * axis.stiffness for axis in chain.axes])
+    assert {axis.stiffness for axis in chain.axes} == {0.0, 5.0}
+
+
+def test_rest_is_the_neutral_pose():
+    model = crane()
+    prior = resting(model, from_dict({}).motion)
+    assert prior.mean.joint_positions.tolist() == [axis.neutral for axis in model.chain.axes]
+
+
+def test_parts_that_may_collide_are_kept_apart_where_that_is_asked_for():
+    model = human_model()
+    kinds = [type(one) for one in constraints_of(model, from_dict({"collision.enabled": True}))]
+    assert CollisionObjective in kinds
+    kinds = [type(one) for one in constraints_of(model, from_dict({"collision.enabled": False}))]
+    assert CollisionObjective not in kinds
+
+
+def test_one_part_alone_has_nothing_to_collide_with():
+    model = ArticulatedModel("one", KinematicChain(("base",), ()), crane().shapes[:1])
+    assert constraints_of(model, from_dict({"collision.enabled": True})) == []
+    assert np.all(neutral_information(model.chain, from_dict({}).motion) == 0.0)
