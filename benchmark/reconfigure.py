@@ -3,8 +3,9 @@
 
 Three processes: `tracker_node camera_ingest` (a recording forward and backward: the body never jumps), `tracker_node tracker`,
 and this one, which changes parameters one after the other: values of the configuration, the kind of the
-evidence, the engine, the cameras in use. A change is over when the tracker says that it is in effect. Lost are the images that
-the tracker's own counts call `lost in transport` or `overflowed`. As long again nothing is changed, for comparison.
+evidence, the engine, the cameras in use. A change is over when the tracker says that it is in effect. Changes begin when the body
+has been TRACKING for a second. Lost are the images that the tracker's own counts call `lost in transport` (reception stood still)
+or `overflowed` (a single image set took longer than a second); of both each. As long again nothing is changed, for comparison.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 
 from _contour_runs import Clip, add_common_arguments, configured, print_circumstances, recorded
@@ -29,8 +31,7 @@ from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.tracking.config import TrackerConfig
 
 ROUNDS = {"quick": 1, "full": 5}
-SETTLE_S, AFTER_S = 4.0, 2.0
-GONE = ("lost in transport", "overflowed")
+SETTLED_SETS, AFTER_S = 30, 2.0
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -66,6 +67,21 @@ def changes(cameras: tuple[str, ...]) -> list[dict[str, object]]:
     ]
 
 
+@dataclass(frozen=True)
+class Totals:
+    """Images that did not arrive, or waited too long; image sets left out for a newer one, and those tracked, at a time."""
+
+    at_s: float
+    in_transport: int
+    overflowed: int
+    superseded: int
+    states: int
+
+    @property
+    def lost(self) -> int:
+        return self.in_transport + self.overflowed
+
+
 class Watcher:
     """Listens to the tracker's /diagnostics and sets its parameters."""
 
@@ -77,14 +93,16 @@ class Watcher:
 
         self.node = Node("reconfigure_benchmark")
         self.states = 0
+        self.tracking = 0  # states one after the other, up to the latest
         self.counts: dict[str, dict[str, str]] = {}
         self.said: list[str] = []  # of the parameters
         self.node.create_subscription(TrackedState, "tracker/state", self._count, 100)
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._listen, 100)
         self._client = self.node.create_client(SetParametersAtomically, "tracker/set_parameters_atomically")
 
-    def _count(self, _message) -> None:
+    def _count(self, message) -> None:
         self.states += 1
+        self.tracking = self.tracking + 1 if message.status == message.TRACKING else 0
 
     def _listen(self, message) -> None:
         for status in message.status:
@@ -92,13 +110,14 @@ class Watcher:
                 self.said.append(status.message)
             self.counts[status.name] = {pair.key: pair.value for pair in status.values}
 
-    def lost(self, cameras: tuple[str, ...], keys: tuple[str, ...] = GONE) -> int:
-        """Images so far."""
-        return sum(int(self.counts.get(f"tracker: {name}", {}).get(key, "0")) for name in cameras for key in keys)
-
-    def superseded(self) -> int:
-        """Image sets so far that were left out for a newer one."""
-        return int(self.counts.get("tracker: status", {}).get("image sets superseded", "0"))
+    def totals(self, cameras: tuple[str, ...]) -> Totals:
+        """What has been counted until now."""
+        in_transport, overflowed = (
+            sum(int(self.counts.get(f"tracker: {name}", {}).get(key, "0")) for name in cameras)
+            for key in ("lost in transport", "overflowed")
+        )
+        superseded = int(self.counts.get("tracker: status", {}).get("image sets superseded", "0"))
+        return Totals(time.monotonic(), in_transport, overflowed, superseded, self.states)
 
     def change(self, values: dict[str, object], spin: Callable[[Callable[[], object], str], None]) -> float:
         """Set parameters; how long it takes until they are in effect [s]."""
@@ -146,32 +165,27 @@ def measure(clip: Clip, config: TrackerConfig, rounds: int) -> dict[str, float |
         ended.callback(cameras.end, 20.0)
         tracker = Child(["tracker", "--rig", str(rig_file), *body, "--config", str(folder / "tracker.yaml")], _quiet)
         ended.callback(tracker.end, 20.0)
-        spin_until(lambda: watcher.states > 0, "the first state")
-        pass_time(SETTLE_S)
-        before, states_before, superseded_before, began = (
-            watcher.lost(names),
-            watcher.states,
-            watcher.superseded(),
-            time.monotonic(),
-        )
-        took_s = []
+        spin_until(lambda: watcher.tracking >= SETTLED_SETS, "a body that is tracked")
+        began, took_s = watcher.totals(names), []
         for _ in range(rounds):
             for values in changes(names):
                 took_s.append(watcher.change(values, spin_until))
                 pass_time(AFTER_S)
-        elapsed_s = time.monotonic() - began
-        lost, states = watcher.lost(names) - before, watcher.states - states_before
-        superseded = watcher.superseded() - superseded_before
-        before = watcher.lost(names)
-        pass_time(elapsed_s)
+        changed = watcher.totals(names)
+        pass_time(changed.at_s - began.at_s)
+        alone = watcher.totals(names)
         return {
-            "reconfigure.lost_images": lost,
-            "reconfigure.lost_images_without_changes": watcher.lost(names) - before,
+            "reconfigure.lost_images": changed.lost - began.lost,
+            "reconfigure.lost_in_transport": changed.in_transport - began.in_transport,
+            "reconfigure.overflowed": changed.overflowed - began.overflowed,
+            "reconfigure.lost_images_without_changes": alone.lost - changed.lost,
             "reconfigure.changes": len(took_s),
             "reconfigure.in_effect_s_max": max(took_s),
-            "reconfigure.seconds": elapsed_s,
-            "reconfigure.states": states,
-            "reconfigure.sets_left_out": superseded,
+            "reconfigure.seconds": changed.at_s - began.at_s,
+            "reconfigure.states": changed.states - began.states,
+            "reconfigure.states_without_changes": alone.states - changed.states,
+            "reconfigure.sets_left_out": changed.superseded - began.superseded,
+            "reconfigure.sets_left_out_without_changes": alone.superseded - changed.superseded,
         }
 
 
