@@ -85,3 +85,104 @@ def test_the_low_pass_keeps_edges_in_place_and_removes_noise():
     assert smooth[:, 5:25].std() < 0.4 * noisy[:, 5:25].std()
     crossing = np.argmax(smooth.mean(axis=(0, 2)) > 120.0)
     assert crossing == 40
+
+
+@pytest.fixture(scope="module")
+def footage(scene):
+    return scene.film(scene.trials[0], "raycaster")
+
+
+def method(key):
+    return next(one for one in _cross_methods.METHODS if one.key == key)
+
+
+def test_times_of_cameras_are_known_or_nothing(scene, footage):
+    assert _cross_methods.camera_times(scene, scene.trials[0], footage, method("")) == scene.late_s
+    assert _cross_methods.camera_times(scene, scene.trials[0], footage, method("without_time.")) == (0.0, 0.0, 0.0)
+    assert sum(late > 0.0 for late in scene.late_s) == 1
+
+
+def test_the_low_pass_is_wider_along_the_lines():
+    dot = np.zeros((41, 41, 3), np.float32)
+    dot[20, 20] = 1.0
+    smooth = _cross_methods.low_passed(dot)[..., 0].astype(float)
+    offsets = np.arange(-20, 21)
+    widths = [np.sqrt((smooth.sum(axis=axis) * offsets**2).sum()) for axis in (0, 1)]
+    assert widths == pytest.approx([3.0, 1.0], abs=0.1)
+
+
+class Shown:
+    """Images that an objective is given."""
+
+    def __init__(self):
+        self.images, self.velocity = None, "none yet"
+
+    def set_images(self, images):
+        self.images = images
+
+
+def shown(scene, footage, key, field, without=None):
+    colors = scene.picked_colors(scene.trials[0], footage.interpolated(0))
+    fitter = _cross_methods._Fitter(scene, footage, method(key), colors, scene.late_s, without)
+    assert len(fitter._of_line) == 2
+    fitter._of_line = [(Shown(), Shown()), (Shown(), Shown())]
+    fitter.show(field, np.ones(6))
+    line = [i for i, pair in enumerate(fitter._of_line) if pair[0].images is not None]
+    assert len(line) == 1
+    score, aligned = fitter._of_line[line[0]]
+    assert score.images is aligned.images
+    assert np.array_equal(score.velocity, np.ones(6))
+    assert np.array_equal(aligned.velocity, np.ones(6))
+    assert (fitter._score, fitter._aligned) == (score, aligned)
+    return line[0], score.images
+
+
+def test_a_fit_is_shown_the_field_filtered_but_for_the_paper_s(scene, footage):
+    line, images = shown(scene, footage, "", 0)
+    for image, field in zip(images, footage.interpolated(0), strict=True):
+        np.testing.assert_array_equal(image, _cross_methods.low_passed(field))
+    _, plain = shown(scene, footage, "stepping.", 0)
+    for image, field in zip(plain, footage.interpolated(0), strict=True):
+        np.testing.assert_array_equal(image, field)
+    assert shown(scene, footage, "", 1)[0] == 1 - line
+    assert shown(scene, footage, "", 2)[0] == line
+
+
+def test_own_lines_are_half_as_high_and_filtered_by_half(scene, footage):
+    _, images = shown(scene, footage, "own_lines.", 1)
+    for image, field in zip(images, footage.own_lines(1), strict=True):
+        np.testing.assert_array_equal(image, _cross_methods.low_passed(field, 3.0, 0.5))
+
+
+def test_a_camera_can_be_left_out(scene, footage):
+    _, images = shown(scene, footage, "", 0, without=1)
+    assert [image is None for image in images] == [False, True, False]
+
+
+def test_methods_differ_in_what_they_say():
+    assert len({one.key for one in _cross_methods.METHODS}) == len(_cross_methods.METHODS) == 15
+    best = _cross_methods.BEST
+    assert (best.rig, best.times, best.fit, best.backend, best.own_lines) == ("true", "known", "alignment", "pyrender", False)
+    published = _cross_methods.AS_PUBLISHED
+    assert (published.rig, published.times, published.fit) == ("dlt", "ignored", "stepping")
+
+
+def test_the_start_is_off_by_what_is_said(scene):
+    trial = scene.trials[0]
+    off = _cross_methods._start(trial).T_world_root[:3, 3] - trial.state(0).T_world_root[:3, 3]
+    assert np.linalg.norm(off) == pytest.approx(1e-3 * np.linalg.norm(_cross_methods.START_ERROR[:3]))
+
+
+@pytest.mark.parametrize(("key", "fits"), [("stepping.", 3), ("", 6), ("without_time.", 3)])
+def test_every_field_is_fitted_once_and_again_where_velocities_are_used(scene, footage, monkeypatch, key, fits):
+    done = []
+
+    def fit(self, start):
+        done.append(start)
+        return _cross_methods.align(self._aligned, start, self._chain, _cross_methods.AlignmentOptions(coarsest=0))
+
+    monkeypatch.setattr(_cross_methods._Fitter, "first", fit)
+    monkeypatch.setattr(_cross_methods._Fitter, "again", fit)
+    tracked = _cross_methods.track(scene, scene.trials[0], footage, method(key), scene.late_s)
+    assert len(tracked.states) == 3
+    assert len(done) == fits

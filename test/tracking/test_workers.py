@@ -27,6 +27,11 @@ def test_all_threads_work_at_the_same_time():
     assert threading.current_thread().name in names
 
 
+def test_two_items_are_shared_by_two():
+    barrier = threading.Barrier(2, timeout=30.0)
+    assert len(set(Workers(4).map(lambda _: (barrier.wait(), threading.get_ident())[1], [0, 1]))) == 2
+
+
 @pytest.mark.parametrize(("threads", "n"), [(1, 4), (4, 1)])
 def test_the_calling_thread_works_alone_where_nothing_can_be_shared(threads, n):
     names = Workers(threads).map(lambda _: threading.current_thread().name, [0] * n)
