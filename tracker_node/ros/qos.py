@@ -24,7 +24,10 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability
 """Told to late subscribers too: robot_description."""
 
 SENSOR = qos_profile_sensor_data
-"""What a consumer of live images asks for: the newest, none of them twice."""
+"""What a viewer of live images asks for: the newest, none of them twice."""
+
+LIVE_IMAGES = QoSProfile(depth=30, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""What a live tracker asks for: a second of images, as many as wait for it; what is older than the newest it leaves out itself."""
 
 
 def images_published(depth: int = 10) -> QoSProfile:
@@ -34,7 +37,7 @@ def images_published(depth: int = 10) -> QoSProfile:
 
 def images_subscribed(lossless: bool, depth: int = 100) -> QoSProfile:
     """Every image in order, or the newest as they come."""
-    return images_published(depth) if lossless else SENSOR
+    return images_published(depth) if lossless else LIVE_IMAGES
 
 
 def overridable(qos: QoSProfile) -> dict[str, Any]:
