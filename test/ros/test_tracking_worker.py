@@ -20,7 +20,7 @@ from tracker_node.camera.camera_model import CameraModel
 from tracker_node.loaders.rig_yaml import load_rig
 from tracker_node.model.configuration import State
 from tracker_node.ros.conversions import camera_info_message, image_message
-from tracker_node.ros.image_inbox import MOST_BYTES, InboxOptions
+from tracker_node.ros.image_inbox import MOST_BYTES, InboxOptions, Received
 from tracker_node.ros.qos import images_published
 from tracker_node.ros.tracker_node import TrackerNode, TrackerOptions
 from tracker_node.tracking.config import SynchronizerConfig, TrackerConfig
@@ -394,3 +394,22 @@ def test_images_that_wait_for_lenses_are_limited(probe, build):
         probe.spin_until(lambda: not bench.node._inbox.waiting, "the worker has them")
     probe.spin_until(lambda: counts.total() == 9, "nine of twelve are too many")
     probe.spin_until(lambda: any("9 images are lost" in said for _, said in bench.said("calibration")), "said so")
+
+
+def test_what_nobody_has_foreseen_ends_no_tracking(probe, build, monkeypatch):
+    """Neither an image that cannot be taken apart nor an estimate that cannot be told ends the thread; both are counted and said."""
+    bench = build(lossless=True)
+    bench.tracker.go.set()
+    usual, outputs = Received.decode, bench.node._outputs
+    monkeypatch.setattr(Received, "decode", lambda received: {}["pixels"] if received.camera == "cam2" else usual(received))
+    bench.send(0)
+    probe.spin_until(lambda: bench.node._worker.counts.refused["cam2"] == 1, "an image that is refused")
+    monkeypatch.undo()
+    publish = outputs.publish
+    outputs.publish = lambda *_: [][1]
+    bench.send(1)
+    probe.spin_until(lambda: bench.node._worker.counts.failed > 0, "an estimate that is not told")
+    outputs.publish = publish
+    bench.send(2)
+    probe.spin_until(lambda: stamps(bench.states)[-1:] == [2 * 33_000_000], "the next state")
+    assert bench.node.fatal is None

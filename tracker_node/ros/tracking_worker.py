@@ -50,7 +50,7 @@ class TrackingWorker:
     busy : tracking, or getting ready to.
     at_work_since_s : steady time at which the image set at work was begun; None while there is none.
     paused : images are counted, and not used.
-    fatal : why the thread has ended by itself.
+    fatal : why the thread has ended by itself: neither an image, nor its set, nor what is told of it does that.
     """
 
     def __init__(
@@ -264,8 +264,10 @@ class TrackingWorker:
             height, width = image.pixels.shape[:2]
             if (width, height) != (lens.width, lens.height):
                 raise TrackerError(f"expected images of {lens.width}x{lens.height} as calibrated, got {width}x{height}")
-        except TrackerError as error:
+        except Exception as error:  # no image may end the thread
             counts.refused[camera] += 1
+            if not isinstance(error, TrackerError):
+                self._on_error(f"{camera}: {_described(error)}")
             counts.problems[camera] = str(error)
             return None
         counts.problems.pop(camera, None)
@@ -303,7 +305,11 @@ class TrackingWorker:
             estimate = self.latest = self._failed(image_set, error, 1e3 * (time.perf_counter() - began))
         self.counts.tracked += 1
         self.counts.lost += estimate.status == Status.LOST
-        self._on_estimate(estimate, image_set)
+        try:
+            self._on_estimate(estimate, image_set)
+        except Exception as error:  # what cannot be told of one image set does not end the tracking of the next
+            self.counts.failed += 1
+            self._on_error(f"image set {image_set.stamp_ns}: not published: {_described(error)}")
 
     def _failed(self, image_set: ImageSet, error: Exception, total_ms: float) -> TrackEstimate:
         self.counts.failed += 1
