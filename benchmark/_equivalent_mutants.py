@@ -1,3 +1,16 @@
 """Faults that change nothing that could be seen, each with its reason: (file, line before, line after)."""
 
-EQUIVALENT: dict[tuple[str, str, str], str] = {}
+_WORKERS = "tracker_node/tracking/workers.py"
+
+EQUIVALENT: dict[tuple[str, str, str], str] = {
+    (
+        _WORKERS,
+        "self._executor = ThreadPoolExecutor(threads - 1) if threads > 1 else None",
+        "self._executor = ThreadPoolExecutor(threads) if threads > 1 else None",
+    ): "A pool begins no more threads than it is given work, and never gets more than threads - 1 pieces at a time.",
+    (
+        _WORKERS,
+        "if self._executor is None or len(items) < 2:",
+        "if (len(items) < 2):",
+    ): "Of one thread all items are its own, and nothing is left to be handed to a pool.",
+}

@@ -100,3 +100,20 @@ def test_rotations_of_a_few_digits_are_taken_as_the_nearest_proper_ones(tmp_path
     for camera, right in zip(load_opencv([path]), rig, strict=True):
         assert se3.is_rigid(camera.T_world_cam, tolerance=1e-12)
         np.testing.assert_allclose(camera.T_world_cam, right.T_world_cam, atol=1e-4)
+
+
+def nested(levels: int, opened: str, closed: str, key: str) -> str:
+    return '{"a": ' + opened * levels + key + closed * levels + "}"
+
+
+@pytest.mark.parametrize(("opened", "closed"), [("[", "]"), ('{"b": ', "}")])
+def test_twenty_levels_are_read_and_no_more(tmp_path: Path, opened: str, closed: str) -> None:
+    path = tmp_path / "a.json"
+    path.write_text(nested(20, opened, closed, "1"))
+    node = read_storage(path)["a"]
+    for _ in range(20):
+        node = node[0] if isinstance(node, list) else node["b"]
+    assert node == 1
+    path.write_text(nested(21, opened, closed, "1"))
+    with pytest.raises(TrackerError, match="at most 20 levels"):
+        read_storage(path)

@@ -7,6 +7,7 @@ from textured_plate import MODEL, TRUE, errors, film, image_set, moved, rig
 from tracker_node.errors import ModelError
 from tracker_node.model.human import human_model
 from tracker_node.objective.texture_objective import TextureObjective
+from tracker_node.observation.image_set import ImageSet
 from tracker_node.tracking import texture_engine
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status
@@ -115,3 +116,22 @@ def test_a_camera_that_shows_something_else_is_named():
 def test_a_body_without_pictures_is_refused():
     with pytest.raises(ModelError, match="textures"):
         Tracker(rig(), human_model(), CONFIG)
+
+
+def test_a_search_in_vain_counts_too():
+    none = from_dict({"engine": "color", "color": {"representation": "affine", "search_states": 0}})
+    counts = [
+        Tracker(rig(), MODEL, config, initial_state=TRUE).step(image_set(0, film(None))).evaluations for config in (none, FEW)
+    ]
+    assert counts[1] >= counts[0] + 20
+
+
+def test_a_camera_without_an_image_has_no_residual():
+    pictures = film()
+    found = image_set(0, pictures)
+    without = ImageSet(found.stamp_ns, found.images[1:])
+    estimate = Tracker(rig(), MODEL, CONFIG, initial_state=TRUE).step(without)
+    first, *others = estimate.cameras
+    assert (first.stamp_ns, first.residual_px, first.samples) == (0, 0.0, 0)
+    assert all(other.residual_px > 0.0 for other in others)
+    assert estimate.status is Status.DEGRADED
