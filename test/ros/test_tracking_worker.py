@@ -397,7 +397,7 @@ def test_images_that_wait_for_lenses_are_limited(probe, build):
 
 
 def test_what_nobody_has_foreseen_ends_no_tracking(probe, build, monkeypatch):
-    """Neither an image that cannot be taken apart nor an estimate that cannot be told ends the thread; both are counted and said."""
+    """Neither an image that cannot be taken apart nor an estimate that cannot be told ends the thread; both are counted."""
     bench = build(lossless=True)
     bench.tracker.go.set()
     usual, outputs = Received.decode, bench.node._outputs

@@ -27,7 +27,7 @@ SENSOR = qos_profile_sensor_data
 """What a viewer of live images asks for: the newest, none of them twice."""
 
 LIVE_IMAGES = QoSProfile(depth=30, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""What a live tracker asks for: a second of images, as many as wait for it; what is older than the newest it leaves out itself."""
+"""What a live tracker asks for: a second of images; it leaves out itself what is older than the newest."""
 
 
 def images_published(depth: int = 10) -> QoSProfile:
