@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from _mutant_tests import PACKAGE, Imports, compiled_functions, users_of_kernels
+from _mutant_tests import PACKAGE, Imports, compiled_functions, is_program, users_of_kernels
 from _mutation import Mutant
 
 TEST_S = 20.0  # seconds of tests after which no more are begun on a fault
@@ -28,7 +28,8 @@ def tasks_of(
     for one in drawn:
         kernel = one.path in compiled and (one.function in compiled_functions(imports.trees[one.path]) or not one.function)
         stale = sorted(compiled & set(imports.distances(one.path)) - {one.path}) if kernel or not one.function else []
-        functions = {f"{one.path}::{one.function}"} if one.function and not kernel else None
+        anywhere = not one.function or kernel or is_program(imports.trees[one.path])
+        functions = None if anywhere else {f"{one.path}::{one.function}"}
         if kernel and one.function:
             functions = {f"{file}::{name}" for file, name in users[one.path, one.function] if name}
         measured = {file: json.loads(measured_file(folder, root, file).read_text()) for file in chosen[one.path]}

@@ -2,7 +2,8 @@
 
 What imports what is read from the sources (`Imports`). What a test runs is seen by running its file once, unchanged, with a
 trace of calls (`Recorder`); functions run while a file is loaded, or fixtures are made, count for every test of the file.
-Functions that numba compiles are not seen: those that call them by name stand for them (`users_of_kernels`).
+Functions that numba compiles are not seen: those that call them by name stand for them (`users_of_kernels`). Nor is what a
+module does that is run as a program: any test that runs something of it stands for that (`is_program`).
 """
 
 from __future__ import annotations
@@ -115,6 +116,11 @@ def compiled_functions(tree: ast.Module) -> set[str]:
     """Names of a module's functions that numba compiles."""
     functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
     return {f.name for f in functions if any(word in ast.unparse(d) for d in f.decorator_list for word in _COMPILED)}
+
+
+def is_program(tree: ast.Module) -> bool:
+    """Whether a module can be run by itself: what it does in a process of its own is not seen, and taken to be all of it."""
+    return any(isinstance(node, ast.If) and "__name__" in ast.unparse(node.test) for node in tree.body)
 
 
 def users_of_kernels(imports: Imports) -> dict[tuple[str, str], set[tuple[str, str]]]:

@@ -1,10 +1,11 @@
 """The faults that are planted to try the tests, and which tests they are tried on."""
 
+import ast
 from pathlib import Path
 
 import pytest
 from _equivalent_mutants import EQUIVALENT
-from _mutant_tests import Imports, users_of_kernels
+from _mutant_tests import Imports, is_program, users_of_kernels
 from _mutation import draw, mutants
 
 SOURCE = b'''"""Words - and more."""
@@ -105,6 +106,11 @@ def test_a_file_that_says_what_a_module_is_called_is_tried_before_others_as_near
         (tmp_path / name).write_text(text)
     nearest = ["test/a/test_calls.py", "test/b/test_words.py", "test/a/test_half.py", "test/a/test_all.py"]
     assert Imports(tmp_path).test_files("tracker_node/a/_fit_body.py") == nearest
+
+
+def test_programs_are_told_from_modules() -> None:
+    assert is_program(ast.parse("def main():\n    pass\n\nif __name__ == '__main__':\n    main()\n"))
+    assert not is_program(ast.parse("def main():\n    if __name__:\n        pass\n"))
 
 
 def test_every_equivalent_fault_can_still_be_drawn_and_has_a_reason(repository: Path) -> None:
