@@ -30,5 +30,8 @@ class HeldTracker:
     def set_state(self, state):
         self.told.append(state.to_values()[-1])
 
+    def take_over(self, other, image_set):
+        self.told.append(("take over", other, image_set.stamp_ns))
+
     def look_anew(self):
         self.told.append("look anew")

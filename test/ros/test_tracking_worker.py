@@ -159,8 +159,14 @@ def test_a_state_that_was_asked_for_outlasts_changes_of_parameters_until_it_is_u
     bench.send(1)
     probe.spin_until(lambda: len(bench.states) == 2, "a state after the pause")
     bench.change_parameters(13.0)
-    probe.spin_until(lambda: len(bench.tracker.told) == 4, "the state of the body")
-    assert bench.tracker.told[3] == tracked != 0.3
+    probe.spin_until(lambda: len(bench.tracker.told) == 4, "the old tracker's body")
+    assert bench.tracker.told[3] == ("take over", bench.tracker, 33_000_000)
+    bench.tracker.status = Status.LOST
+    bench.send(2)
+    probe.spin_until(lambda: len(bench.states) == 3, "a state that is not believed")
+    bench.change_parameters(14.0)
+    probe.spin_until(lambda: len(bench.tracker.told) == 5, "where to look")
+    assert bench.tracker.told[4] == tracked != 0.3
 
 
 def test_states_asked_for_in_parts_add_up(probe, build):

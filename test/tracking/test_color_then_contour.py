@@ -37,7 +37,7 @@ class Recorded:
     def reset(self):
         self._say("reset")
 
-    def begin(self, images, start):
+    def begin(self, images, start, *, known=False):
         self._say("begin", start.T_world_root[0, 3])
         return moved(start.T_world_root[0, 3] + self.by)
 

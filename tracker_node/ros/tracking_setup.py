@@ -6,7 +6,7 @@ import threading
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -27,6 +27,7 @@ class Steppable(Protocol):
     def reset(self) -> None: ...
     def set_state(self, state: State) -> None: ...
     def look_anew(self) -> None: ...
+    def take_over(self, other: Any, image_set: ImageSet) -> None: ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -74,7 +74,8 @@ class TrackingWorker:
         self.formation = SetFormation(setup.cameras, setup.config.synchronizer)
         self.counts = WorkerCounts()
         self.latest: TrackEstimate | None = None
-        self._tracked: TrackEstimate | None = None  # the latest that the tracker has given
+        self._tracked: TrackEstimate | None = None  # the latest that the tracker has given, for this image set:
+        self._tracked_set: ImageSet | None = None
         self.busy, self.paused = True, False
         self.at_work_since_s: float | None = None
         self.fatal: Exception | None = None
@@ -95,25 +96,36 @@ class TrackingWorker:
         return self._setup.config
 
     def use(self, setup: TrackingSetup) -> None:
-        """From the next image set on; the tracker goes on from where the old one is, what that has learnt is lost."""
+        """From the next image set on; the tracker takes over the body from the old one, and learns from the latest image set."""
 
         def change() -> None:
-            self._setup = setup
+            old, self._setup = self._setup.tracker, setup
             self.formation.change(setup.cameras, setup.config.synchronizer)
             if setup.tracker is not None:
-                self._put(setup.tracker)
+                self._put(setup.tracker, old)
             gc.collect()  # the old tracker: it is in reference cycles, and large
 
         self._command(change)
 
-    def _put(self, tracker: Steppable) -> None:
-        """A new tracker begins as has been asked since the latest image set, or where that has left the body."""
+    def _put(self, tracker: Steppable, old: Steppable | None) -> None:
+        """A new tracker begins as has been asked since the latest image set, or where the old one has left the body in that."""
         if self._requests.told is not None:
             self._requests.told.tell(tracker)
         elif self._tracked is not None and self._tracked.status is Status.INITIALISING:
             tracker.look_anew()
-        elif self._tracked is not None:
+        elif self._tracked is not None and not self._taken_over(tracker, old):
             tracker.set_state(self._tracked.state)
+
+    def _taken_over(self, tracker: Steppable, old: Steppable | None) -> bool:
+        """Whether a new tracker knows where the body is; else it looks around there, which takes a second."""
+        assert self._tracked is not None
+        if old is None or self._tracked_set is None or self._tracked.status is Status.LOST:
+            return False
+        try:
+            tracker.take_over(old, self._tracked_set)
+        except TrackerError:  # the images are of another size than its cameras
+            return False
+        return True
 
     @property
     def start_state(self) -> State | None:
@@ -300,6 +312,7 @@ class TrackingWorker:
         began = time.perf_counter()
         try:
             estimate = self.latest = self._tracked = tracker.step(image_set)
+            self._tracked_set = image_set
             self._requests.followed()
         except Exception as error:
             estimate = self.latest = self._failed(image_set, error, 1e3 * (time.perf_counter() - began))

@@ -83,12 +83,14 @@ class ColorEngine:
         if self._score is not None:
             self._score.set_colors(colors)
 
-    def begin(self, images: Images, start: State) -> State:
+    def begin(self, images: Images, start: State, *, known: bool = False) -> State:
         """Where colors are yet to be learnt: learn them, fit, and learn again, since the first pose given is rarely exact."""
         if not self._config.learn_colors or self._learnt:
             return start
         self._learnt = True
         self._learn(images, start, 1.0)
+        if known:
+            return start
         self.observe(images, start)
         start = self.fit(start, first=True).state
         self._learn(images, start, 1.0)

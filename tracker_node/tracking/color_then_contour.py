@@ -35,10 +35,10 @@ class ColorThenContourEngine:
         self._colors.reset()
         self._contours.reset()
 
-    def begin(self, images: Images, start: State) -> State:
+    def begin(self, images: Images, start: State, *, known: bool = False) -> State:
         """Contours learn where colors have led."""
-        start = self._colors.begin(images, start)
-        return self._contours.begin(images, start)
+        start = self._colors.begin(images, start, known=known)
+        return self._contours.begin(images, start, known=known)
 
     def observe(self, images: Images, expected: State | None, passage: Passage | None = None) -> None:
         """What contours see depends on what colors have found, and so is looked at in `fit`."""

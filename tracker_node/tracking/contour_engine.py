@@ -87,10 +87,10 @@ class ContourEngine:
         self._recovery = Recovery()
         self._count = 0
 
-    def begin(self, images: Images, start: State) -> State:
+    def begin(self, images: Images, start: State, *, known: bool = False) -> State:
         """Learn what body and scene look like, fit, and learn again: the first pose given is rarely exact."""
         self._passage, margin, self._recovery = None, self._config.evidence.body_margin_px, Recovery()
-        for margin_px in (_FIRST_MARGIN * margin, margin):
+        for margin_px in (margin,) if known else (_FIRST_MARGIN * margin, margin):
             sights = self._look(start, images)
             self._learn_anew(images, sights, margin_px)
             if margin_px != margin:

@@ -72,8 +72,11 @@ class Engine(Protocol):
         """Forget everything learnt."""
         ...
 
-    def begin(self, images: Images, start: State) -> State:
-        """Learn what is needed from the first image set, in which the body is near ``start``; returns a better start."""
+    def begin(self, images: Images, start: State, *, known: bool = False) -> State:
+        """Learn what is needed from the first image set, in which the body is near ``start``; returns a better start.
+
+        ``known``: the body is just there, as another tracker has found it, and nothing is fitted.
+        """
         ...
 
     def observe(self, images: Images, expected: State | None, passage: Passage | None = None) -> None:

@@ -118,6 +118,10 @@ class MotionModel:
         else:
             self.velocity, self._last = self._config.velocity_decay * self.velocity, (stamp_ns, state)
 
+    def take_over(self, other: MotionModel) -> None:
+        """Know what ``other`` knows of a body with the same joints."""
+        self.velocity, self._last, self._belief, self._expected = other.velocity, other._last, other._belief, None
+
     def restart(self, stamp_ns: int, state: State) -> None:
         """Forget the velocity and go on from ``state``."""
         self.velocity = np.zeros_like(self.velocity)

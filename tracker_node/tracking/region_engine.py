@@ -125,7 +125,7 @@ class RegionEngine:
         plates = checked_plates(camera.name, lens.width, lens.height, self._plates.get(camera.name))
         return EmptyRoom(plates, evidence.scene_sigma, evidence.scene_rate, evidence.body_margin_px)
 
-    def begin(self, images: Images, start: State) -> State:
+    def begin(self, images: Images, start: State, *, known: bool = False) -> State:
         """Learn colors, fit, and learn again: the first pose given is rarely exact. What a sound body has taught is kept."""
         self._limbs.restart()
         if self._searches.sound is not None and not self._limbs.was_lost:
@@ -134,7 +134,7 @@ class RegionEngine:
         self._searches.begin()
         self._steady, self._trusted = False, None
         self._passage, guard = None, self._config.region.guard_px
-        for guard_px in (4 * guard, 2 * guard, guard):
+        for guard_px in (guard,) if known else (4 * guard, 2 * guard, guard):
             self._colors = [RegionColors(self._classes, self._stated, self._config.region.color_prior) for _ in self._rig]
             self._learn(images, start, 1.0, guard_px)
             trust_stated_colors(self._colors)

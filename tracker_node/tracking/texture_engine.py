@@ -42,7 +42,7 @@ class TextureEngine:
         self._lost, self._found_again = 0, False
         self._score: TextureScore | None = None
 
-    def begin(self, images: Images, start: State) -> State:
+    def begin(self, images: Images, start: State, *, known: bool = False) -> State:
         """Pictures are known beforehand: the start stays."""
         return start
 

@@ -112,6 +112,20 @@ class Tracker:
         if self._starter is not None:
             self._starter.stop()
 
+    def take_over(self, other: Tracker, image_set: ImageSet) -> None:
+        """Go on where ``other`` has left the same body in ``image_set``, its latest, which teaches what the body looks like.
+
+        Raises
+        ------
+        CalibrationError : the images do not suit the cameras of this tracker.
+        """
+        images = self._images(image_set)
+        assert other._start is not None
+        self._restart(other._start)
+        self._engine.begin(images, other._start, known=True)
+        self._motion.take_over(other._motion)
+        self.surety, self._lost, self._unproven = other.surety, other._lost, other._unproven
+
     def _looked_for(self, starter: Starter, images: Images, image_set: ImageSet) -> TrackEstimate | None:
         """Of another tracker that has found the body in all of the images, and whose place this one takes; None without one.
 
