@@ -1,5 +1,6 @@
 """Runs side by side: what is compared, what is not, and what of an estimated lag is to be doubted."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from tracker_node.evaluation.association import Trajectories
 from tracker_node.evaluation.document import Cell
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.report_summary import (
+    FIGURES,
     HIGHER,
     LOWER,
     Figure,
@@ -136,3 +138,11 @@ def test_joints_are_compared_where_two_runs_have_them(tmp_path):
     ]  # fmt: skip
     np.testing.assert_allclose([row[1] for row in table.rows], runs[0].joints.raw.per_joint_mm())
     assert {row[3].value for row in table.rows} == {"0.0"}
+
+
+@pytest.mark.parametrize("figure", FIGURES, ids=lambda figure: figure.key)
+def test_figures_have_keys_of_metrics_and_titles_for_people(figure):
+    assert re.fullmatch(r"[a-z][a-z0-9_]*\*?", figure.key)
+    assert figure.title[0].isupper() or figure.title[0] in "…5"
+    assert figure.unit in ("", "mm", "s", "°", "images", "px", "ms")
+    assert figure.better == (HIGHER if "share" in figure.meaning or figure.key == "iou_*" else min(figure.better, 0))

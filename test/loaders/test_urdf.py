@@ -280,3 +280,45 @@ def test_a_humanoid_of_another_program():
     np.testing.assert_allclose(marks["chest"], [0.0, 0.944604, 0.0])
     assert marks["left_knee"][1] < marks["left_hip"][1] < marks["neck"][1]
     assert {type(shape.primitive) for shape in model.shapes} == {Box, Ellipsoid, TruncatedCone}
+
+
+BOX = '<visual><geometry><box size="0.1 0.1 0.1"/></geometry></visual>'
+
+
+def urdf(tmp_path, inside):
+    path = tmp_path / "small.urdf"
+    path.write_text(f'<robot name="small">{inside}</robot>')
+    return load_model(path)
+
+
+def joined(kind, axis, lower, upper):
+    joint = f'<joint name="j" type="{kind}"><parent link="a"/><child link="b"/><axis xyz="{axis}"/>'
+    limits = f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/></joint>'
+    return f'<link name="a">{BOX}</link><link name="b">{BOX}</link>{joint}{limits}'
+
+
+def test_shapes_of_a_link_are_numbered_past_names_that_there_are(tmp_path):
+    model = urdf(
+        tmp_path,
+        f'<link name="a">{BOX * 3}</link><link name="a_2">{BOX}</link>'
+        '<joint name="j" type="fixed"><parent link="a"/><child link="a_2"/></joint>',
+    )
+    assert sorted(shape.name for shape in model.shapes) == ["a", "a_2", "a_3", "a_4"]
+
+
+@pytest.mark.parametrize(("kind", "place"), [("prismatic", (0.0, 0.3, 0.0)), ("revolute", (0.0, 0.0, 0.0))])
+def test_a_joint_that_cannot_move_is_welded_where_it_stands(tmp_path, kind, place):
+    model = urdf(tmp_path, joined(kind, "0 1 0", 0.3, 0.3))
+    assert model.n_dof == 6
+    body = Configuration(model, State.neutral(model))
+    T = body.Ts_world_shape[[shape.name for shape in model.shapes].index("b")]
+    np.testing.assert_allclose(T[:3, 3], place, atol=1e-12)
+    turn = 0.3 if kind == "revolute" else 0.0
+    np.testing.assert_allclose(T[:3, 0], [np.cos(turn), 0.0, -np.sin(turn)], atol=1e-12)
+
+
+@pytest.mark.parametrize(("lower", "upper", "neutral"), [(-1, 2, 0.0), (0.5, 2, 0.5), (-2, -0.5, -0.5)])
+def test_neutral_is_zero_or_the_limit_next_to_it(tmp_path, lower, upper, neutral):
+    (axis,) = urdf(tmp_path, joined("revolute", "0 1 0", lower, upper)).chain.axes
+    assert (axis.lower, axis.upper, axis.neutral, axis.prismatic) == (lower, upper, neutral, False)
+    assert urdf(tmp_path, joined("prismatic", "0 1 0", lower, upper)).chain.axes[0].prismatic
