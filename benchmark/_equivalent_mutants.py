@@ -13,4 +13,14 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "if self._executor is None or len(items) < 2:",
         "if (len(items) < 2):",
     ): "Of one thread all items are its own, and nothing is left to be handed to a pool.",
+    (
+        "tracker_node/loaders/limited_file.py",
+        "content = stream.read(limit + 1)",
+        "content = stream.read(limit + 2)",
+    ): "One byte more than the limit is refused, and so are two.",
+    (
+        "tracker_node/calibration/board.py",
+        "refined = cv2.cornerSubPix(gray, near, (min(half, 11), min(half, 11)), (-1, -1), criteria)",
+        "refined = cv2.cornerSubPix(gray, near, (min(half, 11), min(half, 11)), (-2, -1), criteria)",
+    ): "OpenCV leaves nothing out in the middle where either of the two numbers is negative.",
 }
