@@ -12,6 +12,7 @@ from pathlib import Path
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
@@ -20,7 +21,7 @@ from tracker_node.ros.executor import make_executor
 from tracker_node.ros.qos import PROFILE_VARIABLE, images_published, use_fastdds_profile
 
 TIMEOUT_S = 240.0  # generous: compiled code may have to be made first
-AGAIN_S, FOUND_S = 5.0, 0.3
+AGAIN_S = 3.0
 
 
 class Probe:
@@ -59,7 +60,7 @@ class Probe:
         """The answer of a service.
 
         A node that has not found this client yet sends its answer to nobody: what only reads is asked again, and what changes
-        something is asked a little later than the service is seen.
+        something is asked once the node has answered a client that was made later.
         """
         client = self._client(service_type, name)
         until_s, reads = time.monotonic() + TIMEOUT_S, service_type.__name__.startswith(("Get", "List", "Describe"))
@@ -72,15 +73,26 @@ class Probe:
             assert time.monotonic() < until_s, f"no answer of {name} within {TIMEOUT_S:g} s"
 
     def _client(self, service_type, name: str):
-        """One client per service; one that is new is given the time to be found."""
+        """One client per service and node."""
         if name in self._clients and self._clients[name].service_is_ready():
             return self._clients[name]
         if name not in self._clients:
             self._clients[name] = self.node.create_client(service_type, name)
         self.spin_until(self._clients[name].service_is_ready, f"service {name}")
-        found_s = time.monotonic() + FOUND_S
-        self.spin_until(lambda: time.monotonic() > found_s)
+        if service_type is not GetParameters:
+            self._until_found(name.rpartition("/")[0])
         return self._clients[name]
+
+    def _until_found(self, node: str) -> None:
+        """Until a node knows all clients of now: what it hears of them comes in the order in which they were made."""
+        name = f"{node}/get_parameters"
+        if (before := self._clients.pop(name, None)) is not None:
+            self.node.destroy_client(before)
+        later = self._clients[name] = self.node.create_client(GetParameters, name)
+        tried_s = time.monotonic() + AGAIN_S
+        self.spin_until(lambda: later.service_is_ready() or time.monotonic() > tried_s)
+        if later.service_is_ready():  # else the service is not called after its node
+            self.ask(GetParameters, name, GetParameters.Request())
 
     def close(self) -> None:
         self.node.destroy_node()

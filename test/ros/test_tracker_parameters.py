@@ -116,8 +116,11 @@ def test_cameras_come_and_go(probe, running):
     probe.spin_until(lambda: cameras.images["cam2"].get_subscription_count() == 1, "cam2 is listened to")
     cameras.send(2)
     probe.spin_until(lambda: len(states) == 3, "a state of all again")
-    assert states[2].cameras == ["cam1", "cam2", "cam3"] and all(n > 0 for n in states[2].camera_samples)
-    probe.spin_until(lambda: _values(probe, "tracker: cam1").get("used") == "3", "all images of cam1 are accounted for")
+    assert states[2].cameras == ["cam1", "cam2", "cam3"] and all(n > 0 for n in states[2].camera_samples[::2])
+    cameras.send(3)
+    probe.spin_until(lambda: len(states) == 4, "a state with what cam2 has taught")
+    assert all(n > 0 for n in states[3].camera_samples)
+    probe.spin_until(lambda: _values(probe, "tracker: cam1").get("used") == "4", "all images of cam1 are accounted for")
 
 
 def _said(probe, name: str) -> str:

@@ -348,9 +348,14 @@ class RegionEngine:
         return Report(tuple(reports), float(np.sqrt(squares / max(weight, 1e-12))), covariance, images, arcs)
 
     def learn(self, images: Images, state: State) -> None:
-        """Colors change slowly: in each image set some of the cameras learn."""
+        """Colors change slowly: in each image set some of the cameras learn. A camera that has joined learns all at once."""
         region = self._config.region
-        turn = [image if (i + self._count) % region.learn_every == 0 else None for i, image in enumerate(images)]
+        joined = [None if colors.knows else image for image, colors in zip(images, self._colors, strict=True)]
+        if any(image is not None for image in joined):
+            self._learn(joined, state, 1.0, region.guard_px)
+        turn = [
+            image if (i + self._count) % region.learn_every == 0 and joined[i] is None else None for i, image in enumerate(images)
+        ]
         self._count += 1
         if region.color_rate > 0.0 and any(image is not None for image in turn):
             self._learn(turn, state, region.color_rate, region.guard_px)
