@@ -128,8 +128,30 @@ def test_the_spread_is_followed_by_its_rate(begun, monkeypatch):
     made._objective.model_sigma_px = before
 
 
+def acquainted(made: RegionEngine) -> RegionEngine:
+    """As if all cameras had learnt the body's colors."""
+    for colors in made._colors:
+        colors.knows = True
+    return made
+
+
+def test_a_camera_that_joins_learns_at_once(monkeypatch):
+    """Whole colors, whatever the turn and however slowly the others learn, and only once."""
+    made = acquainted(engine(**{"region.color_rate": 0.0}))
+    made._colors[1].knows = False
+    learnt = []
+    monkeypatch.setattr(made, "_learn", lambda images, _, rate, guard: learnt.append(([i is not None for i in images], rate)))
+    made.learn(SCENE.images(TRUE), TRUE)
+    assert learnt == [([False, True, False], 1.0)]
+    monkeypatch.undo()
+    made.learn(SCENE.images(TRUE), TRUE)
+    assert made._colors[1].knows
+    monkeypatch.setattr(made, "_learn", lambda *_: pytest.fail("learns again"))
+    made.learn(SCENE.images(TRUE), TRUE)
+
+
 def test_cameras_learn_in_turn(monkeypatch):
-    made = engine()
+    made = acquainted(engine())
     learnt = []
     monkeypatch.setattr(made, "_learn", lambda images, *_: learnt.append([image is not None for image in images]))
     images = SCENE.images(TRUE)
@@ -141,7 +163,7 @@ def test_cameras_learn_in_turn(monkeypatch):
 
 
 def test_colors_that_do_not_change_are_not_learnt(monkeypatch):
-    made = engine(**{"region.color_rate": 0.0})
+    made = acquainted(engine(**{"region.color_rate": 0.0}))
     monkeypatch.setattr(made, "_learn", lambda *_: pytest.fail("learns"))
     made.learn(SCENE.images(TRUE), TRUE)
 
