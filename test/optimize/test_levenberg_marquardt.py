@@ -238,3 +238,9 @@ def test_one_step_by_damping_of_each_degree_of_freedom():
     damping = np.arange(6.0)
     state = stepped(NormalEquations(2.0 * np.eye(6), np.array([3.0, 3, 3, 0, 0, 0]), 1.0, 6), AT_REST, FIXED, damping)
     np.testing.assert_allclose(state.T_world_root[:3, 3], -3.0 / (2.0 * (1.0 + damping[:3])), rtol=1e-6)
+
+
+def test_a_cost_that_is_no_number_has_not_converged_though_the_rule_is_met():
+    result = minimize(Scripted([np.inf]), AT_REST, FIXED, replace(ENDLESS, step_tolerance=10.0))
+    assert (result.iterations, result.evaluations, result.converged) == (1, 3, False)
+    assert minimize(Scripted([1.0]), AT_REST, FIXED, replace(ENDLESS, step_tolerance=10.0)).converged

@@ -93,3 +93,11 @@ def test_a_result_converged_where_the_rule_was_met_and_something_was_scored(scor
     assert result.converged == converged
     assert result.score == score
     assert np.allclose(pose_variables.to_variables(result.state), x)
+
+
+def test_no_trace_is_kept_unless_it_is_asked_for():
+    found = space()
+    found.scores([np.zeros(SIZE)])
+    assert found.trace is None
+    assert found.result(np.zeros(SIZE), 0.0, True).trace == ()
+    assert space(keep_trace=True).trace == []
