@@ -40,6 +40,29 @@ def test_a_bag_s_time_runs_at_its_rate(clock):
     assert bag.now_ns() == 12 * S
 
 
+def test_a_bag_that_has_not_begun_runs_from_zero_and_ticks_at_once(clock):
+    clock.now_s = 0.0
+    bag = BagTime()
+    assert bag.tick_is_due(0.5) and bag.now_ns() == 0 and not bag.paused
+    clock.now_s = 1.0
+    assert bag.now_ns() == S
+    standing = BagTime(paused=True)
+    clock.now_s = 2.0
+    assert standing.paused and standing.now_ns() == 0
+
+
+@pytest.mark.parametrize("rate", [0.001, 1000.0])
+def test_the_slowest_and_the_fastest_rate_are_taken(clock, rate):
+    bag = BagTime(rate)
+    clock.now_s += 2.0
+    assert bag.now_ns() == round(2.0 * rate * S)
+
+
+def test_a_rate_out_of_range_is_named():
+    with pytest.raises(TrackerError, match=r"^rate: expected a positive number from 0\.001 to 1000, got 0\.0005$"):
+        BagTime(0.0005)
+
+
 def test_a_paused_bag_stands_still_and_goes_on_from_there(clock):
     bag = BagTime(1.0)
     bag.begin(S)

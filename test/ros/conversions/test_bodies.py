@@ -151,3 +151,13 @@ def test_transforms_are_from_parent_to_child():
     q, p = one.transform.rotation, one.transform.translation
     assert (p.x, p.y, p.z) == (1.0, 2.0, 3.0)
     np.testing.assert_allclose(quaternion.matrix_from_xyzw(np.array([q.x, q.y, q.z, q.w])), T[:3, :3], atol=1e-12)
+
+
+def test_the_marker_of_a_mesh_is_its_triangles():
+    model = arm()
+    estimate = some_estimate(model)
+    marker = marker_array_message(estimate, Configuration(model, estimate.state), "world").markers[3]
+    corners = [(point.x, point.y, point.z) for point in marker.points]
+    o, x, y, z = (0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, 0.1)
+    assert marker.type == Marker.TRIANGLE_LIST and corners == [o, y, x, o, x, z, o, z, y, x, y, z]
+    assert (marker.scale.x, marker.scale.y, marker.scale.z) == (1.0, 1.0, 1.0)

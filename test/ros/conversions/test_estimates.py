@@ -112,3 +112,30 @@ def test_twist_of_the_root():
     assert np.array_equal(np.reshape(message.twist.covariance, (6, 6)), estimate.velocity_covariance[:6, :6])
     unknown = sent(twist_message(replace(estimate, velocity_covariance=None), "world"))
     assert unknown.twist.covariance[0] == -1.0
+
+
+@pytest.mark.parametrize(
+    "numbers",
+    [
+        (3.0, 4.0, 5.0, 0.0, 0.0, 0.0, 0.0),
+        (0, 0, 0, 0, 0, 0, 9e-7),
+        (float("nan"), 0, 0, 0, 0, 0, 1),
+        (0, 0, 0, float("inf"), 0, 0, 1),
+    ],
+)
+def test_poses_that_are_none_are_refused_with_their_numbers(numbers):
+    with pytest.raises(TrackerError, match=r"^pose: expected finite numbers and a quaternion of length one, got \["):
+        transform_of_pose(posed(numbers))
+
+
+@pytest.mark.parametrize("quaternion", [(1.0, 0.0, 0.0, 0.0), (2e-6, 0.0, 0.0, 0.0)])
+def test_half_a_turn_about_x_of_any_length(quaternion):
+    T = transform_of_pose(posed((1.0, 2.0, 3.0, *quaternion)))
+    assert np.allclose(T, [[1, 0, 0, 1], [0, -1, 0, 2], [0, 0, -1, 3], [0, 0, 0, 1]], atol=1e-12)
+
+
+def posed(numbers):
+    pose = Pose()
+    p, q = pose.position, pose.orientation
+    p.x, p.y, p.z, q.x, q.y, q.z, q.w = (float(number) for number in numbers)
+    return pose
