@@ -302,3 +302,38 @@ def test_a_body_without_landmarks_has_no_markers():
     model = replace(human_model(), landmarks=())
     with pytest.raises(FileFormatError, match="landmarks"):
         markers_of(moving(2, model), Y_UP)
+
+
+def test_only_a_c3d_of_too_many_frames_warns_of_them(tmp_path, monkeypatch):
+    from tracker_node.evaluation import export
+
+    assert export.MOST_FRAMES == 65535  # of a 16-bit number
+    monkeypatch.setattr(export, "MOST_FRAMES", 4)
+    assert FORMATS["c3d"](moving(4), tmp_path / "a.c3d", Z_UP) == []
+    (said,) = FORMATS["c3d"](moving(5), tmp_path / "a.c3d", Z_UP)
+    assert said.startswith("5 frames: ") and said.endswith("see the first 4")
+
+
+def test_a_bvh_says_how_many_frames_it_invents(tmp_path):
+    path = tmp_path / "a.bvh"
+    assert FORMATS["bvh"](moving(4, rate_hz=50.0), path, Z_UP) == []
+    assert "Frame Time: 0.02" in path.read_text() and "Frames: 4" in path.read_text()
+    assert FORMATS["bvh"](moving(6, gaps=(2, 3)), path, Z_UP) == ["BVH cannot mark gaps: 2 frames are interpolated"]
+    for name in ("trc", "sto", "tum"):
+        assert FORMATS[name](moving(6, gaps=(2, 3)), tmp_path / f"a.{name}", Z_UP) == []
+
+
+def test_tum_has_the_pose_of_the_root_or_of_the_link_asked_for(tmp_path):
+    motion, path = moving(4, two_links(), gaps=(1,)), tmp_path / "a.tum"
+    for options, link in ((Z_UP, 0), (replace(Z_UP, link="lower"), 1), (replace(Y_UP, link="lower"), 1)):
+        FORMATS["tum"](motion, path, options)
+        rows = np.loadtxt(path)
+        assert len(rows) == 3
+        assert rows[:, 0] == pytest.approx(motion.stamps_ns[[0, 2, 3]] * 1e-9)
+        expected = motion.Ts_world_link()[3, link]
+        order = [1, 2, 0] if options.y_up else [0, 1, 2]
+        assert rows[2, 1:4] == pytest.approx(expected[order, 3], abs=1e-9)
+        qx, qy, qz, qw = rows[2, 4:]
+        # First column of the rotation of a unit quaternion.
+        first = [1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy + qz * qw), 2 * (qx * qz - qy * qw)]
+        assert first == pytest.approx(expected[order, 0], abs=1e-6)

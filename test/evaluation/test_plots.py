@@ -66,7 +66,7 @@ def test_a_chart_without_upper_end_shows_everything():
 
 
 def test_a_logarithmic_chart():
-    ax = drawn(Chart("k", "t", lines=[Line("a", X + 1.0, 10.0 ** X)], log_y=True, y_max=3.0))
+    ax = drawn(Chart("k", "t", lines=[Line("a", X + 1.0, 10.0**X)], log_y=True, y_max=3.0))
     assert ax.get_yscale() == "log"
     assert ax.get_ylim()[1] > 1e4
     assert ax.yaxis.get_major_formatter()(1000.0) == "1000"
