@@ -85,3 +85,42 @@ def test_shrunk_labels_keep_their_values_inside():
     assert set(np.unique(less)) == {0, 3, 5}
     depth = -signed_distance((labels > 0).astype(np.uint8), 80.0)
     assert (less[depth > 3.5] == labels[depth > 3.5]).all() and not less[depth < 1.0].any()
+
+
+def outline(u0: int, v0: int, u1: int, v1: int, slope: float = 10.0, along: int = 1) -> np.ndarray:
+    """Points of a box with these first and last columns and rows in a mask of 40 x 30, on a distance with that slope."""
+    mask = np.zeros((30, 40), np.uint8)
+    mask[v0 : v1 + 1, u0 : u1 + 1] = 1
+    distance = slope * np.indices(mask.shape)[along].astype(np.float32)
+    return boundary_points(mask, distance, np.ones_like(mask), 1)
+
+
+def test_three_pixels_at_each_border_give_no_points():
+    """A box of 20 x 15 pixels has 2 (19 + 14) on its outline; each side that is too far out takes its pixels away."""
+    assert len(outline(10, 8, 29, 22)) == 66
+    assert len(outline(3, 3, 36, 26)) == 2 * (33 + 23)
+    assert len(outline(2, 8, 21, 22)) == len(outline(18, 8, 37, 22)) == 66 - 15
+    assert len(outline(10, 2, 29, 16)) == len(outline(10, 13, 29, 27)) == 66 - 20
+
+
+def test_points_go_half_a_pixel_up_the_slope():
+    points = outline(10, 8, 29, 22)
+    assert points[:, 0].min() == 10.5 and points[:, 0].max() == 29.5 and points[:, 1].min() == 8.0
+    np.testing.assert_array_equal(points[:, 2:], np.tile([1.0, 0.0], (66, 1)))
+    down = outline(10, 8, 29, 22, slope=-10.0, along=0)
+    assert down[:, 0].min() == 10.0 and down[:, 1].min() == 7.5 and down[:, 1].max() == 21.5
+    np.testing.assert_array_equal(down[:, 2:], np.tile([0.0, -1.0], (66, 1)))
+
+
+def test_flat_places_and_outlines_below_twenty_pixels_give_no_points():
+    assert len(outline(10, 8, 29, 22, slope=0.25)) == 0  # a change of one over four pixels
+    assert len(outline(10, 8, 29, 22, slope=0.26)) == 66
+    assert len(outline(10, 8, 15, 13)) == 20 and len(outline(10, 8, 15, 12)) == 0
+
+
+def test_edges_next_to_the_silhouette_count_and_no_farther():
+    gray, mask = np.full((30, 40), 20, np.uint8), np.zeros((30, 40), np.uint8)
+    gray[:, 20:] = 220
+    mask[10:20, 5:35] = 1
+    _, edges = edge_distance(gray, mask, 40.0, 100.0, 25.0)
+    assert np.flatnonzero(edges.any(axis=1)).tolist() == list(range(9, 21))
