@@ -15,7 +15,15 @@ from tracker_node.camera.camera_rig import Camera
 from tracker_node.errors import FileFormatError, SourceError
 from tracker_node.loaders.image_source import PreloadedSource, SourceOptions, open_camera_source
 from tracker_node.loaders.rig_yaml import load_rig, read_rig_file, write_rig_file
-from tracker_node.loaders.stamps import common_ns, load_stamp_file, presentation_times
+from tracker_node.loaders.stamps import (
+    common_ns,
+    field_times,
+    file_times,
+    load_stamp_file,
+    period_ns,
+    presentation_times,
+    stamps_from_first_ns,
+)
 
 N, RATE_HZ, SIZE = 12, 25.0, (64, 48)
 LENS = CameraModel(*SIZE, np.array([[50.0, 0.0, 32.0], [0.0, 50.0, 24.0], [0.0, 0.0, 1.0]]))
@@ -160,3 +168,109 @@ def test_the_rig_file_keeps_them(tmp_path, video):
         with pytest.raises(FileFormatError, match=said):
             load_rig(rig)
     assert replace(moved, stamp_file=None).stamps is None
+
+
+def test_times_of_a_file_by_where_they_come_from(video, tmp_path):
+    assert file_times(camera(video), N) is None and file_times(camera(video, stamps="rate"), N) is None
+    contained = camera(video, stamps="container")
+    times = file_times(contained, N)
+    assert times == presentation_times(video) and len(times) == N
+    assert file_times(contained, N - 2) == times
+    longer = file_times(contained, N + 2)  # two images more than the container has times: a period after another
+    assert longer[:N] == times
+    assert longer[N:] == pytest.approx([480_000_000, 520_000_000], abs=2)
+    stamp_file = tmp_path / "stamps.txt"
+    stamp_file.write_text("1\n2\n")
+    given_file = camera(video, stamp_file=str(stamp_file))
+    assert file_times(given_file, 2) == (1_000_000_000, 2_000_000_000)
+    for n in (1, 3):
+        with pytest.raises(SourceError, match=f"has 2 times for camera 'cam_1', but .* has {n} images"):
+            file_times(given_file, n)
+
+
+def test_the_period_is_the_median_time_between_images():
+    assert period_ns([]) == 0 and period_ns([7]) == 0
+    assert period_ns([7, 17]) == 10 and period_ns([0, 10, 40, 50, 60]) == 10
+    assert type(period_ns([0, 3])) is int
+
+
+def test_the_second_field_is_half_a_period_later():
+    assert field_times([100, 140, 180]) == (100, 120, 140, 160, 180, 200)
+    assert field_times([5]) == (5, 5)
+
+
+def test_nanoseconds_since_the_first_of_times():
+    assert stamps_from_first_ns("a.csv", np.array([10.0, 10.5, 12.25])).tolist() == [0, 500_000_000, 2_250_000_000]
+    assert stamps_from_first_ns("a.csv", np.array([0.0, 1e-9, 3e-9])).tolist() == [0, 1, 3]
+    assert stamps_from_first_ns("a.csv", np.array([3.0])).dtype == np.int64
+    with pytest.raises(
+        FileFormatError, match=r"a.csv: field 'times': expected times a nanosecond apart at least, got 'closer ones'"
+    ):
+        stamps_from_first_ns("a.csv", np.array([0.0, 1.0, 1.0]))
+    with pytest.raises(FileFormatError, match=r"a nanosecond apart"):
+        stamps_from_first_ns("a.csv", np.array([0.0, 1.0, 0.5]))
+    for last in (3.2e9, np.nan):
+        with pytest.raises(FileFormatError, match=r"field 'times': expected a span of less than 3200000000 s"):
+            stamps_from_first_ns("a.csv", np.array([0.0, last]))
+    assert stamps_from_first_ns("a.csv", np.array([0.0, 3.1e9])).tolist() == [0, 3_100_000_000_000_000_000]
+
+
+def load(tmp_path: Path, text: str, name: str = "cam_1") -> tuple[int, ...]:
+    file = tmp_path / "stamps.csv"
+    file.write_text(text)
+    return load_stamp_file(file, name)
+
+
+@pytest.mark.parametrize(
+    ("column", "unit_ns"),
+    [("time", 10**9), ("stamp_s", 10**9), ("timestamp_ms", 10**6), ("frame_time_us", 10**3), ("t_ns", 1), (" Seconds ", 10**9)],
+)
+def test_units_of_columns(tmp_path, column, unit_ns):
+    assert load(tmp_path, f"{column}\n3\n5\n") == (3 * unit_ns, 5 * unit_ns)
+
+
+def test_lines_are_in_order_of_number_or_else_of_time(tmp_path):
+    assert load(tmp_path, "time\n3\n1.5\n10\n") == (1_500_000_000, 3_000_000_000, 10_000_000_000)
+    assert load(tmp_path, "image,time\n1,5\n0,4\n") == (4_000_000_000, 5_000_000_000)
+    assert load(tmp_path, "image,time\n2,5\n1,4\n") == (4_000_000_000, 5_000_000_000)
+    with pytest.raises(
+        FileFormatError, match=r"line 2, column 'image'.*one line for every image from 0 or 1 on, here 0, got '2'"
+    ):
+        load(tmp_path, "image,time\n2,4\n3,5\n")
+    with pytest.raises(FileFormatError, match=r"line 3, column 'image'.*here 2, got '3'"):
+        load(tmp_path, "image,time\n1,4\n3,5\n")
+    with pytest.raises(FileFormatError, match=r"line 3, column 'image'.*here 1, got '0'"):
+        load(tmp_path, "image,time\n0,4\n0,5\n")
+
+
+def test_the_greatest_stamps_are_those_of_ros(tmp_path):
+    assert load(tmp_path, "2147483647\n") == (2_147_483_647_000_000_000,)
+    assert load(tmp_path, "-2147483647\n") == (-2_147_483_647_000_000_000,)
+    for text in ("2147483648\n", "-2147483648\n"):
+        with pytest.raises(FileFormatError, match=r"line 1.*seconds, if it names none\), of at most 2147483647, what a ROS"):
+            load(tmp_path, text)
+
+
+def test_images_are_at_most_a_hundred_seconds_apart(tmp_path):
+    assert load(tmp_path, "0\n100\n") == (0, 100_000_000_000)
+    with pytest.raises(FileFormatError, match=r"100.5 s between two images"):
+        load(tmp_path, "0\n100.5\n")
+    with pytest.raises(FileFormatError, match=r"line 2.*after that of the image before \(1.000000 s\), got '1'"):
+        load(tmp_path, "1\n1\n")
+    for text in ("time\nnan\n", "time\ninf\n"):
+        with pytest.raises(FileFormatError, match=r"line 2.*a time"):
+            load(tmp_path, text)
+
+
+def test_cameras_by_name_or_else_by_the_number_that_they_end_with(tmp_path):
+    assert load(tmp_path, "port,time\n1,4\n01x,6\n2,5\n") == (4_000_000_000,)
+    assert load(tmp_path, "camera,time\nleft_01,4\nleft_2,5\n") == (4_000_000_000,)
+    assert load(tmp_path, "camera,time\n1,4\n cam_1 ,5\n") == (5_000_000_000,)
+    assert load(tmp_path, "cam,time\nside,4\nfront,5\n", "side") == (4_000_000_000,)
+    for name, text in (("cam_1", "port,time\n1,4\n01,5\n"), ("side", "port,time\n1,4\n"), ("cam_1", "port,time\n2,4\n")):
+        with pytest.raises(FileFormatError, match=f"field 'port': expected camera '{name}', or its number"):
+            load(tmp_path, text, name)
+    with pytest.raises(FileFormatError, match=r"field '\(file\)': expected camera 'cam_1'"):
+        load(tmp_path, "port,time\n")
+    with pytest.raises(FileFormatError, match=r"field 'header': expected one column of times .*time, timestamp"):
+        load(tmp_path, "time,stamp\n1,2\n")
