@@ -203,9 +203,7 @@ def test_nanoseconds_since_the_first_of_times():
     assert stamps_from_first_ns("a.csv", np.array([10.0, 10.5, 12.25])).tolist() == [0, 500_000_000, 2_250_000_000]
     assert stamps_from_first_ns("a.csv", np.array([0.0, 1e-9, 3e-9])).tolist() == [0, 1, 3]
     assert stamps_from_first_ns("a.csv", np.array([3.0])).dtype == np.int64
-    with pytest.raises(
-        FileFormatError, match=r"a.csv: field 'times': expected times a nanosecond apart at least, got 'closer ones'"
-    ):
+    with pytest.raises(FileFormatError, match=r"a.csv: field 'times': expected times a nanosecond apart at least, got 'closer"):
         stamps_from_first_ns("a.csv", np.array([0.0, 1.0, 1.0]))
     with pytest.raises(FileFormatError, match=r"a nanosecond apart"):
         stamps_from_first_ns("a.csv", np.array([0.0, 1.0, 0.5]))
@@ -233,9 +231,7 @@ def test_lines_are_in_order_of_number_or_else_of_time(tmp_path):
     assert load(tmp_path, "time\n3\n1.5\n10\n") == (1_500_000_000, 3_000_000_000, 10_000_000_000)
     assert load(tmp_path, "image,time\n1,5\n0,4\n") == (4_000_000_000, 5_000_000_000)
     assert load(tmp_path, "image,time\n2,5\n1,4\n") == (4_000_000_000, 5_000_000_000)
-    with pytest.raises(
-        FileFormatError, match=r"line 2, column 'image'.*one line for every image from 0 or 1 on, here 0, got '2'"
-    ):
+    with pytest.raises(FileFormatError, match=r"line 2, column 'image'.*for every image from 0 or 1 on, here 0, got '2'"):
         load(tmp_path, "image,time\n2,4\n3,5\n")
     with pytest.raises(FileFormatError, match=r"line 3, column 'image'.*here 2, got '3'"):
         load(tmp_path, "image,time\n1,4\n3,5\n")
