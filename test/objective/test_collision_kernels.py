@@ -90,7 +90,7 @@ def test_parts_are_placed_by_their_links():
 
 
 # Two parts: the second of three balls, and a third far off
-BALLS = np.array([cone((0, 0, 0), 0.5, (0, 0, 0), 0.5), cone((0, 9, 0), 0.1, (0, 9, 0), 0.1), cone((0, 0.8, 0), 0.4, (0, 0.8, 0), 0.4),
+BALLS = np.array([cone((0, 0, 0), 0.5, (0, 0, 0), 0.5), cone((0, 9, 0), 0.1, (0, 9, 0), 0.1), cone((0, 0.8, 0), 0.4, (0, 0.8, 0), 0.4),  # noqa: E501
                   cone((0, 2, 0), 0.4, (0, 2, 0), 0.4), cone((50, 0, 0), 0.4, (50, 0, 0), 0.4)])  # fmt: skip
 STARTS = np.array([0, 1, 4, 5])
 BOUNDS = np.array([[0.0, 0, 0, 0.5], [0, 5, 0, 5], [50, 0, 0, 0.4]])
