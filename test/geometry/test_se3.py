@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from finite_difference import assert_jacobian
 from hypothesis import given
 from rotations import twists
@@ -58,3 +59,16 @@ def test_stacks_and_bad_matrices():
     sheared[0, 1] = 1e-3
     for bad in (reflection, sheared, np.full((4, 4), np.nan), np.eye(3)):
         assert not se3.is_rigid(bad)
+
+
+@pytest.mark.parametrize("angle", [9.9e-5, 3e-5, 1e-6])
+def test_small_turns_are_as_exact_as_large_ones(angle):
+    """A turn about z on the way along x: sin(a) / a along it, 2 sin(a/2)^2 / a across it; and back by (a/2) / tan(a/2)."""
+    moved = se3.exp(np.array([1.0, 0.0, 0.0, 0.0, 0.0, angle]))[:3, 3]
+    assert moved[0] == pytest.approx(np.sin(angle) / angle, rel=1e-15, abs=0.0)
+    assert moved[1] == pytest.approx(2.0 * np.sin(angle / 2.0) ** 2 / angle, rel=1e-14, abs=0.0)
+    assert moved[2] == 0.0
+    turn = se3.from_rotation_translation(so3.exp(np.array([0.0, 0.0, angle])), np.array([1.0, 0.0, 2.0]))
+    v = se3.log(turn)[:3]
+    assert v[0] == pytest.approx(0.5 * angle / np.tan(0.5 * angle), rel=1e-15, abs=0.0)
+    assert v[1] == pytest.approx(-0.5 * angle, rel=1e-9) and v[2] == 2.0
