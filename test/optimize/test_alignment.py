@@ -86,3 +86,9 @@ def test_short_steps_end_a_level():
 def test_levels_that_there_are_not_are_said():
     with pytest.raises(ValueError, match="got 1 to 2"):
         align(Levels(4), START, FIXED, AlignmentOptions(coarsest=1, finest=2))
+
+
+def test_without_options_those_by_default():
+    objective = Levels(9)
+    align(objective, START, FIXED)
+    assert objective.levels == list(range(AlignmentOptions().coarsest, -1, -1))

@@ -155,3 +155,10 @@ def test_the_seed_of_chance_is_that_of_the_options():
         chance_level(objective, START, 2, replace(FEW, seed=seed))
     np.testing.assert_array_equal(one.batches[0][0].T_world_root, same.batches[0][0].T_world_root)
     assert not np.array_equal(one.batches[0][0].T_world_root, other.batches[0][0].T_world_root)
+
+
+def test_without_options_those_by_default():
+    objective = States()
+    search(objective, START)
+    assert len(objective.batches[0]) == 1 + RobustStartOptions().n and objective.steps == [RobustStartOptions().row_step]
+    assert chance_level(objective, START, 3) > 0.0
