@@ -1,6 +1,5 @@
 """A recording of the small arm, sent to a tracker from a test's own node; its tracker in this process to compare with."""
 
-import time
 from pathlib import Path
 
 import cv2
@@ -46,8 +45,7 @@ class Cameras:
         self.infos = {name: create(CameraInfo, f"{name}/camera_info", images_published(50)) for name in rig.names}
         publishers = [*self.images.values(), *self.infos.values()]
         probe.spin_until(lambda: all(p.get_subscription_count() for p in publishers), "subscriptions of the tracker")
-        settled_s = time.monotonic() + 0.3  # the other side must have found us too, and there is no way to ask
-        probe.spin_until(lambda: time.monotonic() > settled_s)
+        probe.until_known("tracker")
 
     def send(self, i: int, cameras: tuple[str, ...] | None = None, stamp_ns: int | None = None) -> int:
         image_set = image_set_of(self._recording, i)

@@ -80,11 +80,11 @@ class Probe:
             self._clients[name] = self.node.create_client(service_type, name)
         self.spin_until(self._clients[name].service_is_ready, f"service {name}")
         if service_type is not GetParameters:
-            self._until_found(name.rpartition("/")[0])
+            self.until_known(name.rpartition("/")[0])
         return self._clients[name]
 
-    def _until_found(self, node: str) -> None:
-        """Until a node knows all clients of now: what it hears of them comes in the order in which they were made."""
+    def until_known(self, node: str) -> None:
+        """Until a node knows all clients and publishers of now: it hears of them in the order in which they were made."""
         name = f"{node}/get_parameters"
         if (before := self._clients.pop(name, None)) is not None:
             self.node.destroy_client(before)
