@@ -29,7 +29,7 @@ from _mutant_tasks import measured_file, tasks_of
 from _mutant_tests import PACKAGE, Imports, Recorder
 from _mutation import Mutant, draw, mutants
 
-SEED = 20271
+SEED = 20294
 NAMED = (
     "calibration/bundle_adjustment", "calibration/triangulation", "camera/camera_model", "loaders/mcap_writer",
     "objective/contour_objective", "observation/image_synchronizer", "optimize/levenberg_marquardt", "ros/conversions/bodies",
