@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from tracker_node.calibration.balancing import write_masks
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.cli.sample import prepare
 from tracker_node.errors import SourceError
 from tracker_node.evaluation import still_difference
@@ -32,7 +32,7 @@ from tracker_node.loaders.model_yaml import load_model
 from tracker_node.loaders.plate_file import load_plates, resized_plates
 from tracker_node.loaders.rig_yaml import load_rig
 from tracker_node.loaders.state_yaml import load_state
-from tracker_node.model.articulated_model import ArticulatedModel
+from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.render.raycaster import render_mask

@@ -18,8 +18,8 @@ from tracker_node.calibration.board_instants import velocities
 from tracker_node.calibration.board_refinement import BoardRigOptions, rows_of
 from tracker_node.calibration.board_rig import BoardRig, calibrate_rig
 from tracker_node.calibration.board_start import place_boards
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3, so3
 from tracker_node.loaders.image_source import open_source
 from tracker_node.loaders.pose2sim_toml import load_pose2sim

@@ -17,7 +17,7 @@ from tracker_node.calibration.pose import fit_state_to_landmarks
 from tracker_node.calibration.rig_refinement import collect_joints, refine_rig
 from tracker_node.calibration.time_offsets import estimate_clocks
 from tracker_node.calibration.time_offsets_motion import MotionMeter
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.cli.main import main as command
 from tracker_node.cli.synthesize import Request, default_motions, produce, show_progress
 from tracker_node.loaders.image_source import open_camera_source

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import se3
 
 COLUMNS, ROWS, SQUARE_M, MARKER_SHARE, DICTIONARY = 4, 5, 0.054, 0.75, "DICT_4X4_1000"

@@ -15,7 +15,7 @@ import numpy as np
 import yaml
 from _reference import reference_ms
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.cli.synthesize import Request, produce, show_progress
 from tracker_node.errors import FileFormatError, SourceError
 from tracker_node.evaluation.evaluate import Evaluation, EvaluationOptions, evaluate
@@ -27,7 +27,7 @@ from tracker_node.evaluation.truth import load_truth
 from tracker_node.loaders.model_yaml import load_model
 from tracker_node.loaders.rig_yaml import load_rig
 from tracker_node.loaders.state_yaml import load_state
-from tracker_node.model.articulated_model import ArticulatedModel
+from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import State
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.synthesis.scenes import SceneConfig

@@ -15,7 +15,7 @@ from tracker_node.calibration.body_fit_regions import RegionEvidence
 from tracker_node.calibration.pose import fit_state_to_landmarks
 from tracker_node.loaders.model_yaml import dump_model, load_model
 from tracker_node.loaders.trajectory_file import read_joints
-from tracker_node.model.articulated_model import ArticulatedModel
+from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.tracking.config import TrackerConfig
 
 N_SETS = 16

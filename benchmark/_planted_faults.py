@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import so3
 from tracker_node.observation.deinterlace import separate_fields, weave_fields
 

@@ -184,7 +184,7 @@ def _result_messages() -> dict[str, Any]:
     from sensor_msgs.msg import JointState
     from tracker_msgs.msg import TrackedState
 
-    from tracker_node.model.human import human_model
+    from tracker_node.model.humans.human import human_model
 
     names = list(human_model().chain.dof_names)
     n = len(names)

@@ -15,10 +15,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from tracker_node.camera.camera_rig import CameraRig
-from tracker_node.model.articulated_model import ArticulatedModel
+from tracker_node.camera.rig import CameraRig
+from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.synthesis import lost_events as events
 from tracker_node.synthesis.cones import ModelSubject, waves

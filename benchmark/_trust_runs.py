@@ -10,7 +10,7 @@ from multiprocessing import get_context
 import numpy as np
 from _trust_clips import Recorded, truth_of
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import N_ROOT_DOF
 from tracker_node.tracking.config import TrackerConfig

@@ -22,14 +22,14 @@ import numpy as np
 from _charuco import COLUMNS, DICTIONARY, MARKER_SHARE, ROWS, SQUARE_M, CharucoReference
 
 from tracker_node.calibration.texture import BLACK, GREY, WHITE, charuco_picture, framed, plate_model
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.evaluation.config_file import load_config
 from tracker_node.evaluation.image_sets import SourceStream
 from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.geometry import so3
 from tracker_node.loaders.model_yaml import dump_model, load_model
 from tracker_node.loaders.pose2sim_toml import load_pose2sim
-from tracker_node.model.articulated_model import ArticulatedModel
+from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.render.overlay import draw_overlay

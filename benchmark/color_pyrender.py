@@ -23,7 +23,7 @@ import trimesh
 from _color_scene import ColorScene, make_scene
 from _reference import reference_ms
 
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.model.configuration import Configuration
 from tracker_node.objective.color_score import ColorObjective

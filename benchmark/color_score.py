@@ -18,8 +18,8 @@ import numpy as np
 from _color_scene import ColorScene, make_scene
 from _reference import reference_ms
 
-from tracker_node.camera.camera_rig import CameraRig
 from tracker_node.camera.light import Light
+from tracker_node.camera.rig import CameraRig
 from tracker_node.evaluation.metrics_file import cpu, report_metrics
 from tracker_node.objective.color_score import ColorObjective, ColorOptions
 from tracker_node.objective.photometric import PhotometricObjective

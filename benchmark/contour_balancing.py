@@ -40,7 +40,7 @@ from tracker_node.evaluation.evaluate import ErrorSeries, Evaluation
 from tracker_node.evaluation.landmarks import EVALUATED_JOINTS
 from tracker_node.evaluation.metrics import LOST_JOINT_M
 from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
-from tracker_node.model.articulated_model import ArticulatedModel
+from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.render.overlay import draw_overlay

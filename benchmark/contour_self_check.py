@@ -25,7 +25,7 @@ from _contour_runs import RATE_HZ, Clip, recorded
 from color_articulated import recording
 from contour_figure import FIGURE_SCENE
 
-from tracker_node.camera.camera_rig import Camera
+from tracker_node.camera.rig import Camera
 from tracker_node.cli.synthesize import FIGURE_IMAGES, Request, default_motions
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.metrics_file import print_metrics, write_metrics

@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 import _balancing_clip as balancing
 from _contour_runs import SCENE, add_common_arguments, configured, print_circumstances, recorded
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.cli.synthesize import FIGURE_IMAGES, Request, default_motions
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.association import Trajectories, truth_at
@@ -37,7 +37,7 @@ from tracker_node.evaluation.landmarks import EVALUATED_JOINTS
 from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
 from tracker_node.evaluation.truth import load_truth
 from tracker_node.loaders.plate_file import load_plates
-from tracker_node.model.articulated_model import ArticulatedModel
+from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.tracking.config import TrackerConfig

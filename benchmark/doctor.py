@@ -18,7 +18,7 @@ from pathlib import Path
 
 from _planted_faults import PLANTED, Clip
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.cli.sample import prepare
 from tracker_node.cli.synthesize import Request, default_motions, produce
 from tracker_node.evaluation.doctor import examine

@@ -25,8 +25,8 @@ import cv2
 import numpy as np
 from transport import cpu_s, wait_until
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.loaders.image_source import open_source

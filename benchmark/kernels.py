@@ -20,11 +20,11 @@ import cv2
 import numpy as np
 from _reference import reference_ms
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera
 from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.observation.appearance import ColorModel, SceneModel, body_log_odds
 from tracker_node.observation.distance_transform import distance_to, signed_distance
 from tracker_node.observation.image_set import CameraImage

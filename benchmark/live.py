@@ -24,7 +24,7 @@ import numpy as np
 from _contour_runs import Clip, add_common_arguments, configured, print_circumstances, recorded
 from transport import cpu_s, wait_until
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.cli.synthesize import Request
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.config_file import dump_config

@@ -17,10 +17,10 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from tracker_node.evaluation.metrics_file import report_metrics
-from tracker_node.model.mesh_capsules import capsules_in_mesh
-from tracker_node.model.nurbs_human import nurbs_human
-from tracker_node.model.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
-from tracker_node.model.round_cones import point_gaps
+from tracker_node.model.humans.lofts import nurbs_human
+from tracker_node.model.shapes.mesh_capsules import capsules_in_mesh
+from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
+from tracker_node.model.shapes.round_cones import point_gaps
 from tracker_node.render.tessellation import tessellate
 
 SOLIDS: dict[str, Primitive] = {

@@ -22,8 +22,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
@@ -125,10 +125,10 @@ def figures(sent: dict[str, int], received: dict, elapsed_s: float, used: tuple[
 def receive(rig_file: str, result_file: str, ready_file: str) -> int:
     """The receiving process: a tracker node whose tracker notes when each image set comes."""
     from tracker_node.loaders.rig_yaml import load_rig
-    from tracker_node.model.articulated_model import ArticulatedModel, Shape
+    from tracker_node.model.articulated import ArticulatedModel, Shape
     from tracker_node.model.configuration import State
     from tracker_node.model.kinematic_chain import KinematicChain
-    from tracker_node.model.primitives import Ellipsoid
+    from tracker_node.model.shapes.primitives import Ellipsoid
     from tracker_node.ros.executor import ros_process, spin
     from tracker_node.ros.tracker_node import TrackerNode, TrackerOptions
     from tracker_node.tracking.config import TrackerConfig

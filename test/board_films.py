@@ -8,8 +8,8 @@ from board_scenes import face_of
 from camera_rigs import look_at
 
 from tracker_node.calibration.board import Board
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3, so3
 
 CARRIED, HELD, LYING = Board("charuco", 7, 5, 0.08), Board("chessboard", 9, 6, 0.03), Board("charuco", 4, 5, 0.054)

@@ -8,8 +8,8 @@ from camera_rigs import look_at
 
 from tracker_node.calibration.board import Board, BoardView
 from tracker_node.calibration.board_detection import CameraViews
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3, so3
 
 LENSES = {

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3
 from tracker_node.loaders.rig_yaml import read_rig_file, write_rig_file
 

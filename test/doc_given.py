@@ -23,8 +23,8 @@ from stream_servers import RtspServer, write_stream
 from swinging_disc import write_swinging_disc
 from v4l2_camera import V4l2Camera
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.loaders.bag_writer import BagWriter
 from tracker_node.loaders.camera_info_yaml import dump_camera_info
 from tracker_node.loaders.model_yaml import dump_model, load_model
@@ -33,7 +33,7 @@ from tracker_node.loaders.state_yaml import dump_state
 from tracker_node.loaders.trajectory_file import JointTrajectory, StateRow, StateTrajectory, read_joints, write_states
 from tracker_node.loaders.trc import MarkerTrajectories, dump_trc
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.render.raycaster import render_color
 
 RATE_HZ = 30.0

@@ -15,7 +15,7 @@ from camera_rigs import circle_rig
 from fuzz_mutations import NEUTRAL_YAML, damage_bytes, damage_content, damage_numbers, damage_yaml, yaml_text
 from robot_text import ROBOT
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.evaluation.config_file import dump_config, load_config
 from tracker_node.loaders.clicks import load_clicks
 from tracker_node.loaders.control_points import load_control_points, load_places
@@ -29,7 +29,7 @@ from tracker_node.loaders.rig_yaml import load_rig, read_rig_file, rig_file_of, 
 from tracker_node.loaders.stamps import load_stamp_file
 from tracker_node.loaders.state_yaml import dump_state, load_state
 from tracker_node.loaders.trc import load_trc
-from tracker_node.model.articulated_model import ArticulatedModel
+from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.tracking.config import TrackerConfig
 

@@ -3,7 +3,7 @@
 import numpy as np
 from wooden_cross import cross
 
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.model.configuration import Configuration
 from tracker_node.render import raycaster
 from tracker_node.synthesis.cross import LATE_S, cross_rig, side_somersault

@@ -7,8 +7,8 @@ from mesh_solids import box, joined, rod
 
 from tracker_node.loaders.mesh_file import write_mesh
 from tracker_node.loaders.model_yaml import load_model
-from tracker_node.model.articulated_model import ArticulatedModel
-from tracker_node.model.primitives import Mesh
+from tracker_node.model.articulated import ArticulatedModel
+from tracker_node.model.shapes.primitives import Mesh
 
 COLUMN = (0.12, 0.12, 0.5)
 JOINTS = """<joint name="shoulder" type="revolute"><parent link="column"/><child link="upper"/><origin xyz="0.1 0 0.5"/>

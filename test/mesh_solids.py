@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from tracker_node.model.primitives import Mesh
+from tracker_node.model.shapes.primitives import Mesh
 
 
 def joined(*parts: trimesh.Trimesh) -> Mesh:

@@ -7,8 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3
 from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tracker_node.model.primitives import Box, Ellipsoid, Mesh, TruncatedCone
+from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 
 
 def nearest_hit(primitive, origin, directions):

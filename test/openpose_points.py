@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 
 
 def write_points(folder: Path, rig: CameraRig, n_images: int = 12, n_joints: int = 10) -> None:

@@ -7,11 +7,11 @@ import cv2
 import numpy as np
 from camera_rigs import look_at
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
-from tracker_node.model.articulated_model import ArticulatedModel
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
+from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.model.shape_parameters import ShapeSpace
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.synthesis.cones import waves

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera
 from tracker_node.camera.light import Light
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera
 from tracker_node.geometry import so3
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Box, Ellipsoid, Mesh, TruncatedCone
+from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 from tracker_node.render.pyrender_backend import PyrenderRenderer
 from tracker_node.render.raycaster import RaycastRenderer
 

@@ -6,7 +6,7 @@ import cv2
 from ros_graph import Probe
 from sensor_msgs.msg import CameraInfo, Image
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.loaders.model_yaml import load_model
 from tracker_node.loaders.plate_file import load_plates
 from tracker_node.loaders.rig_yaml import load_rig

@@ -6,16 +6,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3, so3
 from tracker_node.loaders.model_yaml import dump_model
 from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
 from tracker_node.loaders.state_yaml import dump_state
-from tracker_node.model.articulated_model import ArticulatedModel, Landmark, Shape
+from tracker_node.model.articulated import ArticulatedModel, Landmark, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
-from tracker_node.model.primitives import Box, Ellipsoid, Mesh, TruncatedCone
+from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 from tracker_node.render.raycaster import render_view
 from tracker_node.tracking.estimate import CameraReport, LimbReport, LimbStatus, Status, Timings, TrackEstimate
 

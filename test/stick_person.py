@@ -15,10 +15,10 @@ from tracker_node.loaders.trajectory_file import (
     write_joints,
     write_states,
 )
-from tracker_node.model.articulated_model import ArticulatedModel, Landmark, Shape
+from tracker_node.model.articulated import ArticulatedModel, Landmark, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
-from tracker_node.model.primitives import Ellipsoid, TruncatedCone
+from tracker_node.model.shapes.primitives import Ellipsoid, TruncatedCone
 from tracker_node.tracking.estimate import CameraReport, Status, Timings, TrackEstimate
 
 PERIOD_NS = 16_666_667

@@ -19,7 +19,7 @@ from tracker_node.loaders.model_yaml import load_model
 from tracker_node.loaders.recording_yaml import load_recording
 from tracker_node.loaders.rig_yaml import load_rig, read_rig_file
 from tracker_node.loaders.state_yaml import load_state
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import N_ROOT_DOF
 
 

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 
 from tracker_node.calibration.texture import plate_model
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3, so3
 from tracker_node.model.configuration import State
 from tracker_node.observation.image_set import CameraImage, ImageSet

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera
 from tracker_node.geometry import se3, so3
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
-from tracker_node.model.primitives import Ellipsoid, TruncatedCone
+from tracker_node.model.shapes.primitives import Ellipsoid, TruncatedCone
 
 
 def two_links(hand: bool = True) -> ArticulatedModel:

@@ -3,9 +3,9 @@
 import numpy as np
 
 from tracker_node.geometry import se3
-from tracker_node.model.articulated_model import ArticulatedModel, Landmark, Shape
+from tracker_node.model.articulated import ArticulatedModel, Landmark, Shape
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Box
+from tracker_node.model.shapes.primitives import Box
 
 ENDS = {"top": (0.0, 0.0, 0.4), "bottom": (0.0, 0.0, -0.6), "left": (0.0, 0.38, 0.1), "right": (0.0, -0.28, 0.1)}
 

@@ -8,7 +8,7 @@ import pytest
 from tracker_node.errors import FileFormatError, TrackerError
 from tracker_node.evaluation.evaluate import ErrorSeries
 from tracker_node.model.configuration import State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.observation.image_set import CameraImage, ImageSet
 
 

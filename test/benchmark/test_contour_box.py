@@ -7,7 +7,7 @@ import contour_box as box
 import numpy as np
 import pytest
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import so3
 from tracker_node.model.configuration import Configuration
 from tracker_node.observation.image_set import ImageSet

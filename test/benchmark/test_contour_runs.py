@@ -18,7 +18,7 @@ from tracker_node.loaders.model_yaml import dump_model
 from tracker_node.loaders.rig_yaml import load_rig
 from tracker_node.loaders.trajectory_file import read_joints
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.synthesis.scenes import SceneConfig
 from tracker_node.tracking.config import TrackerConfig

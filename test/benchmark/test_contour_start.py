@@ -9,7 +9,7 @@ import pytest
 from tracker_node.evaluation.association import Trajectories
 from tracker_node.evaluation.landmarks import EVALUATED_JOINTS
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.tracking.estimate import Status
 

@@ -4,7 +4,7 @@ import mesh_capsules
 import numpy as np
 import pytest
 
-from tracker_node.model.primitives import Box, Ellipsoid
+from tracker_node.model.shapes.primitives import Box, Ellipsoid
 
 
 def test_figures_of_a_ball_and_a_box():

@@ -5,7 +5,7 @@ from board_scenes import CHARUCO, CHESSBOARD, picture, ring
 
 from tracker_node.calibration.board import Board, BoardDetector
 from tracker_node.calibration.board_detection import CameraViews, detect_boards, with_board, without_blur
-from tracker_node.camera.camera_rig import Camera
+from tracker_node.camera.rig import Camera
 from tracker_node.errors import CalibrationError, SourceError
 from tracker_node.geometry import se3, so3
 from tracker_node.loaders.image_source import open_source

@@ -9,7 +9,7 @@ from tracker_node.calibration.board_adjustment import BoardAdjustmentOptions, Bo
 from tracker_node.calibration.board_instants import group_views, velocities
 from tracker_node.calibration.board_refinement import rows_of
 from tracker_node.calibration.lens_parameters import lens_jacobian, lens_of_vector, lens_vector
-from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.model import CameraModel
 from tracker_node.geometry import se3
 
 NAMES = ["cam1", "cam2", "cam3"]

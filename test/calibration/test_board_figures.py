@@ -20,7 +20,7 @@ from tracker_node.calibration.board_figures import (
 from tracker_node.calibration.board_instants import group_views
 from tracker_node.calibration.board_refinement import rows_of
 from tracker_node.calibration.board_rig import BoardRig
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 
 N_PARAMETERS = 16
 

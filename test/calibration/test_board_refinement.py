@@ -7,7 +7,7 @@ from tracker_node.calibration.board import Board, BoardView
 from tracker_node.calibration.board_adjustment import BoardState
 from tracker_node.calibration.board_instants import BoardInstant
 from tracker_node.calibration.board_refinement import BoardRigOptions, _Task, rows_of, view_errors
-from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.model import CameraModel
 from tracker_node.geometry import se3
 
 LENS = CameraModel(160, 120, np.array([[100.0, 0.0, 80.0], [0.0, 100.0, 60.0], [0.0, 0.0, 1.0]]))

@@ -15,7 +15,7 @@ from tracker_node.calibration.board_report import (
     write_pictures,
 )
 from tracker_node.calibration.body_fit_report import Table
-from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.model import CameraModel
 
 LENS = CameraModel(
     1280, 960, np.array([[1000.126, 0.0, 639.5], [0.0, 1001.0, 479.5], [0.0, 0.0, 1.0]]), "plumb_bob",

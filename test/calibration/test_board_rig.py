@@ -14,7 +14,7 @@ from tracker_node.calibration.board_report import rig_tables, write_rig_page
 from tracker_node.calibration.board_rig import calibrate_rig, first_camera_world
 from tracker_node.calibration.lens_parameters import lens_vector
 from tracker_node.calibration.rig_fit import world_of_most
-from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.model import CameraModel
 from tracker_node.errors import CalibrationError, TrackerError
 from tracker_node.geometry import se3, so3
 

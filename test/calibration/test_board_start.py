@@ -14,8 +14,8 @@ from tracker_node.calibration.board_start import (
     initial_state,
     place_boards,
 )
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import se3
 
 RIG = CameraRig(ring(8, ("plumb_bob",)).cameras[:3])

@@ -14,12 +14,12 @@ from tracker_node.calibration.body import (
 from tracker_node.errors import TrackerError
 from tracker_node.geometry import se3
 from tracker_node.loaders.trc import MarkerTrajectories, load_trc
-from tracker_node.model.articulated_model import ArticulatedModel
+from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.ellipsoid_human import ellipsoid_human
-from tracker_node.model.human import human_model
-from tracker_node.model.human_measures import HumanMeasures
-from tracker_node.model.landmark_names import MARKER_OF_LANDMARK
+from tracker_node.model.humans.ellipsoids import ellipsoid_human
+from tracker_node.model.humans.human import human_model
+from tracker_node.model.humans.landmark_names import MARKER_OF_LANDMARK
+from tracker_node.model.humans.measures import HumanMeasures
 from tracker_node.model.scaling import LinkScale, scaled_by_link
 
 HUMAN = human_model()

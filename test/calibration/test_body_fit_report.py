@@ -25,7 +25,7 @@ from tracker_node.calibration.rig_fit import CameraFit, RigFit
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Ellipsoid
+from tracker_node.model.shapes.primitives import Ellipsoid
 from tracker_node.observation.image_set import CameraImage, ImageSet
 
 BEFORE, AFTER = LineFigures(90, 3.0, 2.0), LineFigures(100, 1.5, 1.0)

@@ -12,7 +12,7 @@ from tracker_node.calibration.bundle_adjustment import (
     adjust,
 )
 from tracker_node.calibration.triangulation import reproject
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import se3, so3
 
 

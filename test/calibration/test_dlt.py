@@ -8,8 +8,8 @@ import pytest
 from camera_rigs import circle_rig
 
 from tracker_node.calibration import dlt
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera
 from tracker_node.errors import CalibrationError
 from tracker_node.geometry import so3
 

@@ -9,7 +9,7 @@ from tracker_node.calibration.pose import PoseOptions, _Problem, fit_state_to_la
 from tracker_node.errors import UnknownNameError
 from tracker_node.geometry import se3, so3
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 
 HUMAN = human_model()
 FREE = PoseOptions(free_sigma_rad=1e4, stiff_sigma_rad=1e4)  # no pull to neutral, so that an exact fit is exact

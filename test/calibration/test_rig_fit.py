@@ -7,7 +7,7 @@ from person_pictures import CONFIG, LATE_CAMERA, RATE_HZ, pictures
 from tracker_node.calibration.body_fit import BodyFitOptions
 from tracker_node.calibration.body_fit_lines import SilhouetteEvidence
 from tracker_node.calibration.rig_fit import RigFitOptions, fit_rig, world_of_most
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import se3, so3
 
 TURNED = 1

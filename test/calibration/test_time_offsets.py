@@ -9,8 +9,8 @@ import pytest
 from tracker_node.calibration import balancing
 from tracker_node.calibration.time_offsets import ClockOptions, estimate_clocks
 from tracker_node.calibration.time_offsets_motion import N_PLANES, MotionMeter, MotionProfiles, plane_numbers, small_size
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import CalibrationError
 from tracker_node.loaders.image_source import open_camera_source
 from tracker_node.loaders.rig_yaml import build_rig

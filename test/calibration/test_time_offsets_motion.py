@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tracker_node.calibration.time_offsets_motion import MotionMeter, _angles, _changed, plane_numbers, small_size
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import CalibrationError
 from tracker_node.geometry import se3
 

@@ -5,7 +5,7 @@ import pytest
 from camera_rigs import circle_rig
 
 from tracker_node.calibration.triangulation import reproject, triangulate
-from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.model import CameraModel
 from tracker_node.geometry import se3, so3
 
 

@@ -13,8 +13,8 @@ from tracker_node.calibration.world_frame import (
     tilt_deg,
     upright,
 )
-from tracker_node.camera.camera_rig import CameraRig
 from tracker_node.camera.light import Light
+from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import CalibrationError, TrackerError, UnknownNameError
 from tracker_node.geometry import so3
 

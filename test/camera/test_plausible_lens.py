@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.model import CameraModel
 from tracker_node.camera.plausible_lens import FARTHEST, LARGEST_COEFFICIENT, LONGEST, SHORTEST, plausible
 
 SIDE = 800  # of the image, the longer one

@@ -11,9 +11,9 @@ from tracker_node.loaders.state_yaml import load_state
 from tracker_node.loaders.trajectory_file import StateRow, StateTrajectory, write_states
 from tracker_node.loaders.trc import MarkerTrajectories, dump_trc
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
-from tracker_node.model.human_measures import HumanMeasures
-from tracker_node.model.landmark_names import MARKER_OF_LANDMARK
+from tracker_node.model.humans.human import human_model
+from tracker_node.model.humans.landmark_names import MARKER_OF_LANDMARK
+from tracker_node.model.humans.measures import HumanMeasures
 
 PERSON = human_model(HumanMeasures.of_stature(1.82))
 STATE = State.neutral(PERSON, se3.exp(np.array([1.0, 0.5, 0.95, 0.0, 0.0, 1.0])))

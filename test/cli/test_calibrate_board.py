@@ -6,7 +6,7 @@ import pytest
 from board_scenes import picture, ring
 
 from tracker_node.calibration.board import Board
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.cli.main import main
 from tracker_node.geometry import se3, so3
 from tracker_node.loaders.rig_yaml import load_rig

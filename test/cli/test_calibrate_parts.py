@@ -19,8 +19,8 @@ from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
 from tracker_node.loaders.trajectory_file import StateRow, StateTrajectory, write_states
 from tracker_node.loaders.trc import MarkerTrajectories
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
-from tracker_node.model.landmark_names import MARKER_OF_LANDMARK
+from tracker_node.model.humans.human import human_model
+from tracker_node.model.humans.landmark_names import MARKER_OF_LANDMARK
 
 MODEL = human_model()
 BOARD = ("--charuco", "4x5", "--square", "0.05")

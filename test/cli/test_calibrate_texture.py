@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera
 from tracker_node.cli.main import main
 from tracker_node.geometry import se3
 from tracker_node.loaders.model_yaml import load_model

@@ -12,8 +12,8 @@ import pytest
 from render_scenes import look_at
 from stick_person import Motion, motion, write_run, write_state_bag, write_truth
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.cli import sample
 from tracker_node.cli._recording import evaluate_recording
 from tracker_node.cli.evaluate import _untold

@@ -6,9 +6,9 @@ import pytest
 from moving_balls import balls_rig
 
 from tracker_node.calibration.world_frame import WorldChange, onto_points, upright
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera
 from tracker_node.camera.light import Light
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera
 from tracker_node.cli.main import main
 from tracker_node.errors import TrackerError
 from tracker_node.geometry import so3

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from late_camera import MODEL, RIG, TRIAL
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import CalibrationError
 from tracker_node.evaluation.camera_delay import estimate_delay
 from tracker_node.model.configuration import Configuration

@@ -5,9 +5,9 @@ import pytest
 from camera_rigs import look_at
 from two_links import cameras, two_links
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
 from tracker_node.camera.light import Light
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.evaluation.color_plots import (
     Profile,
     bgr_of,

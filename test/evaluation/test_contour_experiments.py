@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from render_scenes import look_at
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import CameraRig
 from tracker_node.evaluation.contour_experiments import (
     METHODS,
     PUBLISHED,
@@ -17,10 +17,10 @@ from tracker_node.evaluation.contour_experiments import (
     valley,
 )
 from tracker_node.evaluation.contour_pictures import shoot
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import TruncatedCone
+from tracker_node.model.shapes.primitives import TruncatedCone
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.tracking.config import TrackerConfig
 

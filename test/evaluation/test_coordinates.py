@@ -5,7 +5,7 @@ import pytest
 
 from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.coordinates import _variable, _with_gaps, load_coordinates
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 
 
 def gaps(*stamps):

@@ -3,7 +3,7 @@
 import numpy as np
 from wooden_cross import cross
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.evaluation import cross_plots
 from tracker_node.evaluation.color_experiments import moved
 from tracker_node.synthesis.cross import cross_rig, twisting_somersault

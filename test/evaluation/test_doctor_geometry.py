@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from moving_balls import balls_rig
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera
 from tracker_node.evaluation import doctor_geometry as doctor
 from tracker_node.evaluation.doctor_setup import Setup
 from tracker_node.evaluation.epipolar_motion import Motion, agreements

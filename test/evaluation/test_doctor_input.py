@@ -8,7 +8,7 @@ import pytest
 from bag_samples import PERIOD_NS, START_NS, image, write_bag
 from camera_rigs import circle_rig
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import SourceError, UnknownNameError
 from tracker_node.evaluation import doctor_input
 from tracker_node.evaluation.doctor_input import DEFAULT_SECONDS, record, with_inputs

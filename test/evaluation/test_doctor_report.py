@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from camera_rigs import look_at
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.evaluation import doctor_report as report
 from tracker_node.evaluation.doctor import Examination
 from tracker_node.evaluation.doctor_geometry import Diagnosis

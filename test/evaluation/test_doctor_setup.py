@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from camera_rigs import look_at
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera
 from tracker_node.evaluation.doctor_setup import Setup
 from tracker_node.evaluation.epipolar_motion import Motion, agreement
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera
 from tracker_node.evaluation.doctor_recording import CameraRecording, ViewShift
 from tracker_node.evaluation.doctor_video import rate_problems, size_problems, source_problems, video_problems
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from ros_samples import arm, small_rig, some_estimate, tracked_arm
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera
 from tracker_node.errors import CalibrationError
 from tracker_node.evaluation import estimate_messages as messages
 from tracker_node.evaluation.run_writer import RunWriter

@@ -25,9 +25,9 @@ from tracker_node.evaluation.isb_angles import isb_angles
 from tracker_node.evaluation.kinematics import state_kinematics
 from tracker_node.evaluation.run_motion import RunMotion
 from tracker_node.loaders.opensim_table import NumberTable, dump_table
-from tracker_node.model.articulated_model import ArticulatedModel
+from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.model.pose_variables import from_variables
 
 GAPS = (0, 3, 4, 11)

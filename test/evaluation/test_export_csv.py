@@ -10,7 +10,7 @@ from two_links import two_links
 from tracker_node.evaluation.export_csv import TABLES, Table, tables, write_tables
 from tracker_node.evaluation.export_options import ExportOptions
 from tracker_node.evaluation.kinematics import StateKinematics
-from tracker_node.model.articulated_model import Landmark
+from tracker_node.model.articulated import Landmark
 
 Z_UP, Y_UP = ExportOptions(y_up=False), ExportOptions(y_up=True)
 

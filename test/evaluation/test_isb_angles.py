@@ -11,7 +11,7 @@ from tracker_node.evaluation.run_motion import RunMotion
 from tracker_node.loaders.data_files import data_file
 from tracker_node.loaders.model_yaml import load_model
 from tracker_node.model.configuration import State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 
 HUMAN = human_model()
 

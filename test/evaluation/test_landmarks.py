@@ -3,7 +3,7 @@
 import numpy as np
 
 from tracker_node.evaluation.landmarks import BONES, EVALUATED_JOINTS, LIMBS, common_bones, common_joints, offset_links
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 
 HUMAN = human_model()
 

@@ -9,7 +9,7 @@ import pytest
 from bag_samples import PERIOD_NS, START_NS, header, image, tracked_state
 from camera_rigs import circle_rig
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import SourceError
 from tracker_node.evaluation.recorded_sets import RecordedRunStream, RecordedSet, recorded_set
 from tracker_node.loaders.bag_reader import BagReader

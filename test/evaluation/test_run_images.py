@@ -8,7 +8,7 @@ import pytest
 from bag_samples import START_NS, image, tracked_state, write_bag
 from camera_rigs import circle_rig
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.run_images import (
     config_of_run,

@@ -17,10 +17,10 @@ from tracker_node.evaluation.state_errors import rigid_errors, segment_errors, s
 from tracker_node.evaluation.true_states import holds_states, load_true_states
 from tracker_node.geometry import se3, so3
 from tracker_node.loaders.trajectory_file import StateRow, StateTrajectory, write_states
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Box
+from tracker_node.model.shapes.primitives import Box
 
 
 def states_file(path: Path, moving: Motion, status: str = "TRACKING") -> Path:

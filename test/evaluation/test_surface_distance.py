@@ -7,11 +7,11 @@ import pytest
 from scipy.optimize import minimize
 
 from tracker_node.evaluation.surface_distance import distance_table, point_distances, segment_distances
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
-from tracker_node.model.ellipsoid_human import ellipsoid_human
+from tracker_node.model.articulated import ArticulatedModel, Shape
+from tracker_node.model.humans.ellipsoids import ellipsoid_human
+from tracker_node.model.humans.lofts import nurbs_human
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.nurbs_human import nurbs_human
-from tracker_node.model.primitives import Box, Ellipsoid
+from tracker_node.model.shapes.primitives import Box, Ellipsoid
 
 
 def body(*primitives, offset=0.0):

@@ -76,7 +76,7 @@ def test_robot_state_publisher_takes_the_description(tmp_path):
     if subprocess.run(prefix, env=environment(), capture_output=True, check=False).returncode:
         pytest.skip("robot_state_publisher is not installed")
     from tracker_node.loaders.urdf_writer import urdf_of
-    from tracker_node.model.human import human_model
+    from tracker_node.model.humans.human import human_model
 
     parameters = tmp_path / "description.yaml"
     text = "\n".join(" " * 8 + line for line in urdf_of(human_model()).splitlines())

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera
 from tracker_node.camera.capture_settings import CaptureSettings
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera
 from tracker_node.errors import CalibrationError, FileFormatError, SourceError, UnknownNameError
 from tracker_node.loaders.bag_writer import BagWriter
 from tracker_node.loaders.image_feed import ImageFeed

@@ -10,7 +10,7 @@ from moving_person import moving
 
 from tracker_node.loaders.bvh import dump_bvh
 from tracker_node.loaders.model_yaml import load_model
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 
 ROBOT = Path(__file__).resolve().parents[2] / "config" / "models" / "robot_arm.urdf"
 

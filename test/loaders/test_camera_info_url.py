@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.model import CameraModel
 from tracker_node.errors import CalibrationError, FileFormatError
 from tracker_node.loaders.camera_info_url import camera_info_path, load_lens, save_lens
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.model import CameraModel
 from tracker_node.errors import CalibrationError, FileFormatError
 from tracker_node.loaders.camera_info_yaml import dump_camera_info, load_camera_info
 

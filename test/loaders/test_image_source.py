@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera
 from tracker_node.errors import CalibrationError, SourceError
 from tracker_node.loaders.image_source import PreloadedSource, SourceOptions, list_images, open_camera_source, open_source
 

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import FileFormatError, SourceError
 from tracker_node.loaders.image_source import InterlacedSource, PreloadedSource, SourceOptions, open_camera_source
 from tracker_node.loaders.rig_yaml import load_rig, rig_file_of, write_rig_file

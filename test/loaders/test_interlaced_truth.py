@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera
 from tracker_node.errors import SourceError
 from tracker_node.loaders.image_source import SourceOptions, open_camera_source
 from tracker_node.observation.deinterlace import field_camera, first_line, separate_fields

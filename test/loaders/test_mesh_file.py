@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tracker_node.loaders.mesh_file import write_mesh
-from tracker_node.model.primitives import Mesh
+from tracker_node.model.shapes.primitives import Mesh
 
 VERTICES = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 1.0]])
 FACES = np.array([[0, 2, 1], [0, 1, 3]])

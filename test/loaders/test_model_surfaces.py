@@ -7,10 +7,10 @@ import trimesh
 
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.model_yaml import dump_model, load_model
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.nurbs import Loft, LoftedSolid, Section, loft_mesh
-from tracker_node.model.primitives import BOX_FACES, Box, Ellipsoid, Mesh
+from tracker_node.model.shapes.nurbs import Loft, LoftedSolid, Section, loft_mesh
+from tracker_node.model.shapes.primitives import BOX_FACES, Box, Ellipsoid, Mesh
 
 RNG = np.random.default_rng(0)
 VERTICES = RNG.normal(size=(6, 3))

@@ -8,11 +8,11 @@ from rotations import directions, twists
 from tracker_node.errors import FileFormatError
 from tracker_node.geometry import se3
 from tracker_node.loaders.model_yaml import dump_model, load_model, rpy_deg_of, transform_of
-from tracker_node.model.articulated_model import ArticulatedModel, Landmark, Shape
+from tracker_node.model.articulated import ArticulatedModel, Landmark, Shape
 from tracker_node.model.configuration import Configuration
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
-from tracker_node.model.primitives import Box, Ellipsoid, Mesh, TruncatedCone
+from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 
 MODEL = """
 name: arm

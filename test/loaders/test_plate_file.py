@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from small_clip import CAMERAS
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import CalibrationError, SourceError
 from tracker_node.loaders.plate_file import load_plates, resized_plates
 

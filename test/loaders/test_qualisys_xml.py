@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import CalibrationError, FileFormatError
 from tracker_node.loaders.qualisys_xml import dump_qualisys, load_qualisys
 

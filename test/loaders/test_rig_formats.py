@@ -7,9 +7,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tracker_node.calibration.dlt import camera_of_parameters, dlt_parameters
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
 from tracker_node.camera.distortion import COEFFICIENT_COUNTS
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import CalibrationError, FileFormatError, UnknownNameError
 from tracker_node.geometry import se3, so3
 from tracker_node.loaders.calibration_toml import DIALECTS, dump_calibration_toml

@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rotations import twists
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import CalibrationError, FileFormatError
 from tracker_node.geometry import se3
 from tracker_node.loaders.rig_yaml import load_rig, read_rig_file, rig_file_of, write_rig_file

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera
 from tracker_node.errors import FileFormatError, SourceError
 from tracker_node.loaders.image_source import PreloadedSource, SourceOptions, open_camera_source
 from tracker_node.loaders.rig_yaml import load_rig, read_rig_file, write_rig_file

@@ -16,9 +16,9 @@ from tracker_node.loaders.model_yaml import dump_model, load_model
 from tracker_node.loaders.state_yaml import dump_state, load_state
 from tracker_node.loaders.urdf_writer import urdf_of
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import ENDLESS_RAD, Following
-from tracker_node.model.primitives import Box, Ellipsoid, Mesh, TruncatedCone
+from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 
 
 def written(folder: Path, text: str = ROBOT, name: str = "arm.urdf") -> Path:

@@ -6,7 +6,7 @@ import pytest
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.urdf_geometry import read_materials, read_shapes
 from tracker_node.loaders.urdf_xml import read_robot
-from tracker_node.model.primitives import Box, Ellipsoid, TruncatedCone
+from tracker_node.model.shapes.primitives import Box, Ellipsoid, TruncatedCone
 
 STEEL = '<material name="steel"><color rgba="0.2 0.4 0.6 1"/></material>'
 GRAY = (180, 180, 180)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tracker_node.loaders.urdf_writer import urdf_of
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.kinematic_chain import ENDLESS_RAD, Axis, Following, Joint, KinematicChain
-from tracker_node.model.primitives import Box, Ellipsoid, Mesh, TruncatedCone
+from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 
 
 def at(x: float, y: float, z: float, rotation=None) -> np.ndarray:

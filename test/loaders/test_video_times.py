@@ -5,8 +5,8 @@ import pytest
 from camera_rigs import look_at
 from variable_rate_video import set_times, write_video
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.evaluation.doctor import examine
 from tracker_node.evaluation.doctor_input import record
 from tracker_node.evaluation.image_sets import SourceStream

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from small_disk import limited_files, small_disk
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.evaluation.metrics_file import write_metrics
 from tracker_node.loaders.calibration_toml import dump_calibration_toml
 from tracker_node.loaders.dlt_text import dump_dlt

@@ -9,7 +9,7 @@ from rotations import twists
 
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 
 BODIES = {"crane": crane(), "gantry": gantry(), "human": human_model()}
 

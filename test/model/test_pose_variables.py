@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from tracker_node.experiments.cross.yellow_stick import yellow_stick
 from tracker_node.geometry import so3
 from tracker_node.model.configuration import State
 from tracker_node.model.pose_variables import angles_of, from_variables, to_variables, variable_names
-from tracker_node.model.yellow_stick import yellow_stick
 
 
 def about(axis, angle):

@@ -3,9 +3,9 @@ import pytest
 from bodies import crane
 
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
-from tracker_node.model.primitives import Ellipsoid, TruncatedCone
+from tracker_node.model.humans.human import human_model
 from tracker_node.model.shape_parameters import GROUPS, ShapeSpace, half_extents, tapered
+from tracker_node.model.shapes.primitives import Ellipsoid, TruncatedCone
 
 
 def _changed(space: ShapeSpace, **values: float):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from test.render_scenes import LENSES, LIGHTS, colored_scene, look_at
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.objective.color_score import ColorObjective
 from tracker_node.render.raycaster import render_color, render_mask
 

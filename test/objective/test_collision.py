@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tracker_node.geometry import se3
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
-from tracker_node.model.primitives import Ellipsoid, TruncatedCone
+from tracker_node.model.shapes.primitives import Ellipsoid, TruncatedCone
 from tracker_node.objective.collision import CollisionObjective
 from tracker_node.objective.collision_kernels import round_cone_gap
 from tracker_node.objective.prior import Prior

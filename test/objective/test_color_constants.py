@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from two_links import cameras, two_links
 
-from tracker_node.camera.camera_rig import Camera, CameraRig
 from tracker_node.camera.light import COS_OUTER, DIRECTIONAL, KIND, POINT, SPOT, Light
-from tracker_node.model.articulated_model import ArticulatedModel
-from tracker_node.model.primitives import Box
+from tracker_node.camera.rig import Camera, CameraRig
+from tracker_node.model.articulated import ArticulatedModel
+from tracker_node.model.shapes.primitives import Box
 from tracker_node.objective.color_constants import ColorConstants
 
 SUN = Light("directional", (0.5, 0.5, 0.5), direction=(0, 0, -1))

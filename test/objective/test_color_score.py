@@ -9,13 +9,13 @@ import pytest
 from test import naive
 from test.camera_rigs import circle_rig
 from test.render_scenes import LENSES, LIGHTS, colored_scene, look_at
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import CameraRig
 from tracker_node.camera.light import Light
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import CameraRig
+from tracker_node.experiments.cross.yellow_stick import yellow_stick
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.ellipsoid_human import ellipsoid_human
-from tracker_node.model.human import human_model
-from tracker_node.model.yellow_stick import yellow_stick
+from tracker_node.model.humans.ellipsoids import ellipsoid_human
+from tracker_node.model.humans.human import human_model
 from tracker_node.objective.color_score import ColorObjective, ColorOptions, Verdict
 from tracker_node.render.raycaster import render_color
 
@@ -196,7 +196,7 @@ def test_wrong_images_are_refused_by_name():
 def test_camera_close_to_the_axis_of_a_cone_falls_back():
     """Seen from within the wedge of a cone the closed form of the fast kernel does not hold."""
     from test.render_scenes import single_shape
-    from tracker_node.model.primitives import TruncatedCone
+    from tracker_node.model.shapes.primitives import TruncatedCone
 
     configuration = single_shape(TruncatedCone(0.3, 0.3, 0.4, 0.0, 0.5), color_rgb=(200, 40, 90))
     lens = CameraModel(160, 120, np.array([[100.0, 0.0, 80.0], [0.0, 100.0, 60.0], [0.0, 0.0, 1.0]]))

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.objective import color_kernels as kernel
 from tracker_node.objective.color_views import EXCHANGE, ColorViews, every_nth, is_pinhole, lying
 

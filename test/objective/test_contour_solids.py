@@ -7,10 +7,10 @@ import trimesh
 from two_links import cameras
 
 from tracker_node.geometry import se3
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Box, Mesh, TruncatedCone
+from tracker_node.model.shapes.primitives import Box, Mesh, TruncatedCone
 from tracker_node.objective.contour_objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
 from tracker_node.optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 from tracker_node.render.raycaster import render_mask

@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 from render_scenes import look_at
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera
 from tracker_node.geometry import se3, so3
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Box, Ellipsoid, Mesh
+from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh
 from tracker_node.objective.evidence_score import EvidenceScore
 from tracker_node.objective.hull import occupancy, places, seen_from, seen_volume
 from tracker_node.observation.small_view import SmallView

@@ -3,7 +3,7 @@
 import numpy as np
 from render_scenes import look_at
 
-from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.model import CameraModel
 from tracker_node.objective.hull import seen_volume
 
 LENS = CameraModel(640, 480, np.array([[600.0, 0.0, 319.5], [0.0, 600.0, 239.5], [0.0, 0.0, 1.0]]))

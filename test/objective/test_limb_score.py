@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from render_scenes import look_at
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import CameraRig
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.objective.limb_score import LimbScore
 from tracker_node.objective.region_objective import View

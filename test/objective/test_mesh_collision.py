@@ -10,12 +10,12 @@ from mesh_solids import is_inside
 from tracker_node.geometry import se3
 from tracker_node.loaders.model_yaml import dump_model
 from tracker_node.loaders.urdf_writer import urdf_of
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.ellipsoid_human import ellipsoid_human
+from tracker_node.model.humans.ellipsoids import ellipsoid_human
+from tracker_node.model.humans.lofts import nurbs_human
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.nurbs_human import nurbs_human
-from tracker_node.model.primitives import Mesh
+from tracker_node.model.shapes.primitives import Mesh
 from tracker_node.objective.collision import CollisionObjective
 from tracker_node.objective.prior import Prior
 from tracker_node.objective.sum_objective import SumObjective

@@ -9,15 +9,15 @@ import pytest
 
 from test.camera_rigs import circle_rig
 from test.objective.test_color_score import SUN, bent_state
-from tracker_node.camera.camera_rig import CameraRig
 from tracker_node.camera.light import Light
+from tracker_node.camera.rig import CameraRig
+from tracker_node.experiments.cross.yellow_stick import yellow_stick
 from tracker_node.geometry import se3, so3
-from tracker_node.model.articulated_model import ArticulatedModel
+from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.ellipsoid_human import ellipsoid_human
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.ellipsoids import ellipsoid_human
+from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.yellow_stick import yellow_stick
 from tracker_node.objective.color_score import ColorObjective, ColorOptions
 from tracker_node.objective.photometric import PhotometricObjective, PhotometricOptions
 from tracker_node.optimize.alignment import AlignmentOptions, align

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.model import CameraModel
 from tracker_node.geometry import se3
 from tracker_node.objective.photometry_kernels import COST, COUNT, N_SUMS, WEIGHT, WEIGHTED_SQUARES, add_points, mirror
 

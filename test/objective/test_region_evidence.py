@@ -3,7 +3,7 @@
 import numpy as np
 from two_links import cameras, two_links
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.objective import region_lines as kernel

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Ellipsoid
+from tracker_node.model.shapes.primitives import Ellipsoid
 from tracker_node.objective import line_table as table
 from tracker_node.objective.region_objective import RegionObjective, RegionOptions, View
 from tracker_node.observation.empty_room import EmptyRoom

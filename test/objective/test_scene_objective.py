@@ -6,15 +6,15 @@ import pytest
 from small_studio import SCENE
 
 from test.render_scenes import look_at, single_shape
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import ModelError
 from tracker_node.geometry import se3
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Box, TruncatedCone
+from tracker_node.model.shapes.primitives import Box, TruncatedCone
 from tracker_node.objective.scene_objective import SceneObjective, SceneOptions
 from tracker_node.render.raycaster import render_view
 from tracker_node.synthesis.scenes import make_rig

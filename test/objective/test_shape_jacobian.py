@@ -6,11 +6,11 @@ from bodies import crane, random_state
 from camera_rigs import circle_rig
 from finite_difference import assert_jacobian
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import se3
-from tracker_node.model.articulated_model import ArticulatedModel
+from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.model.shape_parameters import ShapeSpace
 from tracker_node.objective.shape_jacobian import (
     FOCAL,

@@ -9,7 +9,7 @@ from finite_difference import numerical_jacobian
 from naive import render_color
 from two_links import cameras, two_links
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.objective.photometry_kernels import COST, COUNT
 from tracker_node.objective.surface_photometry import PhotometryOptions, SurfacePhotometry, features_of

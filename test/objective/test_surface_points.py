@@ -6,9 +6,9 @@ import pytest
 
 from tracker_node.errors import ModelError
 from tracker_node.geometry import se3
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.kinematic_chain import Joint, KinematicChain
-from tracker_node.model.primitives import BOX_FACES, Box, Ellipsoid
+from tracker_node.model.shapes.primitives import BOX_FACES, Box, Ellipsoid
 from tracker_node.objective.surface_points import surface_points, textured_extent
 
 CHAIN = KinematicChain(("base", "arm"), (Joint("weld", "base", "arm", np.eye(4)),))

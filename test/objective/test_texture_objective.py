@@ -7,10 +7,10 @@ from textured_plate import HEIGHT, MODEL, TRUE, WIDTH, errors, film, moved, rig
 
 from tracker_node.errors import ModelError
 from tracker_node.geometry import se3
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Box
+from tracker_node.model.shapes.primitives import Box
 from tracker_node.objective.surface_points import surface_points
 from tracker_node.objective.texture_objective import TextureObjective, TextureOptions
 from tracker_node.optimize.alignment import AlignmentOptions, align

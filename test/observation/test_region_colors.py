@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Ellipsoid
+from tracker_node.model.shapes.primitives import Ellipsoid
 from tracker_node.observation.region_colors import RegionColors, color_classes, stated_densities, trust_stated_colors
 
 N = 4096  # colors that are told apart: 16 a channel

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera
 from tracker_node.observation.small_view import SmallView
 
 K = np.array([[200.0, 0.0, 99.5], [0.0, 210.0, 59.5], [0.0, 0.0, 1.0]])

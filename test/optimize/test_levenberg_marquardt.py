@@ -11,7 +11,7 @@ from scipy.optimize import lsq_linear
 
 from tracker_node.geometry import so3
 from tracker_node.model.configuration import State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 from tracker_node.objective.normal_equations import NormalEquations
 from tracker_node.optimize.levenberg_marquardt import LevenbergMarquardtOptions, clip_to_limits, minimize, stepped

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tracker_node.model.configuration import Configuration
-from tracker_node.model.ellipsoid_human import ellipsoid_human
+from tracker_node.model.humans.ellipsoids import ellipsoid_human
 from tracker_node.model.pose_variables import from_variables, to_variables
 from tracker_node.objective.color_score import ColorObjective
 from tracker_node.optimize.registry import OPTIMIZERS, optimizer

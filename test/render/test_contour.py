@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tracker_node.geometry import se3, so3
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Ellipsoid, TruncatedCone
+from tracker_node.model.shapes.primitives import Ellipsoid, TruncatedCone
 from tracker_node.render import contour
 from tracker_node.render.contour_visibility import ray_interval
 from tracker_node.render.shape_arrays import ShapeArrays

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from render_scenes import icosahedron, tetrahedron
 
-from tracker_node.model.primitives import Box, Mesh
+from tracker_node.model.shapes.primitives import Box, Mesh
 from tracker_node.render import contour_edges as ce
 from tracker_node.render.contour_edges import BORDER, CREASE, OUTLINE, solid_of
 

@@ -5,7 +5,7 @@ import pytest
 from render_scenes import icosahedron, single_shape
 
 from tracker_node.geometry import se3
-from tracker_node.model.primitives import Box, Ellipsoid
+from tracker_node.model.shapes.primitives import Box, Ellipsoid
 from tracker_node.render.contour_hits import NO_HIT, mesh_hit, slab_interval, solid_hit, to_shape, triangle_hit
 from tracker_node.render.shape_arrays import ShapeArrays
 

@@ -5,7 +5,7 @@ import pytest
 from render_scenes import single_shape
 
 from tracker_node.geometry import se3
-from tracker_node.model.primitives import Box, TruncatedCone
+from tracker_node.model.shapes.primitives import Box, TruncatedCone
 from tracker_node.render.contour_hits import NO_HIT
 from tracker_node.render.contour_visibility import N_VIEW_COLUMNS, interval, nearby_shapes, ray_interval, view_shapes
 from tracker_node.render.shape_arrays import CONE, ELLIPSOID, ShapeArrays

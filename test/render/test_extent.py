@@ -5,12 +5,12 @@ import pytest
 from bodies import crane
 from camera_rigs import look_at
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Box, Ellipsoid, Mesh, TruncatedCone
+from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 from tracker_node.render.extent import body_extent, corners_in_camera
 from tracker_node.render.raycaster import render_mask
 

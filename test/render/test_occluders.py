@@ -5,11 +5,11 @@ import pytest
 from camera_rigs import circle_rig
 
 from tracker_node.geometry import se3
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Box
+from tracker_node.model.shapes.primitives import Box
 from tracker_node.render.contour import N_COLUMNS, P, world_spheres
 from tracker_node.render.contour_samples import (
     DEPTH,

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from render_scenes import LENSES, look_at, scattered_scene, single_shape
 
-from tracker_node.model.articulated_model import ArticulatedModel, Landmark, Shape
+from tracker_node.model.articulated import ArticulatedModel, Landmark, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Box, Ellipsoid
+from tracker_node.model.shapes.primitives import Box, Ellipsoid
 from tracker_node.render.overlay import draw_overlay, part_colors
 from tracker_node.render.raycaster import render_mask
 

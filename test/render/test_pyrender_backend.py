@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from render_scenes import LENSES, LIGHTS, look_at, scattered_scene, single_shape
 
-from tracker_node.camera.camera_model import CameraModel
 from tracker_node.camera.light import Light
+from tracker_node.camera.model import CameraModel
 from tracker_node.errors import UnknownNameError
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.ellipsoid_human import ellipsoid_human
-from tracker_node.model.human import human_model
-from tracker_node.model.primitives import Box, Ellipsoid
+from tracker_node.model.humans.ellipsoids import ellipsoid_human
+from tracker_node.model.humans.human import human_model
+from tracker_node.model.shapes.primitives import Box, Ellipsoid
 from tracker_node.render import raycaster
 from tracker_node.render.backends import BACKENDS, make_renderer
 from tracker_node.render.extent import body_extent

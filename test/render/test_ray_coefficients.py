@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.model import CameraModel
 from tracker_node.geometry import se3
 from tracker_node.render.ray_coefficients import BOX, farthest_depth, normalized_box, pixel_box
 from tracker_node.render.shape_arrays import CONE, ELLIPSOID

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from render_scenes import LENSES
 
-from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.model import CameraModel
 from tracker_node.render.ray_table import MadeOnce, ray_table
 
 K = np.array([[300.0, 0.0, 160.0], [0.0, 300.0, 120.0], [0.0, 0.0, 1.0]])

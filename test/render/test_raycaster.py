@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from render_scenes import LENSES, look_at, scattered_scene, single_shape
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Box, Ellipsoid, Mesh, TruncatedCone
+from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 from tracker_node.render.raycaster import render_labels, render_mask, render_view
 
 MUSTACHE = CameraModel(

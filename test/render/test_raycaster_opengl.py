@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from render_scenes import look_at, scattered_scene
 
-from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.model import CameraModel
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.render.opengl_context import RendererError
 from tracker_node.render.raycaster import render_view
 from tracker_node.synthesis.cones import ModelSubject

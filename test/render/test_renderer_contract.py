@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from render_scenes import LENSES, LIGHTS, RENDERERS, colored_scene, colored_shapes, look_at, single_shape
 
-from tracker_node.camera.camera_model import CameraModel
 from tracker_node.camera.light import Light
+from tracker_node.camera.model import CameraModel
 from tracker_node.errors import TrackerError
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import BOX_FACES, Box, Ellipsoid, Mesh
+from tracker_node.model.shapes.primitives import BOX_FACES, Box, Ellipsoid, Mesh
 
 # Large enough for outlines to be a small part of the image
 LARGE = CameraModel(320, 240, np.array([[300.0, 0.0, 162.3], [0.0, 300.0, 118.1], [0.0, 0.0, 1.0]]))

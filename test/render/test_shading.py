@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from render_scenes import LIGHTS, colored_scene, icosahedron, look_at, picture, single_shape, tetrahedron
 
-from tracker_node.camera.camera_model import CameraModel
 from tracker_node.camera.light import Light, pack_lights
+from tracker_node.camera.model import CameraModel
 from tracker_node.geometry import se3, so3
-from tracker_node.model.primitives import BOX_FACES, Box, Mesh, is_closed
+from tracker_node.model.shapes.primitives import BOX_FACES, Box, Mesh, is_closed
 from tracker_node.render.lighting import displayed, irradiance, lights_in_camera
 from tracker_node.render.picture_sampling import sample
 from tracker_node.render.raycaster import cast, render_color

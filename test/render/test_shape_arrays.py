@@ -5,8 +5,8 @@ import pytest
 from bodies import crane
 from render_scenes import single_shape, tetrahedron
 
-from tracker_node.model.human import human_model
-from tracker_node.model.primitives import Box, Ellipsoid, TruncatedCone
+from tracker_node.model.humans.human import human_model
+from tracker_node.model.shapes.primitives import Box, Ellipsoid, TruncatedCone
 from tracker_node.render.shape_arrays import CONE, ELLIPSOID, OTHER, ShapeArrays
 from tracker_node.synthesis.cones import tessellate
 

@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 from render_scenes import single_shape
 
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Box, Ellipsoid, Mesh
+from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh
 from tracker_node.render.surface_arrays import N_LEVELS, NO_PICTURE, surface_arrays
 
 RNG = np.random.default_rng(3)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from render_scenes import tetrahedron
 
-from tracker_node.model.primitives import BOX_FACES, Box, Ellipsoid, Mesh, TruncatedCone
+from tracker_node.model.shapes.primitives import BOX_FACES, Box, Ellipsoid, Mesh, TruncatedCone
 from tracker_node.render.tessellation import MESH_CELLS, tessellate
 
 RED = (255, 0, 0)

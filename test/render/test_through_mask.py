@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from render_scenes import LENSES, look_at, single_shape
 
-from tracker_node.model.primitives import Ellipsoid
+from tracker_node.model.shapes.primitives import Ellipsoid
 from tracker_node.render.through_mask import target_through_mask
 
 CAMERA = look_at((0.0, -1.5, 0.3), (0.0, 0.0, 0.0), LENSES["radial"])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from ros_samples import small_rig
 
-from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.model import CameraModel
 from tracker_node.ros.camera_diagnostics import CameraDiagnostics, compared_lenses, lens_distance
 from tracker_node.ros.conversions import camera_info_message
 from tracker_node.ros.diagnostics import ERROR, OK, STALE, WARN

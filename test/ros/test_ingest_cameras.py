@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import CalibrationError, SourceError, UnknownNameError
 from tracker_node.loaders.camera_info_yaml import dump_camera_info
 from tracker_node.loaders.image_source import SourceOptions

@@ -8,7 +8,7 @@ rclpy = pytest.importorskip("rclpy", reason="ROS is not installed")
 
 from sensor_msgs.msg import CameraInfo, Image  # noqa: E402
 
-from tracker_node.camera.camera_model import CameraModel  # noqa: E402
+from tracker_node.camera.model import CameraModel  # noqa: E402
 from tracker_node.ros.conversions import camera_image_of, camera_info_message, image_message  # noqa: E402
 from tracker_node.ros.qos import RESULT, images_published  # noqa: E402
 from tracker_node.ros.rectify_node import RectifyNode, rectification_maps  # noqa: E402

@@ -16,7 +16,7 @@ from std_srvs.srv import SetBool, Trigger
 from tracker_msgs.msg import TrackedState
 from tracker_msgs.srv import SetState
 
-from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.model import CameraModel
 from tracker_node.loaders.rig_yaml import load_rig
 from tracker_node.model.configuration import State
 from tracker_node.ros.conversions import camera_info_message, image_message

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from render_scenes import LENSES, look_at
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.truth import load_truth
 from tracker_node.loaders.clicks import load_clicks

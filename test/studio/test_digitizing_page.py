@@ -7,7 +7,7 @@ from browser import browser_tab
 from render_scenes import LENSES, look_at
 from studio_process import running_studio
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.cli.main import main
 from tracker_node.evaluation.truth import load_truth
 from tracker_node.loaders.clicks import load_clicks

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from render_scenes import LENSES, look_at
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.yaml_file import validate
 from tracker_node.studio.click_store import ClickStore

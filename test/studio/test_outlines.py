@@ -6,10 +6,10 @@ import pytest
 from render_scenes import LENSES, look_at
 from small_clip import body, motion
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import CameraRig
 from tracker_node.model.configuration import Configuration
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.render.raycaster import render_view
 from tracker_node.studio.outlines import OutlineDrawer, handles_of, working_rig
 

@@ -48,7 +48,7 @@ def test_every_state_has_one_color_everywhere():
 
 def test_a_lost_body_is_drawn_in_the_color_of_lost():
     pytest.importorskip("rclpy", reason="ROS is not installed")
-    from tracker_node.model.human import human_model
+    from tracker_node.model.humans.human import human_model
     from tracker_node.ros.conversions.bodies import _color
 
     color = _color(human_model().shapes[0], Status.LOST)

@@ -9,7 +9,7 @@ from tracker_node.loaders.model_yaml import load_model
 from tracker_node.loaders.rig_yaml import load_rig
 from tracker_node.loaders.trajectory_file import read_joints, read_states
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.primitives import TruncatedCone
+from tracker_node.model.shapes.primitives import TruncatedCone
 from tracker_node.synthesis.clutter import patches
 from tracker_node.synthesis.figure import figure_model, figure_motion, speeds
 from tracker_node.synthesis.scenes import SceneConfig

@@ -5,10 +5,10 @@ import pytest
 from wooden_cross import at, cross
 
 from tracker_node.geometry import se3, so3
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Box, Ellipsoid
+from tracker_node.model.shapes.primitives import Box, Ellipsoid
 from tracker_node.synthesis.free_flight import FreeFlight, mass_properties
 
 BODY = mass_properties(cross())

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tracker_node.geometry import so3
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.synthesis.clips import load_motion
 from tracker_node.synthesis.mannequin import LANDMARKS, MannequinSubject
 

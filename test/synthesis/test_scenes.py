@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker_node.model.primitives import Box, Ellipsoid, TruncatedCone
+from tracker_node.model.shapes.primitives import Box, Ellipsoid, TruncatedCone
 from tracker_node.synthesis.cones import tessellate
 from tracker_node.synthesis.rasterizer import ColoredMesh, Rasterizer, light_coordinates
 from tracker_node.synthesis.scenes import CameraImaging, SceneConfig, Studio, make_rig

@@ -8,7 +8,7 @@ import pytest
 from tracker_node.errors import UnknownNameError
 from tracker_node.geometry import so3
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.ellipsoid_human import ellipsoid_human
+from tracker_node.model.humans.ellipsoids import ellipsoid_human
 from tracker_node.model.pose_variables import to_variables
 from tracker_node.synthesis.free_flight import GRAVITY
 from tracker_node.synthesis.somersault import (

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from render_scenes import LIGHTS, colored_scene, look_at, single_shape
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import UnknownNameError
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.ellipsoid_human import ellipsoid_human
-from tracker_node.model.primitives import Box, Ellipsoid
+from tracker_node.model.humans.ellipsoids import ellipsoid_human
+from tracker_node.model.shapes.primitives import Box, Ellipsoid
 from tracker_node.render.backends import BACKENDS
 from tracker_node.render.opengl_context import RendererError
 from tracker_node.synthesis.background import cluttered_background

@@ -12,10 +12,10 @@ from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.run_offline import _Record
 from tracker_node.geometry import se3, so3
 from tracker_node.loaders.state_yaml import dump_state, load_state
-from tracker_node.model.articulated_model import ArticulatedModel, Landmark, Shape
+from tracker_node.model.articulated import ArticulatedModel, Landmark, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Mesh, TruncatedCone
+from tracker_node.model.shapes.primitives import Mesh, TruncatedCone
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.synthesis.cones import ModelSubject
 from tracker_node.synthesis.scenes import SceneConfig, Studio, make_rig

@@ -10,13 +10,13 @@ from render_scenes import LENSES, look_at
 from small_clip import Clip, make_clip
 from small_studio import Recording, assert_same_bits, changed, recording
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import CalibrationError, ModelError
 from tracker_node.geometry import se3
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Box, Ellipsoid
+from tracker_node.model.shapes.primitives import Box, Ellipsoid
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status, TrackEstimate

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from render_scenes import LENSES, look_at
 
-from tracker_node.camera.camera_rig import CameraRig
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.camera.rig import CameraRig
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Ellipsoid
+from tracker_node.model.shapes.primitives import Ellipsoid
 from tracker_node.objective.surface_photometry import PhotometryOptions
 from tracker_node.tracking.color_judge import ColorAgreement, agreement_of, judge_colors
 from tracker_node.tracking.config import ColorConfig

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from bodies import crane
 
-from tracker_node.model.articulated_model import ArticulatedModel
-from tracker_node.model.human import human_model
+from tracker_node.model.articulated import ArticulatedModel
+from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.objective.collision import CollisionObjective
 from tracker_node.tracking.config import from_dict

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.objective.normal_equations import NormalEquations
 from tracker_node.objective.prior import Prior
 from tracker_node.optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from small_studio import Recording, recording
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.model.configuration import State
 from tracker_node.model.scaling import LinkScale, scaled_by_link
 from tracker_node.tracking.config import from_dict

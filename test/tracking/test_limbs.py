@@ -5,11 +5,11 @@ import pytest
 from stick_person import person
 from two_links import two_links
 
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
-from tracker_node.model.primitives import Ellipsoid
+from tracker_node.model.shapes.primitives import Ellipsoid
 from tracker_node.synthesis.figure import figure_model
 from tracker_node.tracking.limbs import limbs_of
 

@@ -7,7 +7,7 @@ from two_links import two_links
 
 from tracker_node.geometry import so3
 from tracker_node.model.configuration import State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.tracking.config import MotionConfig
 from tracker_node.tracking.motion_model import MotionModel, Passage
 

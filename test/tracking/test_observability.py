@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from render_scenes import look_at
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import se3, so3
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
-from tracker_node.model.primitives import Box, Ellipsoid, TruncatedCone
+from tracker_node.model.shapes.primitives import Box, Ellipsoid, TruncatedCone
 from tracker_node.objective.region_objective import RegionObjective, RegionOptions, View
 from tracker_node.observation.region_colors import N_COLORS
 from tracker_node.render.raycaster import render_mask

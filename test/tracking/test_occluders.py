@@ -7,11 +7,11 @@ import pytest
 from small_studio import RATE_HZ, Recording
 
 from tracker_node.geometry import se3
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Box, TruncatedCone
+from tracker_node.model.shapes.primitives import Box, TruncatedCone
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.synthesis.cones import ModelSubject, waves
 from tracker_node.synthesis.rasterizer import ColoredMesh

@@ -7,11 +7,11 @@ import pytest
 from naive import render_color
 from two_links import cameras, two_links
 
-from tracker_node.camera.camera_rig import CameraRig
 from tracker_node.camera.light import Light
+from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import ModelError
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.primitives import Box
+from tracker_node.model.shapes.primitives import Box
 from tracker_node.tracking.part_colors import PartColors, check_colors
 
 LIGHTS = (Light("ambient", (0.3, 0.3, 0.3)), Light("directional", (0.5, 0.5, 0.5), direction=(0.5, 1.0, -1.0)))

@@ -10,7 +10,7 @@ from mesh_robot import folded, of_meshes
 from small_studio import RATE_HZ, Recording
 
 from tracker_node.loaders.model_yaml import load_model
-from tracker_node.model.articulated_model import ArticulatedModel
+from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.objective.collision import CollisionObjective
 from tracker_node.observation.image_set import CameraImage, ImageSet

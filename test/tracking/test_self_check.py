@@ -7,8 +7,8 @@ import pytest
 from render_scenes import look_at
 from small_clip import body
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3, so3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.objective.normal_equations import CameraEquations, Comparison, NormalEquations

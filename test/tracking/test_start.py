@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from start_scenes import largest_error_m, scene, standing
 
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Box, Ellipsoid
+from tracker_node.model.shapes.primitives import Box, Ellipsoid
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.start import StartFinder, body_size, find_start

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from start_scenes import scene, standing
 
-from tracker_node.model.articulated_model import ArticulatedModel
+from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.engine import Verdict

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tracker_node.model.articulated_model import ArticulatedModel
-from tracker_node.model.human import human_model
+from tracker_node.model.articulated import ArticulatedModel
+from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.tracking.start_postures import limbs, other_side, postures, reachable
 

@@ -5,7 +5,7 @@ import pytest
 from bodies import crane
 
 from tracker_node.geometry import so3
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.tracking.start_search import Poses, StartSearch
 
 

@@ -5,8 +5,8 @@ import pytest
 from camera_rigs import look_at
 from start_scenes import scene, standing
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera
 from tracker_node.model.configuration import Configuration
 from tracker_node.tracking.start_evidence import StartEvidence
 from tracker_node.tracking.start_segmentation import StartSegmentation

@@ -5,7 +5,7 @@ import pytest
 from textured_plate import MODEL, TRUE, errors, film, image_set, moved, rig
 
 from tracker_node.errors import ModelError
-from tracker_node.model.human import human_model
+from tracker_node.model.humans.human import human_model
 from tracker_node.objective.texture_objective import TextureObjective
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.tracking import texture_engine

@@ -5,10 +5,10 @@ import pytest
 from camera_rigs import circle_rig
 
 from tracker_node.geometry import se3, so3
-from tracker_node.model.articulated_model import ArticulatedModel, Shape
+from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Box
+from tracker_node.model.shapes.primitives import Box
 from tracker_node.tracking.tilts import ANGLES, Misfit, tilted
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small_studio import Recording, assert_same_bits, changed, recording
 
-from tracker_node.camera.camera_rig import CameraRig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import CalibrationError
 from tracker_node.model.configuration import State
 from tracker_node.observation.image_set import CameraImage, ImageSet

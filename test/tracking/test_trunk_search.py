@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bodies import crane
 
-from tracker_node.model.articulated_model import ArticulatedModel
+from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import N_ROOT_DOF, Axis, Joint, KinematicChain
 from tracker_node.tracking.limbs import limbs_of

@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..errors import FileFormatError, SourceError
 from ..loaders.openpose_json import load_openpose, match_cameras
 from ..loaders.pose2sim_toml import load_pose2sim

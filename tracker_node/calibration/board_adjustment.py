@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..camera.camera_model import CameraModel
+from ..camera.model import CameraModel
 from ..geometry import se3, so3
 from .board_equations import CLOCK, N_PLACE, BoardEquations, CameraRows
 from .lens_parameters import lens_jacobian, lens_of_vector, lens_prior, lens_vector

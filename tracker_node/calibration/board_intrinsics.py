@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..camera.camera_model import CameraModel
+from ..camera.model import CameraModel
 from ..errors import CalibrationError
 from .board import Board, BoardView
 from .board_adjustment import BoardAdjustmentOptions, BoardObservations, BoardState, adjust_boards

@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..camera.camera_model import CameraModel
+from ..camera.model import CameraModel
 from .board import BoardView
 from .board_detection import CameraViews
 from .board_figures import camera_figures, covered, pair_figures, rms

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera.camera_model import CameraModel
-from ..camera.camera_rig import Camera, CameraRig
+from ..camera.model import CameraModel
+from ..camera.rig import Camera, CameraRig
 from ..errors import TrackerError
 from ..geometry import se3
 from .board import Board, BoardView

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
-from ..camera.camera_model import CameraModel
+from ..camera.model import CameraModel
 from ..geometry import se3, so3
 from .board import Board, BoardView
 from .board_adjustment import BoardState

@@ -14,9 +14,9 @@ import numpy as np
 from ..errors import ModelError, TrackerError
 from ..geometry import se3
 from ..loaders.trc import MarkerTrajectories
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..model.landmark_names import known_landmarks, mirrored_name
+from ..model.humans.landmark_names import known_landmarks, mirrored_name
 from ..model.scaling import LinkScale, scaled_by_link, scaled_uniformly, with_landmarks
 from .pose import PoseOptions, fit_state_to_landmarks
 

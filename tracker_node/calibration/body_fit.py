@@ -12,9 +12,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..errors import TrackerError
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..model.shape_parameters import GROUPS, ShapeSpace

@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from ..camera.camera_rig import Camera, CameraRig
-from ..model.articulated_model import ArticulatedModel
+from ..camera.rig import Camera, CameraRig
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..objective.shape_jacobian import ContourLines, normalized
 from ..objective.visible_samples import samples_seen

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
-from ..model.articulated_model import ArticulatedModel
+from ..camera.rig import CameraRig
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..objective import line_table as table
 from ..objective.region_objective import RegionObjective, View

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera.camera_model import CameraModel
-from ..camera.camera_rig import Camera, CameraRig
+from ..camera.model import CameraModel
+from ..camera.rig import Camera, CameraRig
 from ..geometry import se3
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..camera.camera_rig import Camera
+from ..camera.rig import Camera
 from ..geometry import se3
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..render import raycaster
 from . import dlt

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.linalg import rq
 from scipy.optimize import least_squares
 
-from ..camera.camera_model import CameraModel
-from ..camera.camera_rig import Camera
+from ..camera.model import CameraModel
+from ..camera.rig import Camera
 from ..errors import CalibrationError
 from ..geometry import se3
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import dual_annealing, least_squares
 
-from ..camera.camera_model import CameraModel
-from ..camera.camera_rig import Camera
+from ..camera.model import CameraModel
+from ..camera.rig import Camera
 from ..geometry import se3
 from .dlt import calibrate, decompose, dlt_parameters, image_residuals, reconstruct, solve_linear
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from ..camera.camera_rig import CameraRig
 from ..camera.light import SPOT_EDGE, Light
+from ..camera.rig import CameraRig
 from ..errors import CalibrationError, TrackerError
 from ..model.configuration import Configuration
 from ..render.surface_samples import SurfaceSamples, surface_samples

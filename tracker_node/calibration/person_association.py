@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from .triangulation import reproject, triangulate
 
 MIN_JOINTS = 6  # fewer joints in common say too little about who is who

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..camera.camera_rig import Camera
+from ..camera.rig import Camera
 from ..errors import CalibrationError
 from ..geometry import se3
 from .dlt import dlt_parameters

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import UnknownNameError
 from ..geometry import se3
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.kinematic_chain import N_ROOT_DOF
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..errors import CalibrationError
 from ..geometry import se3, so3
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.shape_parameters import ShapeSpace
 from ..objective.shape_jacobian import FOCAL, N_CAMERA, TIME, ContourLines

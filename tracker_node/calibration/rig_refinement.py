@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..errors import CalibrationError
 from ..geometry import se3, so3
 from .bundle_adjustment import Adjustment, AdjustmentOptions, PointObservations, adjust

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from ..model.articulated_model import ArticulatedModel, Shape
+from ..model.articulated import ArticulatedModel, Shape
 from ..model.kinematic_chain import KinematicChain
-from ..model.primitives import Box
+from ..model.shapes.primitives import Box
 
 BLACK, GREY, WHITE = 20, 120, 200  # grey levels of printed paper as a camera shows it
 

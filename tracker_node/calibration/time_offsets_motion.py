@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..camera.camera_rig import Camera, CameraRig
+from ..camera.rig import Camera, CameraRig
 from ..errors import CalibrationError
 
 N_PLANES = 40  # over what two cameras see of their common planes; a person takes half of them

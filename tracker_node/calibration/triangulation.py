@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..camera.camera_model import CameraModel
+from ..camera.model import CameraModel
 from ..geometry import se3
 
 

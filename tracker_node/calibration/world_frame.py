@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..camera.camera_rig import Camera, CameraRig
 from ..camera.light import Light
+from ..camera.rig import Camera, CameraRig
 from ..errors import CalibrationError, TrackerError, UnknownNameError
 from ..geometry import se3
 from .triangulation import reproject, triangulate

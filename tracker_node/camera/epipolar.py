@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..geometry import se3
-from .camera_rig import Camera
+from .rig import Camera
 
 _NEAREST_M, _FARTHEST_M, _N_DEPTHS = 0.05, 200.0, 400
 

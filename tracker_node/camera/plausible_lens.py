@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .camera_model import CameraModel
+from .model import CameraModel
 
 SHORTEST, LONGEST = 0.01, 1000.0  # focal lengths, in image sides
 FARTHEST = 10.0  # the principal point beyond the image, in image sides

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import TrackerError
-from .camera_rig import Camera
+from .rig import Camera
 
 LARGEST_ROOM_M = 100.0  # a camera farther than this from the others is hardly meant in metres
 LEAST_PX = 20.0  # a body that is smaller in the images is not tracked

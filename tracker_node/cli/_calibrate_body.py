@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     from ..calibration.body import ScalingOptions, model_stature, scale_to_stature, scale_to_trial
     from ..loaders.model_yaml import dump_model, load_model
     from ..loaders.trc import load_trc
-    from ..model.human import human_model
+    from ..model.humans.human import human_model
 
     if args.from_run:
         return _fit_to_images(args)
@@ -157,7 +157,7 @@ def _comment(name: str, args: argparse.Namespace) -> str:
     parts += [f"for a stature of {args.stature:g} m"] if args.stature else []
     lines = [f"{name}, {', '.join(parts)}. Units: metres, degrees. Format: docs/formats.md."]
     if not args.model:
-        lines.append("Lengths and girths: tracker_node/model/human_measures.py names their sources.")
+        lines.append("Lengths and girths: tracker_node/model/humans/measures.py names their sources.")
     return "\n".join(lines)
 
 

@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from ..calibration.control_checks import check_control_points
-    from ..camera.camera_rig import CameraRig
+    from ..camera.rig import CameraRig
     from ..loaders.control_points import load_control_points
     from ..loaders.rig_yaml import rig_file_of, write_rig_file
 

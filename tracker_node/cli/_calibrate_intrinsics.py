@@ -28,7 +28,7 @@ def run(args: argparse.Namespace) -> int:
     from ..calibration.board_intrinsics import LEAST_VIEWS, calibrate_lens
     from ..calibration.board_report import format_table, lens_pictures, lens_table, outlier_table, write_pictures
     from ..calibration.body_fit_report import Table, write_page
-    from ..camera.camera_rig import Camera, CameraRig
+    from ..camera.rig import Camera, CameraRig
     from ..errors import FileFormatError
     from ..loaders.rig_yaml import rig_file_of, write_rig_file
 

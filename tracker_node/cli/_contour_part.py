@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..evaluation.color_plots import Profile
 from ..evaluation.contour_experiments import PUBLISHED, REACH_PX, ContourError, by_method, far_sighted
 from ..evaluation.contour_pictures import shoot
 from ..evaluation.contour_plots import RowPicture
 from ..geometry import se3
-from ..model.articulated_model import ArticulatedModel, Shape
+from ..model.articulated import ArticulatedModel, Shape
 from ..model.configuration import Configuration, State
 from ..model.kinematic_chain import KinematicChain
-from ..model.primitives import TruncatedCone
+from ..model.shapes.primitives import TruncatedCone
 from ..observation.distance_transform import distance_to
 from ..observation.image_set import CameraImage, ImageSet
 from ..synthesis.cones import ModelSubject

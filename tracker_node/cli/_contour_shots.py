@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..camera.camera_rig import Camera
+from ..camera.rig import Camera
 from ..evaluation.color_plots import save
 from ..evaluation.contour_experiments import TITLES, by_method
 from ..evaluation.contour_pictures import Shot, cameras_figure, evidence_figure, sequence_figure, shoot

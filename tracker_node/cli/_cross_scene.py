@@ -10,10 +10,10 @@ import numpy as np
 
 from ..calibration import dlt
 from ..calibration.digitizing import click, digitized_state
-from ..camera.camera_rig import Camera, CameraRig
-from ..model.articulated_model import ArticulatedModel
+from ..camera.rig import Camera, CameraRig
+from ..experiments.cross.yellow_stick import yellow_stick
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..model.yellow_stick import yellow_stick
 from ..observation.deinterlace import check_interlaced
 from ..render.raycaster import render_mask
 from ..synthesis import cross

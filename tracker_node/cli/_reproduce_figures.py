@@ -28,8 +28,8 @@ def run(args: argparse.Namespace) -> int:
     from ..evaluation.metrics_file import write_metrics
     from ..evaluation.surface_distance import distance_table, segment_distances
     from ..model.configuration import Configuration, State
-    from ..model.ellipsoid_human import ellipsoid_human
-    from ..model.nurbs_human import nurbs_human
+    from ..model.humans.ellipsoids import ellipsoid_human
+    from ..model.humans.lofts import nurbs_human
 
     rig, paths = _plan(args.rig)
     folder = Path(args.output)
@@ -63,8 +63,8 @@ def _portrait_rig(height: int) -> Any:
     """Front, side and half-side view of a standing body, upright pictures."""
     import numpy as np
 
-    from ..camera.camera_model import CameraModel
-    from ..camera.camera_rig import Camera, CameraRig
+    from ..camera.model import CameraModel
+    from ..camera.rig import Camera, CameraRig
     from ..synthesis.scenes import looking_at
     from ..synthesis.somersault import somersault_rig
 
@@ -95,8 +95,8 @@ def _plan(rig_file: str | None) -> tuple[Any, dict[str, Any]]:
     """The rig of the plan view, and the ways of what it films."""
     import numpy as np
 
+    from ..experiments.cross.yellow_stick import yellow_stick
     from ..loaders.rig_yaml import load_rig
-    from ..model.yellow_stick import yellow_stick
     from ..synthesis.cross import cross_rig, side_somersault, twisting_somersault
 
     if rig_file:

@@ -15,8 +15,8 @@ from ..errors import FileFormatError, TrackerError
 
 if TYPE_CHECKING:
     from ..calibration.body_fit_lines import LineEvidence
-    from ..camera.camera_rig import CameraRig
-    from ..model.articulated_model import ArticulatedModel
+    from ..camera.rig import CameraRig
+    from ..model.articulated import ArticulatedModel
     from ..model.configuration import State
     from ..observation.image_set import ImageSet
     from ..tracking.config import TrackerConfig

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..evaluation.color_plots import bgr_of
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..model.ellipsoid_human import ellipsoid_human
-from ..model.nurbs_human import nurbs_human
+from ..model.humans.ellipsoids import ellipsoid_human
+from ..model.humans.lofts import nurbs_human
 from ..render import raycaster
 from ..synthesis.somersault import POSTURE_DEG, rigid_body, somersault_rig, somersault_states, somersault_variables
 from ..synthesis.target_images import TargetStudio

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ..camera.camera_rig import CameraRig
+    from ..camera.rig import CameraRig
 
 
 def add_topics_argument(parser: argparse.ArgumentParser) -> None:

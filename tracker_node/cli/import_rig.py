@@ -101,7 +101,7 @@ def _load(kind: str, files: list[str], args: argparse.Namespace):
 
 
 def _rig_of_lenses(files: list[str], like: str | None):
-    from ..camera.camera_rig import Camera, CameraRig
+    from ..camera.rig import Camera, CameraRig
     from ..errors import FileFormatError
     from ..loaders.camera_info_yaml import load_camera_info
     from ..loaders.rig_yaml import load_rig
@@ -119,7 +119,7 @@ def _rig_of_lenses(files: list[str], like: str | None):
 
 def _rig_of_dlt(file: str, size: tuple[int, int] | None):
     from ..calibration.dlt import camera_of_parameters
-    from ..camera.camera_rig import CameraRig
+    from ..camera.rig import CameraRig
     from ..errors import FileFormatError
     from ..loaders.dlt_text import load_dlt
 

@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> int:
     from ..loaders.rig_yaml import load_rig
     from ..loaders.rviz_layout import write_rviz_layout
     from ..loaders.viewed_graph import ViewedGraph, joints_to_plot
-    from ..model.human import human_model
+    from ..model.humans.human import human_model
 
     joints = joints_to_plot(load_model(args.model) if args.model else human_model())
     rig = load_rig(args.rig) if args.rig else None

@@ -163,7 +163,7 @@ def produce(request: Request, folder: str | Path, force: bool = False, progress=
 
 def _load_model(path: str | None):
     from ..loaders.model_yaml import load_model
-    from ..model.human import human_model
+    from ..model.humans.human import human_model
 
     return load_model(path) if path else human_model()
 

@@ -17,7 +17,7 @@ from ._sizes import image_size
 from .camera_ingest import named_source
 
 if TYPE_CHECKING:
-    from ..camera.camera_rig import CameraRig
+    from ..camera.rig import CameraRig
     from ..loaders.image_source import SourceOptions
 
 SUMMARY = "track recorded images (videos, folders or a bag) without ROS; write a bag, CSV files and run.json"
@@ -149,7 +149,7 @@ def _with_sources(rig: CameraRig, sources: list[tuple[str, str]]) -> CameraRig:
     ------
     UnknownNameError : a camera that the rig does not have.
     """
-    from ..camera.camera_rig import CameraRig
+    from ..camera.rig import CameraRig
 
     named = {name: replace(rig[name], source=source) for name, source in sources}
     return CameraRig(tuple(named.get(camera.name, camera) for camera in rig), rig.world_frame, rig.lights)

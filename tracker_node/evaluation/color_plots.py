@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from ..camera.camera_rig import Camera, CameraRig
+from ..camera.rig import Camera, CameraRig
 from ..model.configuration import Configuration
 from ..render.raycaster import render_color
 from ..render.renderer import ColoredView

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..camera.camera_rig import Camera
+from ..camera.rig import Camera
 from ..model.configuration import Configuration
 from ..objective.visible_samples import samples_seen
 from ..observation.observer import EvidenceOptions, Observer

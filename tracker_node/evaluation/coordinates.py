@@ -14,7 +14,7 @@ from ..geometry import so3
 from ..loaders.bvh import AXES_Y_UP
 from ..loaders.opensim_table import load_table
 from ..loaders.stamps import stamps_from_first_ns
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..model.pose_variables import ROOT_NAMES, angles_of, variable_names
 from .isb_angles import LINK_FROM_ISB, cardan_angles

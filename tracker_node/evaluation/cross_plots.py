@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..camera.camera_rig import CameraRig
-from ..model.articulated_model import ArticulatedModel
+from ..camera.rig import CameraRig
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.pose_variables import N_ROOT, ROOT_NAMES, to_variables
 from ..render.through_mask import target_through_mask

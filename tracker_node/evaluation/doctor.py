@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera.camera_rig import Camera, CameraRig
+from ..camera.rig import Camera, CameraRig
 from ..camera.rig_unit import wrong_unit
 from .doctor_geometry import Diagnosis, Repair, diagnose
 from .doctor_motion import common_grid, motion_on_grid

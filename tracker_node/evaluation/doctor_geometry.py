@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.optimize import minimize
 
-from ..camera.camera_rig import Camera
+from ..camera.rig import Camera
 from ..geometry import se3, so3
 from .doctor_setup import Setup
 from .epipolar_motion import LEAST_INSTANTS, Motion, agreements

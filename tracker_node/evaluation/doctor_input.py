@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import dropwhile, islice
 from pathlib import Path
 
-from ..camera.camera_rig import Camera, CameraRig
+from ..camera.rig import Camera, CameraRig
 from ..errors import SourceError, TrackerError, UnknownNameError
 from ..loaders.bag_reader import STORAGE_SUFFIXES
 from ..loaders.image_source import ImageSource, open_camera_source_of_any_size

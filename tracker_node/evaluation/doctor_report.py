@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..camera.camera_rig import Camera, CameraRig
+from ..camera.rig import Camera, CameraRig
 from .doctor import Examination
 from .doctor_recording import CameraRecording
 from .doctor_setup import Setup

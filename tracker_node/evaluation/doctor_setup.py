@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera.camera_rig import Camera
+from ..camera.rig import Camera
 from .epipolar_motion import Motion, agreement
 
 _FIT_INSTANTS = 40  # enough for a fit

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..camera.camera_rig import Camera
+from ..camera.rig import Camera
 from ..observation.deinterlace import COMB_THRESHOLD
 from .doctor_motion import period_ns, speed
 from .doctor_recording import CameraRecording

@@ -16,8 +16,8 @@ from dataclasses import dataclass, field, replace
 import numba as nb
 import numpy as np
 
-from ..camera.camera_model import CameraModel
-from ..camera.camera_rig import Camera
+from ..camera.model import CameraModel
+from ..camera.rig import Camera
 
 PLANES = 1200  # angles about the baseline: 0.3 degrees each
 LEAST_INSTANTS = 8

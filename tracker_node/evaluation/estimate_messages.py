@@ -10,14 +10,14 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ..camera.camera_model import CameraModel
-from ..camera.camera_rig import Camera
+from ..camera.model import CameraModel
 from ..camera.plausible_lens import plausible
+from ..camera.rig import Camera
 from ..errors import CalibrationError, TrackerError
 from ..geometry import quaternion
 from ..loaders.bag_images import NS_PER_S, stamp_ns_of
 from ..loaders.message_types import TRACKED_STATE, typestore
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..tracking.estimate import CameraReport, LimbReport, LimbStatus, Status, Timings, TrackEstimate

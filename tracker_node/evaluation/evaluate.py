@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from ..errors import FileFormatError
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..tracking.estimate import Status
 from . import metrics
 from .association import FEW_SETS, LAG_RANGE_IMAGES, OnAClock, Trajectories, estimate_lag, image_period_ns, truth_at

@@ -8,8 +8,8 @@ import numpy as np
 
 from ..errors import FileFormatError
 from ..loaders.bvh import AXES_Y_UP
-from ..model.articulated_model import ArticulatedModel
-from ..model.landmark_names import MARKER_OF_LANDMARK
+from ..model.articulated import ArticulatedModel
+from ..model.humans.landmark_names import MARKER_OF_LANDMARK
 
 
 @dataclass(frozen=True)

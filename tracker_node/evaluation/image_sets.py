@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..errors import CalibrationError, SourceError, TrackerError
 from ..loaders.bag_images import image_of, image_topics
 from ..loaders.bag_reader import BagReader

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..errors import ModelError
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from .run_motion import RunMotion
 
 # link axes (x forward, y left, z up) of the ISB's X, Y, Z, as columns

@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 
 SIDES = ("left", "right")
 PAIRED = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")

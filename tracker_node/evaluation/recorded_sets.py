@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..errors import SourceError
 from ..loaders.bag_images import only_topic, stamp_ns_of
 from ..loaders.bag_reader import BagReader

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..tracking.estimate import Status
 from . import pose_metrics
 from .association import Trajectories, image_period_ns

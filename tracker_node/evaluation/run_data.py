@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..errors import FileFormatError
 from ..loaders.bag_reader import STORAGE_SUFFIXES, BagReader
 from ..loaders.json_values import read_json
 from ..loaders.message_types import TRACKED_STATE
 from ..loaders.motion_file import CovarianceTrajectory, read_covariances
 from ..loaders.trajectory_file import read_states
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..tracking.estimate import LimbStatus, Status, TrackEstimate
 from .smoothed_writer import FOLDER as SMOOTHED

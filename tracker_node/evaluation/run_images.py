@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..camera.camera_rig import Camera, CameraRig
+from ..camera.rig import Camera, CameraRig
 from ..errors import FileFormatError
 from ..loaders.bag_images import image_topics
 from ..loaders.bag_reader import BagReader

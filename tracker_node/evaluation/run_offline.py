@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..errors import TrackerError
 from ..loaders.bag_reader import BagReader
 from ..loaders.image_source import SourceOptions
 from ..loaders.plate_file import load_plates, resized_plates
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..observation.image_set import ImageSet
 from ..tracking.config import TrackerConfig, flatten

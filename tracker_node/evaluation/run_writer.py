@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from ..camera.camera_rig import Camera, CameraRig
+from ..camera.rig import Camera, CameraRig
 from ..loaders.bag_metadata import OfferedQos
 from ..loaders.bag_writer import BagExistsError, BagWriter
 from ..loaders.message_types import TRACKED_STATE, typestore
 from ..loaders.trajectory_file import JointsWriter, PosesWriter, StateRow, StatesWriter
 from ..loaders.urdf_writer import urdf_of
 from ..loaders.whole_file import write_whole
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration
 from ..observation.image_set import ImageSet
 from ..render.raycaster import render_mask

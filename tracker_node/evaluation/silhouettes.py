@@ -10,12 +10,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..camera.camera_rig import Camera, CameraRig
+from ..camera.rig import Camera, CameraRig
 from ..errors import SourceError, TrackerError
 from ..loaders.bag_images import camera_images, image_topics
 from ..loaders.bag_reader import BagReader
 from ..loaders.image_source import SourceOptions, open_camera_source
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration
 from ..render.overlay import draw_overlay
 from ..render.raycaster import render_mask

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..loaders.motion_file import CovariancesWriter, VelocitiesWriter
 from ..loaders.trajectory_file import JointsWriter, PosesWriter, StateRow, StatesWriter
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration
 from ..optimize.levenberg_marquardt import clip_to_limits
 from ..tracking.config import MotionConfig

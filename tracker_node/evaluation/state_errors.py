@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.pose_variables import N_ROOT, ROOT_NAMES, variable_names
 from ..render.tessellation import tessellate

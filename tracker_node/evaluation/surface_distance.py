@@ -8,9 +8,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..geometry import se3
-from ..model.articulated_model import ArticulatedModel, Shape
+from ..model.articulated import ArticulatedModel, Shape
 from ..model.configuration import Configuration, State
-from ..model.primitives import Ellipsoid, Mesh
+from ..model.shapes.primitives import Ellipsoid, Mesh
 
 _N_AROUND, _N_ALONG = 64, 48  # facets of an ellipsoid
 _N_CANDIDATES = 8  # faces with the nearest centers, among which the nearest face is looked for

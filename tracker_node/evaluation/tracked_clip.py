@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..errors import SourceError, TrackerError
 from ..loaders.image_source import SourceOptions
 from ..loaders.model_yaml import load_model
 from ..loaders.plate_file import load_plates
 from ..loaders.rig_yaml import load_rig
 from ..loaders.state_yaml import load_state
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..observation.image_set import ImageSet
 from ..tracking.config import TrackerConfig

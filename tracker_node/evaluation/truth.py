@@ -11,7 +11,7 @@ from ..loaders.c3d_file import load_c3d
 from ..loaders.stamps import stamps_from_first_ns
 from ..loaders.trajectory_file import read_joints
 from ..loaders.trc import load_trc
-from ..model.landmark_names import landmark_of_marker
+from ..model.humans.landmark_names import landmark_of_marker
 from .association import Trajectories
 
 OWN_TIME = (".trc", ".c3d", ".mot", ".sto")  # suffixes of files whose stamps count from their first row

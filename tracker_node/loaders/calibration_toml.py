@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..camera.camera_rig import Camera, CameraRig
+from ..camera.rig import Camera, CameraRig
 from ..errors import UnknownNameError
 from ..geometry import so3
 from .whole_file import write_whole

@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from ..camera.camera_model import CameraModel
+from ..camera.model import CameraModel
 from ..errors import FileFormatError
 from .camera_info_yaml import dump_camera_info, load_camera_info
 

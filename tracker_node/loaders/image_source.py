@@ -11,8 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..camera.camera_rig import Camera
 from ..camera.capture_settings import CaptureSettings
+from ..camera.rig import Camera
 from ..errors import CalibrationError, SourceError, without_password
 from ..observation.deinterlace import check_field_order, check_interlaced, deinterlace
 from .bag_source import BagSource, topic_of_camera

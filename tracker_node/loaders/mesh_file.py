@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileFormatError
-from ..model.primitives import Mesh
+from ..model.shapes.primitives import Mesh
 from .limited_file import MEDIA_BYTES, check_regular
 from .picture_file import write_picture
 

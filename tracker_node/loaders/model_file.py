@@ -8,10 +8,10 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
-from ..model.articulated_model import DEFAULT_COLOR_RGB
+from ..model.articulated import DEFAULT_COLOR_RGB
 from ..model.kinematic_chain import ROOT_DOF_NAMES
-from ..model.nurbs import N_AROUND, RING_SPACING, Loft, Section
-from ..model.primitives import BOX_FACES
+from ..model.shapes.nurbs import N_AROUND, RING_SPACING, Loft, Section
+from ..model.shapes.primitives import BOX_FACES
 from .file_kind import BODY
 from .yaml_file import FileModel, Number, PositiveNumber, is_number, numbers, problem
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from ..errors import FileFormatError, ModelError
 from ..geometry import se3, so3
-from ..model.articulated_model import ArticulatedModel, Landmark, Shape
+from ..model.articulated import ArticulatedModel, Landmark, Shape
 from ..model.kinematic_chain import Axis, Following, Joint, KinematicChain
-from ..model.nurbs import N_AROUND, RING_SPACING, LoftedSolid, loft_mesh
-from ..model.primitives import BOX_FACES, Box, Ellipsoid, Mesh, Primitive, TruncatedCone
+from ..model.shapes.nurbs import N_AROUND, RING_SPACING, LoftedSolid, loft_mesh
+from ..model.shapes.primitives import BOX_FACES, Box, Ellipsoid, Mesh, Primitive, TruncatedCone
 from .mesh_file import read_mesh, write_mesh
 from .model_file import (
     AxisEntry,

@@ -14,9 +14,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..camera.camera_model import CameraModel
-from ..camera.camera_rig import Camera, CameraRig
+from ..camera.model import CameraModel
 from ..camera.plausible_lens import plausible
+from ..camera.rig import Camera, CameraRig
 from ..errors import CalibrationError, FileFormatError
 from ..geometry import se3
 from .camera_name import identifier

@@ -9,12 +9,12 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from ..camera.camera_model import CameraModel
-from ..camera.camera_rig import Camera, CameraRig
 from ..camera.capture_settings import CaptureSettings
 from ..camera.distortion import COEFFICIENT_COUNTS
 from ..camera.light import Light
+from ..camera.model import CameraModel
 from ..camera.plausible_lens import plausible
+from ..camera.rig import Camera, CameraRig
 from ..errors import CalibrationError, SourceError
 from ..geometry import se3
 from .capture_yaml import CaptureEntry, capture_entry

@@ -16,7 +16,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..camera.camera_rig import Camera
+from ..camera.rig import Camera
 from ..errors import FileFormatError, SourceError
 from .csv_file import CsvCells, CsvTable
 

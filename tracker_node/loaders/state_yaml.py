@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from ..errors import FileFormatError, ModelError
 from ..geometry import quaternion, se3
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import State, refuse_implausible
 from .file_kind import STATE
 from .model_yaml import transform_of

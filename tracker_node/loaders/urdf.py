@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import FileFormatError, ModelError
 from ..geometry import se3
-from ..model.articulated_model import ArticulatedModel, Landmark, Shape
+from ..model.articulated import ArticulatedModel, Landmark, Shape
 from ..model.kinematic_chain import ENDLESS_RAD, ROOT_DOF_NAMES, Axis, Following, Joint, KinematicChain
 from .urdf_geometry import read_materials, read_shapes
 from .urdf_xml import Node, read_robot

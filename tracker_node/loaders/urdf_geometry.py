@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..model.articulated_model import DEFAULT_COLOR_RGB, Shape
-from ..model.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
+from ..model.articulated import DEFAULT_COLOR_RGB, Shape
+from ..model.shapes.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
 from .mesh_file import read_mesh
 from .urdf_xml import Node
 

@@ -7,8 +7,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from ..model.articulated_model import ArticulatedModel, Shape
-from ..model.primitives import Box, Ellipsoid, Mesh, TruncatedCone
+from ..model.articulated import ArticulatedModel, Shape
+from ..model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 
 
 def urdf_of(model: ArticulatedModel) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import ModelError
 from ..geometry import se3, so3
-from .articulated_model import ArticulatedModel
+from .articulated import ArticulatedModel
 from .kinematic_chain import N_ROOT_DOF, forward_kinematics
 
 

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from ..geometry import se3, so3
-from .articulated_model import ArticulatedModel
+from .articulated import ArticulatedModel
 from .configuration import State
 
 ROOT_NAMES = ("x", "y", "z", "somersault", "tilt", "twist")

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .articulated_model import ArticulatedModel, Landmark, Shape
+from .articulated import ArticulatedModel, Landmark, Shape
 from .kinematic_chain import Joint, KinematicChain
-from .nurbs import Loft, LoftedSolid, Section, loft_mesh
-from .primitives import Box, Ellipsoid, Primitive, TruncatedCone
+from .shapes.nurbs import Loft, LoftedSolid, Section, loft_mesh
+from .shapes.primitives import Box, Ellipsoid, Primitive, TruncatedCone
 
 _ONES = (1.0, 1.0, 1.0)
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .articulated_model import ArticulatedModel, Landmark, Shape
+from .articulated import ArticulatedModel, Landmark, Shape
+from .humans.landmark_names import mirrored_name
 from .kinematic_chain import KinematicChain
-from .landmark_names import mirrored_name
-from .primitives import Primitive, TruncatedCone
 from .scaling import scaled_primitive
+from .shapes.primitives import Primitive, TruncatedCone
 
 # Standard deviations. Gordon et al. (1989), 1988 Anthropometric Survey of U.S. Army Personnel: stature varies by 4 % of its mean,
 # lengths of single segments by 5 to 6, breadths and depths of the trunk by 6 to 9, girths of limbs by 7 to 9 %. A tenth for

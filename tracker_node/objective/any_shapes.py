@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..camera.camera_rig import Camera
+from ..camera.rig import Camera
 from ..model.configuration import Configuration
 from ..render.lighting import lights_in_camera
 from ..render.raycaster import cast

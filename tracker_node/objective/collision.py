@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.kinematic_chain import KinematicChain
-from ..model.round_cones import END, END_RADIUS, N_CAPSULE, START, START_RADIUS
+from ..model.shapes.round_cones import END, END_RADIUS, N_CAPSULE, START, START_RADIUS
 from .collision_kernels import add_collisions, pair_gaps, place_capsules
 from .normal_equations import NormalEquations
 
@@ -15,7 +15,7 @@ from .normal_equations import NormalEquations
 class CollisionObjective:
     """Cost (depth / sigma)^2 of every pair of parts that have run into each other; none where they have not.
 
-    A part is a shape, seen as the round cones within it (`model.capsules`). Two parts are left out if they are rigidly joined, if
+    A part is a shape, seen as the round cones within it (`capsules`). Two parts are left out if they are rigidly joined, if
     no third part is between them along the chain, or if one is and they overlap in the neutral pose (upper arm and trunk, both
     thighs). Others that overlap there (hand and thigh of hanging arms) may do so that far anywhere.
 

@@ -7,7 +7,7 @@ import math
 import numba as nb
 import numpy as np
 
-from ..model.round_cones import END, END_RADIUS, START, START_RADIUS, nearest_on
+from ..model.shapes.round_cones import END, END_RADIUS, START, START_RADIUS, nearest_on
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

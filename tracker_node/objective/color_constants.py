@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
 from ..camera.light import AMBIENT, COS_OUTER, DIRECTIONAL, INTENSITY, KIND, POINT, SPOT, pack_lights
-from ..model.articulated_model import ArticulatedModel
+from ..camera.rig import CameraRig
+from ..model.articulated import ArticulatedModel
 from ..render.shape_arrays import OTHER, ShapeArrays
 
 REPRESENTATIONS = ("raw", "normalized", "blend")

@@ -14,7 +14,7 @@ import math
 import numba as nb
 import numpy as np
 
-from ..camera.camera_model import NEAR
+from ..camera.model import NEAR
 from ..model.kinematic_chain import forward_kinematics
 from ..render.ray_coefficients import BIG, LINE, LOWER, ORIGIN, QUADRATIC, UPPER, farthest_depth, pixel_box
 from ..render.shape_arrays import CONE, ELLIPSOID

@@ -16,10 +16,10 @@ from enum import IntEnum
 import cv2
 import numpy as np
 
-from ..camera.camera_model import NEAR
-from ..camera.camera_rig import CameraRig
+from ..camera.model import NEAR
+from ..camera.rig import CameraRig
 from ..geometry import se3
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..render.ray_coefficients import N_COEFFICIENTS
 from . import color_kernels as kernel

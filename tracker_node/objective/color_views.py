@@ -8,8 +8,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from ..camera.camera_model import CameraModel
-from ..camera.camera_rig import Camera, CameraRig
+from ..camera.model import CameraModel
+from ..camera.rig import Camera, CameraRig
 from ..render.ray_table import ray_table
 from . import color_kernels as kernel
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..camera.camera_rig import Camera
-from ..model.articulated_model import ArticulatedModel
+from ..camera.rig import Camera
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..render.contour import SAMPLES, world_spheres
 from ..render.contour_picks import N_PICK_COLUMNS

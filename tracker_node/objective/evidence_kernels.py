@@ -10,7 +10,7 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from ..camera.camera_model import NEAR
+from ..camera.model import NEAR
 from ..model.kinematic_chain import forward_kinematics
 from ..render.ray_coefficients import INVISIBLE, N_COEFFICIENTS, farthest_depth, normalized_box, pixel_box, shape_coefficients
 from ..render.ray_kernels import LABEL_BITS, LANES, draw_shape

@@ -9,10 +9,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ..camera.camera_rig import Camera
+from ..camera.rig import Camera
 from ..geometry import se3
-from ..model.articulated_model import ArticulatedModel
-from ..model.primitives import Box, Mesh
+from ..model.articulated import ArticulatedModel
+from ..model.shapes.primitives import Box, Mesh
 from ..render.ray_coefficients import BOX
 from ..render.ray_kernels import LABEL_BITS
 from ..render.ray_table import ray_table

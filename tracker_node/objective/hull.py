@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from ..camera.camera_rig import Camera
+from ..camera.rig import Camera
 
 _LEAST = 0.1  # probability left to a place that a camera denies: silhouettes have holes
 _MOST_STEPS = 200  # of a grid, each way: 8 million points, some hundred megabytes

@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..camera.camera_rig import Camera, CameraRig
-from ..model.articulated_model import ArticulatedModel
+from ..camera.rig import Camera, CameraRig
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..render.ray_table import ray_table
 from ..render.shape_arrays import ShapeArrays

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..camera.camera_rig import Camera
+from ..camera.rig import Camera
 
 
 def camera_constants(camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

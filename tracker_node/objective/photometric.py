@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
-from ..model.articulated_model import ArticulatedModel
+from ..camera.rig import CameraRig
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..render.ray_coefficients import N_COEFFICIENTS
 from . import color_kernels as kernel

@@ -7,7 +7,7 @@ import math
 import numba as nb
 import numpy as np
 
-from ..camera.camera_model import project_point
+from ..camera.model import project_point
 
 COST, WEIGHTED_SQUARES, WEIGHT, COUNT, N_SUMS = 0, 1, 2, 3, 4
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numba as nb
 
-from ..camera.camera_model import project_point
+from ..camera.model import project_point
 from ..render.contour import OUTER
 from ..render.contour_samples import CLASS, LINK, SHAPE
 from .line_table import LINE_NU, LINE_NV, LINE_U, LINE_V, LOG_RATIO, MEAN, POINT, PRECISION

@@ -17,7 +17,7 @@ import math
 import numba as nb
 import numpy as np
 
-from ..camera.camera_model import NEAR, project_point
+from ..camera.model import NEAR, project_point
 from ..render.contour import INNER, N_COLUMNS, NORMAL, P
 from ..render.contour_samples import (
     BEYOND,

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numba as nb
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..geometry import se3
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..model.primitives import Primitive, TruncatedCone
 from ..model.shape_parameters import ShapeSpace, half_extents
+from ..model.shapes.primitives import Primitive, TruncatedCone
 
 N_CAMERA = 8  # derivatives by a camera: twist in its own frame (6), logarithm of its focal length, its time (seconds)
 FOCAL, TIME = 6, 7

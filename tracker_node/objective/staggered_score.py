@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
-from ..model.articulated_model import ArticulatedModel
+from ..camera.rig import CameraRig
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from .color_score import ColorObjective, ColorOptions, ColorScore, Verdict
 

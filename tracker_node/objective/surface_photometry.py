@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from ..camera.camera_rig import Camera, CameraRig
-from ..model.articulated_model import ArticulatedModel
+from ..camera.rig import Camera, CameraRig
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..render.raycaster import render_color, render_labels
 from . import photometry_kernels as kernel

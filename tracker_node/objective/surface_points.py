@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 
 from ..errors import ModelError
-from ..model.articulated_model import ArticulatedModel, Shape
-from ..model.primitives import BOX_FACES, Box
+from ..model.articulated import ArticulatedModel, Shape
+from ..model.shapes.primitives import BOX_FACES, Box
 
-# Normal, direction of a picture's columns, and of its rows, of each face of a box (`model.primitives.Box`)
+# Normal, direction of a picture's columns, and of its rows, of each face of a box (`model.shapes.primitives.Box`)
 _FACE_AXES = {
     "+x": ((1, 0, 0), (0, 1, 0), (0, 0, -1)),
     "-x": ((-1, 0, 0), (0, -1, 0), (0, 0, -1)),

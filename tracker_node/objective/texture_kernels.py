@@ -11,7 +11,7 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from ..camera.camera_model import project_point
+from ..camera.model import project_point
 
 LEAST_POINTS = 12  # of one camera
 LEAST_GAIN = 1e-3

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..camera.camera_rig import Camera
+from ..camera.rig import Camera
 from ..model.configuration import Configuration
 from ..render import contour_samples as cs
 from ..render.contour import N_COLUMNS, world_spheres

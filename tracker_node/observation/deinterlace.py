@@ -17,7 +17,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from ..camera.camera_rig import Camera
+from ..camera.rig import Camera
 from ..errors import SourceError
 
 FIELD_ORDERS = ("top_first", "bottom_first")  # the field that was exposed first: lines 0, 2, 4... or lines 1, 3, 5...

@@ -13,7 +13,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from .appearance import BINS, count_colors
 from .body_region import Region
 from .color_densities import N_COLORS, UNIFORM, fill_classes, fill_density, mix_classes, mix_counts

@@ -7,8 +7,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from ..camera.camera_model import CameraModel
-from ..camera.camera_rig import Camera
+from ..camera.model import CameraModel
+from ..camera.rig import Camera
 
 _STRAIGHT = ("none", "plumb_bob", "rational_polynomial")  # a fisheye's image does not fit on a plane
 

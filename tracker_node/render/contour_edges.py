@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..model.primitives import Box, Mesh
+from ..model.shapes.primitives import Box, Mesh
 
 # Columns of an edge: its ends, the planes n.x = d of the faces on both sides, how it may be seen
 START, END, NORMAL_0, OFFSET_0, NORMAL_1, OFFSET_1, MANNER = 0, 3, 6, 9, 10, 13, 14

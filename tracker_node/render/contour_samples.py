@@ -7,7 +7,7 @@ import math
 import numba as nb
 import numpy as np
 
-from ..camera.camera_model import NEAR, project_point
+from ..camera.model import NEAR, project_point
 from .contour import (
     HIDDEN,
     N_COLUMNS,

@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..camera.camera_model import NEAR
-from ..camera.camera_rig import Camera
-from ..model.articulated_model import ArticulatedModel
+from ..camera.model import NEAR
+from ..camera.rig import Camera
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration
-from ..model.primitives import Box, Ellipsoid, Mesh, Primitive
+from ..model.shapes.primitives import Box, Ellipsoid, Mesh, Primitive
 from .ray_coefficients import pixel_box
 from .ray_table import MadeOnce, ray_table
 from .renderer import Region

@@ -11,7 +11,7 @@ import math
 import numba as nb
 import numpy as np
 
-from ..camera.camera_model import NEAR, project_point
+from ..camera.model import NEAR, project_point
 from .pixel_function import pixel_function, pixel_loop
 from .ray_coefficients import pixel_box
 from .ray_kernels import LABEL_BITS, LANES

@@ -8,8 +8,8 @@ import cv2
 import numba as nb
 import numpy as np
 
-from ..camera.camera_rig import Camera, CameraRig
-from ..model.articulated_model import ArticulatedModel
+from ..camera.rig import Camera, CameraRig
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from .contour_samples import DEPTH, NU, NV, U, V
 from .raycaster import render_labels, render_view

@@ -17,7 +17,6 @@ from pyrender.camera import Camera
 from pyrender.renderer import Renderer
 from pyrender.shader_program import ShaderProgram, ShaderProgramCache
 
-from ..camera.camera_model import N_PARAMS
 from ..camera.light import (
     COS_INNER,
     COS_OUTER,
@@ -30,6 +29,7 @@ from ..camera.light import (
     POSITION,
     SPOT,
 )
+from ..camera.model import N_PARAMS
 
 MAX_LIGHTS = 16  # what fits into the uniforms that every OpenGL has
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..camera.camera_rig import Camera
 from ..camera.light import Light, pack_lights
-from ..model.articulated_model import ArticulatedModel
+from ..camera.rig import Camera
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration
 from .extent import body_extent, corners_in_camera
 from .opengl_context import OpenGLContext

@@ -12,7 +12,7 @@ import math
 import numba as nb
 import numpy as np
 
-from ..camera.camera_model import NEAR, project_point
+from ..camera.model import NEAR, project_point
 from .shape_arrays import CONE, ELLIPSOID
 
 BIG = 1e30  # an inverse depth that no bound reaches

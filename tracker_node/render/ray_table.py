@@ -11,8 +11,8 @@ from typing import Generic, TypeVar
 import numba as nb
 import numpy as np
 
-from ..camera.camera_model import CameraModel
 from ..camera.distortion import distort, undistort
+from ..camera.model import CameraModel
 
 PADDING = 16  # rows of a table are filled up to a multiple of this
 

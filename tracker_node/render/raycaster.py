@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numba as nb
 import numpy as np
 
-from ..camera.camera_model import NEAR, CameraModel
-from ..camera.camera_rig import Camera
 from ..camera.light import Light, pack_lights
-from ..model.articulated_model import ArticulatedModel
+from ..camera.model import NEAR, CameraModel
+from ..camera.rig import Camera
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration
-from ..model.primitives import Box, Mesh, is_closed
+from ..model.shapes.primitives import Box, Mesh, is_closed
 from .lighting import lights_in_camera
 from .mesh_kernels import N_TRIANGLE_COLUMNS, draw_mesh, mesh_box, pose_vertices
 from .ray_coefficients import (

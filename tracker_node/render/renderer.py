@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from ..camera.camera_rig import Camera
 from ..camera.light import Light
+from ..camera.rig import Camera
 from ..model.configuration import Configuration
 
 Region = tuple[int, int, int, int]

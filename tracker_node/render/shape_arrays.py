@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..model.articulated_model import ArticulatedModel
-from ..model.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
+from ..model.articulated import ArticulatedModel
+from ..model.shapes.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
 from . import contour_edges as edge
 from . import contour_hits as hits
 from .ray_table import MadeOnce

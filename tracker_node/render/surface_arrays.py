@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..model.articulated_model import ArticulatedModel
-from ..model.primitives import Box, Mesh
+from ..model.articulated import ArticulatedModel
+from ..model.shapes.primitives import Box, Mesh
 from .ray_table import MadeOnce
 
 NO_PICTURE = -1
@@ -22,7 +22,7 @@ class SurfaceArrays:
 
     Attributes
     ----------
-    colors : (n, 6, 3) float32 RGB, 0..255, of the faces of a box in the order of `model.primitives.BOX_FACES`; six times the
+    colors : (n, 6, 3) float32 RGB, 0..255, of the faces of a box in the order of `primitives.BOX_FACES`; six times the
         same of other shapes.
     pictures : (n, 6) index of the picture on each face of a box (of a mesh: six times the same), or `NO_PICTURE`.
     corners : (m, 3, 6) float32, of the corners of the triangles: unit normal (shape frame), and color as in ``colors``, or with

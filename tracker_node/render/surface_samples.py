@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..camera.camera_rig import Camera
+from ..camera.rig import Camera
 from ..geometry import se3
 from ..model.configuration import Configuration
 from .pixel_function import pixel_loop

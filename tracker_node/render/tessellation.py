@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
-from ..model.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
+from ..model.shapes.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
 
 ELLIPSOID_SUBDIVISIONS = 4  # of an icosahedron: 5120 triangles, about 90 around
 CONE_SEGMENTS, CONE_RINGS, CAP_RINGS = 96, 12, 3

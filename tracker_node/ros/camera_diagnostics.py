@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from sensor_msgs.msg import CameraInfo
 
-from ..camera.camera_model import CameraModel
-from ..camera.camera_rig import CameraRig
+from ..camera.model import CameraModel
+from ..camera.rig import CameraRig
 from ..errors import TrackerError
 from ..tracking.camera_fault import CameraFault
 from .conversions import camera_model_of

@@ -12,7 +12,7 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from sensor_msgs.srv import SetCameraInfo
 
-from ..camera.camera_model import CameraModel
+from ..camera.model import CameraModel
 from ..errors import CalibrationError, TrackerError
 from ..loaders.camera_info_url import save_lens
 from ..loaders.source_image import JPEG, SourceImage

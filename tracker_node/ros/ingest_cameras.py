@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ..camera.camera_model import CameraModel
-from ..camera.camera_rig import Camera, CameraRig
 from ..camera.capture_settings import CaptureSettings
+from ..camera.model import CameraModel
+from ..camera.rig import Camera, CameraRig
 from ..errors import CalibrationError, SourceError, TrackerError, UnknownNameError
 from ..loaders.bag_source import topic_of_camera
 from ..loaders.camera_info_url import load_lens

@@ -12,7 +12,7 @@ import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, Image
 
-from ..camera.camera_model import CameraModel
+from ..camera.model import CameraModel
 from ..errors import TrackerError
 from .conversions import camera_image_of, camera_model_of, image_message, stamp_ns_of
 from .guarded_node import GuardedNode

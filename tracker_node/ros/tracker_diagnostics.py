@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..observation.image_set import ImageSet
 from ..tracking.estimate import LimbStatus, Status, TrackEstimate
 from ..tracking.observability import unobservable

@@ -10,7 +10,7 @@ from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 
-from ..camera.camera_model import CameraModel
+from ..camera.model import CameraModel
 from ..errors import TrackerError
 from ..model.configuration import State
 from ..observation.image_set import ImageSet

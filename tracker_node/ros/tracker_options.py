@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
-from ..camera.camera_model import CameraModel
-from ..camera.camera_rig import CameraRig
+from ..camera.model import CameraModel
+from ..camera.rig import CameraRig
 from ..loaders.plate_file import load_plates, resized_plates
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..tracking.config import TrackerConfig
 from ..tracking.tracker import Tracker

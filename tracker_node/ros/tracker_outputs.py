@@ -14,8 +14,8 @@ from std_msgs.msg import String
 from tracker_msgs.msg import TrackedState
 from visualization_msgs.msg import MarkerArray
 
-from ..camera.camera_rig import CameraRig
-from ..model.articulated_model import ArticulatedModel
+from ..camera.rig import CameraRig
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..observation.image_set import ImageSet
 from ..render.raycaster import render_mask

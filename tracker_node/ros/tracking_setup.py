@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..model.configuration import State
 from ..observation.image_set import ImageSet
 from ..tracking.config import TrackerConfig

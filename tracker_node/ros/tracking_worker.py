@@ -9,7 +9,7 @@ import time
 import traceback
 from collections.abc import Callable
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..errors import TrackerError
 from ..model.configuration import State
 from ..observation.image_set import CameraImage, ImageSet

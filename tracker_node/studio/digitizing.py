@@ -12,7 +12,7 @@ from ..calibration.control_checks import check_control_points
 from ..calibration.dlt import MIN_POINTS, calibrate
 from ..calibration.dlt_stages import object_errors_m
 from ..calibration.point_reconstruction import ReconstructedPoint, reconstruct_point, repeatability
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..errors import CalibrationError
 from ..loaders.control_points import ControlPoints
 from ..loaders.trajectory_file import JointTrajectory, write_joints

@@ -13,8 +13,8 @@ from starlette.routing import BaseRoute
 
 from ..calibration.dlt import CONSTRAINTS
 from ..calibration.point_reconstruction import METHODS
-from ..camera.camera_rig import CameraRig
 from ..camera.epipolar import epipolar_curve
+from ..camera.rig import CameraRig
 from ..errors import CalibrationError, FileFormatError, UnknownNameError
 from ..loaders.control_points import load_places
 from ..loaders.json_values import finite

@@ -11,7 +11,7 @@ from typing import Generic, TypeVar
 import cv2
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..errors import FileFormatError, SourceError, TrackerError, UnknownNameError
 from ..evaluation.image_sets import make_synchronizer, opened_sources
 from ..loaders.file_sources import READ_ON

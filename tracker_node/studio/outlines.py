@@ -8,8 +8,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ..camera.camera_rig import Camera, CameraRig
-from ..model.articulated_model import ArticulatedModel
+from ..camera.rig import Camera, CameraRig
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..render.overlay import part_colors
 from ..render.raycaster import render_labels

@@ -11,7 +11,7 @@ from starlette.routing import BaseRoute
 from ..errors import FileFormatError, TrackerError, UnknownNameError
 from ..loaders.json_values import finite_list
 from ..loaders.yaml_file import FileModel
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..tracking.estimate import LimbStatus, Status
 from .endpoints import get, image, post
 from .images import RecordedImages

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..errors import TrackerError
 from ..evaluation.recorded_sets import RecordedRunStream, RecordedSet, recorded_set
 from ..evaluation.run_data import STATES_FILE, RunData, load_run
@@ -16,7 +16,7 @@ from ..loaders.bag_images import only_topic
 from ..loaders.bag_reader import BagReader
 from ..loaders.message_types import TRACKED_STATE
 from ..loaders.trajectory_file import read_states
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from .images import RecordedImages
 from .session import StudioSession
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..errors import FileFormatError, TrackerError
 from ..loaders.state_yaml import dump_state, load_state
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")

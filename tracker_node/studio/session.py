@@ -10,14 +10,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..errors import TrackerError
 from ..evaluation.config_file import load_config
 from ..loaders.model_yaml import load_model
 from ..loaders.owned_folder import OwnedFolder
 from ..loaders.rig_yaml import load_rig
 from ..loaders.state_yaml import load_state
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..tracking.config import TrackerConfig
 from .images import RecordedImages

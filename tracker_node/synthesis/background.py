@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from ..camera.camera_rig import Camera
+from ..camera.rig import Camera
 
 # Hue (degrees), saturation and value (0..1) of things: woods, walls, greys, blues, greens, reds; beige is the nearest to yellow
 _PALETTE = (

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..geometry import se3, so3
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.kinematic_chain import N_ROOT_DOF, Axis
-from ..model.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
+from ..model.shapes.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
 from .rasterizer import ColoredMesh
 
 _AROUND = 96  # a circle of 15 cm radius is then true to 0.1 mm

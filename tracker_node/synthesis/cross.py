@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera.camera_model import CameraModel
-from ..camera.camera_rig import Camera, CameraRig
 from ..camera.light import Light
+from ..camera.model import CameraModel
+from ..camera.rig import Camera, CameraRig
 from ..geometry import se3
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.pose_variables import from_variables
 from .free_flight import FreeFlight, mass_properties

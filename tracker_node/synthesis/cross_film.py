@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration
 from ..observation.deinterlace import first_line, interpolate_lines, separate_fields, weave_fields
 from .cross import LATE_CAMERA, LATE_S, CrossTrial

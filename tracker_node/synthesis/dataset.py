@@ -24,7 +24,7 @@ import cv2
 import numpy as np
 
 from .. import __version__
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..errors import SourceError
 from ..loaders.rig_yaml import rig_file_of, write_rig_file
 from ..loaders.trajectory_file import JointsWriter, StateRow, StateTrajectory, write_states

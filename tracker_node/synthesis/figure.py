@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..geometry import se3, so3
-from ..model.articulated_model import ArticulatedModel, Landmark, Shape
+from ..model.articulated import ArticulatedModel, Landmark, Shape
 from ..model.configuration import Configuration, State
 from ..model.kinematic_chain import Axis, Joint, KinematicChain
-from ..model.primitives import TruncatedCone
+from ..model.shapes.primitives import TruncatedCone
 
 _SIDES = (("left", 1.0), ("right", -1.0))  # name, and sign of y
 UPPER_ARM_M, FOREARM_M, THIGH_M, SHANK_M = 0.30, 0.27, 0.43, 0.42

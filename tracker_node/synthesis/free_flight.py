@@ -11,9 +11,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from ..geometry import se3, so3
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..model.primitives import Box
+from ..model.shapes.primitives import Box
 
 GRAVITY = 9.81  # m/s^2
 

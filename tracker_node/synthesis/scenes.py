@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..camera.camera_model import CameraModel
-from ..camera.camera_rig import Camera, CameraRig
+from ..camera.model import CameraModel
+from ..camera.rig import Camera, CameraRig
 from ..errors import UnknownNameError
 from ..geometry import se3
 from . import clutter, room

@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera.camera_model import CameraModel
-from ..camera.camera_rig import Camera, CameraRig
 from ..camera.light import Light
+from ..camera.model import CameraModel
+from ..camera.rig import Camera, CameraRig
 from ..errors import UnknownNameError
 from ..geometry import se3
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.kinematic_chain import KinematicChain
 from ..model.pose_variables import angles_of, from_variables

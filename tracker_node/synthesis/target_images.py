@@ -12,7 +12,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from ..camera.camera_rig import Camera, CameraRig
+from ..camera.rig import Camera, CameraRig
 from ..model.configuration import Configuration
 from ..render.backends import make_renderer
 from ..render.extent import body_extent

@@ -7,7 +7,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from .camera_fault import CameraFault
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..objective import contour_residual as kernel
 from ..objective.contour_agreement import BOUNDARY, ON_BOUNDARY, ON_OUTLINE, OUTLINE
 from ..objective.contour_objective import CameraSlot

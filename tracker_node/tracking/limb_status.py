@@ -16,7 +16,7 @@ import numba as nb
 import numpy as np
 
 from ..geometry import so3
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..objective.region_objective import PartEvidence
 from .config import StatusConfig

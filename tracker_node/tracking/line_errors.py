@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
-from ..model.articulated_model import ArticulatedModel
+from ..camera.rig import CameraRig
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..objective.contour_residual import assemble
 from ..objective.line_spacing import add_crowding

@@ -7,11 +7,11 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..errors import ModelError
-from ..model.articulated_model import ArticulatedModel, Shape
+from ..model.articulated import ArticulatedModel, Shape
 from ..model.configuration import Configuration, State
-from ..model.primitives import Box, Mesh
+from ..model.shapes.primitives import Box, Mesh
 from ..render.raycaster import render_color, render_labels
 from .engine import Images
 

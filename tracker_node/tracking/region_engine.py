@@ -9,8 +9,8 @@ from statistics import median
 
 import numpy as np
 
-from ..camera.camera_rig import Camera, CameraRig
-from ..model.articulated_model import ArticulatedModel
+from ..camera.rig import Camera, CameraRig
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective import region_lines as kernel

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from ..camera.camera_rig import Camera
-from ..model.articulated_model import ArticulatedModel
+from ..camera.rig import Camera
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..render.raycaster import render_mask
 

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from ..camera.camera_rig import Camera
+from ..camera.rig import Camera
 from ..observation.appearance import ColorModel, SceneModel, body_log_odds
 
 _SIGMA = 4.0  # grey levels that a pixel of the small empty scene varies by

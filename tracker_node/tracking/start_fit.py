@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from ..camera.camera_rig import Camera
-from ..model.articulated_model import ArticulatedModel
+from ..camera.rig import Camera
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective.contour_objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps

@@ -13,8 +13,8 @@ from collections.abc import Callable, Sequence
 import cv2
 import numpy as np
 
-from ..camera.camera_rig import Camera
-from ..model.articulated_model import ArticulatedModel
+from ..camera.rig import Camera
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective.evidence_score import EvidenceScore

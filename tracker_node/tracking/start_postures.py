@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.kinematic_chain import KinematicChain
 from ..optimize.halton import scrambled_halton
 

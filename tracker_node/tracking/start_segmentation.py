@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from ..camera.camera_rig import Camera
+from ..camera.rig import Camera
 from ..model.configuration import Configuration
 from ..objective.hull import Volume, occupancy, seen_from
 from ..render.raycaster import render_mask

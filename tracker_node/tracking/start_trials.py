@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..observation.image_set import ImageSet
 from .engine import Engine, Images, Verdict

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
-from ..model.articulated_model import ArticulatedModel
+from ..camera.rig import CameraRig
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..observation.image_set import ImageSet
 from .config import StartConfig

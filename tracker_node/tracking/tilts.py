@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..geometry import so3
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 
 ANGLES = (np.radians(8.0), np.radians(20.0))

@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..camera.rig_unit import check_metres
 from ..errors import CalibrationError, FileFormatError
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..objective.prior import Prior
 from ..observation.image_set import ImageSet

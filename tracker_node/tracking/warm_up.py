@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..camera.camera_rig import CameraRig
+from ..camera.rig import CameraRig
 from ..geometry import se3
-from ..model.articulated_model import ArticulatedModel
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..observation.image_set import CameraImage, ImageSet
 from ..render.raycaster import render_view

@@ -9,7 +9,7 @@ pytest.importorskip("rclpy")
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import CameraInfo
 
-from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.model import CameraModel
 from tracker_node.errors import CalibrationError
 from tracker_node.ros.camera_diagnostics import compared_lenses
 from tracker_node.ros.conversions import camera_info_message, camera_model_of

@@ -11,10 +11,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from ...model.articulated_model import ArticulatedModel, Shape
+from ...model.articulated import ArticulatedModel, Shape
 from ...model.configuration import Configuration
 from ...model.kinematic_chain import N_ROOT_DOF
-from ...model.primitives import Box, Ellipsoid, TruncatedCone
+from ...model.shapes.primitives import Box, Ellipsoid, TruncatedCone
 from ...render.status_palette import rgb_of
 from ...tracking.estimate import Status, TrackEstimate
 from .estimates import pose_of

@@ -7,8 +7,8 @@ import array
 import numpy as np
 from sensor_msgs.msg import CameraInfo
 
-from ...camera.camera_model import CameraModel
 from ...camera.distortion import COEFFICIENT_COUNTS
+from ...camera.model import CameraModel
 from ...camera.plausible_lens import plausible
 from ...errors import CalibrationError, shown
 from .stamps import stamp_message

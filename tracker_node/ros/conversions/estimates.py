@@ -11,7 +11,7 @@ from tracker_msgs.msg import TrackedState
 
 from ...errors import TrackerError, UnknownNameError
 from ...geometry import quaternion, se3
-from ...model.articulated_model import ArticulatedModel
+from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...tracking.estimate import CameraReport, LimbReport, LimbStatus, Status, Timings, TrackEstimate
 from .stamps import stamp_message, stamp_ns_of

@@ -9,10 +9,10 @@ import numpy as np
 
 from ..errors import UnknownNameError
 from ..geometry import se3
-from .capsules import inner_capsules
 from .kinematic_chain import KinematicChain
-from .primitives import Primitive
-from .round_cones import END, START
+from .shapes.capsules import inner_capsules
+from .shapes.primitives import Primitive
+from .shapes.round_cones import END, START
 
 DEFAULT_COLOR_RGB = (180, 180, 180)  # of a shape whose color nobody has stated
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..geometry import se3
-from .articulated_model import ArticulatedModel, Landmark, Shape
-from .kinematic_chain import KinematicChain
-from .primitives import Box
+from ...geometry import se3
+from ...model.articulated import ArticulatedModel, Landmark, Shape
+from ...model.kinematic_chain import KinematicChain
+from ...model.shapes.primitives import Box
 
 YELLOW_RGB = (250, 215, 30)
 UP, DOWN = 0.38, 0.62  # metres from the crossing to the ends of the long prism

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from .articulated_model import ArticulatedModel, Shape
-from .nurbs import N_AROUND, RING_SPACING, loft_mesh
+from ..articulated import ArticulatedModel, Shape
+from ..shapes.nurbs import N_AROUND, RING_SPACING, loft_mesh
 from .segments18 import COLORS, body_chain, body_landmarks, body_lofts
 
 

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from tracker_node.errors import UnknownNameError
-from tracker_node.model.articulated_model import ArticulatedModel, Landmark, Shape
+from tracker_node.model.articulated import ArticulatedModel, Landmark, Shape
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.primitives import Box, Ellipsoid, Mesh, TruncatedCone
+from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 
 
 def test_cone_from_end_radii():

@@ -5,14 +5,14 @@ import pytest
 from bodies import assert_same_body, random_state
 from render_scenes import LENSES, look_at
 
-from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.model import CameraModel
 from tracker_node.loaders.model_yaml import load_model
-from tracker_node.model import anthropometry as m
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.ellipsoid_human import ellipsoid_human
-from tracker_node.model.nurbs import LoftedSolid, loft_surface
-from tracker_node.model.nurbs_human import nurbs_human
-from tracker_node.model.segments18 import body_lofts
+from tracker_node.model.humans import anthropometry as m
+from tracker_node.model.humans.ellipsoids import ellipsoid_human
+from tracker_node.model.humans.lofts import nurbs_human
+from tracker_node.model.humans.segments18 import body_lofts
+from tracker_node.model.shapes.nurbs import LoftedSolid, loft_surface
 from tracker_node.render.raycaster import render_mask
 
 MODEL = nurbs_human()

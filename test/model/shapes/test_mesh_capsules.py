@@ -6,10 +6,10 @@ import trimesh
 from mesh_solids import ball, box, cone, is_inside, joined, outer_vertices, rod
 
 from tracker_node.geometry import so3
-from tracker_node.model.mesh_capsules import capsules_in_mesh
-from tracker_node.model.nurbs_human import nurbs_human
-from tracker_node.model.primitives import Mesh
-from tracker_node.model.round_cones import END, END_RADIUS, N_CAPSULE, START, START_RADIUS, point_gaps
+from tracker_node.model.humans.lofts import nurbs_human
+from tracker_node.model.shapes.mesh_capsules import capsules_in_mesh
+from tracker_node.model.shapes.primitives import Mesh
+from tracker_node.model.shapes.round_cones import END, END_RADIUS, N_CAPSULE, START, START_RADIUS, point_gaps
 
 
 def turned(mesh: Mesh, rotation, shift=(0.0, 0.0, 0.0)) -> Mesh:

@@ -6,8 +6,8 @@ from geomdl import NURBS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tracker_node.model.nurbs import DEGREE, Loft, Section, loft_mesh, loft_surface, stadium_points
-from tracker_node.model.segments18 import SEGMENTS, body_lofts
+from tracker_node.model.humans.segments18 import SEGMENTS, body_lofts
+from tracker_node.model.shapes.nurbs import DEGREE, Loft, Section, loft_mesh, loft_surface, stadium_points
 
 CYLINDER = Loft((Section(-0.2, 0.05, 0.05), Section(0.1, 0.05, 0.05)), (0.05, 0.05))
 BENT = Loft((Section(0.0, 0.05, 0.08), Section(0.1, 0.09, 0.04, 0.02, -0.01), Section(0.15, 0.03, 0.03)), (0.02, 0.03))

@@ -6,9 +6,9 @@ from two_links import two_links
 
 from tracker_node.errors import UnknownNameError
 from tracker_node.geometry import se3
-from tracker_node.model.articulated_model import ArticulatedModel, Landmark, Shape
-from tracker_node.model.capsules import inner_capsules
-from tracker_node.model.primitives import Ellipsoid, Mesh, TruncatedCone
+from tracker_node.model.articulated import ArticulatedModel, Landmark, Shape
+from tracker_node.model.shapes.capsules import inner_capsules
+from tracker_node.model.shapes.primitives import Ellipsoid, Mesh, TruncatedCone
 
 CHAIN = two_links().chain
 TURN = np.array([[0.0, -1.0, 0.0, 1.0], [1.0, 0.0, 0.0, 2.0], [0.0, 0.0, 1.0, 3.0], [0.0, 0.0, 0.0, 1.0]])

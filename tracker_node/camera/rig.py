@@ -9,9 +9,9 @@ import numpy as np
 
 from ..errors import UnknownNameError
 from ..geometry import se3
-from .camera_model import CameraModel
 from .capture_settings import CaptureSettings
 from .light import Light
+from .model import CameraModel
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from finite_difference import assert_jacobian
 
-from tracker_node.camera.camera_model import CameraModel
+from tracker_node.camera.model import CameraModel
 
 K = np.array([[620.0, 0.0, 310.0], [0.0, 600.0, 250.0], [0.0, 0.0, 1.0]])
 LENSES = {

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry import se3, so3
-from .articulated_model import ArticulatedModel, Landmark, Shape
-from .human_measures import HumanMeasures
-from .kinematic_chain import Axis, Joint, KinematicChain
-from .primitives import Ellipsoid, Primitive, TruncatedCone
+from ...geometry import se3, so3
+from ..articulated import ArticulatedModel, Landmark, Shape
+from ..kinematic_chain import Axis, Joint, KinematicChain
+from ..shapes.primitives import Ellipsoid, Primitive, TruncatedCone
+from .measures import HumanMeasures
 
 SIDES = (("left", 1.0), ("right", -1.0))  # name, and sign of y
 TRUNK_LINKS = ("pelvis", "abdomen", "torso", "head")

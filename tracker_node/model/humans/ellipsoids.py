@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..geometry import se3
-from .articulated_model import ArticulatedModel, Shape
-from .nurbs import Loft, loft_mesh
-from .primitives import Ellipsoid, Mesh
+from ...geometry import se3
+from ..articulated import ArticulatedModel, Shape
+from ..shapes.nurbs import Loft, loft_mesh
+from ..shapes.primitives import Ellipsoid, Mesh
 from .segments18 import COLORS, body_chain, body_landmarks, body_lofts
 
 _BETWEEN_JOINTS = ("upper_arm", "forearm", "thigh", "shank")

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from tracker_node.model import anthropometry as man
+from tracker_node.model.humans import anthropometry as man
 
 
 def test_sections():

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from tracker_node.camera.camera_model import CameraModel
-from tracker_node.camera.camera_rig import Camera, CameraRig
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import UnknownNameError
 from tracker_node.geometry import se3
 

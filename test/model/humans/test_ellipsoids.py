@@ -6,12 +6,12 @@ from bodies import assert_same_body, mirrored_states
 
 from tracker_node.loaders.model_yaml import load_model
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.ellipsoid_human import ellipsoid_human, equivalent_ellipsoid
-from tracker_node.model.human import human_model
-from tracker_node.model.landmark_names import mirrored_name
-from tracker_node.model.nurbs import Loft, Section, loft_mesh
+from tracker_node.model.humans.ellipsoids import ellipsoid_human, equivalent_ellipsoid
+from tracker_node.model.humans.human import human_model
+from tracker_node.model.humans.landmark_names import mirrored_name
 from tracker_node.model.pose_variables import to_variables, variable_names
-from tracker_node.model.primitives import Ellipsoid
+from tracker_node.model.shapes.nurbs import Loft, Section, loft_mesh
+from tracker_node.model.shapes.primitives import Ellipsoid
 
 MODEL = ellipsoid_human()
 

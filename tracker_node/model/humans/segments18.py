@@ -12,11 +12,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..geometry import se3, so3
+from ...geometry import se3, so3
+from ..articulated import Landmark
+from ..kinematic_chain import Axis, Joint, KinematicChain
+from ..shapes.nurbs import Loft, Section
 from . import anthropometry as m
-from .articulated_model import Landmark
-from .kinematic_chain import Axis, Joint, KinematicChain
-from .nurbs import Loft, Section
 
 LIMBS = ("shoulder", "upper_arm", "forearm", "hand", "thigh", "shank", "foot")
 SIDES = (("left", 1.0), ("right", -1.0))  # name, and sign of y

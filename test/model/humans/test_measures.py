@@ -4,7 +4,7 @@ from dataclasses import fields
 
 import pytest
 
-from tracker_node.model.human_measures import HumanMeasures
+from tracker_node.model.humans.measures import HumanMeasures
 
 
 def test_lengths_add_up_to_shares_of_stature():

@@ -4,10 +4,10 @@ import itertools
 
 import numpy as np
 
+from tracker_node.experiments.cross.yellow_stick import yellow_stick
 from tracker_node.loaders.model_yaml import load_model
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.primitives import Box
-from tracker_node.model.yellow_stick import yellow_stick
+from tracker_node.model.shapes.primitives import Box
 
 MODEL = yellow_stick()
 
