@@ -35,7 +35,7 @@ from tracker_node.loaders.state_yaml import load_state
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import CameraImage, ImageSet
-from tracker_node.render.raycaster import render_mask
+from tracker_node.render.raycast.raycaster import render_mask
 from tracker_node.tracking.estimate import TrackEstimate
 from tracker_node.tracking.tracker import Tracker
 

@@ -32,8 +32,8 @@ from tracker_node.loaders.rig_yaml import load_rig
 from tracker_node.loaders.state_yaml import load_state
 from tracker_node.model.configuration import Configuration
 from tracker_node.model.humans.human import human_model
-from tracker_node.render.overlay import draw_overlay
-from tracker_node.render.through_mask import target_through_mask
+from tracker_node.render.draw.masked_image import target_through_mask
+from tracker_node.render.draw.overlay import draw_overlay
 from tracker_node.synthesis.motions import PROCEDURAL
 from tracker_node.synthesis.scenes import SceneConfig
 from tracker_node.tracking.config import from_dict

@@ -31,8 +31,8 @@ from tracker_node.loaders.rig_yaml import load_rig
 from tracker_node.loaders.state_yaml import load_state
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import ImageSet
-from tracker_node.render.overlay import draw_overlay
-from tracker_node.render.through_mask import target_through_mask
+from tracker_node.render.draw.masked_image import target_through_mask
+from tracker_node.render.draw.overlay import draw_overlay
 from tracker_node.tracking.estimate import Status, TrackEstimate
 from tracker_node.tracking.tracker import Tracker
 

@@ -32,8 +32,8 @@ from tracker_node.loaders.pose2sim_toml import load_pose2sim
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import ImageSet
-from tracker_node.render.overlay import draw_overlay
-from tracker_node.render.through_mask import target_through_mask
+from tracker_node.render.draw.masked_image import target_through_mask
+from tracker_node.render.draw.overlay import draw_overlay
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import Status, TrackEstimate
 from tracker_node.tracking.tracker import Tracker

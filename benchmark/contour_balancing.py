@@ -43,7 +43,7 @@ from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import CameraImage, ImageSet
-from tracker_node.render.overlay import draw_overlay
+from tracker_node.render.draw.overlay import draw_overlay
 from tracker_node.tracking.config import TrackerConfig, flatten, from_dict
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.tracker import Tracker

@@ -21,7 +21,7 @@ from tracker_node.model.humans.lofts import nurbs_human
 from tracker_node.model.shapes.mesh_capsules import capsules_in_mesh
 from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
 from tracker_node.model.shapes.round_cones import point_gaps
-from tracker_node.render.tessellation import tessellate
+from tracker_node.render.opengl.tessellation import tessellate
 
 SOLIDS: dict[str, Primitive] = {
     "ball": Ellipsoid((0.1, 0.1, 0.1)),

@@ -34,7 +34,7 @@ from tracker_node.loaders.trajectory_file import JointTrajectory, StateRow, Stat
 from tracker_node.loaders.trc import MarkerTrajectories, dump_trc
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
-from tracker_node.render.raycaster import render_color
+from tracker_node.render.raycast.raycaster import render_color
 
 RATE_HZ = 30.0
 

@@ -10,8 +10,8 @@ from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
-from tracker_node.render.pyrender_backend import PyrenderRenderer
-from tracker_node.render.raycaster import RaycastRenderer
+from tracker_node.render.opengl.renderer import PyrenderRenderer
+from tracker_node.render.raycast.raycaster import RaycastRenderer
 
 RENDERERS = {"raycaster": RaycastRenderer, "pyrender": PyrenderRenderer}
 """What makes each renderer, or something whose ``with`` statement gives it; a `TrackerError` tells why it cannot work here."""

@@ -16,7 +16,7 @@ from tracker_node.model.articulated import ArticulatedModel, Landmark, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
-from tracker_node.render.raycaster import render_view
+from tracker_node.render.raycast.raycaster import render_view
 from tracker_node.tracking.estimate import CameraReport, LimbReport, LimbStatus, Status, Timings, TrackEstimate
 
 

@@ -17,7 +17,7 @@ from tracker_node.model.articulated import ArticulatedModel, Landmark, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 from tracker_node.model.shapes.primitives import TruncatedCone
-from tracker_node.render.raycaster import render_view
+from tracker_node.render.raycast.raycaster import render_view
 
 RATE_HZ = 30.0
 CAMERAS = {"cam01": (1.6, 0.3, 0.6), "cam02": (-0.4, 1.7, 0.5), "cam03": (-1.2, -1.3, 0.9)}

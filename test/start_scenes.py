@@ -13,7 +13,7 @@ from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.observation.image_set import CameraImage, ImageSet
-from tracker_node.render.raycaster import render_view
+from tracker_node.render.raycast.raycaster import render_view
 
 K = np.array([[210.0, 0.0, 119.5], [0.0, 210.0, 89.5], [0.0, 0.0, 1.0]])
 LENS = CameraModel(240, 180, K, "plumb_bob", np.array([-0.1, 0.04, 0.0, 0.0]))

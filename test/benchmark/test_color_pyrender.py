@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tracker_node.model.configuration import Configuration
-from tracker_node.render import raycaster
-from tracker_node.render.extent import body_extent
-from tracker_node.render.opengl_context import RendererError
+from tracker_node.render.opengl.context import RendererError
+from tracker_node.render.raycast import raycaster
+from tracker_node.render.raycast.extent import body_extent
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ from tracker_node.camera.light import Light
 from tracker_node.errors import CalibrationError, TrackerError
 from tracker_node.experiments.cross.yellow_stick import yellow_stick
 from tracker_node.model.configuration import Configuration
-from tracker_node.render.raycaster import render_color
-from tracker_node.render.surface_samples import surface_samples
+from tracker_node.render.raycast.raycaster import render_color
+from tracker_node.render.raycast.surface_samples import surface_samples
 from tracker_node.synthesis.cross import cross_rig, measured_lights, twisting_somersault
 from tracker_node.synthesis.target_images import TargetStudio
 

@@ -10,7 +10,7 @@ from tracker_node.cli.main import main
 from tracker_node.geometry import se3
 from tracker_node.loaders.model_yaml import load_model
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.render.raycaster import render_color
+from tracker_node.render.raycast.raycaster import render_color
 
 
 @pytest.mark.parametrize("inverted", [False, True])

@@ -26,7 +26,7 @@ from tracker_node.loaders.model_yaml import dump_model
 from tracker_node.loaders.recording_yaml import RecordingFile
 from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
 from tracker_node.model.configuration import Configuration
-from tracker_node.render.raycaster import render_mask
+from tracker_node.render.raycast.raycaster import render_mask
 
 N = 8
 RATE_HZ = 60.0

@@ -9,7 +9,7 @@ from tracker_node.errors import CalibrationError
 from tracker_node.evaluation.camera_delay import estimate_delay
 from tracker_node.model.configuration import Configuration
 from tracker_node.objective.color_score import ColorObjective
-from tracker_node.render import raycaster
+from tracker_node.render.raycast import raycaster
 from tracker_node.synthesis.cross import FIELD_PERIOD_S
 
 FIELDS = range(0, 30, 3)

@@ -6,7 +6,7 @@ import pytest
 from test.render_scenes import LENSES, LIGHTS, colored_scene, look_at
 from tracker_node.camera.rig import CameraRig
 from tracker_node.objective.color_score import ColorObjective
-from tracker_node.render.raycaster import render_color, render_mask
+from tracker_node.render.raycast.raycaster import render_color, render_mask
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.ellipsoids import ellipsoid_human
 from tracker_node.model.humans.human import human_model
 from tracker_node.objective.color_score import ColorObjective, ColorOptions, Verdict
-from tracker_node.render.raycaster import render_color
+from tracker_node.render.raycast.raycaster import render_color
 
 SUN = (Light("ambient", (0.3, 0.3, 0.3)), Light("directional", (0.6, 0.6, 0.6), direction=(0.4, -0.5, -0.8)))
 

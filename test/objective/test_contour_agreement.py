@@ -8,9 +8,9 @@ from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.objective.contour_agreement import BOUNDARY, ON_BOUNDARY, ON_OUTLINE, OUTLINE
 from tracker_node.objective.contour_objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
-from tracker_node.observation.distance_transform import signed_distance
-from tracker_node.observation.silhouette_maps import boundary_points
-from tracker_node.render.raycaster import render_mask
+from tracker_node.observation.chamfer.distance_transform import signed_distance
+from tracker_node.observation.chamfer.silhouette_maps import boundary_points
+from tracker_node.render.raycast.raycaster import render_mask
 from tracker_node.render.shape_arrays import ShapeArrays
 
 STATE = State(se3.exp([0.02, 0.05, -0.1, 0.1, 0.2, 0.3]), np.array([0.6, 0.4]))

@@ -13,7 +13,7 @@ from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box, Mesh, TruncatedCone
 from tracker_node.objective.contour_objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
 from tracker_node.optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
-from tracker_node.render.raycaster import render_mask
+from tracker_node.render.raycast.raycaster import render_mask
 from tracker_node.render.shape_arrays import ShapeArrays
 
 

@@ -16,7 +16,7 @@ from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh
 from tracker_node.objective.evidence_score import EvidenceScore
 from tracker_node.objective.hull import occupancy, places, seen_from, seen_volume
 from tracker_node.observation.small_view import SmallView
-from tracker_node.render.raycaster import render_view
+from tracker_node.render.raycast.raycaster import render_view
 
 K = np.array([[70.0, 0.0, 44.5], [0.0, 70.0, 39.5], [0.0, 0.0, 1.0]])
 LENS = CameraModel(90, 80, K)

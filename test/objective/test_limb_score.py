@@ -9,8 +9,8 @@ from tracker_node.camera.rig import CameraRig
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.objective.limb_score import LimbScore
 from tracker_node.objective.region_objective import View
-from tracker_node.observation.region_colors import N_COLORS, color_classes
-from tracker_node.render.raycaster import render_view
+from tracker_node.observation.region.colors import N_COLORS, color_classes
+from tracker_node.render.raycast.raycaster import render_view
 from tracker_node.synthesis.figure import figure_model
 from tracker_node.tracking.limbs import limbs_of
 

@@ -5,7 +5,7 @@ import pytest
 
 from tracker_node.objective.line_spacing import add_crowding
 from tracker_node.objective.region_lines import LINE_U, LINE_V, N_LINE_COLUMNS, PRECISION
-from tracker_node.render.contour_samples import LINK, N_INFO_COLUMNS, SHAPE
+from tracker_node.render.contour.samples import LINK, N_INFO_COLUMNS, SHAPE
 
 LENGTH_PX, TAKEN, FOUND, PRECISE = 4.0, 0.5, 0.2, 20.0
 

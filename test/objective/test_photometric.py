@@ -21,7 +21,7 @@ from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.objective.color_score import ColorObjective, ColorOptions
 from tracker_node.objective.photometric import PhotometricObjective, PhotometricOptions
 from tracker_node.optimize.alignment import AlignmentOptions, align
-from tracker_node.render.raycaster import render_color
+from tracker_node.render.raycast.raycaster import render_color
 from tracker_node.synthesis.target_images import TargetStudio
 
 # Three minutes of compiling: each number of lights and way to compare is a kernel of its own. test_on_colors aligns in make test.

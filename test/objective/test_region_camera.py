@@ -6,8 +6,8 @@ from test.objective.test_region_objective import at, disk, objective_of
 from tracker_node.model.configuration import Configuration
 from tracker_node.objective.region_camera import correspond_camera, sum_camera
 from tracker_node.objective.region_lines import line_arrays
-from tracker_node.render.contour import world_spheres
-from tracker_node.render.contour_samples import collect_samples, keep_inside
+from tracker_node.render.contour.generators import world_spheres
+from tracker_node.render.contour.samples import collect_samples, keep_inside
 
 N_SAMPLES, OUTWARD_PX = 20, 3.0
 

@@ -8,10 +8,10 @@ from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.objective import region_lines as kernel
 from tracker_node.objective.region_objective import RegionObjective, RegionOptions, View
-from tracker_node.observation.region_colors import N_COLORS
-from tracker_node.render.contour import OUTER
-from tracker_node.render.contour_samples import CLASS, LINK, SHAPE
-from tracker_node.render.raycaster import render_mask
+from tracker_node.observation.region.colors import N_COLORS
+from tracker_node.render.contour.generators import OUTER
+from tracker_node.render.contour.samples import CLASS, LINK, SHAPE
+from tracker_node.render.raycast.raycaster import render_mask
 from tracker_node.render.shape_arrays import ShapeArrays
 
 CLOSE_PX = 1.0

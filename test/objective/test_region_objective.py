@@ -11,8 +11,8 @@ from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Ellipsoid
 from tracker_node.objective import line_table as table
 from tracker_node.objective.region_objective import RegionObjective, RegionOptions, View
-from tracker_node.observation.empty_room import EmptyRoom
-from tracker_node.observation.region_colors import RegionColors, color_classes, stated_densities, trust_stated_colors
+from tracker_node.observation.region.background import EmptyRoom
+from tracker_node.observation.region.colors import RegionColors, color_classes, stated_densities, trust_stated_colors
 from tracker_node.optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 from tracker_node.render.shape_arrays import ShapeArrays
 

@@ -16,7 +16,7 @@ from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box, TruncatedCone
 from tracker_node.objective.scene_objective import SceneObjective, SceneOptions
-from tracker_node.render.raycaster import render_view
+from tracker_node.render.raycast.raycaster import render_view
 from tracker_node.synthesis.scenes import make_rig
 
 MODEL, RIG = human_model(), make_rig(SCENE)

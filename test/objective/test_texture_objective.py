@@ -14,7 +14,7 @@ from tracker_node.model.shapes.primitives import Box
 from tracker_node.objective.surface_points import surface_points
 from tracker_node.objective.texture_objective import TextureObjective, TextureOptions
 from tracker_node.optimize.alignment import AlignmentOptions, align
-from tracker_node.render.raycaster import render_color
+from tracker_node.render.raycast.raycaster import render_color
 
 
 def objective(images, **options) -> TextureObjective:

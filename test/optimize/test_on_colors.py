@@ -9,7 +9,7 @@ from tracker_node.model.pose_variables import from_variables, to_variables
 from tracker_node.objective.color_score import ColorObjective
 from tracker_node.optimize.registry import OPTIMIZERS, optimizer
 from tracker_node.optimize.stepping import SEVEN_LOOPS, SteppingOptions, step_downhill
-from tracker_node.render.raycaster import render_color
+from tracker_node.render.raycast.raycaster import render_color
 from tracker_node.synthesis.somersault import somersault_rig, somersault_states, somersault_variables
 
 ROOT = range(6)

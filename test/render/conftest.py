@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from tracker_node.render.opengl_context import RendererError
-from tracker_node.render.pyrender_backend import PyrenderRenderer
+from tracker_node.render.opengl.context import RendererError
+from tracker_node.render.opengl.renderer import PyrenderRenderer
 
 
 @pytest.fixture(scope="module")

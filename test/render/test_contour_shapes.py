@@ -15,11 +15,9 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 from tracker_node.objective.per_camera import camera_constants
-from tracker_node.render import contour
-from tracker_node.render.contour import INNER, OUTER
-from tracker_node.render.contour_edges import box_mesh, solid_of
-from tracker_node.render.contour_hits import NO_HIT, solid_hit
-from tracker_node.render.contour_samples import (
+from tracker_node.render.contour import generators as contour
+from tracker_node.render.contour.generators import INNER, OUTER
+from tracker_node.render.contour.samples import (
     BEYOND,
     CLASS,
     N_INFO_COLUMNS,
@@ -31,6 +29,8 @@ from tracker_node.render.contour_samples import (
     collect_samples,
     most_samples,
 )
+from tracker_node.render.intersections import NO_HIT, solid_hit
+from tracker_node.render.mesh_edges import box_mesh, solid_of
 from tracker_node.render.shape_arrays import ShapeArrays
 
 LENS = CameraModel(320, 240, np.array([[400.0, 0.0, 160.0], [0.0, 400.0, 120.0], [0.0, 0.0, 1.0]]))

@@ -10,8 +10,8 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box
-from tracker_node.render.contour import N_COLUMNS, P, world_spheres
-from tracker_node.render.contour_samples import (
+from tracker_node.render.contour.generators import N_COLUMNS, P, world_spheres
+from tracker_node.render.contour.samples import (
     DEPTH,
     N_INFO_COLUMNS,
     N_PIXEL_COLUMNS,
@@ -21,7 +21,7 @@ from tracker_node.render.contour_samples import (
     most_samples,
 )
 from tracker_node.render.occluders import Occluders, drop_covered
-from tracker_node.render.raycaster import render_labels
+from tracker_node.render.raycast.raycaster import render_labels
 from tracker_node.render.shape_arrays import ShapeArrays
 
 RIG, HUMAN = circle_rig(), human_model()

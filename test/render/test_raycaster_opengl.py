@@ -7,8 +7,8 @@ from render_scenes import look_at, scattered_scene
 from tracker_node.camera.model import CameraModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
-from tracker_node.render.opengl_context import RendererError
-from tracker_node.render.raycaster import render_view
+from tracker_node.render.opengl.context import RendererError
+from tracker_node.render.raycast.raycaster import render_view
 from tracker_node.synthesis.cones import ModelSubject
 from tracker_node.synthesis.rasterizer import Pinhole, Rasterizer
 

@@ -20,7 +20,7 @@ from visualization_msgs.msg import MarkerArray
 
 from tracker_node.loaders.rig_yaml import load_rig
 from tracker_node.model.configuration import Configuration
-from tracker_node.render.raycaster import render_mask
+from tracker_node.render.raycast.raycaster import render_mask
 from tracker_node.ros.conversions import (
     camera_image_of,
     camera_info_message,

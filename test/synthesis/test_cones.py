@@ -5,7 +5,7 @@ import pytest
 
 from tracker_node.model.configuration import Configuration
 from tracker_node.model.humans.human import human_model
-from tracker_node.render.raycaster import render_mask
+from tracker_node.render.raycast.raycaster import render_mask
 from tracker_node.synthesis.cones import ModelSubject, waves
 from tracker_node.synthesis.rasterizer import Rasterizer
 from tracker_node.synthesis.scenes import CameraImaging, SceneConfig, make_rig

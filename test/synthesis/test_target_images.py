@@ -15,7 +15,7 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.ellipsoids import ellipsoid_human
 from tracker_node.model.shapes.primitives import Box, Ellipsoid
 from tracker_node.render.backends import BACKENDS
-from tracker_node.render.opengl_context import RendererError
+from tracker_node.render.opengl.context import RendererError
 from tracker_node.synthesis.background import cluttered_background
 from tracker_node.synthesis.target_images import TargetStudio
 

@@ -7,7 +7,7 @@ from start_scenes import scene, standing
 
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.small_view import SmallView
-from tracker_node.render.raycaster import render_mask
+from tracker_node.render.raycast.raycaster import render_mask
 from tracker_node.tracking.engine import Verdict
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.start_coverage import StartCoverage

@@ -7,7 +7,7 @@ import pytest
 
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import CameraImage, ImageSet
-from tracker_node.observation.image_synchronizer import ImageSynchronizer
+from tracker_node.observation.synchronizer import ImageSynchronizer
 from tracker_node.synthesis.cones import ModelSubject
 from tracker_node.synthesis.figure import figure_model, figure_motion
 from tracker_node.synthesis.scenes import SceneConfig, Studio, make_rig

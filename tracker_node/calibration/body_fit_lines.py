@@ -13,11 +13,11 @@ from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..objective.shape_jacobian import ContourLines, normalized
 from ..objective.visible_samples import samples_seen
+from ..observation.chamfer.observer import Observer
 from ..observation.image_set import ImageSet
-from ..observation.observer import Observer
-from ..render import contour_samples as cs
-from ..render.contour import P
-from ..render.raycaster import render_labels
+from ..render.contour import samples as cs
+from ..render.contour.generators import P
+from ..render.raycast.raycaster import render_labels
 from ..render.shape_arrays import ShapeArrays
 from ..tracking.config import TrackerConfig
 
@@ -41,7 +41,7 @@ class LineEvidence(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class VisibleSamples:
-    """Contour samples that one camera sees: ``pixels`` and ``info`` as in `render.contour_samples`, ``points`` (n, 3) in the
+    """Contour samples that one camera sees: ``pixels`` and ``info`` as in `render.contour.samples`, ``points`` (n, 3) in the
     coordinates of their shapes (see `objective.shape_jacobian.normalized`)."""
 
     pixels: np.ndarray

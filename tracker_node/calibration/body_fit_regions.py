@@ -12,11 +12,11 @@ from ..model.configuration import Configuration, State
 from ..objective import line_table as table
 from ..objective.region_objective import RegionObjective, View
 from ..objective.shape_jacobian import ContourLines, normalized
-from ..observation.empty_room import EmptyRoom
 from ..observation.image_set import ImageSet
-from ..observation.region_colors import RegionColors, color_classes, stated_densities
-from ..render.contour_samples import SHAPE
-from ..render.raycaster import render_labels
+from ..observation.region.background import EmptyRoom
+from ..observation.region.colors import RegionColors, color_classes, stated_densities
+from ..render.contour.samples import SHAPE
+from ..render.raycast.raycaster import render_labels
 from ..render.shape_arrays import ShapeArrays
 from ..tracking.config import TrackerConfig
 from ..tracking.region_engine import region_options

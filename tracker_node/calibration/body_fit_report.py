@@ -16,8 +16,8 @@ from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.shape_parameters import half_extents
 from ..observation.image_set import ImageSet
-from ..render.extent import body_extent
-from ..render.overlay import draw_overlay
+from ..render.draw.overlay import draw_overlay
+from ..render.raycast.extent import body_extent
 from .body_fit import BodyFit, BodyFitReport, LineFigures
 from .rig_fit import RigFit
 

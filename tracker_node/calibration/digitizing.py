@@ -15,7 +15,7 @@ from ..camera.rig import Camera
 from ..geometry import se3
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..render import raycaster
+from ..render.raycast import raycaster
 from . import dlt
 
 

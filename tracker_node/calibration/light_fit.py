@@ -18,7 +18,7 @@ from ..camera.light import SPOT_EDGE, Light
 from ..camera.rig import CameraRig
 from ..errors import CalibrationError, TrackerError
 from ..model.configuration import Configuration
-from ..render.surface_samples import SurfaceSamples, surface_samples
+from ..render.raycast.surface_samples import SurfaceSamples, surface_samples
 
 _RIM = 2  # pixels at the border of a shape are mixtures
 _WHITE, _DARK = 250.0, 4.0  # grey levels beyond which a sensor says no more

@@ -14,7 +14,7 @@ from ..model.articulated import ArticulatedModel, Shape
 from ..model.configuration import Configuration, State
 from ..model.kinematic_chain import KinematicChain
 from ..model.shapes.primitives import TruncatedCone
-from ..observation.distance_transform import distance_to
+from ..observation.chamfer.distance_transform import distance_to
 from ..observation.image_set import CameraImage, ImageSet
 from ..synthesis.cones import ModelSubject
 from ..synthesis.dataset import N_PLATES

@@ -15,7 +15,7 @@ from ..experiments.cross.yellow_stick import yellow_stick
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..observation.deinterlace import check_interlaced
-from ..render.raycaster import render_mask
+from ..render.raycast.raycaster import render_mask
 from ..synthesis import cross
 from ..synthesis.background import cluttered_background
 from ..synthesis.cross_film import Footage, film

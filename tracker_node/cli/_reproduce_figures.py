@@ -81,7 +81,7 @@ def _match(width: int) -> tuple[Any, Any, Any]:
     """A target image of the side view, the tracked body in an estimate of its pose, and the camera."""
     from ..evaluation.color_experiments import moved
     from ..model.configuration import Configuration
-    from ..render.raycaster import render_color
+    from ..render.raycast.raycaster import render_color
     from ._somersault_scene import somersault_scene
 
     scene = somersault_scene(SHOWN_IMAGE + 1, width)

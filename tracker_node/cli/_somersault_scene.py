@@ -13,7 +13,7 @@ from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.humans.ellipsoids import ellipsoid_human
 from ..model.humans.lofts import nurbs_human
-from ..render import raycaster
+from ..render.raycast import raycaster
 from ..synthesis.somersault import POSTURE_DEG, rigid_body, somersault_rig, somersault_states, somersault_variables
 from ..synthesis.target_images import TargetStudio
 

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from ..camera.rig import Camera, CameraRig
 from ..model.configuration import Configuration
-from ..render.raycaster import render_color
+from ..render.raycast.raycaster import render_color
 from ..render.renderer import ColoredView
 from .palette import CYCLE, GREY
 

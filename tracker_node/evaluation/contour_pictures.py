@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from ..camera.rig import Camera
 from ..model.configuration import Configuration
 from ..objective.visible_samples import samples_seen
-from ..observation.observer import EvidenceOptions, Observer
-from ..render.contour_samples import CLASS, OUTER, U, V
-from ..render.overlay import draw_overlay
-from ..render.raycaster import render_labels
+from ..observation.chamfer.observer import EvidenceOptions, Observer
+from ..render.contour.samples import CLASS, OUTER, U, V
+from ..render.draw.overlay import draw_overlay
+from ..render.raycast.raycaster import render_labels
 from ..render.shape_arrays import ShapeArrays
 from .color_plots import body_box
 from .palette import ORANGE

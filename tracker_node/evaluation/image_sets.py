@@ -20,7 +20,7 @@ from ..loaders.bag_reader import BagReader
 from ..loaders.image_feed import ImageFeed
 from ..loaders.image_source import ImageSource, SourceOptions, open_camera_source
 from ..observation.image_set import CameraImage, ImageSet
-from ..observation.image_synchronizer import ImageSynchronizer
+from ..observation.synchronizer import ImageSynchronizer
 from ..tracking.config import SynchronizerConfig
 from .estimate_messages import lens_of
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..render.status_palette import STATES
+from ..render.draw.palette import STATES
 from ..tracking.estimate import LimbStatus, Status
 from . import pose_metrics
 from .document import Bars, Chart, HeatMap, Line, Strip, Strips, strips_of

@@ -20,8 +20,8 @@ from ..loaders.whole_file import write_whole
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration
 from ..observation.image_set import ImageSet
-from ..render.raycaster import render_mask
-from ..render.through_mask import target_through_mask
+from ..render.draw.masked_image import target_through_mask
+from ..render.raycast.raycaster import render_mask
 from ..tracking.estimate import TrackEstimate
 from . import estimate_messages as messages
 

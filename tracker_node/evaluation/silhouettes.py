@@ -17,9 +17,9 @@ from ..loaders.bag_reader import BagReader
 from ..loaders.image_source import SourceOptions, open_camera_source
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration
-from ..render.overlay import draw_overlay
-from ..render.raycaster import render_mask
-from ..render.through_mask import target_through_mask
+from ..render.draw.masked_image import target_through_mask
+from ..render.draw.overlay import draw_overlay
+from ..render.raycast.raycaster import render_mask
 from .evaluate import SilhouetteScores, image_numbers
 from .metrics import intersection_over_union
 from .reference_masks import CameraMasks, read_still

@@ -10,7 +10,7 @@ import numpy as np
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.pose_variables import N_ROOT, ROOT_NAMES, variable_names
-from ..render.tessellation import tessellate
+from ..render.opengl.tessellation import tessellate
 from .pose_metrics import add_errors, add_s_errors, mean_rotation, rotation_errors
 from .run_data import RunData
 from .spread import Spread, spread_of

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ..render.status_palette import STATES
+from ..render.draw.palette import STATES
 from .viewed_graph import ViewedGraph, color_of
 from .whole_file import write_whole
 

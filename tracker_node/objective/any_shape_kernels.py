@@ -9,20 +9,10 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from ..render.lighting import (
-    AXIS,
-    CONSTANT,
-    FLOOR,
-    INTENSITY,
-    NEARNESS,
-    PLACE,
-    SLOPE,
-    displayed,
-    irradiance,
-)
-from ..render.pixel_function import pixel_function, pixel_loop
-from ..render.ray_kernels import LABEL_BITS
-from ..render.shading import COLORS, number_at, surface_at
+from ..render.raycast.kernels import LABEL_BITS
+from ..render.raycast.lighting import AXIS, CONSTANT, FLOOR, INTENSITY, NEARNESS, PLACE, SLOPE, displayed, irradiance
+from ..render.raycast.pixel_function import pixel_function, pixel_loop
+from ..render.raycast.shading import COLORS, number_at, surface_at
 from .color_kernels import HEIGHT, PLANES, WIDTH
 from .photometric_kernels import GRADIENT, PIXELS, SQUARES
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from ..camera.rig import Camera
 from ..model.configuration import Configuration
-from ..render.lighting import lights_in_camera
-from ..render.raycaster import cast
-from ..render.surface_arrays import surface_arrays
+from ..render.raycast.lighting import lights_in_camera
+from ..render.raycast.raycaster import cast
+from ..render.raycast.surface_arrays import surface_arrays
 from .any_shape_kernels import linearize_any, recolor, score_any
 from .color_constants import ColorConstants
 from .color_views import ColorViews

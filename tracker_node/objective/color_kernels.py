@@ -16,7 +16,7 @@ import numpy as np
 
 from ..camera.model import NEAR
 from ..model.kinematic_chain import forward_kinematics
-from ..render.ray_coefficients import BIG, LINE, LOWER, ORIGIN, QUADRATIC, UPPER, farthest_depth, pixel_box
+from ..render.raycast.coefficients import BIG, LINE, LOWER, ORIGIN, QUADRATIC, UPPER, farthest_depth, pixel_box
 from ..render.shape_arrays import CONE, ELLIPSOID
 
 LANES = 16

@@ -21,7 +21,7 @@ from ..camera.rig import CameraRig
 from ..geometry import se3
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..render.ray_coefficients import N_COEFFICIENTS
+from ..render.raycast.coefficients import N_COEFFICIENTS
 from . import color_kernels as kernel
 from .any_shapes import score_with_cast
 from .color_constants import ColorConstants

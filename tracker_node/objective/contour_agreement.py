@@ -12,8 +12,8 @@ import math
 import numba as nb
 import numpy as np
 
-from ..render.contour import N_COLUMNS, OUTER, SAMPLES, draw_contour
-from ..render.contour_samples import N_PIXEL_COLUMNS, NU, NV, U, V, project_samples
+from ..render.contour.generators import N_COLUMNS, OUTER, SAMPLES, draw_contour
+from ..render.contour.samples import N_PIXEL_COLUMNS, NU, NV, U, V, project_samples
 from .contour_residual import bilinear, columns_of, nearest_sample
 
 OUTLINE, ON_BOUNDARY, BOUNDARY, ON_OUTLINE = range(4)

@@ -10,8 +10,8 @@ import numpy as np
 from ..camera.rig import Camera
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..render.contour import SAMPLES, world_spheres
-from ..render.contour_picks import N_PICK_COLUMNS
+from ..render.contour.generators import SAMPLES, world_spheres
+from ..render.contour.picks import N_PICK_COLUMNS
 from ..render.shape_arrays import ShapeArrays
 from . import contour_residual as kernel
 from .contour_agreement import N_AGREEMENT, count_agreement

@@ -15,18 +15,9 @@ import math
 import numba as nb
 import numpy as np
 
-from ..render.contour import (
-    HIDDEN,
-    N_COLUMNS,
-    OUTER,
-    SAMPLES,
-    SLIDE,
-    M,
-    P,
-    draw_contour,
-)
-from ..render.contour_samples import JACOBIAN, N_PIXEL_COLUMNS, NU, NV, U, V, project_samples
-from ..render.contour_visibility import N_VIEW_COLUMNS, classify_samples, nearby_shapes, view_shapes
+from ..render.contour.generators import HIDDEN, N_COLUMNS, OUTER, SAMPLES, SLIDE, M, P, draw_contour
+from ..render.contour.samples import JACOBIAN, N_PIXEL_COLUMNS, NU, NV, U, V, project_samples
+from ..render.contour.visibility import N_VIEW_COLUMNS, classify_samples, nearby_shapes, view_shapes
 
 # Indices of the option array
 ROBUST_SCALE, SLIDING, DISTANCES, OUTWARD_PX, INNER_WEIGHT, ALIGNMENT, BOUNDARY_WEIGHT, BOUNDARY_SCALE, REACH = range(9)

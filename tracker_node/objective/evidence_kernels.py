@@ -12,8 +12,8 @@ import numpy as np
 
 from ..camera.model import NEAR
 from ..model.kinematic_chain import forward_kinematics
-from ..render.ray_coefficients import INVISIBLE, N_COEFFICIENTS, farthest_depth, normalized_box, pixel_box, shape_coefficients
-from ..render.ray_kernels import LABEL_BITS, LANES, draw_shape
+from ..render.raycast.coefficients import INVISIBLE, N_COEFFICIENTS, farthest_depth, normalized_box, pixel_box, shape_coefficients
+from ..render.raycast.kernels import LABEL_BITS, LANES, draw_shape
 from ..render.shape_arrays import CONE
 
 

@@ -13,9 +13,9 @@ from ..camera.rig import Camera
 from ..geometry import se3
 from ..model.articulated import ArticulatedModel
 from ..model.shapes.primitives import Box, Mesh
-from ..render.ray_coefficients import BOX
-from ..render.ray_kernels import LABEL_BITS
 from ..render.ray_table import ray_table
+from ..render.raycast.coefficients import BOX
+from ..render.raycast.kernels import LABEL_BITS
 from ..render.shape_arrays import ShapeArrays
 from .evidence_kernels import place_shapes, score_poses
 

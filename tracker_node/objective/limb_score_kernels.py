@@ -11,8 +11,8 @@ import numba as nb
 import numpy as np
 
 from ..observation.appearance_kernels import log_positive
-from ..render.ray_coefficients import N_COEFFICIENTS
-from ..render.ray_kernels import LABEL_BITS, LANES
+from ..render.raycast.coefficients import N_COEFFICIENTS
+from ..render.raycast.kernels import LABEL_BITS, LANES
 from .evidence_kernels import draw_body
 from .line_colors import other_density
 

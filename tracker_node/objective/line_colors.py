@@ -13,7 +13,7 @@ import numpy as np
 
 from ..observation.appearance import BINS
 from ..observation.appearance_kernels import log_positive
-from ..observation.empty_room import LOG_STEP
+from ..observation.region.background import LOG_STEP
 from .line_table import BEFORE, BEHIND, LINE_NU, LINE_NV, LINE_U, LINE_V, LONGEST, OWN
 
 _BLOCK = 16  # pixels that are worked out at once; divides `LONGEST`

@@ -7,7 +7,7 @@ import math
 import numba as nb
 import numpy as np
 
-from ..render.contour_samples import LINK, SHAPE
+from ..render.contour.samples import LINK, SHAPE
 from .region_lines import LINE_U, LINE_V, PRECISION
 
 _FARTHEST_PX = 25.0  # between neighbors on one contour

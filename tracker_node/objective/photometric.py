@@ -17,7 +17,7 @@ import numpy as np
 from ..camera.rig import CameraRig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..render.ray_coefficients import N_COEFFICIENTS
+from ..render.raycast.coefficients import N_COEFFICIENTS
 from . import color_kernels as kernel
 from . import photometric_kernels as sums
 from .any_shapes import linearize_with_cast

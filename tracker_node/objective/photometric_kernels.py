@@ -16,7 +16,7 @@ import numba as nb
 import numpy as np
 
 from ..camera.light import COS_INNER, COS_OUTER, DIRECTION, INTENSITY, N_LIGHT_COLUMNS, POSITION
-from ..render.ray_coefficients import LINE, ORIGIN, QUADRATIC, UPPER
+from ..render.raycast.coefficients import LINE, ORIGIN, QUADRATIC, UPPER
 from .color_kernels import (
     ALL_SMOOTH,
     CAP,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from ..render.contour import world_spheres
-from ..render.contour_samples import collect_samples, keep_inside
+from ..render.contour.generators import world_spheres
+from ..render.contour.samples import collect_samples, keep_inside
 from ..render.occluders import drop_covered
 from .region_lines import draw_lines, fill_lower, linearize_lines
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numba as nb
 
 from ..camera.model import project_point
-from ..render.contour import OUTER
-from ..render.contour_samples import CLASS, LINK, SHAPE
+from ..render.contour.generators import OUTER
+from ..render.contour.samples import CLASS, LINK, SHAPE
 from .line_table import LINE_NU, LINE_NV, LINE_U, LINE_V, LOG_RATIO, MEAN, POINT, PRECISION
 
 # Rows of the evidence of one camera

@@ -18,8 +18,8 @@ import numba as nb
 import numpy as np
 
 from ..camera.model import NEAR, project_point
-from ..render.contour import INNER, N_COLUMNS, NORMAL, P
-from ..render.contour_samples import (
+from ..render.contour.generators import INNER, N_COLUMNS, NORMAL, P
+from ..render.contour.samples import (
     BEYOND,
     CLASS,
     JACOBIAN,
@@ -33,7 +33,7 @@ from ..render.contour_samples import (
     V,
     chords_px,
 )
-from ..render.contour_visibility import ray_interval
+from ..render.contour.visibility import ray_interval
 from .line_colors import read_lines
 from .line_distribution import fit_distributions
 from .line_refinement import refine_lines

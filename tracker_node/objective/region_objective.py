@@ -10,8 +10,8 @@ import numpy as np
 from ..camera.rig import Camera, CameraRig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..observation.empty_room import NO_ROOM, PackedRoom
-from ..render.contour_samples import most_samples
+from ..observation.region.background import NO_ROOM, PackedRoom
+from ..render.contour.samples import most_samples
 from ..render.occluders import NOTHING
 from ..render.shape_arrays import ShapeArrays
 from . import region_lines as kernel

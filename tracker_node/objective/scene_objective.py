@@ -19,8 +19,8 @@ from ..camera.rig import CameraRig
 from ..errors import ModelError
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..render.ray_coefficients import N_COEFFICIENTS
-from ..render.raycaster import render_labels
+from ..render.raycast.coefficients import N_COEFFICIENTS
+from ..render.raycast.raycaster import render_labels
 from ..render.shape_arrays import OTHER, ShapeArrays
 from . import color_kernels as kernel
 from . import scene_kernels

@@ -17,7 +17,7 @@ import numpy as np
 from ..camera.rig import Camera, CameraRig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..render.raycaster import render_color, render_labels
+from ..render.raycast.raycaster import render_color, render_labels
 from . import photometry_kernels as kernel
 from .contour_residual import assemble
 from .normal_equations import NormalEquations

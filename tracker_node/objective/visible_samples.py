@@ -8,16 +8,16 @@ import numpy as np
 
 from ..camera.rig import Camera
 from ..model.configuration import Configuration
-from ..render import contour_samples as cs
-from ..render.contour import N_COLUMNS, world_spheres
+from ..render.contour import samples as cs
+from ..render.contour.generators import N_COLUMNS, world_spheres
 from ..render.shape_arrays import ShapeArrays
 from .per_camera import camera_constants
 
 
 @dataclass(frozen=True, eq=False)
 class SeenSamples:
-    """n samples, those of one shape together: ``rows`` (n, 12) as in `render.contour`, ``pixels`` (n, 11) and ``info`` (n, 4) as
-    in `render.contour_samples`."""
+    """n samples, those of one shape together: ``rows`` (n, 12) as in `generators`, ``pixels`` (n, 11) and ``info`` (n, 4) as
+    in `render.contour.samples`."""
 
     rows: np.ndarray
     pixels: np.ndarray

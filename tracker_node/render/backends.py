@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from ..errors import UnknownNameError
-from .raycaster import RaycastRenderer
+from .raycast.raycaster import RaycastRenderer
 from .renderer import Renderer
 
 BACKENDS = ("raycaster", "pyrender")
@@ -24,7 +24,7 @@ def make_renderer(name: str = "raycaster") -> Iterator[Renderer]:
     if name == "raycaster":
         yield RaycastRenderer()
     elif name == "pyrender":
-        from .pyrender_backend import PyrenderRenderer  # PyOpenGL is loaded only where it is wanted
+        from .opengl.renderer import PyrenderRenderer  # PyOpenGL is loaded only where it is wanted
 
         with PyrenderRenderer() as renderer:
             yield renderer

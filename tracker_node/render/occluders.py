@@ -11,8 +11,8 @@ import numpy as np
 from ..camera.rig import Camera, CameraRig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from .contour_samples import DEPTH, NU, NV, U, V
-from .raycaster import render_labels, render_view
+from .contour.samples import DEPTH, NU, NV, U, V
+from .raycast.raycaster import render_labels, render_view
 from .renderer import Region
 
 NOTHING = np.empty((0, 0), dtype=np.float32)

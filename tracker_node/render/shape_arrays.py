@@ -9,8 +9,8 @@ import numpy as np
 
 from ..model.articulated import ArticulatedModel
 from ..model.shapes.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
-from . import contour_edges as edge
-from . import contour_hits as hits
+from . import intersections as hits
+from . import mesh_edges as edge
 from .ray_table import MadeOnce
 
 CONE, ELLIPSOID, OTHER = 0, 1, 2

@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import asdict, dataclass, field, replace
 
 from ..observation.image_set import CameraImage, ImageSet
-from ..observation.image_synchronizer import ImageSynchronizer
+from ..observation.synchronizer import ImageSynchronizer
 from ..tracking.config import SynchronizerConfig
 
 

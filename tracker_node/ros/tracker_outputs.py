@@ -18,7 +18,7 @@ from ..camera.rig import CameraRig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..observation.image_set import ImageSet
-from ..render.raycaster import render_mask
+from ..render.raycast.raycaster import render_mask
 from ..tracking.estimate import TrackEstimate
 from .conversions import (
     ImageBuffer,
@@ -127,12 +127,12 @@ class TrackerOutputs:
         if image is None or not estimate.status.has_state:
             return
         if self._overlays[name].get_subscription_count():
-            from ..render.overlay import draw_overlay
+            from ..render.draw.overlay import draw_overlay
 
             drawn = draw_overlay(image.bgr, configuration, camera)
             self._overlays[name].publish(compressed_message(stamp_ns, camera.frame_id, drawn))
         if self._seen[name].get_subscription_count():
-            from ..render.through_mask import target_through_mask
+            from ..render.draw.masked_image import target_through_mask
 
             seen = target_through_mask(image.bgr, configuration, camera)
             self._seen[name].publish(compressed_message(stamp_ns, camera.frame_id, seen))

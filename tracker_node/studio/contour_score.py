@@ -10,10 +10,10 @@ from ..camera.rig import CameraRig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..objective.region_objective import PartEvidence, RegionObjective, View
-from ..observation.empty_room import EmptyRoom
-from ..observation.observer import checked_plates
-from ..observation.region_colors import RegionColors, color_classes, stated_densities, trust_stated_colors
-from ..render.raycaster import render_labels
+from ..observation.chamfer.observer import checked_plates
+from ..observation.region.background import EmptyRoom
+from ..observation.region.colors import RegionColors, color_classes, stated_densities, trust_stated_colors
+from ..render.raycast.raycaster import render_labels
 from ..render.shape_arrays import ShapeArrays
 from ..tracking.config import TrackerConfig
 from ..tracking.region_engine import region_options

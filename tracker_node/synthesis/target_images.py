@@ -15,7 +15,7 @@ import numpy as np
 from ..camera.rig import Camera, CameraRig
 from ..model.configuration import Configuration
 from ..render.backends import make_renderer
-from ..render.extent import body_extent
+from ..render.raycast.extent import body_extent
 from ..render.renderer import Region
 
 

@@ -17,7 +17,7 @@ from ..camera.rig import Camera, CameraRig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..objective.surface_photometry import PhotometryOptions, features_of
-from ..render.raycaster import render_color, render_labels
+from ..render.raycast.raycaster import render_color, render_labels
 from .config import ColorConfig
 from .engine import Images, Verdict
 from .estimate import Status

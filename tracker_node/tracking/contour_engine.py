@@ -16,8 +16,8 @@ from ..objective.moved_configuration import bodies_seen
 from ..objective.normal_equations import Comparison, LeastSquaresObjective, NormalEquations
 from ..objective.prior import Prior
 from ..objective.sum_objective import SumObjective
+from ..observation.chamfer.observer import Observation, Observer
 from ..observation.image_set import ImageSet
-from ..observation.observer import Observation, Observer
 from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 from ..optimize.result import OptimizerResult
 from ..render.occluders import Occluders, Sight

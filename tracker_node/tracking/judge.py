@@ -11,8 +11,8 @@ from ..objective import contour_residual as kernel
 from ..objective.contour_agreement import BOUNDARY, ON_BOUNDARY, ON_OUTLINE, OUTLINE
 from ..objective.contour_objective import CameraSlot
 from ..objective.normal_equations import NormalEquations
+from ..observation.chamfer.observer import Observation
 from ..observation.image_set import ImageSet
-from ..observation.observer import Observation
 from .config import StatusConfig
 from .estimate import CameraReport, Status
 

@@ -12,7 +12,7 @@ from ..errors import ModelError
 from ..model.articulated import ArticulatedModel, Shape
 from ..model.configuration import Configuration, State
 from ..model.shapes.primitives import Box, Mesh
-from ..render.raycaster import render_color, render_labels
+from ..render.raycast.raycaster import render_color, render_labels
 from .engine import Images
 
 _GREY = 128.0  # a body of this color shows how much light reaches it, up to twice what would be full

@@ -21,10 +21,10 @@ from ..objective.prior import Prior
 from ..objective.region_objective import PartEvidence, RegionObjective, RegionOptions, View
 from ..objective.robust_curvature import curvature_share
 from ..objective.sum_objective import SumObjective
-from ..observation.empty_room import EmptyRoom
+from ..observation.chamfer.observer import checked_plates
 from ..observation.image_set import ImageSet
-from ..observation.observer import checked_plates
-from ..observation.region_colors import RegionColors, color_classes, stated_densities, trust_stated_colors
+from ..observation.region.background import EmptyRoom
+from ..observation.region.colors import RegionColors, color_classes, stated_densities, trust_stated_colors
 from ..optimize.levenberg_marquardt import clip_to_limits, stepped
 from ..optimize.result import OptimizerResult
 from ..render.occluders import Occluders

@@ -23,7 +23,7 @@ from ..observation.image_set import ImageSet
 from ..optimize.levenberg_marquardt import clip_to_limits
 from ..optimize.result import OptimizerResult
 from ..optimize.stepping import SteppingOptions, schedule, step_downhill
-from ..render.raycaster import render_labels
+from ..render.raycast.raycaster import render_labels
 from .color_engine import ColorEngine
 from .color_search import ColorSearch
 from .config import ColorConfig, TrackerConfig

@@ -14,7 +14,7 @@ import numpy as np
 from ..camera.rig import Camera
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..render.raycaster import render_mask
+from ..render.raycast.raycaster import render_mask
 
 _EDGE = np.ones((3, 3), np.uint8)  # the model is not the body to the pixel
 _NEAR = np.ones((25, 25), np.uint8)  # what is farther from the body, of some eighty pixels, may be another's

@@ -18,8 +18,8 @@ from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective.evidence_score import EvidenceScore
-from ..observation.region_colors import stated_densities
-from ..render.raycaster import render_view
+from ..observation.region.colors import stated_densities
+from ..render.raycast.raycaster import render_view
 from .limbs import Limb
 from .start_evidence import StartEvidence, color_density, scene_density
 from .start_postures import other_side, reachable

@@ -14,7 +14,7 @@ import numpy as np
 from ..camera.rig import Camera
 from ..model.configuration import Configuration
 from ..objective.hull import Volume, occupancy, seen_from
-from ..render.raycaster import render_mask
+from ..render.raycast.raycaster import render_mask
 from .start_evidence import StartEvidence
 
 _SLIM = 0.3  # how wide a standing body is for its height

@@ -12,7 +12,7 @@ from ..geometry import se3
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..observation.image_set import CameraImage, ImageSet
-from ..render.raycaster import render_view
+from ..render.raycast.raycaster import render_view
 from .config import StartConfig, TrackerConfig
 from .tracker import Tracker
 

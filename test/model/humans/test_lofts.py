@@ -13,7 +13,7 @@ from tracker_node.model.humans.ellipsoids import ellipsoid_human
 from tracker_node.model.humans.lofts import nurbs_human
 from tracker_node.model.humans.segments18 import body_lofts
 from tracker_node.model.shapes.nurbs import LoftedSolid, loft_surface
-from tracker_node.render.raycaster import render_mask
+from tracker_node.render.raycast.raycaster import render_mask
 
 MODEL = nurbs_human()
 ELLIPSOIDS = ellipsoid_human()

@@ -11,7 +11,7 @@ from visualization_msgs.msg import Marker
 
 from tracker_node.geometry import quaternion, se3, so3
 from tracker_node.model.configuration import Configuration
-from tracker_node.render.status_palette import rgb_of
+from tracker_node.render.draw.palette import rgb_of
 from tracker_node.ros.conversions import marker_array_message, transform_of_pose, urdf_of
 from tracker_node.ros.conversions.bodies import joint_state_message, tf_message
 from tracker_node.tracking.estimate import Status, TrackEstimate

@@ -15,7 +15,7 @@ from ...model.articulated import ArticulatedModel, Shape
 from ...model.configuration import Configuration
 from ...model.kinematic_chain import N_ROOT_DOF
 from ...model.shapes.primitives import Box, Ellipsoid, TruncatedCone
-from ...render.status_palette import rgb_of
+from ...render.draw.palette import rgb_of
 from ...tracking.estimate import Status, TrackEstimate
 from .estimates import pose_of
 from .stamps import stamp_message

@@ -1,0 +1,148 @@
+"""What the parts of a body, and what surrounds it, look like in one camera: densities of color, for correspondence lines.
+
+Parts that look alike share one histogram (`color_classes`), so that a limb that is off does not spoil its color. What is learnt
+on line is mixed with the color that the model states, where the images bear that out: a model's colors may be for show only.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from ...model.articulated import ArticulatedModel
+from ..appearance import BINS, count_colors
+from ..body_region import Region
+from .color_densities import N_COLORS, UNIFORM, fill_classes, fill_density, mix_classes, mix_counts
+
+_BIN_WIDTH = 256 // BINS
+_SUPPORT = 0.1  # share of a part's pixels that a stated color must explain better than chance, to be believed
+_AS_STATED = 0.3  # such a share, of the parts' median, that makes all stated colors believed
+_SPARSE = 6  # every so many rows and columns of an image tell what is chance
+_PRIOR_SIGMA = 14.0  # grey levels across, of a stated color
+_PRIOR_GAINS = np.linspace(0.45, 1.15, 15)  # how bright surfaces of that color may be, in light and shade
+
+
+def color_classes(model: ArticulatedModel) -> np.ndarray:
+    """(n_shapes,) class of every shape: left and right of a pair with the same stated color are one."""
+    side = re.compile(r"(^|_)(left|right|l|r)(?=_|$)")
+    keys = [(side.sub(r"\1", shape.name.lower()), tuple(shape.color_rgb)) for shape in model.shapes]
+    order = {key: i for i, key in enumerate(dict.fromkeys(keys))}
+    return np.array([order[key] for key in keys], dtype=np.int32)
+
+
+def stated_densities(model: ArticulatedModel, classes: np.ndarray) -> np.ndarray:
+    """(n_classes, `N_COLORS`) float32 densities per bin of the colors that the model states; zeros where it states none."""
+    result = np.zeros((int(classes.max(initial=-1)) + 1, N_COLORS), dtype=np.float32)
+    for shape, kind in zip(model.shapes, classes, strict=True):
+        if not shape.has_color or result[kind].any():
+            continue
+        result[kind] = _stated_density(tuple(float(value) for value in shape.color_rgb))
+    return result
+
+
+@lru_cache(maxsize=256)
+def _stated_density(color_rgb: tuple[float, ...]) -> np.ndarray:
+    """(`N_COLORS`,) of one color; kept, since every tracker of a body asks for the same ones."""
+    middle = (np.arange(BINS) + 0.5) * _BIN_WIDTH
+    b, g, r = np.meshgrid(middle, middle, middle, indexing="ij")
+    colors = np.stack([b.ravel(), g.ravel(), r.ravel()], axis=1)
+    shades = np.clip(_PRIOR_GAINS[:, None] * np.array(color_rgb[::-1]), 0.0, 255.0)
+    squares = ((colors[:, None, :] - shades[None]) ** 2).sum(axis=2)
+    density = np.exp(-0.5 * squares / _PRIOR_SIGMA**2).sum(axis=1)
+    return density / density.sum()
+
+
+class RegionColors:
+    """Color densities of one camera.
+
+    Attributes
+    ----------
+    body : (n_classes, `N_COLORS`) float32, densities per bin of every class.
+    scene : (`N_COLORS`,) float32, of the surroundings.
+    """
+
+    def __init__(self, classes: np.ndarray, stated: np.ndarray, prior_share: float):
+        self._classes, self._stated, self._prior_share = classes, stated, prior_share
+        self._kinds = stated > UNIFORM  # colors that bear the stated one out
+        self._parts = np.zeros_like(stated)
+        self._around = np.zeros(N_COLORS, dtype=np.float32)
+        self._shades = np.zeros_like(stated)  # those of the stated colors that are seen on the body or near it
+        self._was_sound, self._was_unsound = np.zeros((2, len(stated)), dtype=np.bool_)
+        self._support = np.full(len(stated), np.nan)  # share of a part's pixels that have its stated color
+        self._as_stated: bool | None = None  # whether the body has the stated colors on the whole, where that is known
+        self.body = np.full_like(stated, UNIFORM)
+        self.scene = np.full(N_COLORS, UNIFORM, dtype=np.float32)
+        self.knows = False
+
+    def learn(
+        self, bgr: np.ndarray, region: Region, labels: np.ndarray, rate: float, guard_px: int, reach_px: int,
+        sound: np.ndarray | None = None,
+    ) -> None:  # fmt: skip
+        """Mix in the colors of one image, whose body shows as ``labels`` (1 + shape, 0 beside it) on ``region``.
+
+        Within ``guard_px`` of the outline nothing is learnt as body or as surroundings; surroundings are what lies within
+        ``reach_px`` of it. Nothing is learnt of parts that are not ``sound`` (n_shapes,).
+        """
+        u0, v0, u1, v1 = region
+        body = (labels > 0).view(np.uint8)
+        square = np.ones((2 * guard_px + 1, 2 * guard_px + 1), dtype=np.uint8)
+        inner = cv2.erode(body, np.ones((3, 3), dtype=np.uint8), borderValue=1)
+        near = cv2.dilate(body, np.ones((2 * reach_px + 1, 2 * reach_px + 1), dtype=np.uint8)).view(np.bool_)
+        around = near > cv2.dilate(body, square).view(np.bool_)
+        kinds = np.zeros(256, dtype=np.uint8)  # by label
+        kinds[1 : len(self._classes) + 1] = 1 + self._classes
+        if sound is not None:
+            kinds[1 : len(sound) + 1][~sound] = 0
+            self._was_sound[self._classes[sound]] = True
+            self._was_unsound[self._classes[~sound]] = True
+        counts, scene = np.zeros_like(self._parts), np.zeros(N_COLORS, dtype=np.float32)
+        crop = np.ascontiguousarray(bgr[v0:v1, u0:u1])
+        count_colors(crop, cv2.LUT(labels, kinds) * inner, around, counts, scene)
+        mix_classes(self._parts, counts, np.float32(rate), self._kinds, self._support)
+        mix_counts(self._around, scene, np.float32(rate))
+        if self._as_stated is not False and self._stated.any() and not self._was_sound.all():
+            self._shades = self._stated * np.maximum(_above_chance(bgr, crop, near), 0.0)
+            self._shades /= np.maximum(self._shades.sum(axis=1, keepdims=True), 1e-12)
+        self._tabulate()
+
+    def _tabulate(self) -> None:
+        trusted = ~self._was_sound & bool(self._as_stated)
+        borne_out = (self._support > _SUPPORT) | bool(self._as_stated)
+        fill_classes(
+            self._parts, self._shades, self._stated, trusted, self._was_unsound, borne_out, self._prior_share, self.body
+        )  # fmt: skip
+        fill_density(self._around, self._around, 0.0, self._around, 0.0, self.scene)
+        self.knows = True
+
+
+def trust_stated_colors(cameras: Sequence[RegionColors]) -> None:
+    """Say whether the body has the stated colors on the whole, by what all cameras have learnt of it.
+
+    Where it has, a part that is not where it should be is expected to have them, too, whatever is seen in its place.
+    """
+    support = np.array([colors._support for colors in cameras])
+    told = np.isfinite(support)
+    means = np.where(told, support, 0.0).sum(axis=0)[told.any(axis=0)] / told.sum(axis=0)[told.any(axis=0)]
+    as_stated = means.size > 0 and float(np.median(means)) > _AS_STATED
+    for colors in cameras:
+        colors._as_stated = as_stated and colors._prior_share > 0.0
+        if colors.knows:
+            colors._tabulate()
+
+
+def _above_chance(bgr: np.ndarray, crop: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """(`N_COLORS`,) pixels of each color on the ``mask`` of a crop, less those of as many pixels anywhere in the image."""
+    on_mask = _counts(crop, mask)
+    anywhere = _counts(bgr[::_SPARSE, ::_SPARSE], np.ones(bgr[::_SPARSE, ::_SPARSE].shape[:2], dtype=np.bool_))
+    return on_mask - anywhere * (on_mask.sum() / max(anywhere.sum(), 1.0))
+
+
+def _counts(bgr: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    counts = np.zeros(N_COLORS, dtype=np.float32)
+    nobody = np.zeros(mask.shape, dtype=np.uint8)
+    count_colors(np.ascontiguousarray(bgr), nobody, mask, np.zeros((0, N_COLORS), dtype=np.float32), counts)
+    return counts

@@ -1,0 +1,153 @@
+"""A second renderer: triangles drawn by OpenGL through pyrender, on a GPU or in software; and the check on the first."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...camera.light import Light, pack_lights
+from ...camera.rig import Camera
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration
+from ..raycast.extent import body_extent, corners_in_camera
+from ..raycast.raycaster import checked_region
+from ..renderer import ColoredView, Region, RenderedView
+from .context import OpenGLContext
+from .tessellation import Patch, tessellate
+
+_NEAREST = 0.01  # metres: what is nearer is cut away, since the depth buffer has no room for it
+_CROP_STEP = 32  # crops are rounded up to this, so that few sizes of images occur
+
+
+class PyrenderRenderer:
+    """Draws bodies with OpenGL. Use it in a ``with`` statement, or `close` it; and only on the thread that made it.
+
+    It is a `renderer.Renderer`. Only the body's bounding box is drawn and read back. Shapes that reach nearer than a centimetre
+    are cut there.
+
+    Raises
+    ------
+    RendererError : there is no OpenGL.
+    """
+
+    def __init__(self):
+        self._context, self._thread = OpenGLContext(), threading.get_ident()
+        from . import lambert as opengl_lambert  # imports pyrender, which the context has set up
+
+        self._lambert = opengl_lambert
+        offscreen = self._context.offscreen
+        offscreen._renderer.delete()
+        self._renderer = offscreen._renderer = opengl_lambert.LambertRenderer(64, 64)
+        self._model: ArticulatedModel | None = None
+        self._nodes: list[Any] = []
+
+    def __enter__(self) -> PyrenderRenderer:
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free the OpenGL context."""
+        self._context.close()
+
+    def render_view(self, configuration: Configuration, camera: Camera, region: Region | None = None) -> RenderedView:
+        """Labels and depth of a body as ``camera`` sees it, on the whole image or a part of it."""
+        view = self.render_color(configuration, camera, (), region)
+        return RenderedView(view.labels, view.depth, view.region)
+
+    def render_color(
+        self, configuration: Configuration, camera: Camera, lights: Sequence[Light] = (), region: Region | None = None
+    ) -> ColoredView:
+        """The same with colors, in steps of one grey level (see `camera.light`)."""
+        region = checked_region(region, camera.model)
+        height, width = region[3] - region[1], region[2] - region[0]
+        labels, depth = np.zeros((height, width), dtype=np.uint8), np.full((height, width), np.inf, dtype=np.float32)
+        rgb = np.zeros((height, width, 3), dtype=np.float32)
+        extent = body_extent(configuration, camera, region)
+        if extent is not None:
+            crop = _rounded_up(extent, region)
+            color, metres = self._draw(configuration, camera, lights, crop)
+            rows, columns = slice(crop[1] - region[1], crop[3] - region[1]), slice(crop[0] - region[0], crop[2] - region[0])
+            rgb[rows, columns], labels[rows, columns], depth[rows, columns] = color[..., :3], color[..., 3], metres
+        return ColoredView(labels, depth, region, rgb)
+
+    def _show(self, model: ArticulatedModel) -> None:
+        """Make the shapes of ``model``, and no others, the content of the scene."""
+        if not self._context.is_open:
+            raise ValueError("expected an open renderer, got one that is closed")
+        if threading.get_ident() != self._thread:
+            raise ValueError("expected a call on the thread that made the renderer: OpenGL knows no other")
+        if model is self._model:
+            return
+        pyrender = self._context.pyrender
+        self._scene = pyrender.Scene(bg_color=[0.0, 0.0, 0.0, 0.0])
+        self._camera = self._scene.add(self._lambert.LensCamera(np.eye(4), 0.1, 1.0))
+        self._nodes = []
+        for shape in model.shapes:
+            patches = tessellate(shape.primitive, shape.color_rgb)
+            self._nodes.append(self._scene.add(pyrender.Mesh([self._primitive(patch) for patch in patches])))
+        self._renderer.labels = {node: i + 1 for i, node in enumerate(self._nodes)}
+        self._model = model
+
+    def _primitive(self, patch: Patch) -> Any:
+        pyrender = self._context.pyrender
+        texture = None
+        if patch.texture is not None:
+            sampler = pyrender.Sampler(wrapS=pyrender.GLTF.CLAMP_TO_EDGE, wrapT=pyrender.GLTF.CLAMP_TO_EDGE)
+            # Four channels: OpenGL expects rows of whole words, and pyrender does not see to that
+            texture = pyrender.Texture(sampler=sampler, source=patch.texture, source_channels="RGBA")
+        uv = np.zeros((len(patch.vertices), 2)) if patch.uv is None else patch.uv
+        return pyrender.Primitive(
+            positions=patch.vertices, normals=patch.normals, texcoord_0=uv, color_0=np.asarray(patch.colors, dtype=np.float32),
+            indices=patch.faces,
+            material=pyrender.MetallicRoughnessMaterial(baseColorTexture=texture, doubleSided=patch.two_sided),
+        )  # fmt: skip
+
+    def _draw(
+        self, configuration: Configuration, camera: Camera, lights: Sequence[Light], crop: Region
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """RGBA (h, w, 4) uint8 with labels as alpha, and depth (h, w), of ``crop``."""
+        self._show(configuration.model)
+        packed = pack_lights(lights)
+        if len(packed) > self._lambert.MAX_LIGHTS:
+            raise ValueError(f"expected at most {self._lambert.MAX_LIGHTS} lights, got {len(packed)}")
+        z = corners_in_camera(configuration, camera)[..., 2]
+        near, far = max(0.999 * float(z.min()), _NEAREST), max(1.001 * float(z.max()), 2.0 * _NEAREST)
+        for node, T in zip(self._nodes, configuration.Ts_world_shape, strict=True):
+            self._scene.set_pose(node, T)
+        self._camera.camera = self._lambert.LensCamera(_projection(camera.model.K, crop, near, far), near, far)
+        self._scene.set_pose(self._camera, camera.T_world_cam)
+        renderer, offscreen = self._renderer, self._context.offscreen
+        renderer.lights, renderer.lens, renderer.gain, renderer.gamma = packed, camera.model.params, camera.gain, camera.gamma
+        renderer.viewport_width, renderer.viewport_height = crop[2] - crop[0], crop[3] - crop[1]
+        offscreen._platform.make_current()
+        # Not by offscreen.render, which thinks that OSMesa has no framebuffers
+        return renderer.render(self._scene, self._context.pyrender.RenderFlags.OFFSCREEN)
+
+
+def _projection(K: np.ndarray, crop: Region, near: float, far: float) -> np.ndarray:
+    """Clip coordinates (4, 4) of points in optical axes (x right, y down, z forward); pixel centers lie at whole numbers."""
+    u0, v0, u1, v1 = crop
+    to_clip = np.array([
+        [2.0 / (u1 - u0), 0.0, -(2.0 * u0 - 1.0) / (u1 - u0) - 1.0],
+        [0.0, -2.0 / (v1 - v0), (2.0 * v0 - 1.0) / (v1 - v0) + 1.0],
+    ])  # fmt: skip
+    P = np.zeros((4, 4))
+    P[:2, :3] = to_clip @ K
+    P[2, 2:] = (far + near) / (far - near), -2.0 * far * near / (far - near)
+    P[3, 2] = 1.0
+    return P
+
+
+def _rounded_up(extent: Region, region: Region) -> Region:
+    """A part of ``region`` that holds ``extent``, its sides multiples of `_CROP_STEP` where there is room."""
+    ends = []
+    for axis in range(2):
+        length = min(-(-(extent[axis + 2] - extent[axis]) // _CROP_STEP) * _CROP_STEP, region[axis + 2] - region[axis])
+        ends.append(min(extent[axis], region[axis + 2] - length))
+        ends.append(ends[-1] + length)
+    return ends[0], ends[2], ends[1], ends[3]

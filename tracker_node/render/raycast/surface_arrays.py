@@ -1,0 +1,103 @@
+"""What surfaces look like, packed into arrays for the kernels: colors, normals and pictures of a model's shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ...model.articulated import ArticulatedModel
+from ...model.shapes.primitives import Box, Mesh
+from ..ray_table import MadeOnce
+
+NO_PICTURE = -1
+N_LEVELS = 12  # of a picture, each half as large as the one before; the last ones repeat once there is but one pixel
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceArrays:
+    """What never changes while a model moves. Triangles of all meshes are numbered one after the other.
+
+    Attributes
+    ----------
+    colors : (n, 6, 3) float32 RGB, 0..255, of the faces of a box in the order of `primitives.BOX_FACES`; six times the
+        same of other shapes.
+    pictures : (n, 6) index of the picture on each face of a box (of a mesh: six times the same), or `NO_PICTURE`.
+    corners : (m, 3, 6) float32, of the corners of the triangles: unit normal (shape frame), and color as in ``colors``, or with
+        a picture (u, v, 0), u to the right and v **downward**, 0..1 over the whole picture.
+    levels : (k, `N_LEVELS`, 3) first texel, width and height of each level of each picture.
+    texels : (t, 3) uint8 RGB, row by row.
+    """
+
+    colors: np.ndarray
+    pictures: np.ndarray
+    corners: np.ndarray
+    levels: np.ndarray
+    texels: np.ndarray
+
+
+class _Album:
+    """Pictures with all their levels, one after the other."""
+
+    def __init__(self):
+        self.levels: list[list[tuple[int, int, int]]] = []
+        self.texels: list[np.ndarray] = [np.zeros((0, 3), dtype=np.uint8)]
+        self._size = 0
+
+    def add(self, picture: np.ndarray) -> int:
+        rows: list[tuple[int, int, int]] = []
+        for _ in range(N_LEVELS):
+            height, width = picture.shape[:2]
+            if not rows or rows[-1][1:] != (width, height):
+                start = self._size
+                self.texels.append(picture.reshape(-1, 3))
+                self._size += width * height
+            rows.append((start, width, height))
+            picture = cv2.resize(picture, (max(1, width // 2), max(1, height // 2)), interpolation=cv2.INTER_AREA)
+        self.levels.append(rows)
+        return len(self.levels) - 1
+
+
+def _corner_colors(mesh: Mesh, color_rgb: tuple[int, int, int]) -> np.ndarray:
+    if mesh.uv is not None:
+        return np.stack([mesh.uv[..., 0], 1.0 - mesh.uv[..., 1], np.zeros(mesh.uv.shape[:2])], axis=-1)
+    if mesh.vertex_colors_rgb is not None:
+        return mesh.vertex_colors_rgb[mesh.faces]
+    if mesh.face_colors_rgb is not None:
+        return np.repeat(mesh.face_colors_rgb[:, None], 3, axis=1)
+    return np.broadcast_to(np.array(color_rgb), (len(mesh.faces), 3, 3))
+
+
+def _corner_normals(mesh: Mesh) -> np.ndarray:
+    if mesh.normals is not None:
+        return mesh.normals[mesh.faces]
+    corners = mesh.vertices[mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    return np.repeat(normals[:, None], 3, axis=1)
+
+
+def _make_surface_arrays(model: ArticulatedModel) -> SurfaceArrays:
+    n, album = len(model.shapes), _Album()
+    colors, pictures = np.empty((n, 6, 3), dtype=np.float32), np.full((n, 6), NO_PICTURE, dtype=np.int64)
+    corners = [np.zeros((0, 3, 6))]
+    for i, shape in enumerate(model.shapes):
+        primitive = shape.primitive
+        colors[i] = shape.color_rgb
+        if isinstance(primitive, Box):
+            if primitive.face_colors_rgb is not None:
+                colors[i] = primitive.face_colors_rgb
+            for j, texture in enumerate(primitive.textures or ()):
+                if texture is not None:
+                    pictures[i, j] = album.add(texture)
+        elif isinstance(primitive, Mesh):
+            corners.append(np.concatenate([_corner_normals(primitive), _corner_colors(primitive, shape.color_rgb)], axis=-1))
+            if primitive.texture is not None:
+                pictures[i] = album.add(primitive.texture)
+    levels = np.array(album.levels, dtype=np.int64).reshape(-1, N_LEVELS, 3)
+    return SurfaceArrays(colors, pictures, np.concatenate(corners).astype(np.float32), levels, np.concatenate(album.texels))
+
+
+surface_arrays: Callable[[ArticulatedModel], SurfaceArrays] = MadeOnce(_make_surface_arrays)
