@@ -9,8 +9,8 @@ import numpy as np
 from _color_scene import ColorScene
 
 from tracker_node.model.configuration import State
-from tracker_node.objective.color_score import ColorObjective
-from tracker_node.objective.photometric import PhotometricObjective
+from tracker_node.objective.color.alignment import PhotometricObjective
+from tracker_node.objective.color.score import ColorObjective
 from tracker_node.optimize.alignment import align
 from tracker_node.optimize.registry import stepping_simplex
 from tracker_node.optimize.robust_fit import Fit, align_robustly

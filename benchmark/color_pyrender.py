@@ -26,7 +26,7 @@ from _reference import reference_ms
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.model.configuration import Configuration
-from tracker_node.objective.color_score import ColorObjective
+from tracker_node.objective.color.score import ColorObjective
 from tracker_node.render.opengl.context import OpenGLContext
 from tracker_node.render.opengl.renderer import PyrenderRenderer
 from tracker_node.render.raycast.extent import body_extent

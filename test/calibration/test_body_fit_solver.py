@@ -20,7 +20,7 @@ from tracker_node.calibration.body_fit_solver import (
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import State
 from tracker_node.model.shape_parameters import ShapeSpace
-from tracker_node.objective.prior import Prior
+from tracker_node.objective.constraints.prior import Prior
 from tracker_node.objective.shape_jacobian import FOCAL, N_CAMERA, TIME, ContourLines, line_residuals
 
 MODEL, RIG = crane(), circle_rig(3)

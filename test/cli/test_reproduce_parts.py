@@ -13,7 +13,7 @@ from tracker_node.cli._somersault_scene import somersault_scene
 from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.color_experiments import PAPER_RMS, UNITS, VARIABLES
 from tracker_node.evaluation.color_plots import Profile
-from tracker_node.objective.color_score import ColorObjective
+from tracker_node.objective.color.score import ColorObjective
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import CalibrationError
 from tracker_node.evaluation.camera_delay import estimate_delay
 from tracker_node.model.configuration import Configuration
-from tracker_node.objective.color_score import ColorObjective
+from tracker_node.objective.color.score import ColorObjective
 from tracker_node.render.raycast import raycaster
 from tracker_node.synthesis.cross import FIELD_PERIOD_S
 

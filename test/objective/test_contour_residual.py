@@ -10,8 +10,8 @@ from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.objective import contour_residual as kernel
-from tracker_node.objective.contour_objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
-from tracker_node.objective.prior import Prior
+from tracker_node.objective.chamfer.objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
+from tracker_node.objective.constraints.prior import Prior
 from tracker_node.render.shape_arrays import ShapeArrays
 
 

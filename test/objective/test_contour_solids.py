@@ -11,7 +11,7 @@ from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box, Mesh, TruncatedCone
-from tracker_node.objective.contour_objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
+from tracker_node.objective.chamfer.objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
 from tracker_node.optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 from tracker_node.render.raycast.raycaster import render_mask
 from tracker_node.render.shape_arrays import ShapeArrays

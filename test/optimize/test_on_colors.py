@@ -6,7 +6,7 @@ import pytest
 from tracker_node.model.configuration import Configuration
 from tracker_node.model.humans.ellipsoids import ellipsoid_human
 from tracker_node.model.pose_variables import from_variables, to_variables
-from tracker_node.objective.color_score import ColorObjective
+from tracker_node.objective.color.score import ColorObjective
 from tracker_node.optimize.registry import OPTIMIZERS, optimizer
 from tracker_node.optimize.stepping import SEVEN_LOOPS, SteppingOptions, step_downhill
 from tracker_node.render.raycast.raycaster import render_color

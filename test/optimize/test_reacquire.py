@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from textured_plate import MODEL, TRUE, errors, film, moved, rig
 
-from tracker_node.objective.texture_objective import TextureObjective
+from tracker_node.objective.points.texture import TextureObjective
 from tracker_node.optimize.alignment import align
 from tracker_node.optimize.reacquire import ReacquireOptions, reacquire
 from tracker_node.optimize.robust_start import RobustStartOptions

@@ -9,7 +9,7 @@ from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Ellipsoid
-from tracker_node.objective.surface_photometry import PhotometryOptions
+from tracker_node.objective.points.photometry import PhotometryOptions
 from tracker_node.tracking.color_judge import ColorAgreement, agreement_of, judge_colors
 from tracker_node.tracking.config import ColorConfig
 from tracker_node.tracking.estimate import Status

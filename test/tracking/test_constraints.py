@@ -9,7 +9,7 @@ from bodies import crane
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.objective.collision import CollisionObjective
+from tracker_node.objective.constraints.collision import CollisionObjective
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.constraints import constraints_of, neutral_information, resting
 

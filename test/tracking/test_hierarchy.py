@@ -5,8 +5,8 @@ import pytest
 
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
+from tracker_node.objective.constraints.prior import Prior
 from tracker_node.objective.normal_equations import NormalEquations
-from tracker_node.objective.prior import Prior
 from tracker_node.optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 from tracker_node.tracking.hierarchy import Pulled, limbs_of, stages_of
 

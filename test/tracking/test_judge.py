@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tracker_node.objective import contour_residual as kernel
-from tracker_node.objective.contour_agreement import BOUNDARY, N_AGREEMENT, ON_BOUNDARY, ON_OUTLINE, OUTLINE
+from tracker_node.objective.chamfer.agreement import BOUNDARY, N_AGREEMENT, ON_BOUNDARY, ON_OUTLINE, OUTLINE
 from tracker_node.objective.normal_equations import NormalEquations
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.tracking.config import StatusConfig

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from two_links import two_links
 
 from tracker_node.model.configuration import State
-from tracker_node.objective.prior import Prior
+from tracker_node.objective.constraints.prior import Prior
 from tracker_node.tracking.config import MotionConfig
 from tracker_node.tracking.motion_dynamics import Belief, Dynamics, correct
 

@@ -12,7 +12,7 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 from tracker_node.model.shapes.primitives import Box, Ellipsoid, TruncatedCone
-from tracker_node.objective.region_objective import RegionObjective, RegionOptions, View
+from tracker_node.objective.lines.objective import RegionObjective, RegionOptions, View
 from tracker_node.observation.region.colors import N_COLORS
 from tracker_node.render.raycast.raycaster import render_mask
 from tracker_node.render.shape_arrays import ShapeArrays

@@ -12,7 +12,7 @@ from small_studio import RATE_HZ, Recording
 from tracker_node.loaders.model_yaml import load_model
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.objective.collision import CollisionObjective
+from tracker_node.objective.constraints.collision import CollisionObjective
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.synthesis.cones import ModelSubject
 from tracker_node.synthesis.scenes import SceneConfig, Studio, make_rig

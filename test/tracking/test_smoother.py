@@ -12,7 +12,7 @@ from two_links import two_links
 
 from tracker_node.geometry import so3
 from tracker_node.model.configuration import State
-from tracker_node.objective.prior import Prior
+from tracker_node.objective.constraints.prior import Prior
 from tracker_node.tracking.config import MotionConfig
 from tracker_node.tracking.motion_dynamics import Belief, Dynamics
 from tracker_node.tracking.motion_model import MotionModel

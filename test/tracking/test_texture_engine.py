@@ -6,7 +6,7 @@ from textured_plate import MODEL, TRUE, errors, film, image_set, moved, rig
 
 from tracker_node.errors import ModelError
 from tracker_node.model.humans.human import human_model
-from tracker_node.objective.texture_objective import TextureObjective
+from tracker_node.objective.points.texture import TextureObjective
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.tracking import texture_engine
 from tracker_node.tracking.config import from_dict

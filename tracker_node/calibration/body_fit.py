@@ -18,7 +18,7 @@ from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..model.shape_parameters import GROUPS, ShapeSpace
-from ..objective.prior import Prior
+from ..objective.constraints.prior import Prior
 from ..objective.shape_jacobian import N_CAMERA, ContourLines, line_residuals
 from ..observation.image_set import ImageSet
 from ..tracking.config import TrackerConfig

@@ -9,8 +9,8 @@ import numpy as np
 from ..camera.rig import CameraRig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..objective import line_table as table
-from ..objective.region_objective import RegionObjective, View
+from ..objective.lines import table
+from ..objective.lines.objective import RegionObjective, View
 from ..objective.shape_jacobian import ContourLines, normalized
 from ..observation.image_set import ImageSet
 from ..observation.region.background import EmptyRoom

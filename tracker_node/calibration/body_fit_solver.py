@@ -18,8 +18,8 @@ from ..geometry import se3
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..model.shape_parameters import ShapeSpace
+from ..objective.constraints.prior import Prior
 from ..objective.normal_equations import LeastSquaresObjective
-from ..objective.prior import Prior
 from ..objective.shape_jacobian import FOCAL, N_CAMERA, TIME, ContourLines, line_residuals, linearize_lines, normal_equations
 
 

@@ -13,10 +13,10 @@ from ..evaluation.color_experiments import Found, TrackedSequence, moved
 from ..evaluation.video_tracking import refine_video, track_video
 from ..model.configuration import State
 from ..model.pose_variables import N_ROOT
-from ..objective.color_score import ColorObjective, ColorOptions
-from ..objective.photometric import PhotometricOptions
-from ..objective.staggered_photometric import StaggeredPhotometricObjective
-from ..objective.staggered_score import StaggeredObjective
+from ..objective.color.alignment import PhotometricOptions
+from ..objective.color.asynchronous_alignment import StaggeredPhotometricObjective
+from ..objective.color.asynchronous_score import StaggeredObjective
+from ..objective.color.score import ColorObjective, ColorOptions
 from ..observation.deinterlace import field_camera, first_line
 from ..optimize.alignment import AlignmentOptions, align
 from ..optimize.simplex import polish

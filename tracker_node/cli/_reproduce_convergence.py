@@ -29,8 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from ..errors import FileFormatError
     from ..evaluation.metrics_file import format_metrics, write_metrics
-    from ..objective.color_score import ColorObjective
-    from ..objective.photometric import PhotometricObjective
+    from ..objective.color.alignment import PhotometricObjective
+    from ..objective.color.score import ColorObjective
     from ._somersault_scene import somersault_scene
 
     if args.trials < 1:

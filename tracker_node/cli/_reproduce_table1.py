@@ -92,8 +92,8 @@ class _Objectives:
     """The score, and the same as a least-squares problem, both of the tracked body."""
 
     def __init__(self, scene: Any):
-        from ..objective.color_score import ColorObjective
-        from ..objective.photometric import PhotometricObjective
+        from ..objective.color.alignment import PhotometricObjective
+        from ..objective.color.score import ColorObjective
 
         self.chain = scene.tracked.chain
         self.score = ColorObjective(scene.tracked, scene.rig, threads=1)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import CalibrationError
 from ..model.configuration import State
-from ..objective.color_score import ColorObjective
+from ..objective.color.score import ColorObjective
 from .video_tracking import velocities
 
 _NEAR = 4  # steps to either side of the lowest score through which the parabola is laid

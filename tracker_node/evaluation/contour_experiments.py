@@ -11,7 +11,7 @@ import numpy as np
 from ..camera.rig import CameraRig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
-from ..objective.contour_objective import ContourObjective
+from ..objective.chamfer.objective import ContourObjective
 from ..objective.per_camera import serial
 from ..observation.image_set import ImageSet
 from ..tracking.config import TrackerConfig

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..model.configuration import State
+from .constraints.prior import Prior
 from .normal_equations import LeastSquaresObjective, NormalEquations
-from .prior import Prior
 
 
 class SumObjective:

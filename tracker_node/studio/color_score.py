@@ -10,7 +10,7 @@ from ..camera.rig import CameraRig
 from ..loaders.json_values import finite
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
-from ..objective.surface_photometry import PhotometryOptions
+from ..objective.points.photometry import PhotometryOptions
 from ..tracking.color_judge import agreement_of
 from ..tracking.config import TrackerConfig
 from .pose_score import CameraScore, PoseScore

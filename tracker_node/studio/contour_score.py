@@ -9,7 +9,7 @@ import numpy as np
 from ..camera.rig import CameraRig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..objective.region_objective import PartEvidence, RegionObjective, View
+from ..objective.lines.objective import PartEvidence, RegionObjective, View
 from ..observation.chamfer.observer import checked_plates
 from ..observation.region.background import EmptyRoom
 from ..observation.region.colors import RegionColors, color_classes, stated_densities, trust_stated_colors

@@ -11,8 +11,8 @@ from ..geometry import se3, so3
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.kinematic_chain import N_ROOT_DOF
+from ..objective.constraints.prior import Prior
 from ..objective.normal_equations import NormalEquations
-from ..objective.prior import Prior
 from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 from ..tracking.limbs import limbs_of
 

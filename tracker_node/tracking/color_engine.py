@@ -11,10 +11,10 @@ from ..camera.rig import CameraRig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
-from ..objective.color_score import ColorObjective, ColorOptions
+from ..objective.color.score import ColorObjective, ColorOptions
+from ..objective.constraints.prior import Prior
 from ..objective.normal_equations import Comparison, LeastSquaresObjective, NormalEquations
-from ..objective.prior import Prior
-from ..objective.surface_photometry import PhotometryOptions, SurfacePhotometry
+from ..objective.points.photometry import PhotometryOptions, SurfacePhotometry
 from ..observation.image_set import ImageSet
 from ..optimize.result import OptimizerResult
 from .color_judge import ColorAgreement, agreement_of, judge_colors

@@ -16,7 +16,7 @@ import numpy as np
 from ..camera.rig import Camera, CameraRig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..objective.surface_photometry import PhotometryOptions, features_of
+from ..objective.points.photometry import PhotometryOptions, features_of
 from ..render.raycast.raycaster import render_color, render_labels
 from .config import ColorConfig
 from .engine import Images, Verdict

@@ -9,9 +9,9 @@ import numpy as np
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
-from ..objective.color_score import ColorObjective
-from ..objective.prior import Prior
-from ..objective.surface_photometry import PhotometryLevel, SurfacePhotometry
+from ..objective.color.score import ColorObjective
+from ..objective.constraints.prior import Prior
+from ..objective.points.photometry import PhotometryLevel, SurfacePhotometry
 from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, clip_to_limits, minimize
 from ..optimize.result import OptimizerResult
 from ..optimize.score_objective import SearchResult

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..model.configuration import State
+from ..objective.constraints.prior import Prior
 from ..objective.normal_equations import Comparison, NormalEquations
-from ..objective.prior import Prior
 from ..observation.image_set import ImageSet
 from ..optimize.result import OptimizerResult
 from .engine import Engine, Images, Report, Verdict

@@ -7,8 +7,8 @@ from typing import Protocol
 
 from ..model.configuration import State
 from ..model.kinematic_chain import KinematicChain
+from ..objective.constraints.prior import Prior
 from ..objective.normal_equations import LeastSquaresObjective
-from ..objective.prior import Prior
 from ..objective.sum_objective import SumObjective
 from ..observation.image_set import ImageSet
 from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize

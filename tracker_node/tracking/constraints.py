@@ -7,10 +7,10 @@ import numpy as np
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
-from ..objective.collision import CollisionObjective
-from ..objective.coupling import CouplingObjective
+from ..objective.constraints.collision import CollisionObjective
+from ..objective.constraints.coupling import CouplingObjective
+from ..objective.constraints.prior import Prior
 from ..objective.normal_equations import LeastSquaresObjective
-from ..objective.prior import Prior
 from .config import MotionConfig, TrackerConfig
 
 PX2_PER_INFORMATION = 18.0  # of the pulls of `MotionConfig`, which are stated in squared pixels

@@ -11,10 +11,10 @@ from ..camera.rig import CameraRig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
-from ..objective.contour_objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
+from ..objective.chamfer.objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
+from ..objective.constraints.prior import Prior
 from ..objective.moved_configuration import bodies_seen
 from ..objective.normal_equations import Comparison, LeastSquaresObjective, NormalEquations
-from ..objective.prior import Prior
 from ..objective.sum_objective import SumObjective
 from ..observation.chamfer.observer import Observation, Observer
 from ..observation.image_set import ImageSet

@@ -13,8 +13,8 @@ from typing import Protocol
 import numpy as np
 
 from ..model.configuration import State
+from ..objective.constraints.prior import Prior
 from ..objective.normal_equations import Comparison, NormalEquations
-from ..objective.prior import Prior
 from ..observation.image_set import ImageSet
 from ..optimize.result import OptimizerResult
 from .covariance import ImageEvidence

@@ -14,8 +14,8 @@ import numpy as np
 
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
+from ..objective.constraints.prior import Prior
 from ..objective.normal_equations import NormalEquations
-from ..objective.prior import Prior
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,8 @@ import numpy as np
 
 from ..camera.rig import CameraRig
 from ..objective import contour_residual as kernel
-from ..objective.contour_agreement import BOUNDARY, ON_BOUNDARY, ON_OUTLINE, OUTLINE
-from ..objective.contour_objective import CameraSlot
+from ..objective.chamfer.agreement import BOUNDARY, ON_BOUNDARY, ON_OUTLINE, OUTLINE
+from ..objective.chamfer.objective import CameraSlot
 from ..objective.normal_equations import NormalEquations
 from ..observation.chamfer.observer import Observation
 from ..observation.image_set import ImageSet

@@ -2,7 +2,7 @@
 
 The poses are where the limb was last sound, where it is predicted, at rest, as its partner on the other side is, mirrored about
 rest, at random about those, and at random within the joints' limits; then about the best of them, closer and closer. They are
-scored by the colors that the limb would cover (`objective.limb_score`). The best few are fitted by the engine's lines, the
+scored by the colors that the limb would cover (`objective.area.limb_score`). The best few are fitted by the engine's lines, the
 limb's degrees of freedom alone. A fit is taken if the colors speak for it, and its outline is that of a sound limb. So many poses
 are tried an image set that the effort stays bounded; a limb that is not found is looked for again in the next. The generator is
 seeded.
@@ -18,8 +18,8 @@ import numpy as np
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
+from ..objective.lines.objective import PartEvidence
 from ..objective.normal_equations import LeastSquaresObjective, NormalEquations
-from ..objective.region_objective import PartEvidence
 from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 from .config import StatusConfig
 from .estimate import LimbReport, LimbStatus

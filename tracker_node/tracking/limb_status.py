@@ -18,7 +18,7 @@ import numpy as np
 from ..geometry import so3
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..objective.region_objective import PartEvidence
+from ..objective.lines.objective import PartEvidence
 from .config import StatusConfig
 from .estimate import LimbReport, LimbStatus, Status
 from .limbs import Limb, limbs_of

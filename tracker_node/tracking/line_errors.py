@@ -13,8 +13,8 @@ from ..camera.rig import CameraRig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..objective.contour_residual import assemble
-from ..objective.line_spacing import add_crowding
-from ..objective.region_objective import RegionObjective
+from ..objective.lines.objective import RegionObjective
+from ..objective.lines.spacing import add_crowding
 from .config import StatusConfig
 from .covariance import ImageEvidence
 

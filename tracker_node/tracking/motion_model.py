@@ -14,7 +14,7 @@ import numpy as np
 
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
-from ..objective.prior import Prior
+from ..objective.constraints.prior import Prior
 from .config import MotionConfig
 from .motion_dynamics import Belief, Dynamics, correct
 

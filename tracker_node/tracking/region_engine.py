@@ -13,12 +13,12 @@ from ..camera.rig import Camera, CameraRig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.kinematic_chain import N_ROOT_DOF
-from ..objective import region_lines as kernel
-from ..objective.limb_score import LimbScore
+from ..objective.area.limb_score import LimbScore
+from ..objective.constraints.prior import Prior
+from ..objective.lines import correspondence as kernel
+from ..objective.lines.objective import PartEvidence, RegionObjective, RegionOptions, View
 from ..objective.moved_configuration import bodies_seen
 from ..objective.normal_equations import Comparison, LeastSquaresObjective, NormalEquations
-from ..objective.prior import Prior
-from ..objective.region_objective import PartEvidence, RegionObjective, RegionOptions, View
 from ..objective.robust_curvature import curvature_share
 from ..objective.sum_objective import SumObjective
 from ..observation.chamfer.observer import checked_plates

@@ -11,9 +11,9 @@ from ..camera.rig import CameraRig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
+from ..objective.constraints.prior import Prior
+from ..objective.lines.objective import PartEvidence
 from ..objective.normal_equations import Comparison, LeastSquaresObjective
-from ..objective.prior import Prior
-from ..objective.region_objective import PartEvidence
 from ..optimize.result import OptimizerResult
 from .config import TrackerConfig, numbers
 from .estimate import LimbReport, Status

@@ -10,10 +10,10 @@ import numpy as np
 from ..camera.rig import CameraRig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
-from ..objective.color_score import ColorObjective, ColorOptions
-from ..objective.photometric import PhotometricObjective, PhotometricOptions
-from ..objective.prior import Prior
-from ..objective.surface_photometry import SurfacePhotometry
+from ..objective.color.alignment import PhotometricObjective, PhotometricOptions
+from ..objective.color.score import ColorObjective, ColorOptions
+from ..objective.constraints.prior import Prior
+from ..objective.points.photometry import SurfacePhotometry
 from ..optimize.alignment import align
 from ..optimize.result import OptimizerResult
 from ..optimize.robust_fit import RobustFitOptions, align_robustly

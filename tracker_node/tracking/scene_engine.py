@@ -16,9 +16,9 @@ from ..camera.rig import CameraRig
 from ..errors import ModelError
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..objective.prior import Prior
-from ..objective.scene_objective import SceneObjective
-from ..objective.surface_photometry import SurfacePhotometry
+from ..objective.color.scene import SceneObjective
+from ..objective.constraints.prior import Prior
+from ..objective.points.photometry import SurfacePhotometry
 from ..observation.image_set import ImageSet
 from ..optimize.levenberg_marquardt import clip_to_limits
 from ..optimize.result import OptimizerResult

@@ -19,7 +19,7 @@ import numpy as np
 from ..geometry import so3
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
-from ..objective.prior import Prior
+from ..objective.constraints.prior import Prior
 from .estimate import TrackEstimate
 from .motion_dynamics import Belief, Dynamics, correct
 

@@ -11,8 +11,8 @@ from ..camera.rig import Camera
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
-from ..objective.contour_objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
-from ..objective.prior import Prior
+from ..objective.chamfer.objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
+from ..objective.constraints.prior import Prior
 from ..observation.chamfer.distance_transform import signed_distance
 from ..observation.chamfer.silhouette_maps import boundary_points
 from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize

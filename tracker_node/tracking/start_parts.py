@@ -17,7 +17,7 @@ from ..camera.rig import Camera
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.kinematic_chain import N_ROOT_DOF
-from ..objective.evidence_score import EvidenceScore
+from ..objective.area.evidence_score import EvidenceScore
 from ..observation.region.colors import stated_densities
 from ..render.raycast.raycaster import render_view
 from .limbs import Limb

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..model.configuration import State
-from ..objective.evidence_score import EvidenceScore
+from ..objective.area.evidence_score import EvidenceScore
 from .start_postures import limbs, other_side, reachable
 
 _SHAKE_RAD = 0.25

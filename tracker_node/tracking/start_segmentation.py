@@ -13,7 +13,7 @@ import numpy as np
 
 from ..camera.rig import Camera
 from ..model.configuration import Configuration
-from ..objective.hull import Volume, occupancy, seen_from
+from ..objective.area.visual_hull import Volume, occupancy, seen_from
 from ..render.raycast.raycaster import render_mask
 from .start_evidence import StartEvidence
 

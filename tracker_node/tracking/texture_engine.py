@@ -9,9 +9,9 @@ import numpy as np
 from ..camera.rig import CameraRig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
+from ..objective.constraints.prior import Prior
 from ..objective.normal_equations import Comparison, NormalEquations
-from ..objective.prior import Prior
-from ..objective.texture_objective import TextureObjective, TextureScore
+from ..objective.points.texture import TextureObjective, TextureScore
 from ..observation.image_set import ImageSet
 from ..optimize.alignment import AlignmentOptions, align
 from ..optimize.reacquire import ReacquireOptions, reacquire

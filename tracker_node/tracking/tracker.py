@@ -13,7 +13,7 @@ from ..camera.rig_unit import check_metres
 from ..errors import CalibrationError, FileFormatError
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..objective.prior import Prior
+from ..objective.constraints.prior import Prior
 from ..observation.image_set import ImageSet
 from ..optimize.levenberg_marquardt import clip_to_limits
 from ..optimize.result import OptimizerResult

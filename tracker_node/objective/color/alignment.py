@@ -1,0 +1,205 @@
+"""Direct photometric alignment: the color score as a least-squares problem with analytic derivatives, on an image pyramid.
+
+The same residuals as `color_score`, summed over the mask; see `photometric_kernels` for how they change with the state. On coarse
+levels colors reach further, so that a body a few pixels of that level off is found.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ...camera.rig import CameraRig
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
+from ...render.raycast.coefficients import N_COEFFICIENTS
+from ..contour_residual import assemble
+from ..normal_equations import NormalEquations
+from . import alignment_kernels as sums
+from . import drawing as kernel
+from .any_shapes import linearize_with_cast
+from .constants import ColorConstants
+from .views import ColorViews, every_nth
+
+_WORTH_THREADS = 8000  # pixels: with fewer, handing work to a thread takes longer than the work
+
+
+@dataclass(frozen=True)
+class PhotometricOptions:
+    """What is compared, and how.
+
+    Attributes
+    ----------
+    representation, normalized_weight, min_pixels : as in `color_score.ColorOptions`.
+    levels : of the pyramid; level 0 is the image, each next one has half its width and height.
+    robust_scale : grey levels at which a pixel (the root of its summed squares) begins to count as something else; 0: never.
+    """
+
+    representation: str = "raw"
+    normalized_weight: float = 0.5
+    min_pixels: int = 30
+    levels: int = 4
+    robust_scale: float = 0.0
+
+
+class PhotometricObjective:
+    """Color residuals of a body against one image set at a time, level by level.
+
+    Parameters
+    ----------
+    model, rig, colors_rgb, threads : as of `color_score.ColorObjective`.
+    """
+
+    def __init__(
+        self,
+        model: ArticulatedModel,
+        rig: CameraRig,
+        options: PhotometricOptions | None = None,
+        colors_rgb: np.ndarray | None = None,
+        threads: int = 2,
+    ):
+        self.model, self.rig, self.options = model, rig, options or PhotometricOptions()
+        self.colors_rgb = colors_rgb
+        self.n_levels = self.options.levels
+        self._executor = ThreadPoolExecutor(threads - 1) if threads > 1 else None
+        self._threads = threads
+        self._levels: list[_Level] = [_Level(self, every_nth(rig, 2**k, 2**k)) for k in range(self.n_levels)]
+        self._pyramid: list[list[np.ndarray | None]] = [[None] * len(rig)]
+
+    def set_images(self, images: Sequence[np.ndarray | None]) -> None:
+        """BGR images (h, w, 3) uint8 in the order of the rig; None for a camera that gave none."""
+        self._pyramid = [list(images)]
+        for level in self._levels:
+            level.stale = True
+
+    def set_colors(self, colors_rgb: np.ndarray | None) -> None:
+        """Other colors of the shapes, (n_cameras, n_shapes, 3); None: those of the model."""
+        self.colors_rgb = colors_rgb
+        for level in self._levels:
+            level.constants.set_colors(self.model, self.rig, colors_rgb)
+
+    def _images(self, level: int) -> list[np.ndarray | None]:
+        while len(self._pyramid) <= level:
+            finer = self._pyramid[-1]
+            self._pyramid.append(self.map(lambda image: None if image is None else cv2.pyrDown(image), finer))
+        return self._pyramid[level]
+
+    def at_level(self, level: int) -> LevelObjective:
+        """The least-squares problem on one level; 0 is the finest."""
+        here = self._levels[level]
+        if here.stale:
+            here.fill(self._images(level))
+        return LevelObjective(here)
+
+    def map(self, function, items) -> list:
+        """``[function(item) for item in items]``, on the threads."""
+        if self._executor is None or len(items) < 2:
+            return [function(item) for item in items]
+        n = self._threads
+        others = [self._executor.submit(lambda k: [function(item) for item in items[k::n]], k) for k in range(1, n)]
+        results = [None] * len(items)
+        results[0::n] = [function(item) for item in items[0::n]]
+        for k, other in enumerate(others, start=1):
+            results[k::n] = other.result()
+        return results
+
+
+class _Level:
+    """Everything of one level that no state changes, and work space."""
+
+    def __init__(self, owner: PhotometricObjective, rig: CameraRig):
+        self.owner, self.rig, self.stale = owner, rig, True
+        self.views = ColorViews(rig.cameras)
+        options, model = owner.options, owner.model
+        self.constants = ColorConstants(model, rig, options.representation, options.normalized_weight, owner.colors_rgb)
+        constants = self.constants
+        self.weights = np.array([*constants.weights, 0.0], dtype=np.float32)
+        if options.robust_scale > 0.0:
+            self.weights[2] = 1.0 / options.robust_scale**2
+        self.form = sums.form_of(
+            constants.n_directional, constants.n_spots, constants.weights[0] > 0, constants.weights[1] > 0,
+            options.robust_scale > 0,
+        )  # fmt: skip
+        n = len(model.shapes)
+        self.used = np.ones(n, dtype=np.bool_)
+        self.work = [
+            (
+                np.zeros((n, N_COEFFICIENTS), dtype=np.float32), np.zeros((n, kernel.N_SURFACE), dtype=np.float32),
+                np.zeros((n, 4), dtype=np.int64), np.zeros((n, camera.model.height, 2), dtype=np.int32),
+                np.zeros(constants.directed.size, dtype=np.float32),
+                np.zeros((camera.model.width + 2 * kernel.LANES) * camera.model.height + kernel.LANES, dtype=np.int32),
+                np.zeros(sums.N_SUMS * kernel.LANES, dtype=np.float32),
+            )
+            for camera in rig
+        ]  # fmt: skip
+        self.sums = np.zeros((len(rig), n, sums.N_SUMS))
+        self.seen: list[int] = []
+
+    def fill(self, images: Sequence[np.ndarray | None]) -> None:
+        self.views.fill(images)
+        self.seen = [i for i, image in enumerate(images) if image is not None]
+        self.stale = False
+
+    def camera_sums(self, index: int, configuration: Configuration, Ts_world_shape: np.ndarray) -> None:
+        """Fill the sums of one camera."""
+        constants, views = self.constants, self.views
+        verdict = kernel.NOT_SMOOTH
+        if constants.vectorized:
+            verdict = sums.linearize_camera(
+                self.form,
+                (constants.kinds, constants.dims, self.used, constants.colors_rgb[index]),
+                (
+                    views.params[index], views.limits[index], constants.Ts_cam_world[index], constants.gain[index],
+                    constants.base[index],
+                ),
+                (views.views[index], views.rays, views.planes),
+                constants.directed, self.weights, Ts_world_shape, self.work[index], self.sums[index],
+            )  # fmt: skip
+        if verdict == kernel.NOT_SMOOTH:
+            linearize_with_cast(configuration, self.rig.cameras[index], constants, index, views, self.weights, self.sums[index])
+
+
+class LevelObjective:
+    """One level of a `PhotometricObjective` against its present images.
+
+    The mask changes with the state. A cost that is a plain sum would reward a body for hiding, so it is the mean over the mask
+    times the number of pixels that the mask had at first.
+    """
+
+    def __init__(self, level: _Level):
+        self._level = level
+        self._pixels = 0.0
+
+    def linearize(self, state: State) -> NormalEquations:
+        """Normal equations in grey levels squared; ``count`` is the number of residuals. No mask costs infinity."""
+        level, owner = self._level, self._level.owner
+        configuration, chain = Configuration(owner.model, state), owner.model.chain
+        Ts_world_shape = np.ascontiguousarray(configuration.Ts_world_shape)
+        if self._pixels > _WORTH_THREADS:
+            owner.map(lambda i: level.camera_sums(i, configuration, Ts_world_shape), level.seen)
+        else:
+            for i in level.seen:
+                level.camera_sums(i, configuration, Ts_world_shape)
+        normal, gradient = np.zeros((len(chain.links), 6, 6)), np.zeros((len(chain.links), 6))
+        squares = pixels = 0.0
+        for i in level.seen:
+            sums.add_to_links(level.sums[i], owner.model.shape_links, level.constants.Ts_cam_world[i], normal, gradient)
+            squares += float(level.sums[i, :, sums.SQUARES].sum())
+            pixels += float(level.sums[i, :, sums.PIXELS].sum())
+        H, g = np.empty((chain.n_dof, chain.n_dof)), np.empty(chain.n_dof)
+        assemble(normal, gradient, chain.link_moved_by, configuration.twists, H, g)
+        if pixels < max(owner.options.min_pixels / 4.0**self.number, 1.0):
+            return NormalEquations(H, g, math.inf, 0)
+        self._pixels = self._pixels or pixels
+        scale = self._pixels / pixels
+        return NormalEquations(scale * H, scale * g, scale * squares, int(3 * pixels))
+
+    @property
+    def number(self) -> int:
+        """Of this level, 0 being the finest."""
+        return self._level.owner._levels.index(self._level)

@@ -1,0 +1,117 @@
+"""One score of cameras that do not expose at one instant.
+
+A camera that is late by dt sees the body where it has moved on to: it is scored at ``state.retract(dt * velocity)``. The velocity
+is given, from the prediction or from the images before and after; it is not estimated here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...camera.rig import CameraRig
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import State
+from .score import ColorObjective, ColorOptions, ColorScore, Verdict
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """The cameras, by their index in the rig, that are late by ``late_s``."""
+
+    late_s: float
+    cameras: list[int]
+    objective: ColorObjective
+
+
+class StaggeredObjective:
+    """The `ColorObjective` of a rig whose cameras are late by ``late_s`` (n_cameras,) seconds after the state that is scored.
+
+    ``velocity`` (n_dof,), in the state's tangent per second, may be set at any time; None: the body rests.
+    """
+
+    def __init__(
+        self,
+        model: ArticulatedModel,
+        rig: CameraRig,
+        late_s: Sequence[float],
+        options: ColorOptions | None = None,
+        colors_rgb: np.ndarray | None = None,
+        threads: int = 2,
+    ):
+        self.model, self.rig, self.options = model, rig, options or ColorOptions()
+        self.velocity: np.ndarray | None = None
+        each = replace(self.options, min_pixels=1)  # how many are too few is a matter of all cameras together
+        self._parts: list[_Part] = []
+        for late, cameras in cameras_by_delay(rig, late_s).items():
+            subset = rig.subset([rig.names[i] for i in cameras])
+            colors = None if colors_rgb is None else np.asarray(colors_rgb)[cameras]
+            self._parts.append(_Part(late, cameras, ColorObjective(model, subset, each, colors, threads)))
+
+    def set_images(self, images: Sequence[np.ndarray | None]) -> None:
+        """BGR images (h, w, 3) uint8 in the order of the rig; None for a camera that gave none."""
+        for part in self._parts:
+            part.objective.set_images([images[i] for i in part.cameras])
+
+    def state_seen(self, state: State, late_s: float) -> State:
+        """Where the body is ``late_s`` after ``state``."""
+        return state if self.velocity is None else state.retract(late_s * self.velocity)
+
+    def evaluate(self, state: State) -> ColorScore:
+        """The score of one state, camera by camera."""
+        return self._evaluate(state, self.options.row_step)
+
+    def _evaluate(self, state: State, row_step: int) -> ColorScore:
+        camera_rms, pixels = np.full(len(self.rig), np.nan), np.zeros(len(self.rig), dtype=np.int64)
+        verdict = Verdict.SCORED
+        for part in self._parts:
+            score = part.objective.at_row_step(row_step).evaluate(self.state_seen(state, part.late_s))
+            camera_rms[part.cameras], pixels[part.cameras] = score.camera_rms, score.camera_pixels
+            if score.verdict == Verdict.BEHIND_CAMERA:
+                verdict = score.verdict
+        total = int(pixels.sum())
+        if verdict == Verdict.SCORED and total * row_step < max(self.options.min_pixels, 1):
+            verdict = Verdict.EMPTY_MASK
+        if verdict != Verdict.SCORED:
+            return ColorScore(math.inf, verdict, camera_rms, pixels)
+        squares = float((np.where(pixels > 0, camera_rms, 0.0) ** 2 * pixels).sum())
+        return ColorScore(math.sqrt(squares / total), verdict, camera_rms, pixels)
+
+    def score(self, state: State) -> float:
+        """rms over all cameras; infinite where the state cannot be scored."""
+        return self.evaluate(state).rms
+
+    def scores(self, states: Sequence[State]) -> np.ndarray:
+        """(n,) of `score`."""
+        return np.array([self.score(state) for state in states])
+
+    def at_row_step(self, row_step: int) -> StaggeredObjective | _Decimated:
+        """The same images and velocity, every n-th image row only."""
+        return self if row_step == self.options.row_step else _Decimated(self, row_step)
+
+
+def cameras_by_delay(rig: CameraRig, late_s: Sequence[float]) -> dict[float, list[int]]:
+    """The cameras, by their index in the rig, of every delay."""
+    if len(late_s) != len(rig):
+        raise ValueError(f"expected {len(rig)} delays, one of each camera, got {len(late_s)}")
+    return {late: [i for i, value in enumerate(late_s) if value == late] for late in sorted(set(late_s))}
+
+
+@dataclass(frozen=True)
+class _Decimated:
+    """A `StaggeredObjective` on every n-th row."""
+
+    whole: StaggeredObjective
+    row_step: int
+
+    def score(self, state: State) -> float:
+        return self.whole._evaluate(state, self.row_step).rms
+
+    def scores(self, states: Sequence[State]) -> np.ndarray:
+        return np.array([self.score(state) for state in states])
+
+    def at_row_step(self, row_step: int) -> StaggeredObjective | _Decimated:
+        return self.whole.at_row_step(row_step)

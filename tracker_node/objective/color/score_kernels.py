@@ -1,0 +1,229 @@
+"""Smooth bodies scored against images without an image being written: second pass of the color kernels, and all of a score.
+
+The first pass has left, for every pixel, which shape is in front (see `color_kernels`). The second comes back to the pixels that
+each shape has kept, shades them and compares them with the image. One kernel is compiled for each number of lights and each way
+to compare, with the loops over lights unrolled: a pixel then is straight-line code, and sixteen go at a time. What it is compiled
+for comes as the lengths of tuples, which are part of their types.
+"""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+
+from ...camera.light import COS_INNER, COS_OUTER, DIRECTION, INTENSITY, N_LIGHT_COLUMNS, POSITION
+from ...render.raycast.coefficients import LINE, ORIGIN, QUADRATIC, UPPER
+from .drawing import (
+    ALL_SMOOTH,
+    CAP,
+    COLOR,
+    DISTORTED,
+    FAST,
+    HEIGHT,
+    LABEL_BITS,
+    LANES,
+    NORMAL_0,
+    NORMAL_W,
+    NORMAL_X,
+    NORMAL_Y,
+    PLANES,
+    WIDTH,
+    XS,
+    YS,
+    box_of_all,
+    draw_smooth,
+    find_spans,
+    pose_shapes,
+    prepare_camera,
+)
+
+_N = np.uint64(LANES)
+_ZERO, _ONE, _FULL = np.float32(0.0), np.float32(1.0), np.float32(255.0)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def lights_in_camera(lights, T_cam_world, gain, out):
+    """Flat ``out`` of packed ``lights``: place and direction in camera axes, the camera's gain in the intensity, and instead of
+    the inner cosine of a spot what its fall-off is multiplied by."""
+    for k in range(lights.shape[0]):
+        at = k * N_LIGHT_COLUMNS
+        for i in range(3):
+            place, along = T_cam_world[i, 3], 0.0
+            for j in range(3):
+                place += T_cam_world[i, j] * lights[k, POSITION + j]
+                along += T_cam_world[i, j] * lights[k, DIRECTION + j]
+            out[at + INTENSITY + i] = lights[k, INTENSITY + i] * gain[i]
+            out[at + POSITION + i], out[at + DIRECTION + i] = place, along
+        out[at + COS_OUTER] = lights[k, COS_OUTER]
+        out[at + COS_INNER] = 1.0 / max(lights[k, COS_INNER] - lights[k, COS_OUTER], 1e-9)
+
+
+def form_of(n_directional: int, n_spots: int, gamma: bool, raw: bool, normalized: bool) -> tuple:
+    """What the kernels are compiled for.
+
+    Parameters
+    ----------
+    n_directional, n_spots : lights, in this order in what the kernel is given (a point light is a spot of every direction).
+    gamma : whether any camera has a gamma other than one.
+    raw, normalized : which differences count.
+    """
+    return tuple((0,) * int(n) for n in (n_directional, n_spots, gamma, raw, normalized))
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _score_smooth(form, c, surface, label, view, rays, planes, box, spans, origin, stride, buffer, lights, base, weights, total):
+    """Add the squared differences of one shape's pixels to ``total[0]``, their number to ``total[1]``.
+
+    ``base`` (4,) is what every pixel gets before the lights with a direction, and 1 / gamma; ``weights`` of the raw and the
+    normalized difference.
+    """
+    x0, y0 = c[ORIGIN], c[ORIGIN + 1]
+    q00, q10, q01, q20, q11, q02 = (c[QUADRATIC], c[QUADRATIC + 1], c[QUADRATIC + 2], c[QUADRATIC + 3],
+                                    c[QUADRATIC + 4], c[QUADRATIC + 5])  # fmt: skip
+    l0, l1, l2 = c[LINE], c[LINE + 1], c[LINE + 2]
+    h0, h1, h2 = c[UPPER], c[UPPER + 1], c[UPPER + 2]
+    n0x, n0y, n0z = surface[NORMAL_0], surface[NORMAL_0 + 1], surface[NORMAL_0 + 2]
+    nxx, nxy, nxz = surface[NORMAL_X], surface[NORMAL_X + 1], surface[NORMAL_X + 2]
+    nyx, nyy, nyz = surface[NORMAL_Y], surface[NORMAL_Y + 1], surface[NORMAL_Y + 2]
+    nwx, nwy, nwz = surface[NORMAL_W], surface[NORMAL_W + 1], surface[NORMAL_W + 2]
+    cx, cy, cz = surface[CAP], surface[CAP + 1], surface[CAP + 2]
+    red, green, blue = surface[COLOR], surface[COLOR + 1], surface[COLOR + 2]
+    base_r, base_g, base_b, inverse_gamma = base[0], base[1], base[2], base[3]
+    raw_weight, normalized_weight = weights[0], weights[1]
+    tag, low_bits = np.int32(label), np.int32(LABEL_BITS)
+    distorted, width = view[DISTORTED], view[WIDTH]
+    size = width * view[HEIGHT]
+    all_squares, all_kept = np.float64(0.0), np.float64(0.0)
+    n_directional, n_spots = len(form[0]), len(form[1])
+    gamma, raw, normalized = len(form[2]) > 0, len(form[3]) > 0, len(form[4]) > 0
+    n_lights = n_directional + n_spots
+    for v in range(box[1], box[3]):
+        x_start = view[XS] + v * (width + LANES) * distorted
+        y_start = view[YS] + v * (width + LANES if distorted else LANES)
+        row = (v - origin[1]) * stride - origin[0]
+        pixel = view[PLANES] + v * width
+        for u in range(spans[v, 0], spans[v, 1], LANES):
+            at_x, at_y, at = np.uint64(x_start + u), np.uint64(y_start + u * distorted), np.uint64(row + u)
+            at_red, at_green, at_blue = np.uint64(pixel + u), np.uint64(pixel + size + u), np.uint64(pixel + 2 * size + u)
+            squares, kept = _ZERO, _ZERO
+            for i in range(_N):
+                own = _ONE if (buffer[at + i] & low_bits) == tag else _ZERO
+                r, g, b = base_r, base_g, base_b
+                if n_lights > 0:
+                    xn, yn = rays[at_x + i], rays[at_y + i]
+                    xn = xn if own > _ZERO else x0  # where there is no ray, it is not a number
+                    x, y = xn - x0, yn - y0
+                    q = q00 + x * (q10 + q20 * x + q11 * y) + y * (q01 + q02 * y)
+                    curved = l0 + l1 * x + l2 * y + np.sqrt(q if q > _ZERO else _ZERO)
+                    high = h0 + h1 * x + h2 * y
+                    cap = high < curved
+                    w = high if cap else curved
+                    nx = n0x + nxx * x + nyx * y + nwx * w
+                    ny = n0y + nxy * x + nyy * y + nwy * w
+                    nz = n0z + nxz * x + nyz * y + nwz * w
+                    inverse = _ONE / np.sqrt(nx * nx + ny * ny + nz * nz)
+                    nx, ny, nz = cx if cap else nx * inverse, cy if cap else ny * inverse, cz if cap else nz * inverse
+                    for k in range(n_directional):
+                        m = k * N_LIGHT_COLUMNS
+                        f = -(nx * lights[m + DIRECTION] + ny * lights[m + DIRECTION + 1] + nz * lights[m + DIRECTION + 2])
+                        f = f if f > _ZERO else _ZERO
+                        r += lights[m + INTENSITY] * f
+                        g += lights[m + INTENSITY + 1] * f
+                        b += lights[m + INTENSITY + 2] * f
+                    if n_spots > 0:
+                        z = _ONE / w
+                        for k in range(n_directional, n_lights):
+                            m = k * N_LIGHT_COLUMNS
+                            lx, ly = lights[m + POSITION] - xn * z, lights[m + POSITION + 1] - yn * z
+                            lz = lights[m + POSITION + 2] - z
+                            near = _ONE / np.sqrt(lx * lx + ly * ly + lz * lz)
+                            f = (nx * lx + ny * ly + nz * lz) * near
+                            f = f if f > _ZERO else _ZERO
+                            along = lx * lights[m + DIRECTION] + ly * lights[m + DIRECTION + 1]
+                            along += lz * lights[m + DIRECTION + 2]
+                            edge = (-along * near - lights[m + COS_OUTER]) * lights[m + COS_INNER]
+                            edge = edge if edge > _ZERO else _ZERO
+                            f = f * (edge if edge < _ONE else _ONE)
+                            r += lights[m + INTENSITY] * f
+                            g += lights[m + INTENSITY + 1] * f
+                            b += lights[m + INTENSITY + 2] * f
+                    if gamma:
+                        r, g, b = r**inverse_gamma, g**inverse_gamma, b**inverse_gamma
+                r, g, b = red * r, green * g, blue * b
+                r, g, b = r if r < _FULL else _FULL, g if g < _FULL else _FULL, b if b < _FULL else _FULL
+                tr, tg, tb = np.float32(planes[at_red + i]), np.float32(planes[at_green + i]), np.float32(planes[at_blue + i])
+                square = _ZERO
+                if raw:
+                    dr, dg, db = r - tr, g - tg, b - tb
+                    square = raw_weight * (dr * dr + dg * dg + db * db)
+                if normalized:
+                    in_model, in_image = r + g + b, tr + tg + tb
+                    in_model = _FULL / (in_model if in_model > _ONE else _ONE)
+                    in_image = _FULL / (in_image if in_image > _ONE else _ONE)
+                    dr, dg, db = r * in_model - tr * in_image, g * in_model - tg * in_image, b * in_model - tb * in_image
+                    square += normalized_weight * (dr * dr + dg * dg + db * db)
+                squares += square * own
+                kept += own
+            all_squares += squares
+            all_kept += kept
+    total[0] += all_squares
+    total[1] += all_kept
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _score_camera(form, model, view, params, limits, T_cam_world, gain, base, colors, Ts_world_shape, rays, planes, lights,
+                  weights, work, total):  # fmt: skip
+    """Squares, pixels and verdict of one camera into ``total`` (3,)."""
+    kinds, dims, used = model
+    coefficients, surfaces, boxes, spans, camera_lights, buffer = work
+    total[0], total[1] = 0.0, 0.0
+    region = np.empty(4, dtype=np.int64)
+    region[0], region[1], region[2], region[3] = 0, 0, view[WIDTH], view[HEIGHT]
+    total[2] = prepare_camera(
+        kinds, dims, colors, T_cam_world, Ts_world_shape, params, limits, view, region, used, coefficients, surfaces, boxes
+    )
+    if total[2] != ALL_SMOOTH:
+        return
+    u0, v0, u1, v1 = box_of_all(boxes)
+    if u1 <= u0:
+        return
+    stride = u1 - u0 + LANES
+    buffer[: stride * (v1 - v0) + LANES] = 0
+    lights_in_camera(lights, T_cam_world, gain, camera_lights)
+    origin = (u0, v0)
+    for s in range(kinds.shape[0]):
+        if boxes[s, 2] > boxes[s, 0]:
+            find_spans(coefficients[s], view, rays, boxes[s], spans[s])
+            draw_smooth(coefficients[s], s + 1, view, rays, boxes[s], spans[s], origin, stride, buffer)
+    for s in range(kinds.shape[0]):
+        if boxes[s, 2] > boxes[s, 0]:
+            _score_smooth(form, coefficients[s], surfaces[s], s + 1, view, rays, planes, boxes[s], spans[s], origin, stride,
+                          buffer, camera_lights, base, weights, total)  # fmt: skip
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def score_states(form, chain, shapes, cameras, images, options, roots, joints, camera_indices, work, totals):
+    """Squares, pixels and verdict (n_states, n_cameras, 3) of states against the cameras named by ``camera_indices``.
+
+    Parameters
+    ----------
+    form : of `form_of`.
+    chain : what `forward_kinematics` takes of a kinematic chain.
+    shapes : kinds, dims, links (n,), Ts_link_shape (n, 4, 4), used (n,).
+    cameras : params, limits, T_cam_world, gain, base, colors (n_shapes, 3), each stacked over the cameras.
+    images : views (n_cameras, `N_VIEW`), rays and planes (flat).
+    options : packed lights with a direction, weights (2,).
+    roots, joints : (n_states, 4, 4), (n_states, n_axes).
+    """
+    kinds, dims, links, Ts_link_shape, used = shapes
+    params, limits, T_cam_world, gain, base, colors = cameras
+    views, rays, planes = images
+    lights, weights = options
+    Ts_world_link, Ts_world_shape = np.empty((chain[0].shape[0], 4, 4)), np.empty((kinds.shape[0], 4, 4))
+    twists = np.empty((6 + joints.shape[1], 6))
+    for n in range(roots.shape[0]):
+        pose_shapes(chain, links, Ts_link_shape, roots[n], joints[n], Ts_world_link, twists, Ts_world_shape)
+        for index in range(camera_indices.shape[0]):
+            at = camera_indices[index]
+            _score_camera(form, (kinds, dims, used), views[at], params[at], limits[at], T_cam_world[at], gain[at], base[at],
+                         colors[at], Ts_world_shape, rays, planes, lights, weights, work, totals[n, at])  # fmt: skip

@@ -1,0 +1,99 @@
+"""Images and rays of all cameras, flat and planar, as the color kernels read them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from ...camera.model import CameraModel
+from ...camera.rig import Camera, CameraRig
+from ...render.ray_table import ray_table
+from . import drawing as kernel
+
+
+def is_pinhole(camera: Camera) -> bool:
+    """Whether rays are linear in the pixel's column and row alone."""
+    return camera.model.K[0, 1] == 0.0 and not np.any(camera.model.distortion)
+
+
+def every_nth(rig: CameraRig, columns: int, rows: int = 1) -> CameraRig:
+    """The rig for images of which only every n-th column and row is kept, the first among them."""
+
+    def thinned(camera: Camera) -> Camera:
+        width, height = -(-camera.model.width // columns), -(-camera.model.height // rows)
+        pixel_map = np.array([[1.0 / columns, 0.0, 0.0], [0.0, 1.0 / rows, 0.0]])
+        return replace(camera, model=camera.model.mapped(pixel_map, width, height))
+
+    return replace(rig, cameras=tuple(thinned(camera) for camera in rig))
+
+
+EXCHANGE = np.array([[0.0, 1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+"""Exchanges the x and y axes of a camera frame."""
+
+
+def lying(camera: Camera) -> Camera:
+    """The lens of an undistorted camera for images whose rows and columns are exchanged.
+
+    What it sees is a mirror image in camera axes that `EXCHANGE` gives, which a score does not mind.
+    """
+    K = camera.model.K
+    exchanged = np.array([[K[1, 1], 0.0, K[1, 2]], [0.0, K[0, 0], K[0, 2]], [0.0, 0.0, 1.0]])
+    return replace(camera, model=CameraModel(camera.model.height, camera.model.width, exchanged))
+
+
+class ColorViews:
+    """Where the pixels and rays of every camera lie, and the pixels of one image set.
+
+    Attributes
+    ----------
+    views : (n_cameras, `kernel.N_VIEW`) int64.
+    rays : (.,) float32; an undistorted camera has one row of x, and one y a row of pixels (sixteen times); others have a table.
+    planes : (.,) uint8; red, green and blue of each camera.
+    params, limits : (n_cameras, .), of the lenses and their rays.
+    """
+
+    def __init__(self, cameras: Sequence[Camera]):
+        self.views = np.zeros((len(cameras), kernel.N_VIEW), dtype=np.int64)
+        rays: list[np.ndarray] = []
+        n_rays = n_pixels = 0
+        for view, camera in zip(self.views, cameras, strict=True):
+            xs, ys = _rays(camera)
+            height, width = camera.model.height, camera.model.width
+            view[kernel.PLANES], view[kernel.XS], view[kernel.YS] = n_pixels, n_rays, n_rays + xs.size
+            view[kernel.WIDTH], view[kernel.HEIGHT], view[kernel.DISTORTED] = width, height, not is_pinhole(camera)
+            rays += [xs.ravel(), ys.ravel()]
+            n_rays += xs.size + ys.size
+            n_pixels += 3 * width * height
+        self.rays = np.concatenate(rays)
+        self.planes = np.zeros(n_pixels + kernel.LANES, dtype=np.uint8)  # lanes reach beyond the last pixel
+        self.params = np.stack([camera.model.params for camera in cameras])
+        self.limits = np.stack([ray_table(camera.model).limits for camera in cameras])
+
+    def fill(self, images: Sequence[np.ndarray | None]) -> None:
+        """Take in BGR images (h, w, 3) uint8, or None for a camera without one, whose pixels then are never asked for."""
+        for view, image in zip(self.views, images, strict=True):
+            if image is not None:
+                cv2.split(image, [self.plane(view, channel) for channel in (2, 1, 0)])  # into these very planes
+
+    def plane(self, view: np.ndarray, channel: int) -> np.ndarray:
+        """(h, w) of one channel (0 is red) of the camera with this row of ``views``."""
+        width, height = int(view[kernel.WIDTH]), int(view[kernel.HEIGHT])
+        start = int(view[kernel.PLANES]) + channel * width * height
+        return self.planes[start : start + width * height].reshape(height, width)
+
+
+def _rays(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """x and y of the rays, as `ColorViews` lays them out; not a number to the right of the image."""
+    model = camera.model
+    if is_pinhole(camera):
+        xs = np.full(model.width + kernel.LANES, np.nan, dtype=np.float32)
+        xs[: model.width] = (np.arange(model.width) - model.K[0, 2]) / model.K[0, 0]
+        ys = np.repeat((np.arange(model.height) - model.K[1, 2]) / model.K[1, 1], kernel.LANES).astype(np.float32)
+        return xs, ys
+    table = ray_table(model)
+    padded = np.full((2, model.height, model.width + kernel.LANES), np.nan, dtype=np.float32)
+    padded[0, :, : model.width], padded[1, :, : model.width] = table.xs[:, : model.width], table.ys[:, : model.width]
+    return padded[0], padded[1]

@@ -1,0 +1,242 @@
+"""Direct photometric alignment: the colors that the surface of a body should have, against blurred images, as least squares.
+
+On each level of an image pyramid, points of the drawn body's surface are frozen with their colors and moved with the body; the
+residual is the blurred image's color where a point is seen, less its own. The blur makes a limb's outline pull from both sides,
+where the score of the mask lets a limb slide within its own color; frozen points cannot be won by hiding.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from ...camera.rig import Camera, CameraRig
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
+from ...render.raycast.raycaster import render_color, render_labels
+from ..contour_residual import assemble
+from ..normal_equations import NormalEquations
+from ..per_camera import serial
+from . import photometry_kernels as kernel
+
+_BLUR = 1.2  # px, before every halving
+_FINEST_BLUR = 0.7  # px
+_LEAST_SUM = 20.0  # of red, green and blue, for the intensity-normalized color of a dark pixel
+_MARGIN = 6  # px of a level around the body that its picture reaches
+
+
+@dataclass(frozen=True)
+class PhotometryOptions:
+    """What is compared, and how finely.
+
+    Attributes
+    ----------
+    representation, normalized_weight : see `color_score.ColorOptions`.
+    levels : of the pyramid; level 0 has the full resolution.
+    step : every n-th pixel of a level in both directions gives a point (at least every second pixel of the full image).
+    robust_scale : grey levels at which a difference begins to count as something else in front of the body, on the finest level;
+        the second has twice as many and so on, for a body that is off differs much at first.
+    """
+
+    representation: str = "raw"
+    normalized_weight: float = 0.5
+    levels: int = 4
+    step: int = 1
+    robust_scale: float = 100.0
+
+
+def features_of(rgb: np.ndarray, options: PhotometryOptions) -> np.ndarray:
+    """(..., 3 or 6) float32 of colors (..., 3): what the representation compares; squared distances are those of the score."""
+    rgb = np.asarray(rgb, dtype=np.float32)
+    if options.representation == "raw":
+        return rgb
+    normalized = 255.0 * rgb / np.maximum(rgb.sum(axis=-1, keepdims=True), _LEAST_SUM)
+    if options.representation == "normalized":
+        return np.asarray(normalized, dtype=np.float32)
+    raw_share, normalized_share = math.sqrt(1.0 - options.normalized_weight), math.sqrt(options.normalized_weight)
+    return np.concatenate([raw_share * rgb, normalized_share * normalized], axis=-1, dtype=np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class _Points:
+    """Surface points of one camera: positions (n, 3) in the frames of links (n,), features (n, c), image pixels per point."""
+
+    positions: np.ndarray
+    links: np.ndarray
+    features: np.ndarray
+    area: float
+
+
+class SurfacePhotometry:
+    """A colored body against one image set at a time.
+
+    Parameters
+    ----------
+    model, rig : body with colors, cameras with lights.
+    parallel : maps a function over cameras.
+    """
+
+    def __init__(
+        self,
+        model: ArticulatedModel,
+        rig: CameraRig,
+        options: PhotometryOptions | None = None,
+        parallel: Callable[[Callable, list], list] = serial,
+    ):
+        self.model, self.rig, self.options, self.parallel = model, rig, options or PhotometryOptions(), parallel
+        self.painted = [model] * len(rig)
+        self.pictures: list[list[tuple[np.ndarray, float, float, int]] | None] = [None] * len(rig)
+        self.cameras = [_kernel_camera(camera) for camera in rig]
+
+    @property
+    def n_levels(self) -> int:
+        return self.options.levels
+
+    def set_colors(self, colors_rgb: np.ndarray | None) -> None:
+        """(n_cameras, n_shapes, 3) in 0..255: the shapes' colors as each camera shows them; None: those of the model."""
+        if colors_rgb is None:
+            self.painted = [self.model] * len(self.rig)
+        else:
+            self.painted = [_painted(self.model, colors) for colors in colors_rgb]
+
+    def set_images(self, images: Sequence[np.ndarray | None], expected: State, margin_px: int) -> None:
+        """BGR images in the order of the rig (None for a camera that gave none), looked at within ``margin_px`` of the body in
+        the ``expected`` state."""
+        configuration = Configuration(self.model, expected)
+
+        def look(i: int) -> list | None:
+            image = images[i]
+            found = None if image is None else render_labels(configuration, self.rig.cameras[i], margin_px)
+            return None if image is None or found is None else _pyramid(image, found[0], self.options)
+
+        self.pictures = self.parallel(look, list(range(len(self.rig))))
+
+    def at_level(self, level: int) -> PhotometryLevel:
+        """The objective on one level."""
+        return PhotometryLevel(self, level)
+
+
+class PhotometryLevel:
+    """One level (`LeastSquaresObjective`); its points are frozen by `freeze`, or at the first state asked for.
+
+    Attributes
+    ----------
+    sums : (n_cameras, `photometry_kernels.N_SUMS`) of the last state, weighted by the image pixels that a point stands for.
+    """
+
+    def __init__(self, photometry: SurfacePhotometry, level: int):
+        self._of, self._level = photometry, level
+        self._points: list[_Points | None] | None = None
+        self.all_links = np.ones(len(photometry.model.chain.links), dtype=np.bool_)
+        self.sums = np.zeros((len(photometry.rig), kernel.N_SUMS))
+
+    def freeze(self, state: State) -> None:
+        """Take the points that are seen in ``state``."""
+        of = self._of
+
+        def sample(i: int) -> _Points | None:
+            if of.pictures[i] is None:
+                return None
+            spacing = max(2, of.options.step << self._level)
+            return _sample(of.painted[i], state, of.rig.cameras[i], of.rig, of.options, spacing)
+
+        self._points = of.parallel(sample, list(range(len(of.rig))))
+
+    def linearize(self, state: State, links: np.ndarray | None = None) -> NormalEquations:
+        """Normal equations in grey levels squared, of the points on ``links`` (mask (n_links,); None: all)."""
+        model = self._of.model
+        chain, n_links = model.chain, len(model.chain.links)
+        configuration = Configuration(model, state)
+        link_normal, link_gradient = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6))
+        for normal, gradient in self._run(state, configuration, links, True):
+            link_normal += normal
+            link_gradient += gradient
+        kernel.mirror(link_normal)
+        H, g = np.empty((chain.n_dof, chain.n_dof)), np.empty(chain.n_dof)
+        assemble(link_normal, link_gradient, chain.link_moved_by, configuration.twists, H, g)
+        return NormalEquations(H, g, float(self.sums[:, kernel.COST].sum()), int(self.sums[:, kernel.COUNT].sum()))
+
+    def cost(self, state: State, links: np.ndarray | None = None) -> float:
+        """Robust cost alone."""
+        self._run(state, Configuration(self._of.model, state), links, False)
+        return float(self.sums[:, kernel.COST].sum())
+
+    def _run(self, state: State, configuration: Configuration, links: np.ndarray | None, derivatives: bool) -> list:
+        if self._points is None:
+            self.freeze(state)
+        assert self._points is not None
+        points, of = self._points, self._of
+        n_links = len(self.all_links) if derivatives else 0
+        used = self.all_links if links is None else links
+        scale = of.options.robust_scale * (1 + self._level)
+        self.sums[:] = 0.0
+
+        def run(i: int) -> tuple[np.ndarray, np.ndarray]:
+            mine, picture = points[i], of.pictures[i]
+            assert mine is not None and picture is not None
+            normal, gradient = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6))
+            kernel.add_points(
+                (mine.positions, mine.links, mine.features), used, configuration.Ts_world_link, of.cameras[i],
+                picture[self._level], scale, derivatives, normal, gradient, self.sums[i],
+            )  # fmt: skip
+            self.sums[i] *= mine.area
+            return mine.area * normal, mine.area * gradient
+
+        return of.parallel(run, [i for i, mine in enumerate(points) if mine is not None])
+
+
+def _kernel_camera(camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    T = camera.T_cam_world
+    return camera.model.params, np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3])
+
+
+def _painted(model: ArticulatedModel, colors: np.ndarray) -> ArticulatedModel:
+    shapes = []
+    for shape, (r, g, b) in zip(model.shapes, np.rint(colors).astype(int).tolist(), strict=True):
+        shapes.append(replace(shape, color_rgb=(r, g, b)))
+    return replace(model, shapes=tuple(shapes))
+
+
+def _pyramid(bgr: np.ndarray, region: tuple[int, int, int, int], options: PhotometryOptions) -> list:
+    """Features on each level, with the place of the first pixel in the image and the number of halvings."""
+    u0, v0, u1, v1 = region
+    smooth = cv2.GaussianBlur(cv2.cvtColor(np.ascontiguousarray(bgr[v0:v1, u0:u1]), cv2.COLOR_BGR2RGB).astype(np.float32),
+                              (0, 0), _FINEST_BLUR)  # fmt: skip
+    levels = [(features_of(smooth, options), float(u0), float(v0), 0)]
+    for octave in range(1, options.levels):
+        if min(smooth.shape[:2]) < 4:
+            levels.append(levels[-1])
+            continue
+        smooth = cv2.GaussianBlur(smooth, (0, 0), _BLUR)
+        height, width = smooth.shape[0] // 2, smooth.shape[1] // 2
+        smooth = cv2.resize(smooth[: 2 * height, : 2 * width], (width, height), interpolation=cv2.INTER_AREA)
+        levels.append((features_of(smooth, options), float(u0), float(v0), octave))
+    return levels
+
+
+def _sample(
+    model: ArticulatedModel, state: State, camera: Camera, rig: CameraRig, options: PhotometryOptions, spacing: int
+) -> _Points | None:
+    """Every ``spacing``-th pixel of the drawn body, back on the surface."""
+    configuration = Configuration(model, state)
+    found = render_labels(configuration, camera)
+    if found is None:
+        return None
+    region, _ = found
+    view = render_color(configuration, camera, rig.lights, region)
+    grid = np.s_[spacing // 2 :: spacing, spacing // 2 :: spacing]
+    rows, columns = np.nonzero(view.labels[grid])
+    v, u = spacing * rows + spacing // 2, spacing * columns + spacing // 2
+    rays, _ = camera.model.rays(np.stack([u + region[0], v + region[1]], axis=-1).astype(np.float64))
+    local = rays / rays[:, 2:] * view.depth[v, u, None]
+    T = camera.T_world_cam
+    world = local @ T[:3, :3].T + T[:3, 3]
+    links = model.shape_links[view.labels[v, u].astype(np.int64) - 1]
+    Ts = configuration.Ts_world_link[links]
+    positions = np.einsum("nji,nj->ni", Ts[:, :3, :3], world - Ts[:, :3, 3])
+    features = features_of(view.rgb[v, u], options).astype(np.float64)
+    return _Points(np.ascontiguousarray(positions), links, np.ascontiguousarray(features), float(spacing * spacing))

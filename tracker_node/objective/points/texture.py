@@ -1,0 +1,267 @@
+"""Pictures on a body's faces against images, in every camera's own brightness and contrast: by scores, or as least squares.
+
+Points fixed to the pictured faces carry the picture's colors; where they are seen, the image should have the same colors up to
+a gain and an offset for each channel of each camera (the best for each state). So exposure, white balance and a veil of light do
+not matter, and black-and-white pictures work, whose intensity-normalized colors say nothing. A robust kernel bears hands in
+front of the picture.
+
+Faces must not hide each other: this is for boxes and plates, not for limbs.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ...camera.rig import CameraRig
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
+from ..contour_residual import assemble
+from ..normal_equations import NormalEquations
+from . import texture_kernels as kernel
+from .surface_points import SurfacePoints, surface_points, textured_extent
+
+N_OCTAVES = 6
+_DOUBT = 0.5  # views of all pictures that weigh as much as not knowing
+
+
+@dataclass(frozen=True)
+class TextureOptions:
+    """How pictures are compared.
+
+    Attributes
+    ----------
+    points_per_edge : along the longest edge of a picture on the finest level; each coarser level has half as many.
+    levels : number of levels, 0 the finest.
+    robust_scale : grey levels of the picture at which a difference begins to count as something in front of it.
+    least_cosine : of a face's normal with the line of sight; flatter views are not used.
+    min_points : fewer, over all cameras, cannot be scored.
+    """
+
+    points_per_edge: int = 72
+    levels: int = 4
+    robust_scale: float = 40.0
+    least_cosine: float = 0.2
+    min_points: int = 100
+
+
+@dataclass(frozen=True, eq=False)
+class TextureScore:
+    """Agreement of a state with the images.
+
+    Attributes
+    ----------
+    score : robust cost as a share of what flat grey images would cost, 0 (perfect) to 1; infinite where nothing can be compared.
+        It is drawn towards 1 by as much as half a view of all pictures weighs: little that is seen says little.
+    camera_scores : the plain share of each camera, nan where it shows no pictured face.
+    camera_rms : robust rms difference, grey levels of the picture; 0 where there is none.
+    camera_points : points that each camera shows.
+    """
+
+    score: float
+    camera_scores: np.ndarray
+    camera_rms: np.ndarray
+    camera_points: np.ndarray
+
+
+class TextureObjective:
+    """Pictured faces against one image set at a time.
+
+    Parameters
+    ----------
+    model : with boxes that have pictures.
+    threads : `scores` shares out its states over so many.
+
+    Raises
+    ------
+    ModelError : when no face of the model has a picture.
+    """
+
+    def __init__(
+        self, model: ArticulatedModel, rig: CameraRig, options: TextureOptions | None = None, threads: int = 2
+    ):  # fmt: skip
+        self.model, self.rig, self.options = model, rig, options or TextureOptions()
+        self._threads = threads
+        finest = textured_extent(model) / self.options.points_per_edge
+        self._points = [surface_points(model, finest * 2**k) for k in range(self.options.levels)]
+        self._pyramids: list[list[np.ndarray] | None] = [None] * len(rig)
+
+    @property
+    def n_levels(self) -> int:
+        return self.options.levels
+
+    @property
+    def sees(self) -> bool:
+        """Whether any camera has an image."""
+        return any(pyramid is not None for pyramid in self._pyramids)
+
+    def set_images(self, images: Sequence[np.ndarray | None]) -> None:
+        """BGR images (h, w, 3) uint8 in the order of the rig; None for a camera that gave none."""
+        self._pyramids = [None if image is None else _pyramid(image) for image in images]
+
+    def at_level(self, level: int) -> TextureLevel:
+        """The objective on one level; what is seen is decided at its first linearization and kept."""
+        return TextureLevel(self, self._points[level], self._pyramids)
+
+    def at_row_step(self, row_step: int) -> TextureScores:
+        """Scores on the level whose points are about ``row_step`` times as far apart as the finest."""
+        return TextureScores(self, min(round(math.log2(row_step)), self.options.levels - 1))
+
+    def evaluate(self, state: State, level: int = 0) -> TextureScore:
+        """The score of one state on the finest level, camera by camera."""
+        return self.at_level(level).evaluate(state)
+
+    def score(self, state: State) -> float:
+        """Score of a state; infinite where it cannot be scored."""
+        return self.evaluate(state).score
+
+    def scores(self, states: Sequence[State]) -> np.ndarray:
+        """(n,) of `score`."""
+        return TextureScores(self, 0).scores(states)
+
+
+class TextureScores:
+    """`TextureObjective` by scores alone, on one level."""
+
+    def __init__(self, objective: TextureObjective, level: int):
+        self._objective, self._level = objective, level
+
+    def at_row_step(self, row_step: int) -> TextureScores:
+        return self._objective.at_row_step(row_step)
+
+    def score(self, state: State) -> float:
+        return self._objective.evaluate(state, self._level).score
+
+    def scores(self, states: Sequence[State]) -> np.ndarray:
+        """(n,) of `score`, over the threads of the objective."""
+
+        def run(part: Sequence[State]) -> list[float]:
+            level = self._objective.at_level(self._level)
+            return [level.evaluate(state).score for state in part]
+
+        n = self._objective._threads
+        if n < 2 or len(states) < 8:
+            return np.array(run(states))
+        cuts = [len(states) * i // n for i in range(n + 1)]
+        with ThreadPoolExecutor(n) as pool:
+            parts = pool.map(run, [states[a:b] for a, b in itertools.pairwise(cuts)])
+        return np.concatenate([np.array(part) for part in parts])
+
+
+class TextureLevel:
+    """Least squares on one level (`LeastSquaresObjective`)."""
+
+    def __init__(self, objective: TextureObjective, points: SurfacePoints, pyramids: Sequence[list[np.ndarray] | None]):
+        self.model, self.options = objective.model, objective.options
+        self._points = points
+        self._pyramids = pyramids
+        n, n_cameras = len(points.positions), len(objective.rig)
+        self._kernel_points = (points.positions, np.ascontiguousarray(points.normals), points.links)
+        self._cameras = [_camera(camera, self.options.least_cosine) for camera in objective.rig]
+        self._flags = np.zeros((n_cameras, n), dtype=np.uint8)
+        self._values, self._gradients, self._places = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 3))
+        self._weights = np.empty(n)
+        self._frozen: list[int] | None = None  # octave of each camera
+        off = (points.colors - points.colors.mean(axis=0)) / self.options.robust_scale
+        self._doubt = _DOUBT * self.options.robust_scale**2 * float(np.log1p(off**2).sum())
+
+    def linearize(self, state: State) -> NormalEquations:
+        """Normal equations in squared grey levels; the points that count are those seen at the first call."""
+        configuration = Configuration(self.model, state)
+        octaves, frozen = self._octaves(configuration), self._frozen is not None
+        self._frozen = octaves
+        chain = self.model.chain
+        n_links = len(chain.links)
+        H, g = np.zeros((chain.n_dof, chain.n_dof)), np.zeros(chain.n_dof)
+        normal, gradient = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6))
+        shared: list[np.ndarray] = []
+        cost, count = 0.0, 0
+        for i, octave in enumerate(octaves):
+            if not self._look(i, octave, configuration, frozen):
+                continue
+            for channel in range(3):
+                fit = self._fit(i, channel)
+                cost, count = cost + fit[5], count + fit[7]
+                if fit[4] <= 0.0:
+                    continue
+                rows = np.zeros((2, n_links, 6))
+                kernel.add_channel(
+                    self._points.colors, self._values, self._gradients, self._places, self._points.links, self._flags[i],
+                    channel, fit[:5], self._weights, normal, gradient, rows,
+                )  # fmt: skip
+                shared.append(rows)
+        assemble(normal, gradient, chain.link_moved_by, configuration.twists, H, g)
+        for rows in shared:
+            # (2, n_dof): what gain and offset would explain
+            explained = np.einsum("sla,da,ld->sd", rows, configuration.twists, chain.link_moved_by.astype(np.float64))
+            H -= explained.T @ explained
+        return NormalEquations(H, g, cost, count)
+
+    def evaluate(self, state: State) -> TextureScore:
+        """Score of a state by what is seen in it."""
+        configuration = Configuration(self.model, state)
+        n_cameras = len(self._cameras)
+        costs, flats, points = np.zeros(n_cameras), np.zeros(n_cameras), np.zeros(n_cameras, dtype=np.int64)
+        for i, octave in enumerate(self._octaves(configuration)):
+            if self._look(i, octave, configuration, False):
+                fits = [self._fit(i, channel) for channel in range(3)]
+                costs[i], flats[i] = sum(fit[5] for fit in fits), sum(fit[6] for fit in fits)
+                points[i] = fits[0][7]
+        camera_scores = costs / np.where(flats > 0.0, flats, np.nan)
+        camera_rms = np.sqrt(costs / np.maximum(3 * points, 1))
+        if points.sum() < self.options.min_points or flats.sum() <= 0.0:
+            return TextureScore(math.inf, camera_scores, camera_rms, points)
+        score = (costs.sum() + self._doubt) / (flats.sum() + self._doubt)
+        return TextureScore(float(score), camera_scores, camera_rms, points)
+
+    def _octaves(self, configuration: Configuration) -> list[int]:
+        """For each camera, how many times its image is halved so that points are about two pixels apart; -1 without an image."""
+        if self._frozen is not None:
+            return self._frozen
+        center = configuration.Ts_world_link[self._points.links[0], :3, 3]
+        octaves = []
+        for (params, R, t, _, _), pyramid in zip(self._cameras, self._pyramids, strict=True):
+            depth = max(float(R[2] @ center + t[2]), 0.05)
+            pixels = self._points.spacing_m * params[0] / depth
+            octave = round(math.log2(max(pixels, 1.0) / 2.0))
+            octaves.append(-1 if pyramid is None else min(max(octave, 0), len(pyramid) - 1))
+        return octaves
+
+    def _look(self, i: int, octave: int, configuration: Configuration, frozen: bool) -> bool:
+        """Fill the work arrays for camera ``i``; False where it shows too little."""
+        pyramid = self._pyramids[i]
+        if pyramid is None:
+            return False
+        inside = kernel.look(
+            self._kernel_points, configuration.Ts_world_link, self._cameras[i], (pyramid[octave], octave), frozen,
+            self._flags[i], self._values, self._gradients, self._places,
+        )  # fmt: skip
+        if not frozen and inside < kernel.LEAST_POINTS:
+            self._flags[i] = kernel.UNSEEN  # not counted later either
+            return False
+        return True
+
+    def _fit(self, i: int, channel: int) -> tuple:
+        return kernel.fit_brightness(
+            self._points.colors, self._values, self._flags[i], channel, self.options.robust_scale, self._weights
+        )
+
+
+def _camera(camera, least_cosine: float) -> tuple:
+    T = camera.T_cam_world
+    R, t = np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3])
+    return camera.model.params, R, t, np.ascontiguousarray(camera.center), least_cosine
+
+
+def _pyramid(image: np.ndarray) -> list[np.ndarray]:
+    """The RGB image, and again and again at half its size; pixel (u, v) of a level is (2u, 2v) of the one before."""
+    levels = [cv2.cvtColor(image, cv2.COLOR_BGR2RGB)]
+    while len(levels) < N_OCTAVES and min(levels[-1].shape[:2]) > 8:
+        levels.append(cv2.pyrDown(levels[-1]))
+    return levels
