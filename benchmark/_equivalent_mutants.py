@@ -1,6 +1,6 @@
 """Faults that change nothing that could be seen, each with its reason: (file, line before, line after)."""
 
-_WORKERS = "tracker_node/tracking/workers.py"
+_WORKERS = "tracker_node/parallel.py"
 
 EQUIVALENT: dict[tuple[str, str, str], str] = {
     (

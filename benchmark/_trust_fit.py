@@ -1,4 +1,4 @@
-"""Thresholds and scales of trust, from clips that are not those judged: what `tracking.limb_status` and `StatusConfig` hold."""
+"""Thresholds and scales of trust, from clips that are not those judged: what `limb_status` and `StatusConfig` hold."""
 
 from __future__ import annotations
 

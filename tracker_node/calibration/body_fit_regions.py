@@ -19,7 +19,7 @@ from ..render.contour.samples import SHAPE
 from ..render.raycast.raycaster import render_labels
 from ..render.shape_arrays import ShapeArrays
 from ..tracking.config import TrackerConfig
-from ..tracking.region_engine import region_options
+from ..tracking.region.engine import region_options
 from .body_fit_lines import joined, serial
 
 _LEAST_REGION_PX = 8  # a body of which less is in view is not looked for

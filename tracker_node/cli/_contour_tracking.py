@@ -24,9 +24,9 @@ from ..evaluation.tracked_clip import Clip, TrackedClip, track_clip
 from ..loaders.trajectory_file import read_states
 from ..model.configuration import Configuration, State
 from ..observation.image_set import ImageSet
+from ..parallel import Workers
+from ..tracking.chamfer.engine import ContourEngine
 from ..tracking.config import TrackerConfig
-from ..tracking.contour_engine import ContourEngine
-from ..tracking.workers import Workers
 from ._progress import say
 
 

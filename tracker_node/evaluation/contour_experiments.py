@@ -14,8 +14,8 @@ from ..model.configuration import State
 from ..objective.chamfer.objective import ContourObjective
 from ..objective.per_camera import serial
 from ..observation.image_set import ImageSet
+from ..tracking.chamfer.engine import ContourEngine
 from ..tracking.config import TrackerConfig
-from ..tracking.contour_engine import ContourEngine
 from .color_experiments import basin
 from .evaluate import Evaluation
 

@@ -17,8 +17,8 @@ from ..optimize.levenberg_marquardt import clip_to_limits
 from ..tracking.config import MotionConfig
 from ..tracking.constraints import resting
 from ..tracking.estimate import TrackEstimate
-from ..tracking.motion_dynamics import Belief, Dynamics
-from ..tracking.smoother import Sighting, Smoother, smoothed_covariance
+from ..tracking.motion.dynamics import Belief, Dynamics
+from ..tracking.motion.smoother import Sighting, Smoother, smoothed_covariance
 
 FOLDER = "smoothed"
 STATES, JOINTS, POSES, VELOCITIES, COVARIANCES = "states.csv", "joints.csv", "poses.csv", "velocities.csv", "covariances.csv"

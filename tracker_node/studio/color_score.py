@@ -11,7 +11,7 @@ from ..loaders.json_values import finite
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..objective.points.photometry import PhotometryOptions
-from ..tracking.color_judge import agreement_of
+from ..tracking.color.judge import agreement_of
 from ..tracking.config import TrackerConfig
 from .pose_score import CameraScore, PoseScore
 

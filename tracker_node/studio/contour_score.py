@@ -13,11 +13,11 @@ from ..objective.lines.objective import PartEvidence, RegionObjective, View
 from ..observation.chamfer.observer import checked_plates
 from ..observation.region.background import EmptyRoom
 from ..observation.region.colors import RegionColors, color_classes, stated_densities, trust_stated_colors
+from ..parallel import Workers
 from ..render.raycast.raycaster import render_labels
 from ..render.shape_arrays import ShapeArrays
 from ..tracking.config import TrackerConfig
-from ..tracking.region_engine import region_options
-from ..tracking.workers import Workers
+from ..tracking.region.engine import region_options
 from .pose_score import CameraScore, PoseScore
 
 _LEAST_OUTLINE = 10  # samples of the outline of which a camera says something

@@ -132,7 +132,7 @@ class OptimizerConfig:
 class MotionConfig:
     """Prediction between image sets, and the priors that go with it.
 
-    The noise is that of a white acceleration, the memory how long a velocity lasts: see `tracking.motion_dynamics`.
+    The noise is that of a white acceleration, the memory how long a velocity lasts: see `tracking.motion.dynamics`.
     """
 
     root_position_noise: float = parameter(4.0, "white acceleration of the root", "m/s^1.5", 1e-6, 1e6)

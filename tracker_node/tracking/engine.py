@@ -19,7 +19,7 @@ from ..observation.image_set import ImageSet
 from ..optimize.result import OptimizerResult
 from .covariance import ImageEvidence
 from .estimate import CameraReport, LimbReport, Status
-from .motion_model import Passage
+from .motion.model import Passage
 
 Images = Sequence[np.ndarray | None]
 """BGR pixels (h, w, 3) uint8 per camera of the rig, None where the set has none."""

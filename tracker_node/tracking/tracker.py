@@ -17,19 +17,19 @@ from ..objective.constraints.prior import Prior
 from ..observation.image_set import ImageSet
 from ..optimize.levenberg_marquardt import clip_to_limits
 from ..optimize.result import OptimizerResult
+from ..parallel import Workers
 from ..render.occluders import Occluders
 from .camera_fault import CameraFault
+from .chamfer.engine import ContourEngine
 from .config import TrackerConfig
-from .contour_engine import ContourEngine
 from .covariance import ImageEvidence, fit_covariance
 from .engine import Engine, Images, Report, Verdict
 from .estimate import LimbStatus, Status, Timings, TrackEstimate
-from .motion_model import MotionModel, Passage, Prediction
-from .region_engine import RegionEngine
+from .initialization.detector import body_size
+from .initialization.initializer import NOT_GIVEN, Starter
+from .motion.model import MotionModel, Passage, Prediction
+from .region.engine import RegionEngine
 from .self_check import SelfCheck, SelfCheckOptions
-from .start import body_size
-from .starter import NOT_GIVEN, Starter
-from .workers import Workers
 
 _CLEARLY = 0.05  # share of its surety by which another place has to be better than one that is not lost
 
@@ -326,19 +326,19 @@ def _make_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig,
     if config.engine == "contour":
         return contours()
     if config.color.representation == "affine":
-        from .texture_engine import TextureEngine
+        from .color.texture_engine import TextureEngine
 
         colors: Engine = TextureEngine(rig, model, config)
     elif config.color.representation == "scene":
-        from .scene_engine import SceneEngine
+        from .color.scene_engine import SceneEngine
 
         colors = SceneEngine(rig, model, config, plates, parallel)
     else:
-        from .color_engine import ColorEngine
+        from .color.engine import ColorEngine
 
         colors = ColorEngine(rig, model, config, parallel)
         if config.engine == "color_and_contour":
-            from .color_with_contour import ColorWithContourEngine
+            from .combined.color_with_contour import ColorWithContourEngine
 
             return ColorWithContourEngine(colors, contours(), model.chain, config)
     if config.engine == "color":
@@ -346,6 +346,6 @@ def _make_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig,
     if config.engine == "color_and_contour":
         expected = "raw, normalized or blend for the engine 'color_and_contour'"
         raise FileFormatError("tracker config", "color.representation", expected, config.color.representation)
-    from .color_then_contour import ColorThenContourEngine
+    from .combined.color_then_contour import ColorThenContourEngine
 
     return ColorThenContourEngine(colors, contours())

@@ -1,0 +1,80 @@
+"""What is said of colors, by how far they agree in each camera and part."""
+
+import numpy as np
+import pytest
+from render_scenes import LENSES, look_at
+
+from tracker_node.camera.rig import CameraRig
+from tracker_node.model.articulated import ArticulatedModel, Shape
+from tracker_node.model.configuration import State
+from tracker_node.model.kinematic_chain import KinematicChain
+from tracker_node.model.shapes.primitives import Ellipsoid
+from tracker_node.objective.points.photometry import PhotometryOptions
+from tracker_node.tracking.color.judge import ColorAgreement, agreement_of, judge_colors
+from tracker_node.tracking.config import ColorConfig
+from tracker_node.tracking.estimate import Status
+
+CONFIG = ColorConfig(degraded_agreement=0.6, lost_agreement=0.4, min_pixels=100, few_pixels=1000)
+BALLS = ArticulatedModel(
+    "balls", KinematicChain(("base",), ()), (Shape("body", "base", Ellipsoid((0.3, 0.3, 0.3)), color_rgb=(200, 40, 40)),
+                                             Shape("cap", "base", Ellipsoid((0.2, 0.2, 0.5)), color_rgb=(40, 40, 200)))
+)  # fmt: skip
+UNSEEN = None
+
+
+def verdict(*cameras, parts=(1.0, 1.0), pixels=6000.0, chance=(100.0, 100.0), absent=0):
+    """``cameras``: the agreement in each, or `UNSEEN`; ``parts``: what the agreement of each part is multiplied by."""
+    n = len(cameras)
+    counts = np.array([[0.0 if share is UNSEEN else pixels / n / 2] * 2 for share in cameras])
+    expected = counts * np.array(chance)
+    squares = expected * (1.0 - np.outer([0.0 if share is UNSEEN else share for share in cameras], parts))
+    lens = LENSES["plain"]
+    rig = CameraRig(tuple(look_at((1.0 + i, 0.0, 0.0), (0.0, 0.0, 0.0), lens, f"cam{i}") for i in range(n)))
+    return judge_colors(ColorAgreement(squares, expected, counts), BALLS, rig, rig.names[: n - absent], CONFIG)
+
+
+@pytest.mark.parametrize(
+    ("cameras", "options", "status", "said"),
+    [
+        ((0.9, 0.8, 0.95), {}, Status.TRACKING, ""),
+        ((0.9, 0.9, UNSEEN), {}, Status.TRACKING, ""),
+        ((0.9,), {}, Status.TRACKING, ""),
+        ((0.9, 0.9, UNSEEN), {"absent": 1}, Status.DEGRADED, "2 of 3 cameras"),
+        ((0.9, UNSEEN, UNSEEN), {}, Status.DEGRADED, "only cam0 sees"),
+        ((0.9, 0.1, 0.8), {}, Status.DEGRADED, "colors do not agree in cam1 (10 %)"),
+        ((0.9, 0.9, -3.0), {}, Status.DEGRADED, "in cam2 (0 %)"),
+        ((0.9, 0.9), {"parts": (1.1, 0.4)}, Status.DEGRADED, "colors do not agree of cap (36 %)"),
+        ((0.9, 0.9), {"parts": (1.0, 0.3), "chance": (100.0, 20.0)}, Status.TRACKING, ""),  # as plain as what is around it
+        ((0.5, 0.5, 0.9), {}, Status.DEGRADED, "agree to 50 %"),
+        ((0.9, 0.2, 0.3), {}, Status.LOST, "agree to 30 %"),
+        ((0.9, 0.9), {"pixels": 900.0}, Status.DEGRADED, "the body covers only 900 pixels"),
+        ((0.9, 0.9), {"pixels": 50.0}, Status.LOST, "the body covers only 50 pixels"),
+        ((UNSEEN, UNSEEN), {}, Status.LOST, "no camera sees"),
+    ],
+)
+def test_the_middle_camera_decides_and_what_disagrees_is_named(cameras, options, status, said):
+    found = verdict(*cameras, **options)
+    assert found.status is status
+    assert said in found.reason and bool(found.reason) == bool(said)
+
+
+def test_noise_is_told_from_a_body_that_is_off():
+    assert verdict(0.05, 0.0, -0.1).noise and verdict(UNSEEN, UNSEEN).noise
+    assert not verdict(0.3, 0.3).noise and not verdict(0.9, 0.9).noise
+
+
+def test_agreement_is_the_share_of_the_mask_that_lies_on_the_body():
+    """A ball of one color before a plain ground: half of its mask is covered by the ground's color."""
+    model = ArticulatedModel("ball", BALLS.chain, BALLS.shapes[:1])
+    camera = look_at((0.0, -2.0, 0.0), (0.0, 0.0, 0.0), LENSES["plain"])
+    rig, state = CameraRig((camera,)), State.neutral(model)
+    ground, ball = np.array([90, 120, 60]), np.array(model.shapes[0].color_rgb[::-1])
+    image = np.tile(ground, (camera.model.height, camera.model.width, 1)).astype(np.uint8)
+    (u, v), _ = camera.project(np.zeros(3))
+    for share, until in ((1.0, camera.model.width), (0.5, round(u)), (0.0, 0)):
+        shown = image.copy()
+        shown[:, :until] = ball
+        shown[(np.hypot(*(np.mgrid[: image.shape[0], : image.shape[1]] - np.array([v, u])[:, None, None]))) > 27] = ground
+        found = agreement_of([model], rig, [shown], state, PhotometryOptions("raw"))
+        assert found.middle == pytest.approx(share, abs=0.1)
+        assert found.camera_rms[0] == pytest.approx(np.sqrt((1 - share) * ((ground - ball) ** 2).mean()), abs=12.0)

@@ -1,0 +1,110 @@
+"""Two engines in one step: who is asked what, in which order, and whose answer counts."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bodies import crane
+
+from tracker_node.model.configuration import State
+from tracker_node.observation.image_set import ImageSet
+from tracker_node.optimize.levenberg_marquardt import OptimizerResult
+from tracker_node.tracking.combined.color_then_contour import ColorThenContourEngine
+from tracker_node.tracking.engine import Verdict
+from tracker_node.tracking.estimate import Status
+
+MODEL = crane()
+START = State.neutral(MODEL)
+IMAGES = ["image"]
+
+
+def moved(x):
+    T = np.eye(4)
+    T[0, 3] = x
+    return replace(START, T_world_root=T)
+
+
+class Recorded:
+    """An engine that finds the body so far from where it begins, and writes down what it is asked."""
+
+    def __init__(self, name, log, by, status=Status.TRACKING, jumped=False, counts=(1, 2)):
+        self.name, self.log, self.by, self.counts = name, log, by, counts
+        self.verdict = Verdict(status, name, jumped=jumped)
+
+    def _say(self, what, *values):
+        self.log.append((self.name, what, *values))
+
+    def reset(self):
+        self._say("reset")
+
+    def begin(self, images, start, *, known=False):
+        self._say("begin", start.T_world_root[0, 3])
+        return moved(start.T_world_root[0, 3] + self.by)
+
+    def observe(self, images, expected, passage=None):
+        self._say("observe", None if expected is None else expected.T_world_root[0, 3], passage)
+
+    def fit(self, start, first, prior=None):
+        self._say("fit", start.T_world_root[0, 3], first, prior)
+        return OptimizerResult(moved(start.T_world_root[0, 3] + self.by), None, *self.counts, True)
+
+    def judge(self, result, image_set):
+        return self.verdict
+
+    def learn(self, images, state):
+        self._say("learn", state.T_world_root[0, 3])
+
+
+def both(**colors):
+    log = []
+    engines = Recorded("colors", log, 1.0, counts=(3, 5), **colors), Recorded("contours", log, 10.0, counts=(20, 40))
+    return ColorThenContourEngine(*engines), log
+
+
+def test_contours_begin_where_colors_end():
+    engine, log = both()
+    engine.observe(IMAGES, START, "passage")
+    result = engine.fit(START, True, "prior")
+    assert result.state.T_world_root[0, 3] == 11.0
+    assert (result.iterations, result.evaluations) == (23, 45)
+    assert log == [
+        ("colors", "observe", 0.0, "passage"), ("colors", "fit", 0.0, True, None),
+        ("contours", "observe", 1.0, "passage"), ("contours", "fit", 1.0, True, "prior"),
+    ]  # fmt: skip
+
+
+def test_where_colors_have_lost_the_body_contours_begin_where_it_is_expected():
+    engine, log = both(status=Status.LOST, jumped=True)
+    engine.observe(IMAGES, START)
+    assert engine.fit(START, False).state.T_world_root[0, 3] == 10.0
+    assert log[2:] == [("contours", "observe", 0.0, None), ("contours", "fit", 0.0, False, None)]
+    assert not engine.judge(None, ImageSet(0, ())).jumped
+
+
+def test_with_nothing_expected_contours_look_at_nothing():
+    engine, log = both(jumped=True)
+    engine.observe(IMAGES, None)
+    assert engine.fit(START, False).state.T_world_root[0, 3] == 10.0
+    assert ("contours", "observe", None, None) in log
+    assert not engine.judge(None, ImageSet(0, ())).jumped
+
+
+@pytest.mark.parametrize("jumped", [True, False])
+def test_the_verdict_is_of_contours_but_for_jumps(jumped):
+    engine, _ = both(jumped=jumped)
+    engine.observe(IMAGES, START)
+    engine.fit(START, False)
+    verdict = engine.judge(None, ImageSet(0, ()))
+    assert verdict.reason == "contours"
+    assert verdict.jumped == jumped
+
+
+def test_both_begin_learn_and_forget():
+    engine, log = both()
+    assert engine.begin(IMAGES, START).T_world_root[0, 3] == 11.0
+    engine.learn(IMAGES, START)
+    engine.reset()
+    assert log == [
+        ("colors", "begin", 0.0), ("contours", "begin", 1.0), ("colors", "learn", 0.0), ("contours", "learn", 0.0),
+        ("colors", "reset"), ("contours", "reset"),
+    ]  # fmt: skip

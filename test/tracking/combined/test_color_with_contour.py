@@ -1,0 +1,85 @@
+"""Colors and contours together, on pictures by another renderer: no worse than the better one alone, and surer than either."""
+
+import numpy as np
+import pytest
+from small_studio import Recording, recording
+
+from tracker_node.errors import FileFormatError
+from tracker_node.objective.sum_objective import SumObjective
+from tracker_node.tracking.chamfer.engine import ContourEngine
+from tracker_node.tracking.color.engine import ColorEngine
+from tracker_node.tracking.config import TrackerConfig, from_dict
+from tracker_node.tracking.estimate import Status, TrackEstimate
+from tracker_node.tracking.tracker import Tracker
+
+N = 6
+ENGINES = ("contour", "color", "color_and_contour")
+
+
+def configured(engine: str, kind: str = "chamfer", **color) -> TrackerConfig:
+    return from_dict({"engine": engine, "evidence": {"kind": kind}, "color": {"learn_colors": True, **color}})
+
+
+@pytest.fixture(scope="module")
+def clip() -> Recording:
+    return recording()
+
+
+def tracked(clip: Recording, config: TrackerConfig, n: int = N) -> list[TrackEstimate]:
+    tracker = Tracker(clip.rig, clip.model, config, clip.plates, clip.states[0])
+    return [tracker.step(image_set) for image_set in clip.sets[:n]]
+
+
+@pytest.fixture(scope="module")
+def runs(clip: Recording) -> dict[str, list[TrackEstimate]]:
+    return {engine: tracked(clip, configured(engine)) for engine in ENGINES}
+
+
+def test_together_is_as_good_as_the_better_one(clip, runs):
+    errors = {engine: clip.errors_mm(run)[2:].mean() for engine, run in runs.items()}
+    assert errors["color_and_contour"] < 1.05 * min(errors["contour"], errors["color"]), errors
+    assert all(estimate.status is Status.TRACKING for estimate in runs["color_and_contour"])
+
+
+def test_the_covariance_shrinks_in_every_direction(clip):
+    """At one state, of the same images: what both know is the sum of what each of them knows."""
+    config = configured("color_and_contour")
+    images = [image.bgr for image in clip.sets[0].images]
+    contours = ContourEngine(clip.rig, clip.model, config, clip.plates, lambda f, items: [f(item) for item in items])
+    colors = ColorEngine(clip.rig, clip.model, config, lambda f, items: [f(item) for item in items])
+    start = contours.begin(images, colors.begin(images, clip.states[0]))
+    for engine in (colors, contours):
+        engine.observe(images, start)
+        start = engine.fit(start, first=True).state
+    level, information = colors.evidence_at(start)
+    alone = contours.whole.linearize(start).H
+    both = SumObjective([contours.whole, level], [1.0, information]).linearize(start).H
+    shrinkage = np.linalg.eigvalsh(np.linalg.inv(alone) - np.linalg.inv(both))
+    assert shrinkage.min() > -1e-9 * shrinkage.max() and np.trace(np.linalg.inv(both)) < 0.9 * np.trace(np.linalg.inv(alone))
+    assert np.allclose(both - alone, information * level.linearize(start).H)
+
+
+def test_what_the_tracker_says_of_its_certainty_shrinks_too(runs):
+    sigma = {engine: np.sqrt(np.diag(run[-1].covariance)) for engine, run in runs.items()}
+    assert np.median(sigma["color_and_contour"] / sigma["contour"]) < 0.95
+
+
+def test_lines_go_with_colors_as_well(clip):
+    """Without pictures of the empty scene. Hands and forearms are a few pixels wide here, too few for lines."""
+    tracker = Tracker(clip.rig, clip.model, configured("color_and_contour", "region"), {}, clip.states[0])
+    run = [tracker.step(image_set) for image_set in clip.sets[:3]]
+    assert np.median(clip.errors_mm(run)) < 8.0
+
+
+def test_a_body_that_colors_do_not_find_is_left_to_the_contours(clip):
+    """Colors of another body: the result is that of contours from the same start, bit for bit."""
+    wrong = {"learn_colors": False, "lost_agreement": 1.0}
+    together = tracked(clip, configured("color_and_contour", **wrong), 2)
+    led = tracked(clip, configured("color_then_contour", **wrong), 2)
+    assert all(np.array_equal(a.state.to_values(), b.state.to_values()) for a, b in zip(together, led, strict=True))
+
+
+def test_other_representations_are_refused(clip):
+    config = configured("color_and_contour", representation="scene", learn_colors=False)
+    with pytest.raises(FileFormatError, match="raw, normalized or blend"):
+        Tracker(clip.rig, clip.model, config, clip.plates, clip.states[0])

@@ -1,0 +1,198 @@
+"""Looking for lost limbs, on an objective whose answer is known."""
+
+import numpy as np
+import pytest
+
+from tracker_node.model.configuration import Configuration, State
+from tracker_node.objective.lines.objective import PartEvidence
+from tracker_node.objective.normal_equations import NormalEquations
+from tracker_node.synthesis.figure import figure_model
+from tracker_node.tracking.config import StatusConfig
+from tracker_node.tracking.estimate import LimbReport, LimbStatus
+from tracker_node.tracking.region.limb_search import LimbSearch, Lines
+from tracker_node.tracking.region.limb_status import LimbJudge
+
+MODEL = figure_model()
+REST = State.neutral(MODEL)
+REACH_M = 0.15  # landmarks farther from where they belong are not felt
+
+
+class Felt:
+    """Landmarks are pulled to where they are in ``truth``, if they are near it; a limb's outline is found there."""
+
+    def __init__(self, truth: State):
+        self._truth = Configuration(MODEL, truth).landmarks_world
+        self.drawn, self.tried = 0, 0
+
+    def correspond(self, state: State, scale: float) -> None:
+        self.drawn += 1
+
+    def linearize(self, state: State) -> NormalEquations:
+        body = Configuration(MODEL, state)
+        apart = body.landmarks_world - self._truth
+        near = np.linalg.norm(apart, axis=1) < REACH_M
+        J, r = body.landmark_jacobian()[near].reshape(-1, MODEL.n_dof), apart[near].ravel()
+        return NormalEquations(J.T @ J + 1e-9 * np.eye(MODEL.n_dof), J.T @ r, float(r @ r), len(r))
+
+    def part_evidence(self, state: State, close_px: float) -> PartEvidence:
+        apart = np.linalg.norm(Configuration(MODEL, state).landmarks_world - self._truth, axis=1)
+        shares = np.array([np.exp(-((apart[MODEL.landmark_links == link] / 0.1) ** 2)).mean() for link in MODEL.shape_links])
+        expected = np.full((3, len(MODEL.shapes)), 30.0)
+        return PartEvidence(expected, expected, expected * shares, expected, 12.0 * expected * shares)
+
+    def area(self, shapes: np.ndarray, roots: np.ndarray, joints: np.ndarray) -> np.ndarray:
+        """Hundred cells, in which colors agree the better the nearer the limb's landmarks are to where they belong."""
+        own = np.isin(MODEL.landmark_links, MODEL.shape_links[shapes])
+        gains = []
+        for T, q in zip(roots, joints, strict=True):
+            found = Configuration(MODEL, State(T, q)).landmarks_world
+            gains.append(100.0 * np.exp(-np.linalg.norm(found - self._truth, axis=1)[own] / 0.3).mean())
+        self.tried += len(joints)
+        return np.stack([np.array(gains), np.full(len(joints), 100.0)], axis=1)
+
+    def lines(self) -> Lines:
+        return Lines(self.correspond, self, self.part_evidence, self.area)
+
+
+def bent(side: str, flexion_deg: float, elbow_deg: float) -> State:
+    angles = REST.joint_positions.copy()
+    angles[MODEL.chain.axis_index(f"{side}_shoulder_flexion")] += np.radians(flexion_deg)
+    angles[MODEL.chain.axis_index(f"{side}_elbow_flexion")] += np.radians(elbow_deg)
+    return State(REST.T_world_root, angles)
+
+
+def prepared(config: StatusConfig | None = None) -> tuple[LimbJudge, LimbSearch]:
+    """A judge that has seen the body well."""
+    judge = LimbJudge(MODEL, config or StatusConfig())
+    for _ in range(5):
+        judge.update(Felt(REST).part_evidence(REST, 2.0), REST)
+    return judge, LimbSearch(MODEL, judge, config or StatusConfig(), 2.0)
+
+
+def index(judge: LimbJudge, name: str) -> int:
+    return [limb.name for limb in judge.limbs].index(name)
+
+
+def wrist_error(state: State, truth: State) -> float:
+    i = MODEL.landmark_index("left_wrist")
+    return float(np.linalg.norm((Configuration(MODEL, state).landmarks_world - Configuration(MODEL, truth).landmarks_world)[i]))
+
+
+@pytest.mark.parametrize("truth", [REST, bent("left", 10.0, -15.0)], ids=["at rest", "near rest"])
+def test_a_limb_is_found_and_nothing_else_is_moved(truth):
+    judge, search = prepared()
+    lost, felt = bent("left", 110.0, -60.0), Felt(truth)
+    found = search.recover(search.doubtful(felt.part_evidence(lost, 2.0)), lost, lost, felt.lines())
+    assert found is not None and wrist_error(lost, truth) > 0.4 and wrist_error(found, truth) < 0.02
+    own = judge.limbs[index(judge, "left_forearm")].dofs
+    assert not np.any(found.difference(lost)[~own])
+    assert felt.tried <= 1.1 * StatusConfig().limb_tries and felt.drawn <= 3 * StatusConfig().limb_fits
+
+
+def test_a_limb_is_looked_for_where_it_was_last_sound():
+    judge, search = prepared(StatusConfig(limb_tries=1))
+    sound = bent("left", 70.0, 20.0)
+    i = index(judge, "left_forearm")
+    assert search.recover({i: 3.0}, REST, REST, Felt(sound).lines()) is None
+    reports = [LimbReport(limb.name, LimbStatus.TRACKING, "", 0.0) for limb in judge.limbs]
+    search.remember(sound, reports)
+    found = search.recover({i: 3.0}, REST, REST, Felt(sound).lines())
+    assert found is not None and wrist_error(found, sound) < 0.01
+
+
+def test_where_nothing_is_found_nothing_is_changed():
+    _, search = prepared()
+    far = REST.retract(np.append([3.0, 0.0, 0.0], np.zeros(MODEL.n_dof - 3)))
+    assert search.recover({1: 3.0, 2: 3.0}, REST, REST, Felt(far).lines()) is None
+
+
+def test_a_limb_that_was_looked_for_in_vain_pauses():
+    judge, search = prepared(StatusConfig(limb_pause=4))
+    lost = bent("left", 110.0, -60.0)
+    far = Felt(REST.retract(np.append([3.0, 0.0, 0.0], np.zeros(MODEL.n_dof - 3))))
+    evidence, reports = Felt(REST).part_evidence(lost, 2.0), [LimbReport(x.name, LimbStatus.LOST, "", 0.9) for x in judge.limbs]
+    i, looked_for = index(judge, "left_forearm"), []
+    for _ in range(12):
+        doubtful = search.doubtful(evidence)
+        looked_for.append(i in doubtful)
+        assert search.recover(doubtful, lost, lost, far.lines()) is None
+        search.remember(lost, reports)
+    assert looked_for == [True, True, False, False, False, True, False, False, False, True, False, False]
+
+
+def test_a_lost_limb_that_was_looked_over_in_vain_pauses_too():
+    judge, search = prepared(StatusConfig(limb_pause=4))
+    lost = bent("left", 110.0, -60.0)
+    far = Felt(REST.retract(np.append([3.0, 0.0, 0.0], np.zeros(MODEL.n_dof - 3))))
+    i, reports = index(judge, "left_forearm"), [LimbReport(x.name, LimbStatus.LOST, "", 0.9) for x in judge.limbs]
+    paused = []
+    for _ in range(8):
+        paused.append(search.pauses(i))
+        if not paused[-1]:
+            assert search.look_over([i], lost, lost, far.lines()) is None
+        search.remember(lost, reports)
+    assert paused == [False, False, True, True, True, False, True, True]
+
+
+def test_limbs_that_are_where_they_belong_are_not_in_doubt():
+    judge, search = prepared()
+    felt, lost = Felt(REST), bent("left", 110.0, -60.0)
+    assert not search.doubtful(felt.part_evidence(REST, 2.0))
+    assert list(search.doubtful(felt.part_evidence(lost, 2.0))) == [index(judge, "left_forearm")]
+
+
+def test_a_limb_is_found_far_from_anything_likely():
+    _, search = prepared()
+    truth, lost = bent("left", 120.0, 30.0), bent("left", -60.0, -15.0)
+    felt = Felt(truth)
+    found = search.recover(search.doubtful(felt.part_evidence(lost, 2.0)), lost, lost, felt.lines())
+    assert found is not None and wrist_error(found, truth) < 0.02
+
+
+def test_lost_limbs_take_turns():
+    judge, search = prepared()
+    lost = bent("left", 110.0, -60.0)
+    looked_at: list[tuple] = []
+
+    class Watched(Felt):
+        def area(self, shapes, roots, joints):
+            looked_at.append(tuple(np.flatnonzero(shapes)))
+            return np.stack([np.zeros(len(joints)), np.full(len(joints), 100.0)], axis=1)
+
+    far = REST.retract(np.append([3.0, 0.0, 0.0], np.zeros(MODEL.n_dof - 3)))
+    for _ in range(4):
+        search.recover(dict.fromkeys([1, 2, 3, 4], 3.0), lost, lost, Watched(far).lines())
+    assert set(looked_at) == {tuple(np.flatnonzero(limb.shapes)) for limb in judge.limbs[1:]}
+
+
+def poses_tried() -> np.ndarray:
+    """(n, n_axes) of a search for an arm."""
+    judge, search = prepared()
+    start, tried = bent("left", 150.0, 30.0), []
+
+    class Watched(Felt):
+        def area(self, shapes, roots, joints):
+            tried.append(joints.copy())
+            return super().area(shapes, roots, joints)
+
+    search.recover({index(judge, "left_forearm"): 3.0}, start, REST, Watched(REST).lines())
+    return np.concatenate(tried)
+
+
+def test_poses_that_are_tried_are_within_the_limits_and_the_same_again():
+    first, again = poses_tried(), poses_tried()
+    np.testing.assert_array_equal(first, again)
+    assert (first >= MODEL.chain.lower - 1e-12).all() and (first <= MODEL.chain.upper + 1e-12).all()
+
+
+def test_a_trunk_that_is_elsewhere_is_found_with_all_that_hangs_on_it():
+    _, search = prepared()
+    shift = np.zeros(MODEL.n_dof)
+    shift[:6] = 0.08, -0.06, 0.03, 0.0, 0.15, 0.25
+    truth = REST.retract(shift)
+    found = search.find_trunk(REST, REST, Felt(truth).lines())
+    assert found is not None
+    before, after = (np.linalg.norm(state.difference(truth)[:6]) for state in (REST, found))
+    assert after < 0.6 * before
+    np.testing.assert_array_equal(found.joint_positions, REST.joint_positions)
+    assert search.find_trunk(truth, REST, Felt(truth).lines()) is None

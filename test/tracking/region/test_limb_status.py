@@ -1,0 +1,290 @@
+"""What evidence makes of the probability that a limb is lost."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tracker_node.model.configuration import Configuration, State
+from tracker_node.objective.lines.objective import PartEvidence
+from tracker_node.synthesis.figure import figure_model
+from tracker_node.tracking.config import StatusConfig
+from tracker_node.tracking.estimate import LimbReport, LimbStatus, Status
+from tracker_node.tracking.region.limb_status import LOST_TIP_M, LimbJudge, body_status, is_noise, limb_measures
+
+MODEL = figure_model()
+STATE = State.neutral(MODEL)
+N_CAMERAS, N_SHAPES = 4, len(MODEL.shapes)
+NAMES = ["trunk", "left_forearm", "left_shank", "right_forearm", "right_shank"]
+
+
+def evidence(close=0.85, **limbs) -> PartEvidence:
+    """20 samples of every shape in every camera, of which a share is found: that of the shape's limb, if it is named."""
+    judge = LimbJudge(MODEL, StatusConfig())
+    shares = np.full(N_SHAPES, close)
+    expected = np.full((N_CAMERAS, N_SHAPES), 20.0)
+    for limb in judge.limbs:
+        share = limbs.get(limb.name, close)
+        if share is None:
+            expected[:, limb.shapes] = 0.0
+        shares[limb.shapes] = share or 0.0
+    return PartEvidence(expected, expected * shares, expected * shares, expected * shares, 14.0 * expected * shares)
+
+
+def told(judge: LimbJudge, seen: PartEvidence, sets: int = 1, covariance=None) -> dict[str, LimbReport]:
+    reports: tuple[LimbReport, ...] = ()
+    for _ in range(sets):
+        reports = judge.update(seen, STATE, covariance)
+    return {report.name: report for report in reports}
+
+
+def statuses(reports: dict[str, LimbReport]) -> dict[str, LimbStatus]:
+    return {name: report.status for name, report in reports.items() if report.status is not LimbStatus.TRACKING}
+
+
+def test_measures_are_shares_of_what_should_be_seen():
+    seen = evidence()
+    seen.close[0] = 0.0  # one camera is covered: the mean falls, the middle camera does not
+    share, middle, surety, worst = limb_measures(seen, judge_limb("left_forearm").shapes)
+    assert (share, middle, worst) == pytest.approx((0.75 * 0.85, 0.85, 0.75 * 0.85)) and surety == pytest.approx(14.0 * 0.85)
+    assert limb_measures(evidence(left_forearm=None), judge_limb("left_forearm").shapes) is None
+
+
+def judge_limb(name):
+    return next(limb for limb in LimbJudge(MODEL, StatusConfig()).limbs if limb.name == name)
+
+
+def test_a_limb_that_is_not_found_is_lost_within_two_sets_and_the_others_are_not():
+    judge = LimbJudge(MODEL, StatusConfig())
+    assert list(told(judge, evidence(), 20)) == NAMES
+    assert statuses(told(judge, evidence())) == {}
+    lost = told(judge, evidence(left_shank=0.2), 2)
+    assert statuses(lost) == {"left_shank": LimbStatus.LOST}
+    assert "20 % of its outline" in lost["left_shank"].reason
+    assert body_status(tuple(lost.values())) == (Status.DEGRADED, "left_shank lost")
+    assert statuses(told(judge, evidence(), 4)) == {}
+
+
+def test_a_body_that_never_fits_well_is_sound_and_lost_when_it_fits_worse():
+    judge = LimbJudge(MODEL, StatusConfig())
+    assert statuses(told(judge, evidence(0.5), 10)) == {}
+    assert "right_forearm" in statuses(told(judge, evidence(0.5, right_forearm=0.15), 3))
+
+
+def test_a_start_that_is_nowhere_is_lost_at_once():
+    reports = tuple(told(LimbJudge(MODEL, StatusConfig()), evidence(0.15)).values())
+    assert body_status(reports)[0] is Status.LOST
+    assert is_noise(evidence(0.15)) and not is_noise(evidence(0.5))
+
+
+def test_what_hangs_on_a_lost_trunk_is_lost():
+    judge = LimbJudge(MODEL, StatusConfig())
+    told(judge, evidence(), 10)
+    assert set(statuses(told(judge, evidence(trunk=0.1), 3))) == set(NAMES)
+
+
+def test_a_hidden_limb_is_unseen_and_less_and_less_certain():
+    judge = LimbJudge(MODEL, StatusConfig())
+    told(judge, evidence(), 10)
+    hidden = evidence(left_forearm=None)
+    first = told(judge, hidden)["left_forearm"]
+    assert first.status is LimbStatus.UNSEEN
+    later = told(judge, hidden, 10)["left_forearm"]
+    assert first.probability < later.probability < 0.5
+    vague = told(judge, hidden, 1, np.eye(MODEL.n_dof) * 0.2**2)["left_forearm"]
+    assert vague.probability > 0.5
+
+
+def test_the_end_of_a_limb_is_as_uncertain_as_states_drawn_from_the_covariance():
+    """Against drawing: the largest standard deviation of the wrist's place, over directions."""
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(MODEL.n_dof, MODEL.n_dof)) * 2e-4
+    covariance = root @ root.T
+    judge, wrist = LimbJudge(MODEL, StatusConfig()), MODEL.landmark_index("left_wrist")
+    places = [
+        Configuration(MODEL, STATE.retract(root @ rng.normal(size=MODEL.n_dof))).landmarks_world[wrist] for _ in range(4000)
+    ]
+    drawn = np.sqrt(np.linalg.eigvalsh(np.cov(np.array(places).T))[-1])
+    assert judge.tip_sigmas(STATE, covariance)[1] == pytest.approx(drawn, rel=0.05)
+    wide = covariance * (LOST_TIP_M / drawn) ** 2  # one standard deviation is the limit: 32 % beyond it
+    told(judge, evidence(), 20)
+    assert told(judge, evidence(), 1, wide)["left_forearm"].probability == pytest.approx(0.317, abs=0.02)
+
+
+def test_information_on_a_lost_limb_is_not_believed():
+    judge = LimbJudge(MODEL, StatusConfig())
+    told(judge, evidence(), 10)
+    reports = tuple(told(judge, evidence(left_forearm=0.1), 3).values())
+    share, own = judge.trust(reports), judge_limb("left_forearm").dofs
+    assert (share[~own] == 1.0).all() and (share[own] < 0.3).all()
+
+
+def report(status, name="x"):
+    return LimbReport(name, status, "why", 0.5)
+
+
+@pytest.mark.parametrize(
+    ("limbs", "expected"),
+    [
+        ("TTTTT", Status.TRACKING), ("TTTTD", Status.DEGRADED), ("TTLTT", Status.DEGRADED), ("TULTT", Status.DEGRADED),
+        ("LTTTT", Status.LOST), ("TLLLT", Status.LOST), ("TLLTT", Status.DEGRADED), ("UUUUU", Status.LOST),
+        ("T", Status.TRACKING), ("L", Status.LOST), ("U", Status.LOST),
+    ],
+)  # fmt: skip
+def test_the_body_by_its_trunk_and_most_of_its_limbs(limbs, expected):
+    kinds = {"T": LimbStatus.TRACKING, "D": LimbStatus.DEGRADED, "L": LimbStatus.LOST, "U": LimbStatus.UNSEEN}
+    status, reason = body_status([report(kinds[letter], f"limb{i}") for i, letter in enumerate(limbs)])
+    assert status is expected and bool(reason) == (expected is not Status.TRACKING)
+
+
+def test_no_image_at_all():
+    judge = LimbJudge(MODEL, StatusConfig())
+    told(judge, evidence(), 10)
+    reports = judge.nothing_seen()
+    assert body_status(reports)[0] is Status.LOST and all(r.status is LimbStatus.UNSEEN for r in reports)
+
+
+def test_a_set_cannot_change_the_odds_by_more_than_the_limit():
+    config = replace(StatusConfig(), evidence_limit=1.0, limb_loss=1e-6, limb_recovery=0.0)
+    judge = LimbJudge(MODEL, config)
+    told(judge, evidence())
+    judge.probabilities[:] = [1e-4, 0.2, 1e-4, 1e-4, 1e-4]
+    p = told(judge, evidence(left_forearm=0.0))["left_forearm"].probability
+    assert p / (1.0 - p) == pytest.approx(0.25 * np.e, rel=0.01)
+
+
+def table(*rows) -> np.ndarray:
+    return np.array(rows, dtype=np.float64)
+
+
+def parts(expected, close, ratio=None) -> PartEvidence:
+    zero = np.zeros_like(expected)
+    return PartEvidence(expected, zero, close, zero, zero if ratio is None else ratio)
+
+
+def test_measures_of_a_limb_of_two_shapes_in_three_cameras():
+    expected = table([10.0, 10.0, 50.0], [20.0, 0.0, 50.0], [2.0, 2.0, 50.0])  # the third camera sees too little
+    close = table([5.0, 3.0, 50.0], [18.0, 0.0, 50.0], [2.0, 2.0, 50.0])
+    ratio = table([10.0, 20.0, 999.0], [40.0, 0.0, 999.0], [7.0, 7.0, 999.0])
+    found = limb_measures(parts(expected, close, ratio), np.array([True, True, False]))
+    worst = min(25.0 / 32.0, 1.0)  # the second shape has 12 samples: too few for itself
+    assert found == pytest.approx([26.0 / 40.0, 0.9, 70.0 / 40.0, worst])
+
+
+@pytest.mark.parametrize(("samples", "known"), [(5.0, True), (4.9, False)])
+def test_a_camera_needs_five_samples_of_a_limb(samples, known):
+    found = limb_measures(parts(table([samples]), table([1.0])), np.array([True]))
+    assert (found is not None) is known
+    if known:
+        assert found == pytest.approx([0.2, 0.2, 0.0, 0.2])  # no part has enough for itself: the limb's share
+
+
+def test_a_part_needs_fifteen_samples_to_be_the_worst():
+    for samples, worst in ((15.0, 0.2), (14.9, 1.0)):
+        seen = parts(table([20.0, samples]), table([20.0, 0.2 * samples]))
+        assert limb_measures(seen, np.array([True, True]))[3] == pytest.approx(worst)
+
+
+def test_of_an_even_number_of_cameras_the_better_is_the_middle_one():
+    expected = np.full((4, 1), 10.0)
+    close = table([1.0], [9.0], [3.0], [6.0])
+    assert limb_measures(parts(expected, close), np.array([True]))[1] == pytest.approx(0.6)
+
+
+def test_noise_is_less_than_a_fifth_of_the_outline():
+    expected = np.full((2, 3), 10.0)
+    assert is_noise(parts(expected, np.full((2, 3), 1.99))) and not is_noise(parts(expected, np.full((2, 3), 2.0)))
+
+
+def test_reports_in_words():
+    judge = LimbJudge(MODEL, StatusConfig())
+    assert not judge.knows and judge.lost == [] and not judge.body_lost and judge.was_lost
+    told(judge, evidence(), 10)
+    assert judge.knows and judge.lost == []
+    fine = told(judge, evidence())
+    assert all(report.reason == "" for report in fine.values())
+    hidden = told(judge, evidence(left_forearm=None))["left_forearm"]
+    assert (hidden.status, hidden.reason) == (LimbStatus.UNSEEN, "hidden, or in no image")
+    vague = told(judge, evidence(), 1, np.eye(MODEL.n_dof) * 0.2**2)["left_shank"]
+    assert vague.status is LimbStatus.LOST and vague.reason.startswith("its end may be elsewhere: known to ")
+    sigma = judge.tip_sigmas(STATE, np.eye(MODEL.n_dof) * 0.2**2)[NAMES.index("left_shank")]
+    assert vague.reason.endswith(f"{1e3 * sigma:.0f} mm")
+    trunk = told(judge, evidence(trunk=0.1), 3)
+    assert trunk["left_shank"].reason == "the trunk is" and "10 % of its outline" in trunk["trunk"].reason
+    assert 0 in judge.lost and judge.body_lost
+
+
+def test_a_body_is_lost_with_more_than_half_of_its_limbs():
+    judge = LimbJudge(MODEL, StatusConfig())
+    told(judge, evidence(), 10)
+    judge.probabilities[:] = [0.1, 0.5, 0.6, 0.1, 0.49]
+    assert judge.lost == [1, 2] and not judge.body_lost
+    judge.probabilities[4] = 0.5
+    assert judge.lost == [1, 2, 4] and judge.body_lost
+    judge.restart()
+    assert judge.was_lost and judge.probabilities == pytest.approx(0.3)
+    told(judge, evidence(), 3)
+    judge.restart()
+    assert not judge.was_lost
+
+
+def test_without_evidence_a_limb_is_less_and_less_certain_by_the_rates_configured():
+    config = replace(StatusConfig(), limb_loss=0.1, limb_recovery=0.3)
+    judge = LimbJudge(MODEL, config)
+    told(judge, evidence(), 10)
+    judge.probabilities[:] = [0.0, 0.2, 0.2, 0.2, 0.2]
+    hidden = told(judge, evidence(left_forearm=None))["left_forearm"]
+    assert judge.probabilities[1] == pytest.approx(0.2 * 0.7 + 0.8 * 0.1)
+    assert hidden.probability == pytest.approx(1.0 - (1.0 - 0.22) * (1.0 - judge.probabilities[0]), abs=1e-9)
+    judge.probabilities[:] = 0.2
+    assert [r.probability for r in judge.nothing_seen()] == pytest.approx([0.2 + 0.8 * 0.1] * 5)
+
+
+def test_levels_follow_what_is_seen_while_all_is_well_and_never_below_the_least():
+    judge = LimbJudge(MODEL, StatusConfig())
+    told(judge, evidence(0.6))
+    assert judge.shares == pytest.approx(1.0)
+    told(judge, evidence(0.8))
+    assert judge.shares == pytest.approx(0.8 / 0.6)
+    level = 0.6 + 0.05 * 0.2
+    told(judge, evidence(0.8))
+    assert judge.shares == pytest.approx(0.8 / level)
+    told(judge, evidence(1.0, left_shank=None))
+    assert np.isnan(judge.shares[NAMES.index("left_shank")]).all() and np.nanmax(judge.shares) == pytest.approx(1.5)
+    poor = LimbJudge(MODEL, StatusConfig())
+    told(poor, evidence(0.2))
+    assert poor.shares[:, :2] == pytest.approx(0.2 / 0.4) and poor.shares[:, 3] == pytest.approx(0.2 / 0.3)
+
+
+def test_shapes_of_limbs_that_are_well_are_sound():
+    judge = LimbJudge(MODEL, StatusConfig())
+    told(judge, evidence(), 10)
+    reports = tuple(told(judge, evidence(left_shank=0.1, right_forearm=None), 3).values())
+    sound = judge.sound_shapes(reports)
+    for limb in judge.limbs:
+        assert sound[limb.shapes].all() == (limb.name not in ("left_shank", "right_forearm"))
+        assert sound[limb.shapes].any() == sound[limb.shapes].all()
+
+
+def test_the_share_believed_of_a_lost_limb_is_the_root_of_what_it_may_be_right_by():
+    judge = LimbJudge(MODEL, StatusConfig())
+    lost = {"left_forearm": 0.64, "left_shank": 1.0}
+    share = judge.trust([
+        LimbReport(name, LimbStatus.LOST if name in lost else LimbStatus.DEGRADED, "", lost.get(name, 0.4)) for name in NAMES
+    ])  # fmt: skip
+    arm, shank = judge_limb("left_forearm").dofs, judge_limb("left_shank").dofs
+    assert share[arm] == pytest.approx(0.6) and share[shank] == pytest.approx(0.01)
+    assert (share[~(arm | shank)] == 1.0).all()
+
+
+def test_the_body_in_words():
+    def said(letters):
+        kinds = {"T": LimbStatus.TRACKING, "D": LimbStatus.DEGRADED, "L": LimbStatus.LOST, "U": LimbStatus.UNSEEN}
+        return body_status([report(kinds[letter], f"limb{i}") for i, letter in enumerate(letters)])[1]
+
+    assert said("TLLLT") == "3 of 4 limbs that should be seen are lost"
+    assert said("TLLUT") == "2 of 3 limbs that should be seen are lost"
+    assert said("TLUUU") == "limb1 lost"  # one alone does not tell of the body
+    assert said("TLDUD") == "limb1 lost" and said("TTDUD") == "limb2, limb4 uncertain" and said("TTTUU") == "limb3, limb4 unseen"
+    assert said("LTTTT") == "limb0: why" and said("UUU") == "no camera sees the body where it is expected"
+    assert said("UTT") == "limb0 unseen"

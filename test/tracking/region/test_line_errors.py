@@ -1,0 +1,47 @@
+"""Shifts of contours by a pixel as motions of links."""
+
+import numpy as np
+import pytest
+from bodies import crane
+from camera_rigs import circle_rig
+
+from tracker_node.model.configuration import Configuration, State
+from tracker_node.tracking.config import StatusConfig
+from tracker_node.tracking.region.line_errors import LineErrors
+
+MODEL = crane()
+RIG = circle_rig(3, distortion=(0.0, 0.0, 0.0, 0.0))
+ERRORS = LineErrors(RIG, MODEL, StatusConfig(), 0.5)
+
+
+def middle_of(body, link):
+    own = np.flatnonzero(MODEL.shape_links == link)
+    return body.Ts_world_shape[own, :3, 3].mean(axis=0)
+
+
+@pytest.mark.parametrize("camera", [0, 2])
+@pytest.mark.parametrize("link", [0, 1, 2])
+def test_a_shift_moves_the_middle_of_a_link_by_a_pixel(camera, link):
+    pose = State.neutral(MODEL).retract(np.array([0.1, 0.2, 1.0, 0.1, -0.2, 0.3] + [0.0] * (MODEL.n_dof - 6)))
+    body = Configuration(MODEL, pose)
+    twists = ERRORS._shift(camera, body)
+    assert not twists[:, 3:].any()
+    place = middle_of(body, link)
+    before = RIG.cameras[camera].project(place)[0]
+    for axis in range(2):
+        after = RIG.cameras[camera].project(place + twists[link, :3, axis])[0]
+        np.testing.assert_allclose(after - before, np.eye(2)[axis], atol=1e-9)
+
+
+def test_a_link_without_shapes_counts_at_its_origin():
+    body = Configuration(MODEL, State.neutral(MODEL))
+    hook = MODEL.chain.links.index("hook")
+    assert not np.any(MODEL.shape_links == hook)
+    camera = RIG.cameras[1]
+    depth = (camera.T_cam_world @ body.Ts_world_link[hook])[2, 3]
+    lengths = np.linalg.norm(ERRORS._shift(1, body)[hook, :3], axis=0)
+    np.testing.assert_allclose(lengths, [depth / 600.0, depth / 605.0])
+
+
+def test_the_least_spread_is_a_little_less_than_stated():
+    assert pytest.approx(0.85 * 0.5) == ERRORS._least_px

@@ -1,0 +1,269 @@
+"""Where a body is in images that nobody has told anything about: a start without a hand-set pose.
+
+From coarse to fine, on images in which the body is some eighty pixels high: log-odds of body against scene for every pixel
+(`start_evidence`); from these a visual hull, and in it the places where a body may stand (`objective.area.visual_hull`);
+postures from a small library at these places, in all headings, by how much of the evidence they cover
+(`objective.area.evidence_score`); the best are drawn to the silhouettes and get other limbs tried (`start_fit`,
+`start_search`). What is left are a few starts for the engine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ...camera.rig import CameraRig
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
+from ...objective.area.evidence_score import EvidenceScore
+from ...objective.area.visual_hull import occupancy, places, seen_volume
+from ...observation.small_view import SmallView
+from ...render.shape_arrays import ShapeArrays
+from ..config import StartConfig
+from ..engine import Images
+from .coverage import StartCoverage
+from .evidence import StartEvidence
+from .fit import SilhouetteFit
+from .parts import LimbAlternatives
+from .pose_library import postures
+from .search import Poses, StartSearch
+from .segmentation import StartSegmentation
+
+_VOXELS = 14  # along the body
+_HEADINGS = 12
+_PRIOR = 3e-4  # cost of a joint one sigma from neutral, as a share of all evidence
+_RANDOM_POSTURES = 16
+_PLACES = 3
+_SHAKES = 3
+_LIMB_SAMPLES = 48
+_ROUNDS = ((False, False), (False, False), (True, True), (False, True), (False, True), (False, True))
+# of search and learning: how thorough a search, and whether only what it finds goes on
+_SURE = 0.45  # a start that covers so much of the evidence is not looked for elsewhere
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A state that a body may be in; ``score`` is the share of all evidence for a body that it covers, 1 at best."""
+
+    state: State
+    score: float
+
+
+class StartFinder:
+    """Finds starts; deterministic in the images that it has been shown since `reset`.
+
+    Parameters
+    ----------
+    rig, model, config : cameras, body, parameters.
+    plates : camera name -> BGR image (or list of images) of the empty scene, where there is one.
+    parallel : maps a function over a list, on several threads.
+
+    Attributes
+    ----------
+    problem : why the last `find` has found nothing. watching : because it has not seen enough image sets yet.
+    alternatives : other places for limbs, in the latest images.
+    """
+
+    def __init__(
+        self,
+        rig: CameraRig,
+        model: ArticulatedModel,
+        config: StartConfig,
+        plates: Mapping[str, np.ndarray | list],
+        parallel: Callable[[Callable, list], list],
+    ):
+        self._model, self._config, self._parallel = model, config, parallel
+        self.size_m = body_size(model)
+        self._views = [SmallView(camera, scale) for camera, scale in zip(rig, _scales(rig, self.size_m, config), strict=True)]
+        self._cameras = [view.camera for view in self._views]
+        self._postures = postures(model, _RANDOM_POSTURES, config.seed)
+        self._middles = np.array([_middle(model, State(np.eye(4), joints)) for joints in self._postures])
+        small = {}
+        for camera, view in zip(rig, self._views, strict=True):
+            if camera.name in plates:
+                plate = plates[camera.name]
+                small[camera.name] = [view.shrink(p) for p in (plate if isinstance(plate, list) else [plate])]
+        self._evidence = StartEvidence(self._cameras, small)
+        self._segmentation = StartSegmentation(self._evidence, self._cameras, self.size_m)
+        self.alternatives = LimbAlternatives(model, self._cameras, self._evidence, parallel)
+        self.problem = ""
+        self.watching = False
+
+    def reset(self) -> None:
+        """Forget all images."""
+        self._evidence.reset()
+
+    def watch(self, images: Images) -> None:
+        """Take in an image set in which nothing is looked for (yet): what moves is told from what does not."""
+        self._evidence.watch([None if im is None else view.shrink(im) for im, view in zip(images, self._views, strict=True)])
+
+    def find(self, images: Images, around: State | None = None) -> list[Start]:
+        """Starts in these BGR ``images``, the best first, that differ in place or heading; [] where there are none, and
+        ``problem`` then says why.
+
+        Parameters
+        ----------
+        around : where the body was last: that place, and postures like that one, are looked at besides others.
+        """
+        self.watch(images)
+        seen = [i for i, image in enumerate(images) if image is not None]
+        self.watching = False
+        needed = min(self._config.min_cameras, len(self._cameras))
+        if len(seen) < needed:
+            self.problem = f"{len(seen)} of {len(self._cameras)} cameras have an image, {needed} are needed to find a start"
+            return []
+        evidence = self._evidence
+        if not evidence.scene_known and evidence.watched < self._config.watch:
+            self.watching = True
+            self.problem = f"watching what moves ({evidence.watched} of {self._config.watch} image sets)"
+            return []
+        evidence.forget_colors()
+        middles = self._places(evidence.maps(), seen)
+        if around is not None and len(middles):
+            middles = np.concatenate([[_middle(self._model, around)], middles])
+        if not len(middles):
+            known = evidence.scene_known
+            what = "stands out from the empty scene" if known else "moves; without pictures of the empty scene it has to"
+            self.problem = f"nothing of the size of a body {what}"
+            return []
+        starts = self._looked_for(middles, around)
+        good = [start for start in starts if start.score >= self._config.min_score]
+        self.problem = "" if good else f"the best pose covers {100 * max(starts[0].score, 0.0):.0f} % of what stands out"
+        return good
+
+    def _looked_for(self, middles: np.ndarray, around: State | None) -> list[Start]:
+        """Starts at or near ``middles`` (n, 3), the best first.
+
+        Without pictures of the empty scene, colors are learnt where a body is likely, then where one has been found.
+        """
+        evidence = self._evidence
+        if evidence.scene_known:
+            return self._search(evidence.maps(), self._hypotheses(middles, around))
+        found: list[Start] = []
+        learnt = evidence.colors, evidence.support
+        for middle in middles[:2]:
+            if found and found[0].score > _SURE:
+                break
+            self._segmentation.learn_about(middle)
+            beginning, starts = self._hypotheses(self._heights(middle), around), []
+            for thorough, alone in _ROUNDS:
+                starts = self._search(evidence.maps(), beginning, thorough)
+                self._segmentation.learn_from(Configuration(self._model, starts[0].state), middle)
+                own = Poses.of([start.state for start in starts])
+                beginning = own if alone else Poses.joined([own, beginning])
+            if not found or starts[0].score > found[0].score:
+                learnt = evidence.colors, evidence.support
+            found = sorted([*found, *starts], key=lambda start: -start.score)
+        evidence.colors, evidence.support = learnt
+        return found[: self._config.keep]
+
+    def coverage(self) -> StartCoverage:
+        """What states leave uncovered in the images of the latest `find`."""
+        return StartCoverage(self._model, self._cameras, self._evidence.sure())
+
+    def shares(self, states: Sequence[State]) -> np.ndarray:
+        """(n,) how much of the evidence of the latest `find` each state covers."""
+        poses, maps = Poses.of(list(states)), self._evidence.maps()
+        total = sum(float(m[m > 0.0].sum()) for m in maps if m is not None)
+        score = EvidenceScore(self._model, self._cameras, self._parallel)
+        score.set_maps(maps)
+        return score.scores(poses.roots, poses.joints) / max(total, 1e-9)
+
+    def _places(self, maps: Sequence[np.ndarray | None], seen: Sequence[int]) -> np.ndarray:
+        cameras = [self._cameras[i] for i in seen]
+        volume = seen_volume(cameras, self.size_m, self.size_m / _VOXELS)
+        occupied = occupancy(volume, cameras, [maps[i] for i in seen], min(2 if self._evidence.scene_known else 3, len(seen)))
+        return places(volume, occupied, self.size_m, _PLACES)
+
+    def _hypotheses(self, middles: np.ndarray, around: State | None) -> Poses:
+        turns = self._turns()
+        n = len(middles) * len(turns) * len(self._postures)
+        roots = np.tile(np.eye(4), (n, 1, 1))
+        places_of, turn_of, posture_of = np.unravel_index(np.arange(n), (len(middles), len(turns), len(self._postures)))
+        roots[:, :3, :3] = turns[turn_of]
+        roots[:, :3, 3] = middles[places_of] - np.einsum("nij,nj->ni", turns[turn_of], self._middles[posture_of])
+        poses = Poses(roots, self._postures[posture_of])
+        return poses if around is None else Poses.joined([Poses.of([around]), poses])
+
+    def _turns(self) -> np.ndarray:
+        """Orientations (n, 3, 3) of the root: a jointed body stands upright, anything else lies as it likes."""
+        if self._model.chain.n_axes:
+            angles = np.arange(_HEADINGS) * (2.0 * np.pi / _HEADINGS)
+            return Rotation.from_rotvec(angles[:, None] * [0.0, 0.0, 1.0]).as_matrix()
+        return np.concatenate([np.eye(3)[None], Rotation.random(8 * _HEADINGS, rng=self._config.seed).as_matrix()])
+
+    def _heights(self, middle: np.ndarray) -> np.ndarray:
+        """Feet move less than the rest, shadows on the floor with them: the middle may be higher or lower."""
+        return middle + self.size_m * np.array([[0.0, 0.0, share] for share in (-0.06, 0.06, 0.18)])
+
+    def _search(self, maps: Sequence[np.ndarray | None], poses: Poses, thorough: bool = True) -> list[Start]:
+        """From hypotheses to a few starts, the best first."""
+        config, rng = self._config, np.random.default_rng(self._config.seed)
+        total = max(sum(float(m[m > 0.0].sum()) for m in maps if m is not None), 1e-9)
+        score = EvidenceScore(self._model, self._cameras, self._parallel)
+        score.set_maps(maps)
+        search = StartSearch(score, _PRIOR * total, self.size_m)
+        fit = SilhouetteFit(self._model, self._cameras, maps)
+        scores = search.scores(poses)
+
+        def keep(n: int, apart_m: float, apart_rad: float) -> None:
+            nonlocal poses, scores
+            kept = search.best(poses, scores, n, apart_m * self.size_m, apart_rad)
+            poses, scores = poses[kept], scores[kept]
+
+        def drawn(some: Poses) -> Poses:
+            return Poses.of(self._parallel(lambda i: fit.fit(some.state(i)), list(range(len(some)))))
+
+        keep(config.hypotheses if thorough else config.hypotheses // 2, 0.15, 0.4)
+        poses, scores = search.better(poses, scores, drawn(poses))
+        for share in (4, 8, 8) if thorough else (8,):
+            keep(max(config.hypotheses // share, config.keep), 0.1, 0.4)
+            poses, scores = search.best_of(poses, scores, drawn(search.varied(poses, _LIMB_SAMPLES, rng)))
+        poses, scores = search.shaken(poses, scores, _LIMB_SAMPLES, rng)
+        poses, scores = search.better(poses, scores, drawn(poses))
+        keep(2 * config.keep, 0.1, 0.6)
+        for _ in range(_SHAKES if thorough else 0):
+            poses, scores = search.shaken(poses, scores, 2 * _LIMB_SAMPLES, rng)
+        keep(config.keep, 0.1, 0.6)
+        return [Start(poses.state(i), float(scores[i]) / total) for i in range(len(poses))]
+
+
+def find_start(
+    rig: CameraRig,
+    model: ArticulatedModel,
+    images: Images,
+    plates: Mapping[str, np.ndarray | list] | None = None,
+    config: StartConfig | None = None,
+    around: State | None = None,
+) -> list[State]:
+    """States that a body may be in, the likeliest first: `StartFinder.find` for a single image set."""
+    finder = StartFinder(rig, model, config or StartConfig(), plates or {}, lambda function, items: [function(i) for i in items])
+    return [start.state for start in finder.find(images, around)]
+
+
+def body_size(model: ArticulatedModel) -> float:
+    """Length, metres, of the longest side of the box around the neutral body."""
+    bounds = ShapeArrays.from_model(model).bounds
+    Ts = Configuration(model, State.neutral(model)).Ts_world_shape
+    middles = np.einsum("nij,nj->ni", Ts[:, :3, :3], bounds[:, :3]) + Ts[:, :3, 3]
+    thin = np.minimum(bounds[:, 3], np.median(bounds[:, 3]))[:, None]
+    return float(np.max((middles + thin).max(axis=0) - (middles - thin).min(axis=0)))
+
+
+def _middle(model: ArticulatedModel, state: State) -> np.ndarray:
+    """(3,) mean of the places of the shapes."""
+    return Configuration(model, state).Ts_world_shape[:, :3, 3].mean(axis=0)
+
+
+def _scales(rig: CameraRig, size_m: float, config: StartConfig) -> list[float]:
+    """How much smaller images may be for a body in the middle to be ``config.size_px`` high."""
+    volume = seen_volume(rig.cameras, size_m, size_m)
+    middle = volume.points.mean(axis=0)
+    scales = []
+    for camera in rig:
+        depth = max(float(np.linalg.norm(camera.center - middle)), size_m)
+        scales.append(min(1.0, config.size_px * depth / (size_m * camera.model.K[1, 1])))
+    return scales

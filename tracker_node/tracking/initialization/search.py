@@ -1,0 +1,132 @@
+"""Generate and test: in which posture a body is in the maps of evidence, limb by limb."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ...model.configuration import State
+from ...objective.area.evidence_score import EvidenceScore
+from .pose_library import limbs, other_side, reachable
+
+_SHAKE_RAD = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """Many states: ``roots`` (n, 4, 4), ``joints`` (n, n_axes)."""
+
+    roots: np.ndarray
+    joints: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.roots)
+
+    def __getitem__(self, index) -> Poses:
+        return Poses(self.roots[index], self.joints[index])
+
+    def state(self, i: int) -> State:
+        return State(self.roots[i].copy(), self.joints[i].copy())
+
+    @classmethod
+    def of(cls, states: list[State]) -> Poses:
+        return cls(np.array([s.T_world_root for s in states]), np.array([s.joint_positions for s in states]))
+
+    @classmethod
+    def joined(cls, parts: list[Poses]) -> Poses:
+        return cls(np.concatenate([p.roots for p in parts]), np.concatenate([p.joints for p in parts]))
+
+
+class StartSearch:
+    """Improves hypotheses limb by limb.
+
+    Parameters
+    ----------
+    prior_weight : cost of a joint angle one ``sigma`` from neutral, in units of the score.
+    size_m : of the body.
+    """
+
+    def __init__(self, score: EvidenceScore, prior_weight: float, size_m: float):
+        self._score, self._prior_weight, self._shake_m = score, prior_weight, 0.04 * size_m
+        chain = score.model.chain
+        self._limbs = limbs(chain)
+        self._low, self._high = reachable(chain)
+        self._neutral = np.array([axis.neutral for axis in chain.axes])
+        self._sigma = np.where([axis.stiffness > 1.0 for axis in chain.axes], 0.35, 1.0)
+        self._other_side = other_side([axis.name for axis in chain.axes])
+
+    def scores(self, poses: Poses) -> np.ndarray:
+        """(n,) evidence covered, less the prior's cost."""
+        off = (poses.joints - self._neutral) / self._sigma
+        return self._score.scores(poses.roots, poses.joints) - self._prior_weight * np.sum(off**2, axis=1)
+
+    def best(self, poses: Poses, scores: np.ndarray, n: int, apart_m: float, apart_rad: float) -> np.ndarray:
+        """Indices of the best ``n``, best first, that differ from each other in place or in heading."""
+        chosen: list[int] = []
+        for i in np.argsort(-scores, kind="stable"):
+            others = poses.roots[chosen]
+            trace = np.einsum("nij,ij->n", others[:, :3, :3], poses.roots[i, :3, :3])
+            turned = np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))
+            moved = np.linalg.norm(others[:, :3, 3] - poses.roots[i, :3, 3], axis=1)
+            if not np.any((turned < apart_rad) & (moved < apart_m)):
+                chosen.append(int(i))
+                if len(chosen) == n:
+                    break
+        return np.array(chosen, dtype=np.int64)
+
+    def varied(self, poses: Poses, samples: int, rng: np.random.Generator) -> Poses:
+        """Variants of each hypothesis, those of one after those of the other.
+
+        There are as many as limbs, each with the best of ``samples`` settings of that limb from anywhere between its limits; and
+        one that faces the other way, left and right exchanged.
+        """
+        n, variants = len(poses), []
+        for limb in self._limbs:
+            joints = np.repeat(poses.joints, samples, axis=0)
+            joints[:, limb] = self._low[limb] + rng.random((n * samples, len(limb))) * (self._high - self._low)[limb]
+            tried = Poses(np.repeat(poses.roots, samples, axis=0), joints)
+            best = np.argmax(self.scores(tried).reshape(n, samples), axis=1)
+            variants.append(tried[np.arange(n) * samples + best])
+        variants.append(self._turned(poses))
+        joined = Poses.joined(variants)
+        return joined[np.arange(len(joined)).reshape(len(variants), n).T.ravel()]
+
+    def _turned(self, poses: Poses) -> Poses:
+        roots = poses.roots.copy()
+        roots[:, :3, :3] = np.diag([-1.0, -1.0, 1.0]) @ roots[:, :3, :3]
+        return Poses(roots, poses.joints[:, self._other_side])
+
+    def best_of(self, poses: Poses, scores: np.ndarray, variants: Poses) -> tuple[Poses, np.ndarray]:
+        """Each hypothesis, or the best of its ``variants`` (as many for each, one after the other)."""
+        n = len(poses)
+        found = self.scores(variants).reshape(n, -1)
+        winner = np.argmax(found, axis=1)
+        return self._better(poses, scores, variants[np.arange(n) * found.shape[1] + winner], found[np.arange(n), winner])
+
+    def shaken(self, poses: Poses, scores: np.ndarray, samples: int, rng: np.random.Generator) -> tuple[Poses, np.ndarray]:
+        """Each hypothesis after limb by limb, and the root, the best of ``samples`` small changes has been made."""
+        n = len(poses)
+        for limb in (None, *self._limbs):
+            roots, joints = np.repeat(poses.roots, samples, axis=0), np.repeat(poses.joints, samples, axis=0)
+            size = 0.25 + 0.75 * rng.random((n * samples, 1))  # some near, some far
+            if limb is None:
+                roots[:, :3, 3] += size * self._shake_m * rng.standard_normal((n * samples, 3))
+                turns = Rotation.from_rotvec(size * _SHAKE_RAD * rng.standard_normal((n * samples, 3))).as_matrix()
+                roots[:, :3, :3] = turns @ roots[:, :3, :3]
+            else:
+                moved = joints[:, limb] + 2.0 * _SHAKE_RAD * size * rng.standard_normal((n * samples, len(limb)))
+                joints[:, limb] = np.clip(moved, self._low[limb], self._high[limb])
+            poses, scores = self.best_of(poses, scores, Poses(roots, joints))
+        return poses, scores
+
+    def better(self, poses: Poses, scores: np.ndarray, others: Poses) -> tuple[Poses, np.ndarray]:
+        """Each of ``others`` that scores higher takes the place of its hypothesis."""
+        return self._better(poses, scores, others, self.scores(others))
+
+    @staticmethod
+    def _better(poses: Poses, scores: np.ndarray, others: Poses, found: np.ndarray) -> tuple[Poses, np.ndarray]:
+        up = found > scores
+        roots = np.where(up[:, None, None], others.roots, poses.roots)
+        return Poses(roots, np.where(up[:, None], others.joints, poses.joints)), np.where(up, found, scores)

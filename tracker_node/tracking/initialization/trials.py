@@ -1,0 +1,145 @@
+"""Starts put to the test: what the engine makes of each, with doubtful limbs elsewhere, and over some image sets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
+from ...observation.image_set import ImageSet
+from ..engine import Engine, Images, Verdict
+from ..estimate import LimbReport, Status, TrackEstimate
+from ..limbs import limbs_of
+from .parts import LimbAlternatives
+
+_DOUBTFUL = 0.05  # probability of being lost, of a limb that is looked for elsewhere...
+_LOST = 0.5  # ...and that teaches nothing about the rest of the body
+_ELSEWHERE = 4  # places that are tried for it
+_ROUNDS = 2
+_UNCOVERED_COUNTS = 2.0  # times as much as what is covered, a share for a share
+_BETTER = 0.01  # share of the standing that another place of a limb must add
+_RIVAL = 0.85  # of the best one's standing: with less, a start is out
+HOPEFUL = 0.5  # the same before doubtful limbs have been looked for elsewhere
+_SAME = 0.05  # of the body's size: states whose landmarks differ less, on average, are the same
+
+
+def standing(surety: float, limbs: Sequence[LimbReport]) -> float:
+    """What the images say for a state, less for every limb that is likely lost: a contour may be sure, and another thing's."""
+    if surety <= 0.0 or not limbs:
+        return surety
+    return surety * float(np.mean([1.0 - limb.probability for limb in limbs]))
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """What the engine has made of a start in one image set. ``uncovered``: see `StartCoverage`."""
+
+    state: State
+    verdict: Verdict
+    uncovered: float = 0.0
+
+    @property
+    def standing(self) -> float:
+        """See `standing`, less for what is left uncovered; the engine has to have a surety."""
+        assert self.verdict.surety is not None
+        found = standing(self.verdict.surety, self.verdict.limbs)
+        return found * (1.0 - min(self.uncovered, 1.0)) ** _UNCOVERED_COUNTS if found > 0.0 else found
+
+
+def tried(engine: Engine, images: Images, image_set: ImageSet, start: State) -> Trial:
+    """A fit from ``start`` by an engine that knows nothing else."""
+    engine.reset()
+    state = engine.begin(images, start)
+    engine.observe(images, state)
+    result = engine.fit(state, True)
+    return Trial(result.state, engine.judge(result, image_set))
+
+
+class LimbRepair:
+    """Looks for the doubtful limbs of a start elsewhere; the engine says what is better."""
+
+    def __init__(self, model: ArticulatedModel, alternatives: LimbAlternatives):
+        self._limbs, self._alternatives = limbs_of(model), alternatives
+
+    def __call__(self, trial: Trial, attempt: Callable[[State], Trial]) -> Trial:
+        """The best that `attempt` has made of ``trial`` and what differs from it in one limb after the other."""
+        for _ in range(_ROUNDS):
+            before = trial
+            doubts = [limb.probability for limb in trial.verdict.limbs]
+            for i in sorted(range(1, len(doubts)), key=lambda i: -doubts[i]):
+                if trial.verdict.limbs[i].probability > _DOUBTFUL:
+                    trial = self._with_limb_elsewhere(i, trial, attempt)
+            if trial is before:
+                break
+        return trial
+
+    def _with_limb_elsewhere(self, i: int, trial: Trial, attempt: Callable[[State], Trial]) -> Trial:
+        doubtful = np.zeros_like(self._limbs[0].shapes)
+        for limb, said in zip(self._limbs[1:], trial.verdict.limbs[1:], strict=True):
+            doubtful |= limb.shapes & (said.probability > _LOST)
+        others = [attempt(state) for state in self._alternatives.find(trial.state, self._limbs[i], doubtful, _ELSEWHERE)]
+        best = max(others, key=lambda other: other.standing, default=trial)
+        return best if best.standing > trial.standing + _BETTER * abs(trial.standing) else trial
+
+
+class Follower(Protocol):
+    """What goes on from a start: a tracker of its own. ``surety`` is that of its last verdict."""
+
+    surety: float | None
+
+    def reset(self) -> None:
+        """Forget everything."""
+        ...
+
+    def set_state(self, state: State) -> None:
+        """Where the body is in the next image set."""
+        ...
+
+    def step(self, image_set: ImageSet) -> TrackEstimate:
+        """Follow it there."""
+        ...
+
+
+class Contest:
+    """Several starts, followed side by side until one of them is clearly the best, or some image sets have passed."""
+
+    def __init__(self, followers: Sequence[Follower], starts: Sequence[State], most_sets: int):
+        self._followers, self._most_sets = list(followers), most_sets
+        self._totals = np.zeros(len(self._followers))
+        self.sets = 0
+        for follower, state in zip(followers, starts, strict=True):
+            follower.reset()
+            follower.set_state(state)
+
+    def __len__(self) -> int:
+        return len(self._followers)
+
+    def step(self, image_set: ImageSet) -> tuple[Follower, TrackEstimate] | None:
+        """The winner, and what it says of this image set; None as long as there is none."""
+        estimates = [follower.step(image_set) for follower in self._followers]
+        self.sets += 1
+        pairs = zip(self._followers, estimates, strict=True)
+        self._totals += [standing(follower.surety or 0.0, estimate.limbs) for follower, estimate in pairs]
+        best = int(np.argmax(self._totals))
+        winner, estimate = self._followers[best], estimates[best]
+        stay = np.flatnonzero(self._totals >= self._totals[best] - (1.0 - _RIVAL) * abs(self._totals[best]))
+        self._followers, self._totals = [self._followers[i] for i in stay], self._totals[stay]
+        sure = len(stay) == 1 and (estimate.status is Status.TRACKING or winner.surety is None)
+        return (winner, estimate) if sure or self.sets >= self._most_sets else None
+
+
+def rivals(model: ArticulatedModel, trials: Sequence[Trial], size_m: float, n: int, share: float = _RIVAL) -> list[Trial]:
+    """At most ``n`` of ``trials``, the best first, that have ``share`` of its standing and are not the same as a better one."""
+    kept: list[Trial] = []
+    points: list[np.ndarray] = []
+    for trial in sorted(trials, key=lambda trial: -trial.standing):
+        own = Configuration(model, trial.state).landmarks_world
+        same = any(len(own) and np.linalg.norm(own - other, axis=1).mean() < _SAME * size_m for other in points)
+        if not same and (not kept or trial.standing > share * kept[0].standing) and len(kept) < n:
+            kept.append(trial)
+            points.append(own)
+    return kept

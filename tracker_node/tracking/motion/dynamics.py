@@ -1,0 +1,171 @@
+"""How bodies move, as a stochastic process on the manifold, and the two steps of the Kalman filter for it.
+
+Each degree of freedom is an integrated Ornstein-Uhlenbeck process: its velocity v dies away within a memory tau and is driven by
+white acceleration w of spectral density s^2,
+
+    dq = v dt,    dv = -v / tau dt + s dw,
+
+discretized exactly for any time step, so that no parameter depends on the image rate. tau to infinity is constant velocity with
+white acceleration (Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, 6.2.2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ...geometry import so3
+from ...model.configuration import State
+from ...model.kinematic_chain import N_ROOT_DOF, KinematicChain
+from ...objective.constraints.prior import Prior
+from ..config import MotionConfig
+
+_ROTATION = slice(3, 6)
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """A Gaussian of state and velocity.
+
+    Attributes
+    ----------
+    state, velocity : its mean; velocity (n_dof,) is a tangent per second.
+    covariance : (2 n_dof, 2 n_dof) of (tangent at ``state``, velocity).
+    """
+
+    state: State
+    velocity: np.ndarray
+    covariance: np.ndarray
+
+    @property
+    def state_covariance(self) -> np.ndarray:
+        """(n_dof, n_dof)."""
+        return self.covariance[: self.velocity.size, : self.velocity.size]
+
+    @property
+    def velocity_covariance(self) -> np.ndarray:
+        """(n_dof, n_dof), per second squared."""
+        return self.covariance[self.velocity.size :, self.velocity.size :]
+
+    def prior(self) -> Prior:
+        """Pull to the state, in units of information."""
+        information = np.linalg.inv(self.state_covariance)
+        return Prior(self.state, 0.5 * (information + information.T))
+
+    @cached_property
+    def velocity_by_state(self) -> np.ndarray:
+        """(n_dof, n_dof): what being off the mean by a tangent tells of the velocity (its regression on the state), 1/s."""
+        n = self.velocity.size
+        return np.linalg.solve(self.state_covariance, self.covariance[:n, n:]).T
+
+
+@dataclass(frozen=True, eq=False)
+class Dynamics:
+    """Process noise and memory per degree of freedom, each (n_dof,): m or rad per s^1.5, and seconds."""
+
+    noise: np.ndarray
+    memory_s: np.ndarray
+
+    @classmethod
+    def of(cls, config: MotionConfig, chain: KinematicChain, share: float = 1.0) -> Dynamics:
+        """As configured for the root's translation (and joints that slide), its rotation, and the joints that turn.
+
+        ``share`` of that noise.
+        """
+        slides = [axis.prismatic for axis in chain.axes]
+        noise, memory_s = np.empty(chain.n_dof), np.empty(chain.n_dof)
+        noise[:3], memory_s[:3] = config.root_position_noise, config.root_position_memory_s
+        noise[3:6], memory_s[3:6] = config.root_angle_noise, config.root_angle_memory_s
+        noise[N_ROOT_DOF:] = np.where(slides, config.root_position_noise, config.joint_noise)
+        memory_s[N_ROOT_DOF:] = config.joint_memory_s
+        return cls(share * noise, memory_s)
+
+    def start(self, state: State, information: np.ndarray, spread: float = 1.0) -> Belief:
+        """A body at rest, as far as is known: velocities are spread as the process spreads them in the long run.
+
+        ``information`` (n_dof, n_dof) of what has been measured, ``spread`` what the state's standard deviation was before, in
+        metres and radians.
+        """
+        n = self.noise.size
+        covariance = np.zeros((2 * n, 2 * n))
+        covariance[:n, :n] = _symmetric(np.linalg.inv(information + np.eye(n) / spread**2))
+        covariance[n:, n:] = np.diag(0.5 * self.noise**2 * self.memory_s)
+        return Belief(state, np.zeros(n), covariance)
+
+    def propagate(self, belief: Belief, elapsed_s: float) -> Belief:
+        """What is believed ``elapsed_s`` later."""
+        step, F = self._transition(belief, elapsed_s)
+        n = belief.velocity.size
+        covariance = F @ belief.covariance @ F.T
+        for (row, column), noise in zip(((0, 0), (0, n), (n, 0), (n, n)), self._noises(elapsed_s), strict=True):
+            covariance[np.arange(row, row + n), np.arange(column, column + n)] += noise
+        return Belief(belief.state.retract(step), self._kept(elapsed_s) * belief.velocity, _symmetric(covariance))
+
+    def transition(self, belief: Belief, elapsed_s: float) -> np.ndarray:
+        """(2 n_dof, 2 n_dof) derivative of `propagate`'s mean by that of ``belief``."""
+        return self._transition(belief, elapsed_s)[1]
+
+    def _transition(self, belief: Belief, elapsed_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Mean displacement (n_dof,) and the derivative.
+
+        The rotation goes from R to exp(w) R, w the turn; a small turn d before it is exp(w) d after it, and a change of w comes
+        in through the left Jacobian of SO(3).
+        """
+        n = belief.velocity.size
+        kept = self._kept(elapsed_s)
+        reach = self.memory_s * (1.0 - kept)
+        step = reach * belief.velocity
+        F = np.zeros((2 * n, 2 * n))
+        F[np.arange(n), np.arange(n)] = 1.0
+        F[np.arange(n), np.arange(n, 2 * n)] = reach
+        F[np.arange(n, 2 * n), np.arange(n, 2 * n)] = kept
+        F[_ROTATION, _ROTATION] = so3.exp(step[_ROTATION])
+        F[_ROTATION, n + 3 : n + 6] = so3.left_jacobian(step[_ROTATION]) * reach[_ROTATION]
+        return step, F
+
+    def _kept(self, elapsed_s: float) -> np.ndarray:
+        return np.exp(-elapsed_s / self.memory_s)
+
+    def _noises(self, elapsed_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Variances of state, state with velocity (twice), and velocity that the noise adds, (n_dof,) each."""
+        tau, density = self.memory_s, self.noise**2
+        x = elapsed_s / tau
+        e = -np.expm1(-x)
+        # x - 2 (1 - exp -x) + (1 - exp -2x) / 2 cancels to x^3 / 3 for short steps
+        series = x**3 * (1.0 / 3.0 - x * (0.25 - x * (7.0 / 60.0)))
+        qq = density * tau**3 * np.where(x < 1e-2, series, x - 2.0 * e - 0.5 * np.expm1(-2.0 * x))
+        qv = density * tau**2 * 0.5 * e * e
+        vv = density * tau * -0.5 * np.expm1(-2.0 * x)
+        return qq, qv, qv, vv
+
+
+def correct(belief: Belief, state: State, information: np.ndarray) -> Belief:
+    """``belief`` after a measurement of the state alone.
+
+    Parameters
+    ----------
+    state : the maximum of prior times likelihood, found by whatever means: an iterated Kalman filter is Gauss-Newton on the
+        posterior (Bell and Cathey, 1993), so what is left to do here is the velocity, and the covariance.
+    information : (n_dof, n_dof) of the measurement alone in the tangent at ``state``; may be singular.
+    """
+    n = belief.velocity.size
+    offset = state.difference(belief.state)
+    gain = belief.velocity_by_state
+    turned = np.eye(n)
+    turned[_ROTATION, _ROTATION] = so3.left_jacobian(offset[_ROTATION])  # from the tangent at the old mean to that at the new
+    # P+ = L (1 + L^T H L)^-1 L^T needs no inverse of H, nor of P.
+    L = np.linalg.cholesky(belief.state_covariance)
+    moved = turned @ L
+    qq = L @ np.linalg.solve(np.eye(n) + moved.T @ information @ moved, L.T)  # in the old tangent
+    covariance = np.empty_like(belief.covariance)
+    covariance[:n, :n] = turned @ qq @ turned.T
+    covariance[n:, :n] = gain @ qq @ turned.T
+    covariance[:n, n:] = covariance[n:, :n].T
+    covariance[n:, n:] = belief.velocity_covariance - gain @ (belief.state_covariance - qq) @ gain.T
+    return Belief(state, belief.velocity + gain @ offset, _symmetric(covariance))
+
+
+def _symmetric(matrix: np.ndarray) -> np.ndarray:
+    return 0.5 * (matrix + matrix.T)

@@ -1,0 +1,232 @@
+"""How far each limb can be trusted: what its outline in the images says, what was believed before, and what covariance is left.
+
+Whether a limb is where the state says is a hidden two-state process: from image set to image set it gets lost, or found, with
+small probabilities, and each set's evidence multiplies the odds. The evidence is how much of the limb's outline is found where it
+should be, and how surely, in shares of what it has been while all was well: a body that is not quite the model's, or of the color
+of its surroundings, is never found as a drawn one is. What such shares say of sound and lost limbs was learnt (a logistic
+regression, see `benchmark/contour_trust.py`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numba as nb
+import numpy as np
+
+from ...geometry import so3
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
+from ...objective.lines.objective import PartEvidence
+from ..config import StatusConfig
+from ..estimate import LimbReport, LimbStatus, Status
+from ..limbs import Limb, limbs_of
+
+LOST_TIP_M = 0.150  # a limb whose end is farther off is lost
+_LEAST_IN_CAMERA = 5  # samples of a limb's outline, for a camera to say anything of it
+_LEAST_OF_PART = 15  # samples of a part's outline in all cameras, for it to be judged alone
+_LEAST = 1e-4  # probability that nothing is ever below
+_NOISE = 0.2  # share of the outline that is found anywhere
+_START = 0.3  # probability of lost that a limb starts with
+
+MEASURES = ("close share, mean", "close share, middle camera", "surety, mean", "close share, worst part")
+# Log odds of lost: the constant, and what each measure adds, in shares of its level while all is well
+COEFFICIENTS = np.array([7.3, -3.3, -2.8, -0.5, -3.2])
+_LEAST_LEVELS = np.array([0.40, 0.40, 5.0, 0.30])  # what is less is not well, whatever it has always been
+_LEVEL_RATE = 0.05  # share of the newest image set in the levels
+
+
+def limb_measures(evidence: PartEvidence, shapes: np.ndarray) -> np.ndarray | None:
+    """`MEASURES` of the limb with these shapes (mask (n_shapes,)); None where too little of it should be seen.
+
+    The close share is that of the outline found where it should be; surety the log-likelihood ratio of a contour against none, a
+    sample. The middle camera is, of an even number, the better: some may be covered, and one may agree by chance. The worst part
+    is that of the limb's shapes of which the least is found.
+    """
+    result = np.empty(len(MEASURES))
+    return result if _measure(evidence.expected, evidence.close, evidence.log_ratio, shapes, result) else None
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _measure(expected, close, log_ratio, shapes, result):
+    """Fill ``result`` with `MEASURES`; whether any camera says enough for that. Tables are (n_cameras, n_shapes)."""
+    n_cameras, n_shapes = expected.shape
+    shares, n_seen, total, total_close, surety = np.empty(n_cameras), 0, 0.0, 0.0, 0.0
+    for i in range(n_cameras):
+        here, found, ratio = 0.0, 0.0, 0.0
+        for j in range(n_shapes):
+            if shapes[j]:
+                here, found, ratio = here + expected[i, j], found + close[i, j], ratio + log_ratio[i, j]
+        if here >= _LEAST_IN_CAMERA:
+            shares[n_seen] = found / here
+            n_seen, total, total_close, surety = n_seen + 1, total + here, total_close + found, surety + ratio
+    if not n_seen:
+        return False
+    worst = np.inf
+    for j in range(n_shapes):
+        part = expected[:, j].sum() if shapes[j] else 0.0
+        if part >= _LEAST_OF_PART:
+            worst = min(worst, close[:, j].sum() / part)
+    share = total_close / total
+    result[0], result[1], result[2] = share, np.sort(shares[:n_seen])[n_seen // 2], surety / total
+    result[3] = worst if worst < np.inf else share
+    return True
+
+
+class LimbJudge:
+    """Keeps the probability that each limb is lost; deterministic in what it is told since `reset`.
+
+    Attributes
+    ----------
+    limbs : the trunk first.
+    probabilities : (n_limbs,) of being lost, by evidence alone.
+    shares : (n_limbs, n_measures) the last `MEASURES` in shares of their levels; nan for what cannot be seen.
+    was_lost : whether the body was at the last `restart`.
+    """
+
+    def __init__(self, model: ArticulatedModel, config: StatusConfig):
+        self._model, self._config = model, config
+        self.limbs: tuple[Limb, ...] = limbs_of(model)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what limbs have looked like."""
+        self._levels: np.ndarray | None = None  # (n_limbs, n_measures)
+        self.shares = np.full((len(self.limbs), len(MEASURES)), np.nan)
+        self.restart()
+
+    def restart(self) -> None:
+        """A state has been handed over; nobody knows how good it is."""
+        self.was_lost = self._levels is None or self.body_lost
+        self.probabilities = np.full(len(self.limbs), _START)
+
+    @property
+    def knows(self) -> bool:
+        """Whether anything has been seen that limbs can be compared with."""
+        return self._levels is not None
+
+    @property
+    def lost(self) -> list[int]:
+        """Indices of the limbs that were more likely lost than not, at the last `update`."""
+        return np.flatnonzero(self.probabilities >= 0.5).tolist() if self._levels is not None else []
+
+    @property
+    def body_lost(self) -> bool:
+        """Whether the trunk, or most of the limbs, are."""
+        lost = self.lost
+        return 0 in lost or 2 * len(lost) > len(self.limbs)
+
+    def update(self, evidence: PartEvidence, state: State, covariance: np.ndarray | None = None) -> tuple[LimbReport, ...]:
+        """One report a limb, the trunk's first. ``covariance`` (n_dof, n_dof) of ``state``, where it is known."""
+        measures = [limb_measures(evidence, limb.shapes) for limb in self.limbs]
+        if self._levels is None:
+            self._levels = self._first_levels(measures)
+        sigmas = np.zeros(len(self.limbs)) if covariance is None else self.tip_sigmas(state, covariance)
+        return tuple(self._limb(i, measures[i], float(sigmas[i])) for i in range(len(self.limbs)))
+
+    def odds(self, i: int, measures: np.ndarray) -> float:
+        """Log odds of limb ``i`` being lost, by one image set alone."""
+        return float(COEFFICIENTS[0] + self._shares_of(i, measures) @ COEFFICIENTS[1:])
+
+    def _shares_of(self, i: int, measures: np.ndarray) -> np.ndarray:
+        assert self._levels is not None
+        return np.minimum(measures / self._levels[i], 1.5)
+
+    def _first_levels(self, measures: Sequence[np.ndarray | None]) -> np.ndarray:
+        """Those of the middle limb, for all: one that is off from the beginning is not to be the standard of itself."""
+        seen = [m for m in measures if m is not None]
+        middle = np.median(seen, axis=0) if seen else _LEAST_LEVELS
+        return np.tile(np.maximum(middle, _LEAST_LEVELS), (len(self.limbs), 1))
+
+    def nothing_seen(self) -> tuple[LimbReport, ...]:
+        """Reports of a set in which no camera sees anything."""
+        config = self._config
+        self.probabilities = self.probabilities + (1.0 - self.probabilities) * config.limb_loss
+        paired = zip(self.limbs, self.probabilities, strict=True)
+        return tuple(LimbReport(limb.name, LimbStatus.UNSEEN, "in no image", float(p)) for limb, p in paired)
+
+    def _limb(self, i: int, measures: np.ndarray | None, sigma_m: float) -> LimbReport:
+        config, limb, before = self._config, self.limbs[i], self.probabilities[i]
+        p = before * (1.0 - config.limb_recovery) + (1.0 - before) * config.limb_loss
+        elsewhere = _beyond(LOST_TIP_M, sigma_m)
+        if i > 0:  # what hangs on a lost trunk is lost, whatever it happens to lie on
+            elsewhere = max(elsewhere, float(self.probabilities[0]))
+        self.shares[i] = np.nan if measures is None else self._shares_of(i, measures)
+        if measures is None:
+            self.probabilities[i] = p
+            return LimbReport(limb.name, LimbStatus.UNSEEN, "hidden, or in no image", 1.0 - (1.0 - p) * (1.0 - elsewhere))
+        odds = float(np.clip(self.odds(i, measures), -config.evidence_limit, config.evidence_limit))
+        p = min(max(1.0 / (1.0 + (1.0 - p) / p * math.exp(-odds)), _LEAST), 1.0 - _LEAST)
+        self.probabilities[i] = p
+        if p < config.limb_degraded:
+            assert self._levels is not None
+            self._levels[i] = np.maximum(self._levels[i] + _LEVEL_RATE * (measures - self._levels[i]), _LEAST_LEVELS)
+        probability = 1.0 - (1.0 - p) * (1.0 - elsewhere)
+        status, reason = self._status(probability), ""
+        if status is not LimbStatus.TRACKING:
+            reason = f"{100.0 * measures[0]:.0f} % of its outline are found"
+            if elsewhere > p:
+                reason = f"its end may be elsewhere: known to {1e3 * sigma_m:.0f} mm" if sigma_m > 0.05 else "the trunk is"
+        return LimbReport(limb.name, status, reason, probability)
+
+    def _status(self, probability: float) -> LimbStatus:
+        if probability >= self._config.limb_lost:
+            return LimbStatus.LOST
+        return LimbStatus.DEGRADED if probability >= self._config.limb_degraded else LimbStatus.TRACKING
+
+    def tip_sigmas(self, state: State, covariance: np.ndarray) -> np.ndarray:
+        """(n_limbs,) metres: standard deviation of each limb's end in its most uncertain direction."""
+        body = Configuration(self._model, state)
+        ends = [limb.end for limb in self.limbs]
+        T, tips = body.Ts_world_link[ends], np.array([limb.tip for limb in self.limbs])
+        places = np.einsum("nij,nj->ni", T[:, :3, :3], tips) + T[:, :3, 3]
+        v, w = body.twists[:, :3], body.twists[:, 3:]
+        J = (v - w @ np.swapaxes(so3.hat(places), 1, 2)) * self._model.chain.link_moved_by[ends][:, :, None]  # v + w x place
+        variances = np.linalg.eigvalsh(np.swapaxes(J, 1, 2) @ covariance @ J)[:, -1]
+        return np.sqrt(np.maximum(variances, 0.0))
+
+    def sound_shapes(self, reports: Sequence[LimbReport]) -> np.ndarray:
+        """(n_shapes,) mask of the parts of limbs that are seen where they should be."""
+        result = np.ones(len(self._model.shapes), dtype=np.bool_)
+        for limb, report in zip(self.limbs, reports, strict=True):
+            if report.status is not LimbStatus.TRACKING:
+                result[limb.shapes] = False
+        return result
+
+    def trust(self, reports: Sequence[LimbReport]) -> np.ndarray:
+        """(n_dof,) share of the square root of the information that the images give: 1 where a limb is sound, towards 0 as it
+        is lost, since what was fitted to another thing says nothing of it."""
+        result = np.ones(self._model.n_dof)
+        for limb, report in zip(self.limbs, reports, strict=True):
+            if report.status is LimbStatus.LOST:
+                result[limb.dofs] = math.sqrt(1.0 - min(report.probability, 1.0 - 1e-4))
+        return result
+
+
+def _beyond(distance: float, sigma: float) -> float:
+    """Probability of a normal variable to be farther than ``distance`` from its mean."""
+    return math.erfc(distance / (math.sqrt(2.0) * sigma)) if sigma > 0.0 else 0.0
+
+
+def is_noise(evidence: PartEvidence) -> bool:
+    """Whether so little of the outline is found that what was fitted cannot be the body at all."""
+    return bool(evidence.close.sum() < _NOISE * evidence.expected.sum())
+
+
+def body_status(reports: Sequence[LimbReport]) -> tuple[Status, str]:
+    """Of the whole body, and why: LOST with its trunk or with half of its limbs, DEGRADED with any limb."""
+    trunk, limbs = reports[0], reports[1:]
+    lost = [limb for limb in limbs if limb.status is LimbStatus.LOST]
+    unseen = [limb for limb in limbs if limb.status is LimbStatus.UNSEEN]
+    if trunk.status is LimbStatus.UNSEEN and len(unseen) == len(limbs):
+        return Status.LOST, "no camera sees the body where it is expected"
+    if trunk.status is LimbStatus.LOST:
+        return Status.LOST, f"{trunk.name}: {trunk.reason}"
+    if len(limbs) - len(unseen) > 1 and 2 * len(lost) > len(limbs) - len(unseen):
+        return Status.LOST, f"{len(lost)} of {len(limbs) - len(unseen)} limbs that should be seen are lost"
+    for status, word in ((LimbStatus.LOST, "lost"), (LimbStatus.DEGRADED, "uncertain"), (LimbStatus.UNSEEN, "unseen")):
+        named = [limb.name for limb in reports if limb.status is status]
+        if named:
+            return Status.DEGRADED, f"{', '.join(named)} {word}"
+    return Status.TRACKING, ""
