@@ -27,11 +27,11 @@ from tracker_node.evaluation.reference_masks import CameraMasks, load_reference_
 from tracker_node.evaluation.run_data import RunData
 from tracker_node.evaluation.truth import load_truth
 from tracker_node.loaders.data_files import data_file
-from tracker_node.loaders.image_source import open_camera_source
-from tracker_node.loaders.model_yaml import load_model
-from tracker_node.loaders.plate_file import load_plates, resized_plates
-from tracker_node.loaders.rig_yaml import load_rig
-from tracker_node.loaders.state_yaml import load_state
+from tracker_node.loaders.images.background_file import load_plates, resized_plates
+from tracker_node.loaders.images.source import open_camera_source
+from tracker_node.loaders.model.model_yaml import load_model
+from tracker_node.loaders.model.state_yaml import load_state
+from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import CameraImage, ImageSet

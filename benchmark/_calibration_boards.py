@@ -21,9 +21,9 @@ from tracker_node.calibration.board_start import place_boards
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3, so3
-from tracker_node.loaders.image_source import open_source
-from tracker_node.loaders.pose2sim_toml import load_pose2sim
-from tracker_node.loaders.stamps import load_stamp_file
+from tracker_node.loaders.images.source import open_source
+from tracker_node.loaders.images.stamps import load_stamp_file
+from tracker_node.loaders.rig.pose2sim_toml import load_pose2sim
 from tracker_node.synthesis.scenes import looking_at
 
 RECORDING = "caliscope_board/post_optimization"

@@ -20,11 +20,11 @@ from tracker_node.calibration.time_offsets_motion import MotionMeter
 from tracker_node.camera.rig import CameraRig
 from tracker_node.cli.main import main as command
 from tracker_node.cli.synthesize import Request, default_motions, produce, show_progress
-from tracker_node.loaders.image_source import open_camera_source
-from tracker_node.loaders.model_yaml import load_model
-from tracker_node.loaders.openpose_json import load_openpose, match_cameras
-from tracker_node.loaders.rig_yaml import load_rig, rig_file_of, write_rig_file
-from tracker_node.loaders.state_yaml import dump_state
+from tracker_node.loaders.images.source import open_camera_source
+from tracker_node.loaders.model.model_yaml import load_model
+from tracker_node.loaders.model.state_yaml import dump_state
+from tracker_node.loaders.motion.openpose_json import load_openpose, match_cameras
+from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 from tracker_node.synthesis.clips import load_motion
 from tracker_node.synthesis.mannequin import LANDMARKS, MannequinSubject
 from tracker_node.synthesis.motions import Motion

@@ -24,9 +24,9 @@ from tracker_node.evaluation.metrics import LOST_LIMB_M
 from tracker_node.evaluation.metrics_file import cpu
 from tracker_node.evaluation.run_data import RunData
 from tracker_node.evaluation.truth import load_truth
-from tracker_node.loaders.model_yaml import load_model
-from tracker_node.loaders.rig_yaml import load_rig
-from tracker_node.loaders.state_yaml import load_state
+from tracker_node.loaders.model.model_yaml import load_model
+from tracker_node.loaders.model.state_yaml import load_state
+from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import State
 from tracker_node.observation.image_set import CameraImage, ImageSet

@@ -20,7 +20,7 @@ from ros_samples import write_recording
 from sensor_msgs.msg import Image
 from tracker_msgs.msg import TrackedState
 
-from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.ros.conversions import image_message
 from tracker_node.ros.diagnostics import ERROR, OK, WARN
 

@@ -19,7 +19,7 @@ from ros_samples import write_recording
 from sensor_msgs.msg import CameraInfo, Image
 from tracker_msgs.msg import TrackedState
 
-from tracker_node.loaders.bag_reader import BagReader
+from tracker_node.loaders.bag.reader import BagReader
 
 PATIENCE_S = 900.0  # what is installed there compiles its inner loops first
 N_IMAGES = 30

@@ -15,7 +15,7 @@ from _fault_graph import ERROR, OK, WARN, Drill, Graph, N, Outcome
 from ros_graph import stamps
 
 from tracker_node.errors import TrackerError
-from tracker_node.loaders.bag_reader import BagReader
+from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.ros.conversions import stamp_ns_of
 
 CAMERA = "tracker: cam2"

@@ -18,7 +18,7 @@ import numpy as np
 from transport import CPU_AFTER_S, N_CAMERAS, RATE_HZ, cpu_s, wait_until, write_cameras
 
 from tracker_node.errors import TrackerError
-from tracker_node.loaders.bag_reader import BagReader
+from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.ros.child_process import Child
 
 RESULTS = ("state", "pose", "joint_states")

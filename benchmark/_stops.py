@@ -17,8 +17,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 from diagnostic_msgs.msg import DiagnosticArray
 from ros_graph import NodeProcess, Probe
 
-from tracker_node.loaders.model_yaml import load_model
-from tracker_node.loaders.state_yaml import dump_state
+from tracker_node.loaders.model.model_yaml import load_model
+from tracker_node.loaders.model.state_yaml import dump_state
 from tracker_node.model.configuration import State
 
 HUMAN = Path(__file__).resolve().parents[1] / "config/models/human.yaml"

@@ -26,10 +26,10 @@ from tracker_node.evaluation.image_sets import SourceStream
 from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.evaluation.run_data import RunData
 from tracker_node.evaluation.truth import load_truth
-from tracker_node.loaders.image_source import SourceOptions
-from tracker_node.loaders.model_yaml import dump_model, load_model
-from tracker_node.loaders.rig_yaml import load_rig
-from tracker_node.loaders.state_yaml import load_state
+from tracker_node.loaders.images.source import SourceOptions
+from tracker_node.loaders.model.model_yaml import dump_model, load_model
+from tracker_node.loaders.model.state_yaml import load_state
+from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import Configuration
 from tracker_node.model.humans.human import human_model
 from tracker_node.render.draw.masked_image import target_through_mask

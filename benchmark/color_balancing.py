@@ -25,10 +25,10 @@ from tracker_node.evaluation.config_file import load_config
 from tracker_node.evaluation.image_sets import SourceStream
 from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.evaluation.run_offline import OfflineRun, run_offline
-from tracker_node.loaders.model_yaml import load_model
-from tracker_node.loaders.plate_file import load_plates
-from tracker_node.loaders.rig_yaml import load_rig
-from tracker_node.loaders.state_yaml import load_state
+from tracker_node.loaders.images.background_file import load_plates
+from tracker_node.loaders.model.model_yaml import load_model
+from tracker_node.loaders.model.state_yaml import load_state
+from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.render.draw.masked_image import target_through_mask

@@ -27,8 +27,8 @@ from tracker_node.evaluation.config_file import load_config
 from tracker_node.evaluation.image_sets import SourceStream
 from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.geometry import so3
-from tracker_node.loaders.model_yaml import dump_model, load_model
-from tracker_node.loaders.pose2sim_toml import load_pose2sim
+from tracker_node.loaders.model.model_yaml import dump_model, load_model
+from tracker_node.loaders.rig.pose2sim_toml import load_pose2sim
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import ImageSet

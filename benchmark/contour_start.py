@@ -36,7 +36,7 @@ from tracker_node.evaluation.association import Trajectories, truth_at
 from tracker_node.evaluation.landmarks import EVALUATED_JOINTS
 from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
 from tracker_node.evaluation.truth import load_truth
-from tracker_node.loaders.plate_file import load_plates
+from tracker_node.loaders.images.background_file import load_plates
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import ImageSet

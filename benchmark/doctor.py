@@ -25,9 +25,9 @@ from tracker_node.evaluation.doctor import examine
 from tracker_node.evaluation.doctor_recording import CameraRecording
 from tracker_node.evaluation.finding import Finding
 from tracker_node.evaluation.metrics_file import report_metrics
-from tracker_node.loaders.image_source import open_camera_source
-from tracker_node.loaders.pose2sim_toml import load_pose2sim
-from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.loaders.images.source import open_camera_source
+from tracker_node.loaders.rig.pose2sim_toml import load_pose2sim
+from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.synthesis.scenes import SceneConfig
 
 OUTPUT = Path("out/doctor")

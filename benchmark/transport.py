@@ -26,7 +26,7 @@ from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.metrics_file import report_metrics
-from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
+from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file
 
 N_CAMERAS, WIDTH, HEIGHT, RATE_HZ = 6, 640, 480, 30.0
 N_DISTINCT = 30  # images per camera, then again from the first
@@ -124,7 +124,7 @@ def figures(sent: dict[str, int], received: dict, elapsed_s: float, used: tuple[
 
 def receive(rig_file: str, result_file: str, ready_file: str) -> int:
     """The receiving process: a tracker node whose tracker notes when each image set comes."""
-    from tracker_node.loaders.rig_yaml import load_rig
+    from tracker_node.loaders.rig.rig_yaml import load_rig
     from tracker_node.model.articulated import ArticulatedModel, Shape
     from tracker_node.model.configuration import State
     from tracker_node.model.kinematic_chain import KinematicChain

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tracker_node.loaders.bag_metadata import OfferedQos
-from tracker_node.loaders.bag_writer import BagWriter
-from tracker_node.loaders.message_types import TRACKED_STATE, typestore
+from tracker_node.loaders.bag.message_types import TRACKED_STATE, typestore
+from tracker_node.loaders.bag.metadata import OfferedQos
+from tracker_node.loaders.bag.writer import BagWriter
 
 PERIOD_NS = 33_333_333
 START_NS = 1_700_000_000_000_000_000

@@ -8,7 +8,7 @@ import numpy as np
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3
-from tracker_node.loaders.rig_yaml import read_rig_file, write_rig_file
+from tracker_node.loaders.rig.rig_yaml import read_rig_file, write_rig_file
 
 
 def look_at(center: np.ndarray, target: np.ndarray) -> np.ndarray:

@@ -25,13 +25,13 @@ from v4l2_camera import V4l2Camera
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
-from tracker_node.loaders.bag_writer import BagWriter
-from tracker_node.loaders.camera_info_yaml import dump_camera_info
-from tracker_node.loaders.model_yaml import dump_model, load_model
-from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
-from tracker_node.loaders.state_yaml import dump_state
-from tracker_node.loaders.trajectory_file import JointTrajectory, StateRow, StateTrajectory, read_joints, write_states
-from tracker_node.loaders.trc import MarkerTrajectories, dump_trc
+from tracker_node.loaders.bag.writer import BagWriter
+from tracker_node.loaders.model.model_yaml import dump_model, load_model
+from tracker_node.loaders.model.state_yaml import dump_state
+from tracker_node.loaders.motion.trajectory_file import JointTrajectory, StateRow, StateTrajectory, read_joints, write_states
+from tracker_node.loaders.motion.trc import MarkerTrajectories, dump_trc
+from tracker_node.loaders.rig.camera_info_yaml import dump_camera_info
+from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.render.raycast.raycaster import render_color

@@ -12,7 +12,7 @@ import small_clip
 from doc_pages import ROOT
 
 from tracker_node.cli.main import main
-from tracker_node.loaders.trajectory_file import JointTrajectory, write_joints
+from tracker_node.loaders.motion.trajectory_file import JointTrajectory, write_joints
 from tracker_node.model.configuration import Configuration
 
 

@@ -17,18 +17,18 @@ from robot_text import ROBOT
 
 from tracker_node.camera.rig import CameraRig
 from tracker_node.evaluation.config_file import dump_config, load_config
-from tracker_node.loaders.clicks import load_clicks
-from tracker_node.loaders.control_points import load_control_points, load_places
-from tracker_node.loaders.mesh_file import read_mesh, write_mesh
-from tracker_node.loaders.model_yaml import dump_model, load_model
-from tracker_node.loaders.opencv_storage import dump_opencv, load_opencv
-from tracker_node.loaders.opensim_table import dump_table, load_table
+from tracker_node.loaders.images.stamps import load_stamp_file
+from tracker_node.loaders.model.mesh_file import read_mesh, write_mesh
+from tracker_node.loaders.model.model_yaml import dump_model, load_model
+from tracker_node.loaders.model.state_yaml import dump_state, load_state
+from tracker_node.loaders.motion.opensim_table import dump_table, load_table
+from tracker_node.loaders.motion.trc import load_trc
 from tracker_node.loaders.picture_file import write_picture
 from tracker_node.loaders.recording_yaml import load_recording
-from tracker_node.loaders.rig_yaml import load_rig, read_rig_file, rig_file_of, write_rig_file
-from tracker_node.loaders.stamps import load_stamp_file
-from tracker_node.loaders.state_yaml import dump_state, load_state
-from tracker_node.loaders.trc import load_trc
+from tracker_node.loaders.rig.clicks import load_clicks
+from tracker_node.loaders.rig.control_points import load_control_points, load_places
+from tracker_node.loaders.rig.opencv_storage import dump_opencv, load_opencv
+from tracker_node.loaders.rig.rig_yaml import load_rig, read_rig_file, rig_file_of, write_rig_file
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.tracking.config import TrackerConfig

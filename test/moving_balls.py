@@ -10,7 +10,7 @@ import numpy as np
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3
-from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
+from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file
 
 SIZE = (320, 240)
 N_IMAGES, RATE_HZ = 40, 30.0

@@ -7,10 +7,10 @@ from ros_graph import Probe
 from sensor_msgs.msg import CameraInfo, Image
 
 from tracker_node.camera.rig import CameraRig
-from tracker_node.loaders.model_yaml import load_model
-from tracker_node.loaders.plate_file import load_plates
-from tracker_node.loaders.rig_yaml import load_rig
-from tracker_node.loaders.state_yaml import load_state
+from tracker_node.loaders.images.background_file import load_plates
+from tracker_node.loaders.model.model_yaml import load_model
+from tracker_node.loaders.model.state_yaml import load_state
+from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.ros.conversions import image_message
 from tracker_node.ros.image_inbox import InboxOptions

@@ -10,9 +10,9 @@ from render_scenes import look_at
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3, so3
-from tracker_node.loaders.model_yaml import dump_model
-from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
-from tracker_node.loaders.state_yaml import dump_state
+from tracker_node.loaders.model.model_yaml import dump_model
+from tracker_node.loaders.model.state_yaml import dump_state
+from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file
 from tracker_node.model.articulated import ArticulatedModel, Landmark, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain

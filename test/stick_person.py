@@ -7,8 +7,8 @@ import numpy as np
 
 from tracker_node.evaluation.estimate_messages import tracked_state_message
 from tracker_node.geometry import se3, so3
-from tracker_node.loaders.bag_writer import BagWriter
-from tracker_node.loaders.trajectory_file import (
+from tracker_node.loaders.bag.writer import BagWriter
+from tracker_node.loaders.motion.trajectory_file import (
     JointTrajectory,
     StateRow,
     StateTrajectory,

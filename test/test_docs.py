@@ -15,10 +15,10 @@ from tracker_node.cli._subverbs import subverbs
 from tracker_node.cli.main import verbs
 from tracker_node.evaluation.config_file import load_config
 from tracker_node.evaluation.reference_masks import load_reference_masks
-from tracker_node.loaders.model_yaml import load_model
+from tracker_node.loaders.model.model_yaml import load_model
+from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.recording_yaml import load_recording
-from tracker_node.loaders.rig_yaml import load_rig, read_rig_file
-from tracker_node.loaders.state_yaml import load_state
+from tracker_node.loaders.rig.rig_yaml import load_rig, read_rig_file
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import N_ROOT_DOF
 

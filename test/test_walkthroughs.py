@@ -20,8 +20,8 @@ from doc_pages import PAGES, Block, Command, blocks_of, commands_of, mentions_of
 from doc_place import Place, Shelf
 from doc_walkthrough import Walkthrough
 
-from tracker_node.loaders import wheel_cache
-from tracker_node.loaders.sample_data import SAMPLES, fetch_sample
+from tracker_node.loaders.samples import wheel_cache
+from tracker_node.loaders.samples.data import SAMPLES, fetch_sample
 
 N_IMAGES = 6
 CAMERAS = ("cam01", "cam02", "cam03", "cam04")

@@ -18,7 +18,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from trimesh.creation import box, icosphere
 
 from tracker_node.geometry.quaternion import matrix_from_xyzw
-from tracker_node.loaders.bag_reader import BagReader
+from tracker_node.loaders.bag.reader import BagReader
 
 ROOT = Path(__file__).resolve().parents[1]
 LAYOUT = ROOT / "config/plotjuggler/tracker.xml"

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from tracker_node.experiments.cross.yellow_stick import yellow_stick
-from tracker_node.loaders.model_yaml import dump_model
+from tracker_node.loaders.model.model_yaml import dump_model
 from tracker_node.model.humans.ellipsoids import ellipsoid_human
 from tracker_node.model.humans.lofts import nurbs_human
 

@@ -14,9 +14,9 @@ import pytest
 
 from tracker_node.cli.synthesize import Request, produce
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.model_yaml import dump_model
-from tracker_node.loaders.rig_yaml import load_rig
-from tracker_node.loaders.trajectory_file import read_joints
+from tracker_node.loaders.model.model_yaml import dump_model
+from tracker_node.loaders.motion.trajectory_file import read_joints
+from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.observation.image_set import ImageSet

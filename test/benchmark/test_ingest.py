@@ -4,7 +4,7 @@
 import ingest
 import pytest
 
-from tracker_node.loaders.image_source import open_source
+from tracker_node.loaders.images.source import open_source
 
 
 def test_numbers_survive_the_codec_and_halving(tmp_path):

@@ -8,7 +8,7 @@ from tracker_node.calibration.board_detection import CameraViews, detect_boards,
 from tracker_node.camera.rig import Camera
 from tracker_node.errors import CalibrationError, SourceError
 from tracker_node.geometry import se3, so3
-from tracker_node.loaders.image_source import open_source
+from tracker_node.loaders.images.source import open_source
 
 SMALL = Board("charuco", 5, 4, 0.12, inverted=True)
 

@@ -13,7 +13,7 @@ from tracker_node.calibration.body import (
 )
 from tracker_node.errors import TrackerError
 from tracker_node.geometry import se3
-from tracker_node.loaders.trc import MarkerTrajectories, load_trc
+from tracker_node.loaders.motion.trc import MarkerTrajectories, load_trc
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.ellipsoids import ellipsoid_human

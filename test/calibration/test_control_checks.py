@@ -5,7 +5,7 @@ import pytest
 
 from tracker_node.calibration.control_checks import LARGEST_M, SMALLEST_M, check_control_points
 from tracker_node.errors import CalibrationError
-from tracker_node.loaders.control_points import ControlPoints
+from tracker_node.loaders.rig.control_points import ControlPoints
 
 CUBE = np.array(list(np.ndindex(2, 2, 2)), dtype=float)
 NAMES = tuple("abcdefgh")

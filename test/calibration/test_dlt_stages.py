@@ -7,7 +7,7 @@ from tracker_node.calibration.control_checks import check_control_points
 from tracker_node.calibration.dlt import calibrate
 from tracker_node.calibration.dlt_stages import STAGES, calibrate_in_stages, object_errors_m
 from tracker_node.errors import CalibrationError
-from tracker_node.loaders.control_points import ControlPoints
+from tracker_node.loaders.rig.control_points import ControlPoints
 from tracker_node.synthesis.cross import IMAGE_SIZE, MIDDLE, control_points, cross_rig, digitized
 
 RIG = cross_rig()

@@ -8,7 +8,7 @@ import pytest
 from tracker_node.calibration.rig_drift import fit_drift, stretches
 from tracker_node.cli._calibrate_refine import with_drift
 from tracker_node.errors import CalibrationError
-from tracker_node.loaders.rig_yaml import CameraEntry, RigFile
+from tracker_node.loaders.rig.rig_yaml import CameraEntry, RigFile
 
 STAMPS_S = list(100.0 + np.linspace(0.0, 116.0, 30))
 SIGMA_S = 0.0004

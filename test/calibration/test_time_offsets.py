@@ -12,8 +12,8 @@ from tracker_node.calibration.time_offsets_motion import N_PLANES, MotionMeter, 
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import CalibrationError
-from tracker_node.loaders.image_source import open_camera_source
-from tracker_node.loaders.rig_yaml import build_rig
+from tracker_node.loaders.images.source import open_camera_source
+from tracker_node.loaders.rig.rig_yaml import build_rig
 from tracker_node.synthesis.scenes import looking_at
 
 LENS = CameraModel(320, 240, np.array([[300.0, 0.0, 160.0], [0.0, 300.0, 120.0], [0.0, 0.0, 1.0]]))

@@ -15,10 +15,10 @@ from small_clip import Clip, make_clip
 from tracker_node.cli._nothing_tracked import nothing_tracked
 from tracker_node.cli.main import main
 from tracker_node.errors import SourceError
-from tracker_node.loaders.bag_reader import BagReader
-from tracker_node.loaders.image_source import SourceOptions
-from tracker_node.loaders.rig_yaml import load_rig
-from tracker_node.loaders.trajectory_file import read_states
+from tracker_node.loaders.bag.reader import BagReader
+from tracker_node.loaders.images.source import SourceOptions
+from tracker_node.loaders.motion.trajectory_file import read_states
+from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.ros.ingest_cameras import chosen_cameras, open_cameras
 
 N_IMAGES = 8

@@ -3,7 +3,7 @@
 from bag_samples import PERIOD_NS, write_bag
 
 from tracker_node.cli.main import main
-from tracker_node.loaders.bag_writer import BagWriter
+from tracker_node.loaders.bag.writer import BagWriter
 
 
 def test_topics_sizes_and_times(tmp_path, capsys):

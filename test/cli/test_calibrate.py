@@ -6,10 +6,10 @@ import pytest
 from tracker_node.calibration.body import model_stature
 from tracker_node.cli.main import main
 from tracker_node.geometry import se3
-from tracker_node.loaders.model_yaml import load_model
-from tracker_node.loaders.state_yaml import load_state
-from tracker_node.loaders.trajectory_file import StateRow, StateTrajectory, write_states
-from tracker_node.loaders.trc import MarkerTrajectories, dump_trc
+from tracker_node.loaders.model.model_yaml import load_model
+from tracker_node.loaders.model.state_yaml import load_state
+from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, write_states
+from tracker_node.loaders.motion.trc import MarkerTrajectories, dump_trc
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.humans.landmark_names import MARKER_OF_LANDMARK

@@ -9,7 +9,7 @@ from tracker_node.calibration.board import Board
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.cli.main import main
 from tracker_node.geometry import se3, so3
-from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.loaders.rig.rig_yaml import load_rig
 
 BOARD = Board("charuco", 6, 5, 0.12)
 RIG = CameraRig(tuple(Camera(c.name, c.model.resized(640, 400), c.T_world_cam) for c in ring(8, ["plumb_bob"]).cameras[:2]))

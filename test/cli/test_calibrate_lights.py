@@ -5,7 +5,7 @@ import pytest
 from cross_files import write_lit_cross
 
 from tracker_node.cli.main import main
-from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.synthesis.cross import cross_rig
 
 

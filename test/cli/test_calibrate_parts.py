@@ -15,9 +15,9 @@ from tracker_node.cli import _calibrate_plate as plate
 from tracker_node.cli import _calibrate_rig as rig_command
 from tracker_node.errors import CalibrationError, FileFormatError, SourceError
 from tracker_node.geometry import se3
-from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
-from tracker_node.loaders.trajectory_file import StateRow, StateTrajectory, write_states
-from tracker_node.loaders.trc import MarkerTrajectories
+from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, write_states
+from tracker_node.loaders.motion.trc import MarkerTrajectories
+from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.humans.landmark_names import MARKER_OF_LANDMARK

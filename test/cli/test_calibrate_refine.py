@@ -9,7 +9,7 @@ from camera_rigs import circle_rig, disturbed
 from openpose_points import write_points
 
 from tracker_node.cli.main import main
-from tracker_node.loaders.rig_yaml import load_rig, read_rig_file, rig_file_of, write_rig_file
+from tracker_node.loaders.rig.rig_yaml import load_rig, read_rig_file, rig_file_of, write_rig_file
 
 
 @pytest.fixture

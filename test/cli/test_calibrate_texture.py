@@ -8,7 +8,7 @@ from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera
 from tracker_node.cli.main import main
 from tracker_node.geometry import se3
-from tracker_node.loaders.model_yaml import load_model
+from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.render.raycast.raycaster import render_color
 

@@ -9,7 +9,7 @@ from swinging_disc import LATE_S, write_swinging_disc
 from tracker_node.calibration.time_offsets import ClockFit, Clocks
 from tracker_node.cli._calibrate_time import _beginning, figures, print_table
 from tracker_node.cli.main import main
-from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.loaders.rig.rig_yaml import load_rig
 
 
 @pytest.fixture

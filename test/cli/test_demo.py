@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tracker_node.cli import demo, pipeline, sample
-from tracker_node.loaders.bag_writer import BagExistsError
+from tracker_node.loaders.bag.writer import BagExistsError
 
 
 @pytest.fixture

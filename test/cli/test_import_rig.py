@@ -6,8 +6,8 @@ from camera_rigs import circle_rig
 
 from tracker_node.cli.main import main
 from tracker_node.geometry import so3
-from tracker_node.loaders.camera_info_yaml import dump_camera_info
-from tracker_node.loaders.rig_yaml import load_rig, rig_file_of, write_rig_file
+from tracker_node.loaders.rig.camera_info_yaml import dump_camera_info
+from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 
 
 def write_toml(path, rig) -> None:

@@ -11,7 +11,7 @@ from moving_balls import write_balls
 from tracker_node.cli.main import main
 from tracker_node.evaluation.doctor import examine
 from tracker_node.evaluation.doctor_input import record
-from tracker_node.loaders.rig_yaml import load_rig, rig_file_of, write_rig_file
+from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 
 
 @pytest.fixture(scope="module")

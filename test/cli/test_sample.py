@@ -8,13 +8,13 @@ import pytest
 from tracker_node.cli._progress import ByteProgress
 from tracker_node.cli.main import main
 from tracker_node.cli.sample import prepare, run_verb
-from tracker_node.loaders import wheel_cache
 from tracker_node.loaders.data_files import data_file
-from tracker_node.loaders.model_yaml import load_model
+from tracker_node.loaders.model.model_yaml import load_model
+from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.recording_yaml import load_recording
-from tracker_node.loaders.rig_yaml import load_rig
-from tracker_node.loaders.sample_data import SAMPLES, fetch_sample
-from tracker_node.loaders.state_yaml import load_state
+from tracker_node.loaders.rig.rig_yaml import load_rig
+from tracker_node.loaders.samples import wheel_cache
+from tracker_node.loaders.samples.data import SAMPLES, fetch_sample
 
 
 @pytest.mark.parametrize("command", [["sample", "balancing", "--output"], ["demo", "--output"]])
@@ -83,7 +83,7 @@ def steps(monkeypatch):
     """Calls of the long steps, in order, as tuples; ``statuses`` by verb and sub-verb are what the verbs return."""
     from tracker_node.calibration import balancing
     from tracker_node.cli import _calibrate_refine, sample
-    from tracker_node.loaders import sample_data
+    from tracker_node.loaders.samples import data as sample_data
 
     made, statuses = [], {}
 

@@ -5,9 +5,9 @@ import pytest
 
 from tracker_node.cli.main import main
 from tracker_node.cli.synthesize import Request, produce
-from tracker_node.loaders.model_yaml import load_model
-from tracker_node.loaders.state_yaml import load_state
-from tracker_node.loaders.trajectory_file import read_joints
+from tracker_node.loaders.model.model_yaml import load_model
+from tracker_node.loaders.model.state_yaml import load_state
+from tracker_node.loaders.motion.trajectory_file import read_joints
 from tracker_node.model.configuration import Configuration
 from tracker_node.synthesis.scenes import SceneConfig
 

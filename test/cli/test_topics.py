@@ -9,7 +9,7 @@ from camera_rigs import circle_rig
 from tracker_node.camera.rig import CameraRig
 from tracker_node.cli._topics import camera_topic, with_topics
 from tracker_node.errors import FileFormatError, UnknownNameError
-from tracker_node.loaders.rig_yaml import load_rig, rig_file_of, write_rig_file
+from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 
 
 def rig_with_topic(topic: str | None) -> CameraRig:

@@ -12,7 +12,7 @@ from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import SourceError, UnknownNameError
 from tracker_node.evaluation import doctor_input
 from tracker_node.evaluation.doctor_input import DEFAULT_SECONDS, record, with_inputs
-from tracker_node.loaders.bag_writer import BagWriter
+from tracker_node.loaders.bag.writer import BagWriter
 
 RIG = circle_rig(2)
 

@@ -12,8 +12,8 @@ from tracker_node.camera.rig import Camera
 from tracker_node.errors import CalibrationError
 from tracker_node.evaluation import estimate_messages as messages
 from tracker_node.evaluation.run_writer import RunWriter
-from tracker_node.loaders.bag_reader import BagReader
-from tracker_node.loaders.message_types import typestore
+from tracker_node.loaders.bag.message_types import typestore
+from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.tracking.estimate import Status
 

@@ -24,7 +24,7 @@ from tracker_node.evaluation.export_options import ExportOptions
 from tracker_node.evaluation.isb_angles import isb_angles
 from tracker_node.evaluation.kinematics import state_kinematics
 from tracker_node.evaluation.run_motion import RunMotion
-from tracker_node.loaders.opensim_table import NumberTable, dump_table
+from tracker_node.loaders.motion.opensim_table import NumberTable, dump_table
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model

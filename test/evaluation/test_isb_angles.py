@@ -9,7 +9,7 @@ from tracker_node.errors import ModelError
 from tracker_node.evaluation.isb_angles import isb_angles
 from tracker_node.evaluation.run_motion import RunMotion
 from tracker_node.loaders.data_files import data_file
-from tracker_node.loaders.model_yaml import load_model
+from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.configuration import State
 from tracker_node.model.humans.human import human_model
 

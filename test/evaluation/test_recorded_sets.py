@@ -12,10 +12,10 @@ from camera_rigs import circle_rig
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import SourceError
 from tracker_node.evaluation.recorded_sets import RecordedRunStream, RecordedSet, recorded_set
-from tracker_node.loaders.bag_reader import BagReader
-from tracker_node.loaders.bag_writer import BagWriter
-from tracker_node.loaders.image_source import SourceOptions
-from tracker_node.loaders.message_types import typestore
+from tracker_node.loaders.bag.message_types import typestore
+from tracker_node.loaders.bag.reader import BagReader
+from tracker_node.loaders.bag.writer import BagWriter
+from tracker_node.loaders.images.source import SourceOptions
 
 NAMES = ("cam01", "cam02")
 

@@ -15,7 +15,7 @@ from tracker_node.evaluation.reference_masks import (
 )
 from tracker_node.evaluation.still_difference import channel_gains, still_difference_mask
 from tracker_node.loaders.data_files import data_file
-from tracker_node.loaders.image_source import open_source
+from tracker_node.loaders.images.source import open_source
 
 SIZE = (400, 300)
 MASKS = "config/balancing_masks.json"

@@ -6,7 +6,7 @@ from stick_person import Motion, motion, write_run, write_state_bag
 
 from tracker_node.errors import FileFormatError, UnknownNameError
 from tracker_node.evaluation.run_data import load_run
-from tracker_node.loaders.motion_file import CovariancesWriter
+from tracker_node.loaders.motion.motion_file import CovariancesWriter
 from tracker_node.tracking.estimate import Status
 
 

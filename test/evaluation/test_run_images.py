@@ -19,9 +19,9 @@ from tracker_node.evaluation.run_images import (
     run_stream,
     source_options_of,
 )
-from tracker_node.loaders.bag_reader import BagReader
-from tracker_node.loaders.bag_writer import BagWriter
-from tracker_node.loaders.image_source import SourceOptions
+from tracker_node.loaders.bag.reader import BagReader
+from tracker_node.loaders.bag.writer import BagWriter
+from tracker_node.loaders.images.source import SourceOptions
 from tracker_node.tracking.config import TrackerConfig, flatten
 
 RIG = circle_rig(3)

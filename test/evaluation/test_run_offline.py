@@ -17,14 +17,14 @@ from tracker_node.errors import SourceError
 from tracker_node.evaluation.config_file import load_config
 from tracker_node.evaluation.estimate_messages import image_message
 from tracker_node.evaluation.run_offline import OfflineRun, run_offline
-from tracker_node.loaders.bag_reader import BagReader
-from tracker_node.loaders.bag_writer import BagExistsError, BagWriter
-from tracker_node.loaders.image_source import SourceOptions, open_camera_source
-from tracker_node.loaders.message_types import TRACKED_STATE
-from tracker_node.loaders.model_yaml import load_model
-from tracker_node.loaders.rig_yaml import load_rig, read_rig_file, write_rig_file
-from tracker_node.loaders.state_yaml import load_state
-from tracker_node.loaders.trajectory_file import read_joints, read_poses, read_states
+from tracker_node.loaders.bag.message_types import TRACKED_STATE
+from tracker_node.loaders.bag.reader import BagReader
+from tracker_node.loaders.bag.writer import BagExistsError, BagWriter
+from tracker_node.loaders.images.source import SourceOptions, open_camera_source
+from tracker_node.loaders.model.model_yaml import load_model
+from tracker_node.loaders.model.state_yaml import load_state
+from tracker_node.loaders.motion.trajectory_file import read_joints, read_poses, read_states
+from tracker_node.loaders.rig.rig_yaml import load_rig, read_rig_file, write_rig_file
 from tracker_node.model.configuration import Configuration
 
 N_IMAGES = 12

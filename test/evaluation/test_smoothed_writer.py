@@ -10,8 +10,8 @@ from small_clip import RATE_HZ, Clip, make_clip
 
 from tracker_node.cli.main import main
 from tracker_node.evaluation.run_data import load_run
-from tracker_node.loaders.motion_file import read_covariances, read_velocities
-from tracker_node.loaders.trajectory_file import read_joints, read_poses, read_states
+from tracker_node.loaders.motion.motion_file import read_covariances, read_velocities
+from tracker_node.loaders.motion.trajectory_file import read_joints, read_poses, read_states
 from tracker_node.model.configuration import Configuration, State
 
 N_IMAGES = 12

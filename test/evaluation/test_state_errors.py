@@ -16,7 +16,7 @@ from tracker_node.evaluation.run_data import RunData, RunDetails, load_run
 from tracker_node.evaluation.state_errors import rigid_errors, segment_errors, state_errors, surface_points
 from tracker_node.evaluation.true_states import holds_states, load_true_states
 from tracker_node.geometry import se3, so3
-from tracker_node.loaders.trajectory_file import StateRow, StateTrajectory, write_states
+from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, write_states
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import KinematicChain

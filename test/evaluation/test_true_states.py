@@ -6,7 +6,7 @@ from moving_person import moving, write_run
 
 from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.true_states import TrueStates, holds_states, load_true_states, unwrapped
-from tracker_node.loaders.trajectory_file import StateRow, StateTrajectory, write_states
+from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, write_states
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.pose_variables import to_variables, variable_names
 

@@ -6,8 +6,8 @@ from stick_person import motion, write_truth
 
 from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.truth import load_truth
-from tracker_node.loaders.c3d_file import dump_c3d
-from tracker_node.loaders.trc import MarkerTrajectories, dump_trc
+from tracker_node.loaders.motion.c3d_file import dump_c3d
+from tracker_node.loaders.motion.trc import MarkerTrajectories, dump_trc
 
 
 def test_trc_with_the_names_of_openpose(tmp_path):

@@ -8,7 +8,7 @@ from fuzz_mutations import bomb, bomb_within
 from fuzzing import Answers, child, run
 
 from tracker_node.errors import CalibrationError, FileFormatError
-from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.loaders.rig.rig_yaml import load_rig
 
 CORE = ("rig", "rig_file", "model", "slides", "part", "config", "plain_config", "recording", "state", "urdf")
 OTHERS = ("opencv_yaml", "opencv_xml", "opencv_json", "mesh", "clicks", "control_points", "places", "stamps", "markers", "table")

@@ -14,7 +14,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import CompressedImage
 
 from tracker_node.errors import SourceError, TrackerError
-from tracker_node.loaders.image_source import open_source
+from tracker_node.loaders.images.source import open_source
 from tracker_node.ros.conversions import bgr_of_compressed, decode_raw_image, image_message
 
 PIXELS = np.random.default_rng(0).integers(0, 256, (48, 64, 3), dtype=np.uint8)

@@ -18,10 +18,10 @@ from studio_process import running_studio
 
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.bag_reader import BagReader
-from tracker_node.loaders.bag_writer import BagWriter
-from tracker_node.loaders.model_yaml import dump_model, load_model
-from tracker_node.loaders.openpose_json import load_openpose
+from tracker_node.loaders.bag.reader import BagReader
+from tracker_node.loaders.bag.writer import BagWriter
+from tracker_node.loaders.model.model_yaml import dump_model, load_model
+from tracker_node.loaders.motion.openpose_json import load_openpose
 
 PATIENCE_S, MORE_S = 3.0, 0.5  # for the first byte, and after one
 SOURCES = ("tracker_node", "tools", "benchmark", "launch", "msgs")

@@ -15,9 +15,9 @@ from ros_samples import write_recording
 from transport import wait_until
 
 from tracker_node.errors import TrackerError
-from tracker_node.loaders.model_yaml import load_model
-from tracker_node.loaders.rig_yaml import load_rig
-from tracker_node.loaders.state_yaml import load_state
+from tracker_node.loaders.model.model_yaml import load_model
+from tracker_node.loaders.model.state_yaml import load_state
+from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.tracking.config import TrackerConfig
 
 SECONDS, RATE_HZ, N_CAMERAS = 120.0, 10.0, 6

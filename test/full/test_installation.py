@@ -75,7 +75,7 @@ def test_robot_state_publisher_takes_the_description(tmp_path):
     prefix = [needed("ros2"), "pkg", "prefix", "robot_state_publisher"]
     if subprocess.run(prefix, env=environment(), capture_output=True, check=False).returncode:
         pytest.skip("robot_state_publisher is not installed")
-    from tracker_node.loaders.urdf_writer import urdf_of
+    from tracker_node.loaders.model.urdf_writer import urdf_of
     from tracker_node.model.humans.human import human_model
 
     parameters = tmp_path / "description.yaml"

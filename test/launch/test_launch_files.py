@@ -19,7 +19,7 @@ from camera_rigs import circle_rig
 from launch_stand_ins import Arguments, LaunchConfiguration, OnShutdown, declared_by, description_of, launch_stand_ins, resolved
 
 from tracker_node.cli import main
-from tracker_node.loaders.rig_yaml import rig_file_of, write_rig_file
+from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = sorted(path.name for path in (ROOT / "launch").glob("*.py"))

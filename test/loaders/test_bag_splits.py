@@ -14,12 +14,12 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from tracker_node.errors import UnknownNameError
-from tracker_node.loaders.bag_check import check_bag
-from tracker_node.loaders.bag_metadata import OfferedQos
-from tracker_node.loaders.bag_queue import BagQueue
-from tracker_node.loaders.bag_reader import BagReader
-from tracker_node.loaders.bag_writer import BagWriter
-from tracker_node.loaders.message_types import message_type, typestore
+from tracker_node.loaders.bag.check import check_bag
+from tracker_node.loaders.bag.message_types import message_type, typestore
+from tracker_node.loaders.bag.metadata import OfferedQos
+from tracker_node.loaders.bag.queue import BagQueue
+from tracker_node.loaders.bag.reader import BagReader
+from tracker_node.loaders.bag.writer import BagWriter
 
 PERIOD_NS = bag_samples.PERIOD_NS
 
@@ -109,10 +109,10 @@ def test_an_unknown_compression_is_refused(tmp_path: Path) -> None:
 
 RECORDING = """
 import sys, time
-from tracker_node.loaders.bag_metadata import OfferedQos
-from tracker_node.loaders.bag_queue import BagQueue
-from tracker_node.loaders.bag_writer import BagWriter
-from tracker_node.loaders.message_types import message_type
+from tracker_node.loaders.bag.metadata import OfferedQos
+from tracker_node.loaders.bag.queue import BagQueue
+from tracker_node.loaders.bag.writer import BagWriter
+from tracker_node.loaders.bag.message_types import message_type
 bag = BagQueue(BagWriter(sys.argv[1], split_bytes=3_000_000, compression=sys.argv[2]), flush_s=0.05)
 for topic in ("/a", "/b"):
     bag.add_topic(topic, "std_msgs/msg/String", OfferedQos(), message_type("std_msgs/msg/String"))

@@ -12,12 +12,12 @@ from small_clip import body
 from tracker_node.errors import FileFormatError, SourceError
 from tracker_node.evaluation.reference_masks import load_reference_masks
 from tracker_node.evaluation.run_data import load_run
+from tracker_node.loaders.images.recorded_source import SourceOptions
+from tracker_node.loaders.images.stamps import MOST_NS, load_stamp_file
 from tracker_node.loaders.json_values import parse_json
-from tracker_node.loaders.openpose_json import load_openpose
-from tracker_node.loaders.qualisys_xml import load_qualisys
-from tracker_node.loaders.recorded_source import SourceOptions
-from tracker_node.loaders.stamps import MOST_NS, load_stamp_file
-from tracker_node.loaders.trajectory_file import StateRow, StateTrajectory, read_states, write_states
+from tracker_node.loaders.motion.openpose_json import load_openpose
+from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, read_states, write_states
+from tracker_node.loaders.rig.qualisys_xml import load_qualisys
 
 DEEP = "[" * 100_000
 
@@ -119,7 +119,7 @@ def test_stamps_of_a_trajectory_beyond_int64(tmp_path):
 
 
 def test_an_offset_that_takes_stamps_beyond_what_ros_holds(tmp_path):
-    from tracker_node.loaders.image_source import FolderSource
+    from tracker_node.loaders.images.source import FolderSource
 
     (tmp_path / "1.png").write_bytes(PNG)
     source = FolderSource(str(tmp_path), SourceOptions(base_stamp_ns=2**63))

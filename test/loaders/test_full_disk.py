@@ -12,11 +12,11 @@ from rosbags.rosbag2 import Reader
 from small_disk import small_disk
 
 from tracker_node.errors import TrackerError
-from tracker_node.loaders.bag_metadata import OfferedQos
-from tracker_node.loaders.bag_queue import BagQueue
-from tracker_node.loaders.bag_reader import BagReader
-from tracker_node.loaders.bag_writer import BagWriter
-from tracker_node.loaders.message_types import message_type
+from tracker_node.loaders.bag.message_types import message_type
+from tracker_node.loaders.bag.metadata import OfferedQos
+from tracker_node.loaders.bag.queue import BagQueue
+from tracker_node.loaders.bag.reader import BagReader
+from tracker_node.loaders.bag.writer import BagWriter
 
 __all__ = ["small_disk"]
 
@@ -118,7 +118,7 @@ def test_a_disk_that_others_fill_to_the_last_byte(small_disk) -> None:
 
 LIMITED = """
 import resource, sys
-from tracker_node.loaders.bag_writer import BagWriter
+from tracker_node.loaders.bag.writer import BagWriter
 resource.setrlimit(resource.RLIMIT_FSIZE, (5_000_000, 5_000_000))
 writer = BagWriter(sys.argv[1], chunk_bytes=300_000)
 writer.add_topic("/a", "std_msgs/msg/String")

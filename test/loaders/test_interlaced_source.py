@@ -10,8 +10,8 @@ import pytest
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import FileFormatError, SourceError
-from tracker_node.loaders.image_source import InterlacedSource, PreloadedSource, SourceOptions, open_camera_source
-from tracker_node.loaders.rig_yaml import load_rig, rig_file_of, write_rig_file
+from tracker_node.loaders.images.source import InterlacedSource, PreloadedSource, SourceOptions, open_camera_source
+from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 from tracker_node.observation.deinterlace import weave_fields
 
 WIDTH, HEIGHT, N = 96, 72, 5

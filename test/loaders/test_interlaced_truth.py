@@ -12,7 +12,7 @@ import pytest
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera
 from tracker_node.errors import SourceError
-from tracker_node.loaders.image_source import SourceOptions, open_camera_source
+from tracker_node.loaders.images.source import SourceOptions, open_camera_source
 from tracker_node.observation.deinterlace import field_camera, first_line, separate_fields
 
 WIDTH, HEIGHT, N, FIELD_HZ = 128, 96, 6, 50.0

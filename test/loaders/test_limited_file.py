@@ -12,15 +12,15 @@ from tracker_node.evaluation.reference_masks import load_reference_masks
 from tracker_node.loaders.csv_file import CsvTable
 from tracker_node.loaders.json_values import read_json
 from tracker_node.loaders.limited_file import SETTINGS_BYTES, TABLE_BYTES, read_bytes
-from tracker_node.loaders.opencv_storage import load_opencv
-from tracker_node.loaders.openpose_json import load_openpose
+from tracker_node.loaders.model.urdf_xml import read_robot
+from tracker_node.loaders.motion.openpose_json import load_openpose
+from tracker_node.loaders.motion.trc import load_trc
 from tracker_node.loaders.picture_file import read_picture
-from tracker_node.loaders.pose2sim_toml import load_pose2sim
-from tracker_node.loaders.qualisys_xml import load_qualisys
-from tracker_node.loaders.rig_formats import detect
-from tracker_node.loaders.rig_yaml import load_rig
-from tracker_node.loaders.trc import load_trc
-from tracker_node.loaders.urdf_xml import read_robot
+from tracker_node.loaders.rig.formats import detect
+from tracker_node.loaders.rig.opencv_storage import load_opencv
+from tracker_node.loaders.rig.pose2sim_toml import load_pose2sim
+from tracker_node.loaders.rig.qualisys_xml import load_qualisys
+from tracker_node.loaders.rig.rig_yaml import load_rig
 
 READERS = [
     load_rig, load_config, load_pose2sim, load_qualisys, load_trc, read_robot, detect, read_json, load_reference_masks, CsvTable,

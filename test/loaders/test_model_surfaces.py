@@ -6,7 +6,7 @@ import pytest
 import trimesh
 
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.model_yaml import dump_model, load_model
+from tracker_node.loaders.model.model_yaml import dump_model, load_model
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.nurbs import Loft, LoftedSolid, Section, loft_mesh

@@ -9,7 +9,7 @@ import numpy as np
 from robot_text import ROBOT
 
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.model_yaml import load_model
+from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.configuration import Configuration, State
 
 JUNK = [

@@ -15,8 +15,8 @@ import pytest
 from bodies import crane, random_state
 from lxml import etree
 
-from tracker_node.loaders.model_yaml import load_model
-from tracker_node.loaders.urdf_writer import urdf_of
+from tracker_node.loaders.model.model_yaml import load_model
+from tracker_node.loaders.model.urdf_writer import urdf_of
 from tracker_node.model.configuration import Configuration
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import N_ROOT_DOF

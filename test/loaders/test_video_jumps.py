@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker_node.loaders.image_source import open_source
-from tracker_node.loaders.stamps import period_ns
+from tracker_node.loaders.images.source import open_source
+from tracker_node.loaders.images.stamps import period_ns
 
 N, WIDTH, HEIGHT, RATE_HZ = 90, 96, 64, 25.0
 ORDER = [70, 30, 31, 89, 45, 2, 88, 44, 71]

@@ -9,13 +9,13 @@ from small_disk import limited_files, small_disk
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.evaluation.metrics_file import write_metrics
-from tracker_node.loaders.calibration_toml import dump_calibration_toml
-from tracker_node.loaders.dlt_text import dump_dlt
-from tracker_node.loaders.foxglove_layout import write_foxglove_layout
-from tracker_node.loaders.opencv_storage import dump_opencv
-from tracker_node.loaders.plotjuggler_layout import write_plotjuggler_layout
-from tracker_node.loaders.qualisys_xml import dump_qualisys
-from tracker_node.loaders.viewed_graph import ViewedGraph
+from tracker_node.loaders.layouts.foxglove import write_foxglove_layout
+from tracker_node.loaders.layouts.plotjuggler import write_plotjuggler_layout
+from tracker_node.loaders.layouts.viewed_graph import ViewedGraph
+from tracker_node.loaders.rig.calibration_toml import dump_calibration_toml
+from tracker_node.loaders.rig.dlt_text import dump_dlt
+from tracker_node.loaders.rig.opencv_storage import dump_opencv
+from tracker_node.loaders.rig.qualisys_xml import dump_qualisys
 from tracker_node.loaders.whole_file import whole_file, write_whole
 
 __all__ = ["small_disk"]

@@ -8,8 +8,8 @@ from mesh_robot import folded, of_meshes, of_solids
 from mesh_solids import is_inside
 
 from tracker_node.geometry import se3
-from tracker_node.loaders.model_yaml import dump_model
-from tracker_node.loaders.urdf_writer import urdf_of
+from tracker_node.loaders.model.model_yaml import dump_model
+from tracker_node.loaders.model.urdf_writer import urdf_of
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.ellipsoids import ellipsoid_human

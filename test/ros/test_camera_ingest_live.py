@@ -17,9 +17,9 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from sensor_msgs.srv import SetCameraInfo
 from v4l2_camera import V4l2Camera
 
-from tracker_node.loaders.bag_reader import BagReader
-from tracker_node.loaders.camera_info_yaml import load_camera_info
-from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.loaders.bag.reader import BagReader
+from tracker_node.loaders.rig.camera_info_yaml import load_camera_info
+from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.ros.conversions import camera_image_of, camera_info_message, camera_model_of, image_message, jpeg_message
 from tracker_node.ros.topic_source import TopicSource
 

@@ -12,8 +12,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from ros_graph import stamps
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from tracker_node.loaders.image_source import open_source
-from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.loaders.images.source import open_source
+from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.ros.conversions import bgr_of_compressed, camera_image_of, camera_model_of
 from tracker_node.ros.qos import LATCHED
 

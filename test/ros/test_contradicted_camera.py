@@ -9,7 +9,7 @@ from ros_samples import write_recording
 from tracker_msgs.msg import TrackedState
 
 from tracker_node.geometry import so3
-from tracker_node.loaders.rig_yaml import load_rig, rig_file_of, write_rig_file
+from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 from tracker_node.ros.diagnostics import statuses_of
 from tracker_node.tracking.camera_fault import DELAYED, TURNED, CameraFault
 

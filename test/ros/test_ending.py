@@ -10,7 +10,7 @@ import pytest
 from bag_samples import START_NS, text
 from ros_graph import files_in_use, shared_memory_files
 
-from tracker_node.loaders.bag_reader import BagReader
+from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.ros.ending import FINISH, PARENT_VARIABLE
 
 PATIENCE_S = 60.0  # the work below takes longer
@@ -19,10 +19,10 @@ PATIENCE_S = 60.0  # the work below takes longer
 BUSY = """
 import sys, threading, time
 from pathlib import Path
-from tracker_node.loaders.bag_metadata import OfferedQos
-from tracker_node.loaders.bag_queue import BagQueue
-from tracker_node.loaders.bag_writer import BagWriter
-from tracker_node.loaders.message_types import message_type
+from tracker_node.loaders.bag.metadata import OfferedQos
+from tracker_node.loaders.bag.queue import BagQueue
+from tracker_node.loaders.bag.writer import BagWriter
+from tracker_node.loaders.bag.message_types import message_type
 from tracker_node.ros.ending import Ending, hurried
 from tracker_node.ros.executor import attach, finished_bag, ros_process
 
@@ -46,7 +46,7 @@ with Ending() as ending:
 
 
 def serialized() -> str:
-    from tracker_node.loaders.message_types import typestore
+    from tracker_node.loaders.bag.message_types import typestore
 
     return bytes(typestore().serialize_cdr(text("hello"), "std_msgs/msg/String")).hex()
 

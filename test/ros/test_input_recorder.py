@@ -5,7 +5,7 @@ import pytest
 
 from tracker_node.camera.capture_settings import CaptureSettings
 from tracker_node.camera.model import CameraModel
-from tracker_node.loaders.bag_reader import BagReader
+from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.ros.ingest_cameras import IngestCamera
 from tracker_node.ros.input_recorder import InputRecorder, _encoding
 

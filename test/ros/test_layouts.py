@@ -21,7 +21,7 @@ import yaml
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
 from tracker_node.cli.main import main
-from tracker_node.loaders.bag_reader import BagReader
+from tracker_node.loaders.bag.reader import BagReader
 
 SHIPPED = ("rviz/tracker.rviz", "foxglove/tracker.json", "plotjuggler/tracker.xml")
 DISPLAYS = {

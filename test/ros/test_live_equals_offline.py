@@ -10,9 +10,9 @@ from small_clip import Clip, make_clip
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
 from tracker_node.cli.main import main
-from tracker_node.loaders.bag_images import stamp_ns_of
-from tracker_node.loaders.bag_reader import BagReader
-from tracker_node.loaders.trajectory_file import read_states
+from tracker_node.loaders.bag.images import stamp_ns_of
+from tracker_node.loaders.bag.reader import BagReader
+from tracker_node.loaders.motion.trajectory_file import read_states
 from tracker_node.model.configuration import Configuration, State
 
 pytestmark = pytest.mark.long

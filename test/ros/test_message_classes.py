@@ -6,7 +6,7 @@ from sensor_msgs.msg import Image
 from std_srvs.srv import SetBool
 
 from tracker_node.errors import TrackerError
-from tracker_node.loaders.bag_metadata import OfferedQos
+from tracker_node.loaders.bag.metadata import OfferedQos
 from tracker_node.ros.message_classes import message_class, offered_qos, qos_profile
 
 

@@ -13,8 +13,8 @@ from sensor_msgs.msg import CameraInfo, Image
 from tracker_msgs.msg import TrackedState
 
 from tracker_node.evaluation.image_sets import SourceStream
-from tracker_node.loaders.bag_reader import BagReader
-from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.loaders.bag.reader import BagReader
+from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.tracking.config import SynchronizerConfig
 
 

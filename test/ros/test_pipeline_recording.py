@@ -8,7 +8,7 @@ import pytest
 from ros_samples import moving_state, tracked_arm
 
 from tracker_node.cli.main import main
-from tracker_node.loaders.bag_reader import BagReader
+from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.model.configuration import Configuration
 
 RECORDING = """

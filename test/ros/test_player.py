@@ -24,10 +24,10 @@ from std_msgs.msg import String  # noqa: E402
 from std_srvs.srv import SetBool, Trigger  # noqa: E402
 
 from tracker_node.cli.main import main  # noqa: E402
-from tracker_node.loaders.bag_metadata import OfferedQos  # noqa: E402
-from tracker_node.loaders.bag_reader import BagReader  # noqa: E402
-from tracker_node.loaders.bag_writer import BagWriter  # noqa: E402
-from tracker_node.loaders.message_types import typestore  # noqa: E402
+from tracker_node.loaders.bag.message_types import typestore  # noqa: E402
+from tracker_node.loaders.bag.metadata import OfferedQos  # noqa: E402
+from tracker_node.loaders.bag.reader import BagReader  # noqa: E402
+from tracker_node.loaders.bag.writer import BagWriter  # noqa: E402
 from tracker_node.ros.bag_time import BagTime  # noqa: E402
 from tracker_node.ros.conversions import stamp_ns_of  # noqa: E402
 

@@ -12,7 +12,7 @@ from sensor_msgs.msg import Image
 from tracker_msgs.msg import TrackedState
 
 from tracker_node.errors import ModelError, TrackerError
-from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.ros.conversions import image_message
 from tracker_node.ros.image_inbox import InboxOptions
 from tracker_node.ros.qos import images_published

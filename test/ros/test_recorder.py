@@ -25,7 +25,7 @@ from std_msgs.msg import String  # noqa: E402
 from std_srvs.srv import SetBool, Trigger  # noqa: E402
 
 from tracker_node.cli.main import main  # noqa: E402
-from tracker_node.loaders.bag_reader import BagReader  # noqa: E402
+from tracker_node.loaders.bag.reader import BagReader  # noqa: E402
 from tracker_node.ros.conversions import image_message  # noqa: E402
 
 __all__ = ["small_disk"]

@@ -18,7 +18,7 @@ from tracker_msgs.msg import TrackedState
 from tracker_msgs.srv import SetState
 from visualization_msgs.msg import MarkerArray
 
-from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import Configuration
 from tracker_node.render.raycast.raycaster import render_mask
 from tracker_node.ros.conversions import (

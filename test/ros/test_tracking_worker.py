@@ -17,7 +17,7 @@ from tracker_msgs.msg import TrackedState
 from tracker_msgs.srv import SetState
 
 from tracker_node.camera.model import CameraModel
-from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import State
 from tracker_node.ros.conversions import camera_info_message, image_message
 from tracker_node.ros.image_inbox import MOST_BYTES, InboxOptions, Received

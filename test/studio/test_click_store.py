@@ -7,9 +7,9 @@ from render_scenes import LENSES, look_at
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.truth import load_truth
-from tracker_node.loaders.clicks import load_clicks
-from tracker_node.loaders.control_points import load_control_points, load_places
-from tracker_node.loaders.trc import load_trc
+from tracker_node.loaders.motion.trc import load_trc
+from tracker_node.loaders.rig.clicks import load_clicks
+from tracker_node.loaders.rig.control_points import load_control_points, load_places
 from tracker_node.studio import digitizing
 from tracker_node.studio.click_store import ClickStore
 

@@ -9,7 +9,7 @@ from small_clip import RATE_HZ, make_clip
 
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import FileFormatError, SourceError, UnknownNameError
-from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.studio import images as images_module
 from tracker_node.studio.images import RecordedImages, _Recent
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tracker_node.evaluation.report_charts import LIMB_COLORS, STATUS_COLORS, TRUTH_COLORS
-from tracker_node.loaders import foxglove_layout
+from tracker_node.loaders.layouts import foxglove as foxglove_layout
 from tracker_node.render.draw.palette import STATES, WORDS, rgb_of
 from tracker_node.studio.palette import palette_css
 from tracker_node.studio.server import WEB_FOLDER

@@ -11,7 +11,7 @@ from small_clip import body
 
 from tracker_node.geometry import se3, so3
 from tracker_node.loaders.data_files import data_file
-from tracker_node.loaders.model_yaml import load_model
+from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.studio.pose_drag import Grip, drag, moving_dofs, pixel_jacobian
 

@@ -6,7 +6,7 @@ from browser import browser_tab
 from small_clip import make_clip
 from studio_process import running_studio
 
-from tracker_node.loaders.state_yaml import load_state
+from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.model.configuration import Configuration
 
 pytestmark = pytest.mark.long  # a browser and a studio

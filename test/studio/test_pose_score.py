@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from small_clip import make_clip
 
-from tracker_node.loaders.plate_file import load_plates
-from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.loaders.images.background_file import load_plates
+from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import State
 from tracker_node.studio.color_score import ColorScore
 from tracker_node.studio.contour_score import ContourScore

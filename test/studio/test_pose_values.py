@@ -10,7 +10,7 @@ from small_clip import body
 
 from tracker_node.errors import FileFormatError
 from tracker_node.geometry import se3, so3
-from tracker_node.loaders.model_yaml import load_model
+from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.configuration import State
 from tracker_node.model.humans.human import human_model
 from tracker_node.studio.pose_values import dof_groups, state_of, values_of

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker_node.loaders.image_source import open_camera_source
-from tracker_node.loaders.rig_yaml import load_rig
-from tracker_node.loaders.trajectory_file import read_joints
-from tracker_node.loaders.trc import load_trc
+from tracker_node.loaders.images.source import open_camera_source
+from tracker_node.loaders.motion.trajectory_file import read_joints
+from tracker_node.loaders.motion.trc import load_trc
+from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.synthesis.clips import load_motion
 from tracker_node.synthesis.dataset import describe, is_recorded, record
 from tracker_node.synthesis.mannequin import LANDMARKS, MannequinSubject

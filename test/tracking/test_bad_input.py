@@ -11,7 +11,7 @@ from tracker_node.cli.evaluate import _untold
 from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.run_offline import _Record
 from tracker_node.geometry import se3, so3
-from tracker_node.loaders.state_yaml import dump_state, load_state
+from tracker_node.loaders.model.state_yaml import dump_state, load_state
 from tracker_node.model.articulated import ArticulatedModel, Landmark, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain

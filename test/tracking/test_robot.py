@@ -9,7 +9,7 @@ import pytest
 from mesh_robot import folded, of_meshes
 from small_studio import RATE_HZ, Recording
 
-from tracker_node.loaders.model_yaml import load_model
+from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.objective.constraints.collision import CollisionObjective

@@ -8,7 +8,7 @@ import pytest
 from ros_samples import tracked_arm, write_recording
 
 from tracker_node.errors import TrackerError
-from tracker_node.loaders.rig_yaml import load_rig
+from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.warm_up import warm_up
 
@@ -19,10 +19,10 @@ import gc, sys
 from pathlib import Path
 import cv2
 from numba.core.dispatcher import Dispatcher
-from tracker_node.loaders.model_yaml import load_model
-from tracker_node.loaders.plate_file import load_plates
-from tracker_node.loaders.rig_yaml import load_rig
-from tracker_node.loaders.state_yaml import load_state
+from tracker_node.loaders.model.model_yaml import load_model
+from tracker_node.loaders.images.background_file import load_plates
+from tracker_node.loaders.rig.rig_yaml import load_rig
+from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.tracker import Tracker

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..errors import CalibrationError
-from ..loaders.image_source import ImageSource
+from ..loaders.images.source import ImageSource
 from .board import Board, BoardDetector, BoardView
 
 BURST = 3  # images looked at in a row, so that it is known how the board moves

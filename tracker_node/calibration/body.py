@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import ModelError, TrackerError
 from ..geometry import se3
-from ..loaders.trc import MarkerTrajectories
+from ..loaders.motion.trc import MarkerTrajectories
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.humans.landmark_names import known_landmarks, mirrored_name

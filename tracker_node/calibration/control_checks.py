@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import CalibrationError
-from ..loaders.control_points import ControlPoints
+from ..loaders.rig.control_points import ControlPoints
 
 LARGEST_M = 200.0  # a volume for people and vehicles; in millimetres it would be 200 000
 SMALLEST_M = 0.02

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from ..errors import SourceError
-from ..loaders.image_source import open_source
+from ..loaders.images.source import open_source
 from ..loaders.whole_file import whole_file
 
 

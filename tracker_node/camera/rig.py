@@ -27,7 +27,7 @@ class Camera:
     capture : how they are taken, and as what they are published.
     time_offset_ns : added to the source's own stamps to get common time.
     time_drift_ppm : by how much common time advances more than the camera's own, in millionths, from its first image on.
-    stamps : where its own stamps come from, see `loaders.stamps`; None for what the source has by default.
+    stamps : where its own stamps come from, see `loaders.images.stamps`; None for what the source has by default.
     stamp_file : file that has the stamp of every image of the source, or None.
     plate : path of an image of the empty scene (background plate), or None.
     interlaced : ``top_first`` or ``bottom_first`` where each image of the source is two fields, and which was exposed first.

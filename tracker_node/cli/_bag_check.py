@@ -15,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..loaders.bag_check import check_bag
+    from ..loaders.bag.check import check_bag
     from ._bags import time_text
 
     check = check_bag(args.bag, lambda file: print(f"reading {file}", file=sys.stderr, flush=True))

@@ -14,7 +14,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..loaders.bag_reader import BagReader
+    from ..loaders.bag.reader import BagReader
     from ._bags import time_text
 
     with BagReader(args.bag) as reader:

@@ -15,7 +15,7 @@ from ._sizes import size_option
 if TYPE_CHECKING:
     from ..calibration.board import Board
     from ..calibration.board_detection import CameraViews
-    from ..loaders.image_source import ImageSource
+    from ..loaders.images.source import ImageSource
 
 DISTORTIONS = ("plumb_bob", "rational_polynomial", "equidistant", "none")
 _SQUARE_M = (0.002, 0.5)  # what a person can print and hold
@@ -81,14 +81,14 @@ def sources_of(args: argparse.Namespace, stamps: str | None = None) -> dict[str,
 
     Parameters
     ----------
-    stamps : a stamp file for all cameras, see `loaders.stamps`.
+    stamps : a stamp file for all cameras, see `loaders.images.stamps`.
 
     Raises
     ------
     TrackerError : two cameras of one name, or a recording that cannot be read; naming it.
     """
-    from ..loaders.image_source import open_source
-    from ..loaders.stamps import load_stamp_file
+    from ..loaders.images.source import open_source
+    from ..loaders.images.stamps import load_stamp_file
 
     if args.images < 10:
         raise _bad("--images", "at least 10", args.images)

@@ -61,8 +61,8 @@ def add_up_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from ..calibration.body import ScalingOptions, model_stature, scale_to_stature, scale_to_trial
-    from ..loaders.model_yaml import dump_model, load_model
-    from ..loaders.trc import load_trc
+    from ..loaders.model.model_yaml import dump_model, load_model
+    from ..loaders.motion.trc import load_trc
     from ..model.humans.human import human_model
 
     if args.from_run:
@@ -97,7 +97,7 @@ def _fit_to_images(args: argparse.Namespace) -> int:
     from ..calibration.body_fit import BodyFitOptions, fit_body
     from ..calibration.body_fit_report import body_figures, write_body_report
     from ..evaluation.metrics_file import write_metrics
-    from ..loaders.model_yaml import dump_model
+    from ..loaders.model.model_yaml import dump_model
 
     check(not (args.trc or args.stature or args.states), "--from-run", "no --trc, --stature or --states beside it")
     page = Path(args.report or Path(args.output).with_suffix(".html"))
@@ -134,7 +134,7 @@ def check(condition: object, option: str, expected: str, got: object = "nothing"
 
 def _placed(model, markers, states_file: str, options):
     from ..calibration.body import place_landmarks, targets_of
-    from ..loaders.trajectory_file import read_states
+    from ..loaders.motion.trajectory_file import read_states
     from ..model.configuration import State
 
     trajectory = read_states(states_file)

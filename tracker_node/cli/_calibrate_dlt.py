@@ -39,8 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from ..calibration.control_checks import check_control_points
     from ..camera.rig import CameraRig
-    from ..loaders.control_points import load_control_points
-    from ..loaders.rig_yaml import rig_file_of, write_rig_file
+    from ..loaders.rig.control_points import load_control_points
+    from ..loaders.rig.rig_yaml import rig_file_of, write_rig_file
 
     refuse_to_overwrite(args, args.output)
     size, seen = size_option("--size", args.size), load_control_points(args.points)

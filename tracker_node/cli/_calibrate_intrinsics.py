@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> int:
     from ..calibration.body_fit_report import Table, write_page
     from ..camera.rig import Camera, CameraRig
     from ..errors import FileFormatError
-    from ..loaders.rig_yaml import rig_file_of, write_rig_file
+    from ..loaders.rig.rig_yaml import rig_file_of, write_rig_file
 
     page = Path(args.report or Path(args.output).with_suffix(".html"))
     refuse_to_overwrite(args, args.output, page)

@@ -33,9 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from ..calibration.light_fit import LightFitOptions, fit_lights
-    from ..loaders.model_yaml import load_model
-    from ..loaders.rig_yaml import build_rig, read_rig_file, rig_file_of, write_rig_file
-    from ..loaders.state_yaml import load_state
+    from ..loaders.model.model_yaml import load_model
+    from ..loaders.model.state_yaml import load_state
+    from ..loaders.rig.rig_yaml import build_rig, read_rig_file, rig_file_of, write_rig_file
     from ..model.configuration import Configuration
 
     refuse_to_overwrite(args, args.output)

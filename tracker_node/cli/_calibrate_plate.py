@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from ..calibration.plate import build_plate, spread_images, write_image
     from ..errors import CalibrationError, FileFormatError
-    from ..loaders.rig_yaml import build_rig, read_rig_file, write_rig_file
+    from ..loaders.rig.rig_yaml import build_rig, read_rig_file, write_rig_file
 
     if args.images < 3:
         raise FileFormatError("command line", "--images", "at least 3", args.images)
@@ -64,7 +64,7 @@ def _still(folder: str, camera: str, shape: tuple[int, ...]):
     import cv2
 
     from ..errors import CalibrationError, SourceError
-    from ..loaders.image_source import IMAGE_SUFFIXES
+    from ..loaders.images.source import IMAGE_SUFFIXES
 
     found = [Path(folder) / f"{camera}{suffix}" for suffix in IMAGE_SUFFIXES if (Path(folder) / f"{camera}{suffix}").exists()]
     image = cv2.imread(str(found[0])) if found else None

@@ -24,9 +24,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from ..calibration.body import targets_of
     from ..calibration.pose import fit_state_to_landmarks
-    from ..loaders.model_yaml import load_model
-    from ..loaders.state_yaml import dump_state
-    from ..loaders.trc import load_trc
+    from ..loaders.model.model_yaml import load_model
+    from ..loaders.model.state_yaml import dump_state
+    from ..loaders.motion.trc import load_trc
 
     refuse_to_overwrite(args, args.output)
     model, markers = load_model(args.model), load_trc(args.trc, args.y_up)

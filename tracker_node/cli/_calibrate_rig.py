@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
     from ..calibration.board_report import format_table, rig_pictures, rig_tables, write_pictures, write_rig_page
     from ..calibration.board_rig import calibrate_rig, check_for_rig
     from ..evaluation.metrics_file import write_metrics
-    from ..loaders.rig_yaml import rig_file_of, write_rig_file
+    from ..loaders.rig.rig_yaml import rig_file_of, write_rig_file
 
     page = Path(args.report or Path(args.output).with_suffix(".html"))
     figures = page.with_suffix(".json")
@@ -93,8 +93,8 @@ def _lenses(args: argparse.Namespace, sources):
     """Given lenses by camera name, held against the recordings' sizes."""
     if not args.lenses:
         return None
-    from ..loaders.image_source import size_contradiction
-    from ..loaders.rig_yaml import load_rig
+    from ..loaders.images.source import size_contradiction
+    from ..loaders.rig.rig_yaml import load_rig
 
     rig = load_rig(args.lenses)
     for name, source in sources.items():

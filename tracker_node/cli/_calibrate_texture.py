@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from ..calibration.texture import framed, plate_model
-    from ..loaders.model_yaml import dump_model
+    from ..loaders.model.model_yaml import dump_model
 
     picture, texels_per_m = _drawn(args) if args.charuco else _read(args)
     height, width = picture.shape[:2]

@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from ..calibration.time_offsets import ClockOptions, estimate_clocks
     from ..evaluation.metrics_file import write_metrics
-    from ..loaders.rig_yaml import build_rig, read_rig_file, write_rig_file
+    from ..loaders.rig.rig_yaml import build_rig, read_rig_file, write_rig_file
 
     check(0.0 < args.max_offset < 1e5, "--max-offset", "a positive number of seconds", args.max_offset)
     check(1.0 <= args.seconds < 1e5, "--seconds", "at least 1", args.seconds)
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
 def _motions(args: argparse.Namespace, rig) -> list:
     """Motion in every camera's images, read side by side."""
     from ..calibration.time_offsets_motion import MotionMeter
-    from ..loaders.image_source import open_camera_source
+    from ..loaders.images.source import open_camera_source
 
     sources = [open_camera_source(camera) for camera in rig]
 

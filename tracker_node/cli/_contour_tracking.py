@@ -21,7 +21,7 @@ from ..evaluation.contour_experiments import (
     valley,
 )
 from ..evaluation.tracked_clip import Clip, TrackedClip, track_clip
-from ..loaders.trajectory_file import read_states
+from ..loaders.motion.trajectory_file import read_states
 from ..model.configuration import Configuration, State
 from ..observation.image_set import ImageSet
 from ..parallel import Workers

@@ -56,7 +56,7 @@ def _check_evaluation(args: argparse.Namespace, entry: EvaluateEntry) -> None:
     from ..errors import FileFormatError
     from ..evaluation.reference_masks import load_reference_masks
     from ..evaluation.report_summary import parse_target
-    from ..loaders.model_yaml import load_model
+    from ..loaders.model.model_yaml import load_model
     from ._review_arguments import truth_of
 
     for target in entry.targets:
@@ -93,7 +93,7 @@ def _values(recording: RecordingFile) -> dict[str, Any]:
 
 def _sources(recording: RecordingFile) -> list[tuple[str, str]]:
     """(camera, source) of the sources that a recording names."""
-    from ..loaders.rig_yaml import load_rig
+    from ..loaders.rig.rig_yaml import load_rig
     from ._sources import sources_by_name
 
     if isinstance(recording.sources, str):

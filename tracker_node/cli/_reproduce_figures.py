@@ -96,7 +96,7 @@ def _plan(rig_file: str | None) -> tuple[Any, dict[str, Any]]:
     import numpy as np
 
     from ..experiments.cross.yellow_stick import yellow_stick
-    from ..loaders.rig_yaml import load_rig
+    from ..loaders.rig.rig_yaml import load_rig
     from ..synthesis.cross import cross_rig, side_somersault, twisting_somersault
 
     if rig_file:

@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     from ..evaluation.doctor import examine
     from ..evaluation.doctor_input import record, with_inputs
     from ..evaluation.doctor_report import JSON, write_examination
-    from ..loaders.rig_yaml import load_rig
+    from ..loaders.rig.rig_yaml import load_rig
 
     if not 0.0 < args.seconds <= 600.0:
         raise SourceError("--seconds", f"expected a number in (0, 600], got {args.seconds:g}")

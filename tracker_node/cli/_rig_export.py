@@ -24,8 +24,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..loaders import rig_formats
-    from ..loaders.rig_yaml import build_rig, read_rig_file
+    from ..loaders.rig import formats as rig_formats
+    from ..loaders.rig.rig_yaml import build_rig, read_rig_file
 
     rig_file = read_rig_file(args.rig)
     rig = build_rig(rig_file, Path(args.rig).parent)
@@ -47,11 +47,11 @@ def _written(rig, args: argparse.Namespace) -> list[str]:
 
 def _write(rig, target: str, output: Path) -> None:
     from ..calibration.dlt import dlt_parameters
-    from ..loaders.calibration_toml import dump_calibration_toml
-    from ..loaders.camera_info_yaml import dump_camera_info
-    from ..loaders.dlt_text import dump_dlt
-    from ..loaders.opencv_storage import dump_opencv
-    from ..loaders.qualisys_xml import dump_qualisys
+    from ..loaders.rig.calibration_toml import dump_calibration_toml
+    from ..loaders.rig.camera_info_yaml import dump_camera_info
+    from ..loaders.rig.dlt_text import dump_dlt
+    from ..loaders.rig.opencv_storage import dump_opencv
+    from ..loaders.rig.qualisys_xml import dump_qualisys
 
     (output if target == "camera_info" else output.parent).mkdir(parents=True, exist_ok=True)
     if target == "camera_info":

@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from ..errors import TrackerError
-    from ..loaders.rig_yaml import build_rig, read_rig_file, write_rig_file
+    from ..loaders.rig.rig_yaml import build_rig, read_rig_file, write_rig_file
 
     if not (args.points or args.axes or args.board_images or args.up or args.wand or args.plumb):
         raise TrackerError("nothing to go by: give --points, --axes, --board-images, --up, --wand or --plumb")
@@ -67,7 +67,7 @@ def _moved(args: argparse.Namespace, rig):
 
     from ..calibration import world_frame
     from ..errors import TrackerError
-    from ..loaders.clicks import load_clicks
+    from ..loaders.rig.clicks import load_clicks
 
     if args.up:
         up = np.zeros(3)
@@ -102,7 +102,7 @@ def _moved(args: argparse.Namespace, rig):
 
 def _control_points(path: str):
     """Camera -> point -> pixel, and point -> place."""
-    from ..loaders.control_points import load_control_points
+    from ..loaders.rig.control_points import load_control_points
 
     found = load_control_points(path)
     clicks = {camera: dict(zip(seen.names, seen.pixels, strict=True)) for camera, seen in found.items()}
@@ -141,7 +141,7 @@ def _board_points(args: argparse.Namespace):
 def _turned_by_plumb(args: argparse.Namespace, rig):
     """The rig upright, where a plumb line alone tells; else the angle to its vertical is told."""
     from ..calibration import world_frame
-    from ..loaders.clicks import load_clicks
+    from ..loaders.rig.clicks import load_clicks
 
     if not args.plumb:
         return rig
@@ -159,7 +159,7 @@ def _scaled_by_wand(args: argparse.Namespace, rig):
 
     from ..calibration import world_frame
     from ..errors import FileFormatError, TrackerError
-    from ..loaders.clicks import load_clicks
+    from ..loaders.rig.clicks import load_clicks
 
     if not args.wand:
         return rig
@@ -188,7 +188,7 @@ def _named(path: str, seen, name: str):
 
 
 def _lights(rig):
-    from ..loaders.rig_yaml import rig_file_of
+    from ..loaders.rig.rig_yaml import rig_file_of
 
     return rig_file_of(rig).lights
 

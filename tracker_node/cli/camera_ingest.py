@@ -79,7 +79,7 @@ def source_options(args: argparse.Namespace, **more):
     TrackerError : numbers that contradict each other.
     """
     from ..errors import TrackerError
-    from ..loaders.image_source import SourceOptions
+    from ..loaders.images.source import SourceOptions
 
     try:
         return SourceOptions(
@@ -97,7 +97,7 @@ def cameras_of(rig, args: argparse.Namespace):
     TrackerError : names or fields that are not known, or nothing to publish.
     """
     from ..errors import TrackerError
-    from ..loaders.capture_yaml import split_change
+    from ..loaders.rig.capture_yaml import split_change
     from ..ros.ingest_cameras import chosen_cameras
 
     sources = dict(args.source)
@@ -109,7 +109,7 @@ def cameras_of(rig, args: argparse.Namespace):
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..loaders.rig_yaml import load_rig
+    from ..loaders.rig.rig_yaml import load_rig
     from ..loaders.source_address import sources_from_parent
     from ..ros.camera_ingest_node import CameraIngestNode, IngestOptions, check_consumable
     from ..ros.executor import finished_bag, ros_process, spin

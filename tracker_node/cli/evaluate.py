@@ -75,7 +75,7 @@ def _review(args: argparse.Namespace, path: str, name: str, model_path: str | No
     from ..evaluation.evaluate import EvaluationOptions
     from ..evaluation.review import review
     from ..evaluation.run_data import load_run
-    from ..loaders.model_yaml import load_model
+    from ..loaders.model.model_yaml import load_model
 
     tracked = load_run(path, args.topic)
     first_image = _first_image(tracked.info) if args.first_image is None else args.first_image
@@ -99,7 +99,7 @@ def _look_at_images(args: argparse.Namespace, tracked: Any, model: Any, rig_path
     from ..evaluation.reference_masks import load_reference_masks
     from ..evaluation.run_images import rig_of_run
     from ..evaluation.silhouettes import ImageReview, ReviewOptions, review_images
-    from ..loaders.rig_yaml import load_rig
+    from ..loaders.rig.rig_yaml import load_rig
 
     if not rig_path:
         return ImageReview(problems=["Without a rig there are no silhouettes and no pictures (--rig FILE)."])

@@ -79,7 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from ..evaluation.run_data import load_run
     from ..evaluation.run_motion import motion_of_run
-    from ..loaders.model_yaml import load_model
+    from ..loaders.model.model_yaml import load_model
 
     output = Path(args.output)
     args.to = _format_of(args.to, output)

@@ -41,8 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..loaders.rig_formats import CAMERA_INFO, TOML, detect_all
-    from ..loaders.rig_yaml import build_rig, rig_file_of, write_rig_file
+    from ..loaders.rig.formats import CAMERA_INFO, TOML, detect_all
+    from ..loaders.rig.rig_yaml import build_rig, rig_file_of, write_rig_file
 
     refuse_to_overwrite(args, args.output)
     files = args.files or args.camera_info or ([args.pose2sim] if args.pose2sim else [])
@@ -72,7 +72,7 @@ def _check_files(args: argparse.Namespace, files: list[str]) -> None:
 def _check_unit(unit: str | None, kind: str) -> None:
     """Refuse a unit where places are in metres already: Qualisys files say theirs, and ROS lenses take those of a rig.yaml."""
     from ..errors import FileFormatError
-    from ..loaders.rig_formats import CAMERA_INFO, QUALISYS
+    from ..loaders.rig.formats import CAMERA_INFO, QUALISYS
 
     if unit is not None and kind in (CAMERA_INFO, QUALISYS):
         raise FileFormatError("command line", "--unit", f"none with {kind} files, whose rig is in metres already", unit)
@@ -81,10 +81,10 @@ def _check_unit(unit: str | None, kind: str) -> None:
 def _load(kind: str, files: list[str], args: argparse.Namespace):
     """The rig of files of a kind."""
     from ..errors import FileFormatError
-    from ..loaders import rig_formats
-    from ..loaders.opencv_storage import load_opencv
-    from ..loaders.pose2sim_toml import load_pose2sim
-    from ..loaders.qualisys_xml import load_qualisys
+    from ..loaders.rig import formats as rig_formats
+    from ..loaders.rig.opencv_storage import load_opencv
+    from ..loaders.rig.pose2sim_toml import load_pose2sim
+    from ..loaders.rig.qualisys_xml import load_qualisys
 
     size = None if args.size is None else size_option("--size", args.size)
     if kind == rig_formats.CAMERA_INFO:
@@ -103,8 +103,8 @@ def _load(kind: str, files: list[str], args: argparse.Namespace):
 def _rig_of_lenses(files: list[str], like: str | None):
     from ..camera.rig import Camera, CameraRig
     from ..errors import FileFormatError
-    from ..loaders.camera_info_yaml import load_camera_info
-    from ..loaders.rig_yaml import load_rig
+    from ..loaders.rig.camera_info_yaml import load_camera_info
+    from ..loaders.rig.rig_yaml import load_rig
 
     places = load_rig(like) if like else None
     cameras: list[Camera] = []
@@ -121,7 +121,7 @@ def _rig_of_dlt(file: str, size: tuple[int, int] | None):
     from ..calibration.dlt import camera_of_parameters
     from ..camera.rig import CameraRig
     from ..errors import FileFormatError
-    from ..loaders.dlt_text import load_dlt
+    from ..loaders.rig.dlt_text import load_dlt
 
     if size is None:
         raise FileFormatError(file, "(file)", "the size of the images beside DLT coefficients: give it with --size", "none")

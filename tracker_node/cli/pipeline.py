@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from ..errors import TrackerError
     from ..evaluation.run_writer import write_summary
-    from ..loaders.rig_yaml import load_rig
+    from ..loaders.rig.rig_yaml import load_rig
     from ..ros.pipeline import PipelineOptions, run_pipeline
 
     recording = fill_in(args, BUILT_IN)
@@ -112,7 +112,7 @@ def _run_folder(args: argparse.Namespace) -> Path | None:
     BagExistsError : a run is there.
     """
     from ..evaluation.run_writer import BAG, STATES, SUMMARY
-    from ..loaders.bag_writer import BagExistsError
+    from ..loaders.bag.writer import BagExistsError
 
     if args.bag is None or args.bag.name != BAG:
         return None
@@ -125,9 +125,9 @@ def _run_folder(args: argparse.Namespace) -> Path | None:
 def _check_files(rig, args: argparse.Namespace) -> None:
     """Mistakes in files are said before anything is started."""
     from ..evaluation.config_file import load_config
-    from ..loaders.model_yaml import load_model
-    from ..loaders.plate_file import load_plates
-    from ..loaders.state_yaml import load_state
+    from ..loaders.images.background_file import load_plates
+    from ..loaders.model.model_yaml import load_model
+    from ..loaders.model.state_yaml import load_state
 
     model = load_model(args.model)
     if args.config:

@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..loaders.bag_reader import BagReader
+    from ..loaders.bag.reader import BagReader
     from ..ros.executor import ros_process, spin
     from ..ros.player_node import PlayerNode, PlayerOptions
 

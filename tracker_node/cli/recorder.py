@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_file_arguments(how) -> None:
-    from ..loaders.mcap_writer import COMPRESSIONS
+    from ..loaders.bag.mcap.writer import COMPRESSIONS
 
     how.add_argument("--split-mb", type=float, default=0.0, metavar="MB", help="begin another file at this size (default: never)")
     how.add_argument(
@@ -97,8 +97,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _open_bag(args: argparse.Namespace):
     from ..errors import TrackerError
-    from ..loaders.bag_queue import BagQueue
-    from ..loaders.bag_writer import BagWriter
+    from ..loaders.bag.queue import BagQueue
+    from ..loaders.bag.writer import BagWriter
 
     for name in ("split_mb", "split_s", "min_free_mb"):
         if not 0 <= getattr(args, name) < float("inf"):

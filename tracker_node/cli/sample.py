@@ -32,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
 def prepare(folder: Path, fresh: bool = False) -> int:
     """Fetch and prepare the Balancing clip in ``folder``, saying what happens; what is there already is kept."""
     from ..calibration import balancing
-    from ..loaders.sample_data import fetch_sample
+    from ..loaders.samples.data import fetch_sample
     from ._calibrate_refine import print_table
     from ._progress import ByteProgress
 

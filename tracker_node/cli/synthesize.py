@@ -145,8 +145,8 @@ def produce(request: Request, folder: str | Path, force: bool = False, progress=
     Besides what `synthesis.dataset.record` writes there are ``person.yaml``, the tracker's model scaled to the subject by its
     static trial, and ``state.yaml``, the pose in the first image set.
     """
-    from ..loaders.model_yaml import dump_model
-    from ..loaders.state_yaml import dump_state
+    from ..loaders.model.model_yaml import dump_model
+    from ..loaders.model.state_yaml import dump_state
     from ..synthesis.dataset import describe, is_recorded, record
 
     make = {"mannequin": _mannequin, "model": _own_model, "figure": _figure}[request.subject]
@@ -162,7 +162,7 @@ def produce(request: Request, folder: str | Path, force: bool = False, progress=
 
 
 def _load_model(path: str | None):
-    from ..loaders.model_yaml import load_model
+    from ..loaders.model.model_yaml import load_model
     from ..model.humans.human import human_model
 
     return load_model(path) if path else human_model()
@@ -172,8 +172,8 @@ def _mannequin(request: Request):
     """The recording to be made, and what gives the model and its first pose from the recorded folder."""
     from ..calibration.body import ScalingOptions, scale_to_trial
     from ..calibration.pose import fit_state_to_landmarks
-    from ..loaders.trajectory_file import read_joints
-    from ..loaders.trc import load_trc
+    from ..loaders.motion.trajectory_file import read_joints
+    from ..loaders.motion.trc import load_trc
     from ..synthesis.clips import load_motion
     from ..synthesis.sequences import mannequin_sequence
 

@@ -18,7 +18,7 @@ from .camera_ingest import named_source
 
 if TYPE_CHECKING:
     from ..camera.rig import CameraRig
-    from ..loaders.image_source import SourceOptions
+    from ..loaders.images.source import SourceOptions
 
 SUMMARY = "track recorded images (videos, folders or a bag) without ROS; write a bag, CSV files and run.json"
 EXAMPLE = """tracker_node track_offline --rig rig.yaml --model person.yaml --initial-state start.yaml --output out/run1
@@ -83,9 +83,9 @@ def run(args: argparse.Namespace) -> int:
     from ..errors import TrackerError
     from ..evaluation.config_file import load_config
     from ..evaluation.run_offline import OfflineRun, run_offline
-    from ..loaders.model_yaml import load_model
-    from ..loaders.rig_yaml import load_rig
-    from ..loaders.state_yaml import load_state
+    from ..loaders.model.model_yaml import load_model
+    from ..loaders.model.state_yaml import load_state
+    from ..loaders.rig.rig_yaml import load_rig
     from ..tracking.config import TrackerConfig
 
     recording = fill_in(args, BUILT_IN)
@@ -157,7 +157,7 @@ def _with_sources(rig: CameraRig, sources: list[tuple[str, str]]) -> CameraRig:
 
 def _source_options(args: argparse.Namespace) -> SourceOptions:
     from ..errors import TrackerError
-    from ..loaders.image_source import SourceOptions
+    from ..loaders.images.source import SourceOptions
 
     try:
         return SourceOptions(

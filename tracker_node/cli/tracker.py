@@ -72,9 +72,9 @@ def run(args: argparse.Namespace) -> int:
 
     with kept_for_ever():
         from ..evaluation.config_file import load_config
-        from ..loaders.model_yaml import load_model
-        from ..loaders.rig_yaml import load_rig
-        from ..loaders.state_yaml import load_state
+        from ..loaders.model.model_yaml import load_model
+        from ..loaders.model.state_yaml import load_state
+        from ..loaders.rig.rig_yaml import load_rig
         from ..ros.executor import attach, ros_process, spin
         from ..ros.image_inbox import InboxOptions
         from ..ros.lifecycle import FINALIZED, INACTIVE

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from ..errors import FileFormatError, ModelError
 from ..geometry import so3
-from ..loaders.bvh import AXES_Y_UP
-from ..loaders.opensim_table import load_table
-from ..loaders.stamps import stamps_from_first_ns
+from ..loaders.images.stamps import stamps_from_first_ns
+from ..loaders.motion.bvh import AXES_Y_UP
+from ..loaders.motion.opensim_table import load_table
 from ..model.articulated import ArticulatedModel
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..model.pose_variables import ROOT_NAMES, angles_of, variable_names
@@ -22,7 +22,7 @@ from .run_motion import RunMotion
 
 PELVIS = ("pelvis_tilt", "pelvis_list", "pelvis_rotation", "pelvis_tx", "pelvis_ty", "pelvis_tz")
 _GAP = 1.5  # median steps from one row to the next: further apart, some are left out between them
-_OURS_IN_Y_UP = {"x": "y", "y": "z", "z": "x"}  # axis of such a file -> the world's, as `loaders.bvh.AXES_Y_UP`
+_OURS_IN_Y_UP = {"x": "y", "y": "z", "z": "x"}  # axis of such a file -> the world's, as `loaders.motion.bvh.AXES_Y_UP`
 _SIDE_LETTERS = (("right", "r"), ("left", "l"))
 # Coordinates of Rajagopal et al. (IEEE Trans. Biomed. Eng. 63 (2016) 2068-2079) -> angle of `cardan_angles`, sign
 _TRUNK = {

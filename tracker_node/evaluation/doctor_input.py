@@ -9,8 +9,8 @@ from pathlib import Path
 
 from ..camera.rig import Camera, CameraRig
 from ..errors import SourceError, TrackerError, UnknownNameError
-from ..loaders.bag_reader import STORAGE_SUFFIXES
-from ..loaders.image_source import ImageSource, open_camera_source_of_any_size
+from ..loaders.bag.reader import STORAGE_SUFFIXES
+from ..loaders.images.source import ImageSource, open_camera_source_of_any_size
 from .doctor_recording import CameraRecording
 
 DEFAULT_SECONDS = 4.0

@@ -15,8 +15,8 @@ from ..camera.plausible_lens import plausible
 from ..camera.rig import Camera
 from ..errors import CalibrationError, TrackerError
 from ..geometry import quaternion
-from ..loaders.bag_images import NS_PER_S, stamp_ns_of
-from ..loaders.message_types import TRACKED_STATE, typestore
+from ..loaders.bag.images import NS_PER_S, stamp_ns_of
+from ..loaders.bag.message_types import TRACKED_STATE, typestore
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF

@@ -9,12 +9,12 @@ import numpy as np
 
 from ..errors import FileFormatError
 from ..geometry import quaternion
-from ..loaders.bvh import dump_bvh
-from ..loaders.c3d_file import MOST_FRAMES, AnglesOverTime, dump_c3d
-from ..loaders.opensim_table import NumberTable, dump_table
-from ..loaders.trajectory_file import PoseTrajectory
-from ..loaders.trc import MarkerTrajectories, dump_trc
-from ..loaders.tum import dump_tum
+from ..loaders.motion.bvh import dump_bvh
+from ..loaders.motion.c3d_file import MOST_FRAMES, AnglesOverTime, dump_c3d
+from ..loaders.motion.opensim_table import NumberTable, dump_table
+from ..loaders.motion.trajectory_file import PoseTrajectory
+from ..loaders.motion.trc import MarkerTrajectories, dump_trc
+from ..loaders.motion.tum import dump_tum
 from .coordinates import model_coordinates, opensim_coordinates
 from .export_options import ExportOptions
 from .isb_angles import isb_angles

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..loaders.csv_file import CsvWriter, exact
-from ..loaders.trc import METERS_PER_UNIT
+from ..loaders.motion.trc import METERS_PER_UNIT
 from ..loaders.whole_file import whole_file
 from .coordinates import model_coordinates, opensim_coordinates
 from .export_options import ExportOptions

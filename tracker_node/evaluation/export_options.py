@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import FileFormatError
-from ..loaders.bvh import AXES_Y_UP
+from ..loaders.motion.bvh import AXES_Y_UP
 from ..model.articulated import ArticulatedModel
 from ..model.humans.landmark_names import MARKER_OF_LANDMARK
 

@@ -15,10 +15,10 @@ import numpy as np
 
 from ..camera.rig import CameraRig
 from ..errors import CalibrationError, SourceError, TrackerError
-from ..loaders.bag_images import image_of, image_topics
-from ..loaders.bag_reader import BagReader
-from ..loaders.image_feed import ImageFeed
-from ..loaders.image_source import ImageSource, SourceOptions, open_camera_source
+from ..loaders.bag.images import image_of, image_topics
+from ..loaders.bag.reader import BagReader
+from ..loaders.images.feed import ImageFeed
+from ..loaders.images.source import ImageSource, SourceOptions, open_camera_source
 from ..observation.image_set import CameraImage, ImageSet
 from ..observation.synchronizer import ImageSynchronizer
 from ..tracking.config import SynchronizerConfig

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 
 from ..camera.rig import CameraRig
 from ..errors import SourceError
-from ..loaders.bag_images import only_topic, stamp_ns_of
-from ..loaders.bag_reader import BagReader
-from ..loaders.image_source import ImageSource, SourceOptions
-from ..loaders.message_types import TRACKED_STATE
+from ..loaders.bag.images import only_topic, stamp_ns_of
+from ..loaders.bag.message_types import TRACKED_STATE
+from ..loaders.bag.reader import BagReader
+from ..loaders.images.source import ImageSource, SourceOptions
 from ..observation.image_set import CameraImage, ImageSet
 from .image_sets import CAMERA_INFO, ImageSetStream, bag_images, merged_images, opened_sources, topics_with_images
 

@@ -11,11 +11,11 @@ import numpy as np
 
 from ..camera.rig import CameraRig
 from ..errors import FileFormatError
-from ..loaders.bag_reader import STORAGE_SUFFIXES, BagReader
+from ..loaders.bag.message_types import TRACKED_STATE
+from ..loaders.bag.reader import STORAGE_SUFFIXES, BagReader
 from ..loaders.json_values import read_json
-from ..loaders.message_types import TRACKED_STATE
-from ..loaders.motion_file import CovarianceTrajectory, read_covariances
-from ..loaders.trajectory_file import read_states
+from ..loaders.motion.motion_file import CovarianceTrajectory, read_covariances
+from ..loaders.motion.trajectory_file import read_states
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..tracking.estimate import LimbStatus, Status, TrackEstimate

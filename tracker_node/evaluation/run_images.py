@@ -9,10 +9,10 @@ from typing import Any
 
 from ..camera.rig import Camera, CameraRig
 from ..errors import FileFormatError
-from ..loaders.bag_images import image_topics
-from ..loaders.bag_reader import BagReader
-from ..loaders.capture_yaml import changed_settings, split_change
-from ..loaders.image_source import SourceOptions
+from ..loaders.bag.images import image_topics
+from ..loaders.bag.reader import BagReader
+from ..loaders.images.source import SourceOptions
+from ..loaders.rig.capture_yaml import changed_settings, split_change
 from ..tracking.config import TrackerConfig, flatten, from_dict
 from .image_sets import resampled_rig, rig_of_bag
 from .recorded_sets import RecordedRunStream

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from ..camera.rig import Camera, CameraRig
-from ..loaders.bag_metadata import OfferedQos
-from ..loaders.bag_writer import BagExistsError, BagWriter
-from ..loaders.message_types import TRACKED_STATE, typestore
-from ..loaders.trajectory_file import JointsWriter, PosesWriter, StateRow, StatesWriter
-from ..loaders.urdf_writer import urdf_of
+from ..loaders.bag.message_types import TRACKED_STATE, typestore
+from ..loaders.bag.metadata import OfferedQos
+from ..loaders.bag.writer import BagExistsError, BagWriter
+from ..loaders.model.urdf_writer import urdf_of
+from ..loaders.motion.trajectory_file import JointsWriter, PosesWriter, StateRow, StatesWriter
 from ..loaders.whole_file import write_whole
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration

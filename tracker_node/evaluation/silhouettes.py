@@ -12,9 +12,9 @@ import numpy as np
 
 from ..camera.rig import Camera, CameraRig
 from ..errors import SourceError, TrackerError
-from ..loaders.bag_images import camera_images, image_topics
-from ..loaders.bag_reader import BagReader
-from ..loaders.image_source import SourceOptions, open_camera_source
+from ..loaders.bag.images import camera_images, image_topics
+from ..loaders.bag.reader import BagReader
+from ..loaders.images.source import SourceOptions, open_camera_source
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration
 from ..render.draw.masked_image import target_through_mask

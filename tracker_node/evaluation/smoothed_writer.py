@@ -9,8 +9,8 @@ from types import TracebackType
 
 import numpy as np
 
-from ..loaders.motion_file import CovariancesWriter, VelocitiesWriter
-from ..loaders.trajectory_file import JointsWriter, PosesWriter, StateRow, StatesWriter
+from ..loaders.motion.motion_file import CovariancesWriter, VelocitiesWriter
+from ..loaders.motion.trajectory_file import JointsWriter, PosesWriter, StateRow, StatesWriter
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration
 from ..optimize.levenberg_marquardt import clip_to_limits

@@ -11,11 +11,11 @@ import numpy as np
 
 from ..camera.rig import CameraRig
 from ..errors import SourceError, TrackerError
-from ..loaders.image_source import SourceOptions
-from ..loaders.model_yaml import load_model
-from ..loaders.plate_file import load_plates
-from ..loaders.rig_yaml import load_rig
-from ..loaders.state_yaml import load_state
+from ..loaders.images.background_file import load_plates
+from ..loaders.images.source import SourceOptions
+from ..loaders.model.model_yaml import load_model
+from ..loaders.model.state_yaml import load_state
+from ..loaders.rig.rig_yaml import load_rig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..observation.image_set import ImageSet

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import FileFormatError
 from ..loaders.csv_file import CsvTable
-from ..loaders.trajectory_file import LEADING_COLUMNS, read_states
+from ..loaders.motion.trajectory_file import LEADING_COLUMNS, read_states
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.kinematic_chain import N_ROOT_DOF

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import FileFormatError
-from ..loaders.c3d_file import load_c3d
-from ..loaders.stamps import stamps_from_first_ns
-from ..loaders.trajectory_file import read_joints
-from ..loaders.trc import load_trc
+from ..loaders.images.stamps import stamps_from_first_ns
+from ..loaders.motion.c3d_file import load_c3d
+from ..loaders.motion.trajectory_file import read_joints
+from ..loaders.motion.trc import load_trc
 from ..model.humans.landmark_names import landmark_of_marker
 from .association import Trajectories
 

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 
 from ..errors import FileFormatError
+from .decoding import decoded
 from .limited_file import MEDIA_BYTES, read_bytes
-from .source_image import decoded
 
 
 def read_picture(file: str | Path, referrer: str | Path, field: str) -> np.ndarray:

@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from ..errors import FileFormatError, SourceError
 from .file_kind import RECORDING
-from .rig_yaml import ImageSize
+from .rig.rig_yaml import ImageSize
 from .source_address import filled, parse_source, relocated
 from .yaml_file import FileModel, PositiveNumber, is_number, problem, read_mapping, validate
 

@@ -14,12 +14,12 @@ import numpy as np
 from rclpy.clock import Clock, ClockType
 
 from ..errors import SourceError
-from ..loaders.image_feed import ImageFeed, Instant, SourceReport
-from ..loaders.live_capture import open_capture
-from ..loaders.live_source import LiveSource
-from ..loaders.recorded_source import SourceOptions
+from ..loaders.decoding import SourceImage
+from ..loaders.images.feed import ImageFeed, Instant, SourceReport
+from ..loaders.images.live_capture import open_capture
+from ..loaders.images.live_source import LiveSource
+from ..loaders.images.recorded_source import SourceOptions
 from ..loaders.source_address import TOPIC
-from ..loaders.source_image import SourceImage
 from .camera_counts import CameraCounts
 from .camera_outlet import CameraOutlet
 from .consumer_window import ConsumerWindow

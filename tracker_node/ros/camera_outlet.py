@@ -14,8 +14,8 @@ from sensor_msgs.srv import SetCameraInfo
 
 from ..camera.model import CameraModel
 from ..errors import CalibrationError, TrackerError
-from ..loaders.camera_info_url import save_lens
-from ..loaders.source_image import JPEG, SourceImage
+from ..loaders.decoding import JPEG, SourceImage
+from ..loaders.rig.camera_info_url import save_lens
 from .conversions import ImageBuffer, camera_info_message, camera_model_of, compressed_message, jpeg_message, stamp_message
 from .ingest_cameras import IngestCamera
 from .qos import RESULT, images_published, overridable

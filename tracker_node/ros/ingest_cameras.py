@@ -9,10 +9,10 @@ from ..camera.capture_settings import CaptureSettings
 from ..camera.model import CameraModel
 from ..camera.rig import Camera, CameraRig
 from ..errors import CalibrationError, SourceError, TrackerError, UnknownNameError
-from ..loaders.bag_source import topic_of_camera
-from ..loaders.camera_info_url import load_lens
-from ..loaders.capture_yaml import changed_settings
-from ..loaders.image_source import (
+from ..loaders.decoding import check_fields
+from ..loaders.images.bag_source import topic_of_camera
+from ..loaders.images.live_capture import check_live_settings
+from ..loaders.images.source import (
     ImageSource,
     PreloadedSource,
     SourceOptions,
@@ -21,9 +21,9 @@ from ..loaders.image_source import (
     open_source,
     size_contradiction,
 )
-from ..loaders.live_capture import check_live_settings
+from ..loaders.rig.camera_info_url import load_lens
+from ..loaders.rig.capture_yaml import changed_settings
 from ..loaders.source_address import BAG, SourceAddress, parse_source
-from ..loaders.source_image import check_fields
 
 _LONGEST_BETWEEN_STARTS_S = 3600
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 from rclpy.serialization import serialize_message
 
-from ..loaders.bag_images import COMPRESSED, RAW
-from ..loaders.bag_metadata import OfferedQos
-from ..loaders.bag_queue import BagQueue
-from ..loaders.bag_writer import BagWriter
-from ..loaders.message_types import message_type
+from ..loaders.bag.images import COMPRESSED, RAW
+from ..loaders.bag.message_types import message_type
+from ..loaders.bag.metadata import OfferedQos
+from ..loaders.bag.queue import BagQueue
+from ..loaders.bag.writer import BagWriter
 from .conversions import camera_info_message, image_message, jpeg_message
 from .ingest_cameras import IngestCamera
 

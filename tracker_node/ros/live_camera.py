@@ -11,11 +11,11 @@ from typing import Protocol
 import numpy as np
 
 from ..errors import TrackerError
-from ..loaders.image_feed import is_repetition
-from ..loaders.live_source import Connection
-from ..loaders.recorded_source import SourceOptions
-from ..loaders.source_image import Preparation, SourceImage, content_size
-from ..loaders.stamps import common_ns
+from ..loaders.decoding import Preparation, SourceImage, content_size
+from ..loaders.images.feed import is_repetition
+from ..loaders.images.live_source import Connection
+from ..loaders.images.recorded_source import SourceOptions
+from ..loaders.images.stamps import common_ns
 from ..observation.deinterlace import deinterlace
 from .camera_counts import CameraCounts
 from .ingest_cameras import IngestCamera, check_size

@@ -25,7 +25,7 @@ from sensor_msgs.msg import CompressedImage, Image
 from tracker_msgs.msg import TrackedState
 
 from ..errors import TrackerError, UnknownNameError
-from ..loaders.bag_images import COMPRESSED, RAW
+from ..loaders.bag.images import COMPRESSED, RAW
 from .conversions import compressed_message, decode_raw_image, stamp_ns_of
 from .guarded_node import GuardedNode
 from .live_facts import LiveDiagnostics, LiveTracker

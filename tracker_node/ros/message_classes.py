@@ -8,7 +8,7 @@ from typing import Any
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from ..errors import TrackerError
-from ..loaders.bag_metadata import OfferedQos
+from ..loaders.bag.metadata import OfferedQos
 
 
 def message_class(type_name: str) -> Any:

@@ -17,8 +17,8 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, Trigger
 
 from ..errors import TrackerError
-from ..loaders.bag_metadata import OfferedQos
-from ..loaders.bag_reader import BagMessage, BagReader
+from ..loaders.bag.metadata import OfferedQos
+from ..loaders.bag.reader import BagMessage, BagReader
 from .bag_time import MAX_RATE, MIN_RATE, BagTime
 from .conversions import stamp_message
 from .guarded_node import GuardedNode

@@ -22,10 +22,10 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 from std_srvs.srv import SetBool, Trigger
 
 from ..errors import TrackerError
-from ..loaders.bag_images import COMPRESSED, RAW
-from ..loaders.bag_metadata import OfferedQos
-from ..loaders.bag_queue import BagQueue
-from ..loaders.message_types import MessageType, UnknownMessageTypeError, message_type
+from ..loaders.bag.images import COMPRESSED, RAW
+from ..loaders.bag.message_types import MessageType, UnknownMessageTypeError, message_type
+from ..loaders.bag.metadata import OfferedQos
+from ..loaders.bag.queue import BagQueue
 from .diagnostics import Diagnostics
 from .guarded_node import GuardedNode
 from .message_classes import message_class, offered_qos, qos_profile

@@ -13,10 +13,10 @@ from rclpy.subscription import Subscription
 from sensor_msgs.msg import CompressedImage, Image
 
 from ..errors import SourceError
-from ..loaders.bag_images import COMPRESSED, RAW
-from ..loaders.bag_metadata import OfferedQos
-from ..loaders.live_source import Connection
-from ..loaders.source_image import bayer_pattern
+from ..loaders.bag.images import COMPRESSED, RAW
+from ..loaders.bag.metadata import OfferedQos
+from ..loaders.decoding import bayer_pattern
+from ..loaders.images.live_source import Connection
 from .conversions import bgr_of_compressed, camera_image_of, stamp_ns_of
 from .message_classes import offered_qos, qos_profile
 

@@ -14,9 +14,9 @@ from ..calibration.dlt_stages import object_errors_m
 from ..calibration.point_reconstruction import ReconstructedPoint, reconstruct_point, repeatability
 from ..camera.rig import CameraRig
 from ..errors import CalibrationError
-from ..loaders.control_points import ControlPoints
-from ..loaders.trajectory_file import JointTrajectory, write_joints
-from ..loaders.trc import MarkerTrajectories, dump_trc
+from ..loaders.motion.trajectory_file import JointTrajectory, write_joints
+from ..loaders.motion.trc import MarkerTrajectories, dump_trc
+from ..loaders.rig.control_points import ControlPoints
 from .click_store import Clicked, ClickStore
 
 JOINTS_FILE, TRC_FILE = "joints.csv", "joints.trc"

@@ -16,8 +16,8 @@ from ..calibration.point_reconstruction import METHODS
 from ..camera.epipolar import epipolar_curve
 from ..camera.rig import CameraRig
 from ..errors import CalibrationError, FileFormatError, UnknownNameError
-from ..loaders.control_points import load_places
 from ..loaders.json_values import finite
+from ..loaders.rig.control_points import load_places
 from ..loaders.yaml_file import FileModel, PositiveNumber, numbers
 from . import digitizing
 from .click_store import PASSES, Clicked, ClickStore

@@ -14,9 +14,9 @@ import numpy as np
 from ..camera.rig import CameraRig
 from ..errors import FileFormatError, SourceError, TrackerError, UnknownNameError
 from ..evaluation.image_sets import make_synchronizer, opened_sources
-from ..loaders.file_sources import READ_ON
-from ..loaders.image_source import ImageSource, SourceOptions
-from ..loaders.source_image import SourceImage
+from ..loaders.decoding import SourceImage
+from ..loaders.images.file_sources import READ_ON
+from ..loaders.images.source import ImageSource, SourceOptions
 from ..observation.image_set import CameraImage, ImageSet
 from ..tracking.config import SynchronizerConfig
 

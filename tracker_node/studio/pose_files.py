@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from ..errors import FileFormatError, TrackerError
-from ..loaders.state_yaml import dump_state, load_state
+from ..loaders.model.state_yaml import dump_state, load_state
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import FileFormatError
 from ..geometry import se3
-from ..loaders.model_yaml import rpy_deg_of, transform_of
+from ..loaders.model.model_yaml import rpy_deg_of, transform_of
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF, Axis

@@ -26,9 +26,9 @@ import numpy as np
 from .. import __version__
 from ..camera.rig import CameraRig
 from ..errors import SourceError
-from ..loaders.rig_yaml import rig_file_of, write_rig_file
-from ..loaders.trajectory_file import JointsWriter, StateRow, StateTrajectory, write_states
-from ..loaders.trc import MarkerTrajectories, dump_trc
+from ..loaders.motion.trajectory_file import JointsWriter, StateRow, StateTrajectory, write_states
+from ..loaders.motion.trc import MarkerTrajectories, dump_trc
+from ..loaders.rig.rig_yaml import rig_file_of, write_rig_file
 from ..model.configuration import State
 from .rasterizer import ColoredMesh
 from .scenes import SceneConfig, Studio, make_rig

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bodies import assert_same_body, mirrored_states
 
-from tracker_node.loaders.model_yaml import load_model
+from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.ellipsoids import ellipsoid_human, equivalent_ellipsoid
 from tracker_node.model.humans.human import human_model

@@ -5,7 +5,7 @@ import pytest
 from bodies import mirrored_states, random_state
 
 from tracker_node.geometry import se3
-from tracker_node.loaders.model_yaml import load_model
+from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.humans.landmark_names import LANDMARK_OF_MARKER, mirrored_name

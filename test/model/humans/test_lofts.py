@@ -6,7 +6,7 @@ from bodies import assert_same_body, random_state
 from render_scenes import LENSES, look_at
 
 from tracker_node.camera.model import CameraModel
-from tracker_node.loaders.model_yaml import load_model
+from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans import anthropometry as m
 from tracker_node.model.humans.ellipsoids import ellipsoid_human

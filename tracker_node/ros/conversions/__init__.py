@@ -4,7 +4,7 @@ Message fields are not type-checked by default: an int in a float64 field arrive
 So everything passes through ``float()``, ``int()`` and ``array.array`` here, and nowhere else.
 """
 
-from ...loaders.urdf_writer import urdf_of
+from ...loaders.model.urdf_writer import urdf_of
 from .bodies import MarkerBuffer, joint_state_message, marker_array_message, tf_message
 from .cameras import camera_info_message, camera_model_of
 from .estimates import (

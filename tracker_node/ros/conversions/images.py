@@ -10,7 +10,7 @@ import numpy as np
 from sensor_msgs.msg import CompressedImage, Image
 
 from ...errors import SourceError, shown
-from ...loaders.source_image import bayer_pattern, decoded
+from ...loaders.decoding import bayer_pattern, decoded
 from ...observation.image_set import ENCODINGS, CameraImage
 from .stamps import NS_PER_S, stamp_message, stamp_ns_of
 

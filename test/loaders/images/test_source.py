@@ -1,0 +1,211 @@
+"""Image sources: one contract for videos and folders, and what goes wrong with files."""
+
+import itertools
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera
+from tracker_node.errors import CalibrationError, SourceError
+from tracker_node.loaders.images.source import PreloadedSource, SourceOptions, list_images, open_camera_source, open_source
+
+N, WIDTH, HEIGHT, RATE_HZ = 12, 64, 48, 25.0
+
+
+def numbered_image(i: int) -> np.ndarray:
+    """An image that says its number by its grey level, also after lossy coding."""
+    return np.full((HEIGHT, WIDTH, 3), 10 + 20 * i, np.uint8)
+
+
+def number_of(image: np.ndarray) -> int:
+    return round((float(image.mean()) - 10) / 20)
+
+
+@pytest.fixture
+def video(tmp_path: Path) -> Path:
+    path = tmp_path / "video.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), RATE_HZ, (WIDTH, HEIGHT))
+    for i in range(N):
+        writer.write(numbered_image(i))
+    writer.release()
+    return path
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    path = tmp_path / "images"
+    path.mkdir()
+    for i in range(N):
+        cv2.imwrite(str(path / f"image{i}.png"), numbered_image(i))  # not padded: 10 sorts before 2 as text
+    (path / "notes.txt").write_text("not an image")
+    return path
+
+
+@pytest.fixture(params=["video", "folder"])
+def path(request: pytest.FixtureRequest) -> Path:
+    return request.getfixturevalue(request.param)
+
+
+def test_a_preloaded_source_tells_what_is_missing_in_each_pass(folder: Path):
+    (folder / "image3.png").write_bytes(b"no picture")
+    plain, preloaded = open_source(folder), PreloadedSource(open_source(folder))
+    for _ in range(2):
+        assert [number_of(image) for _, image in preloaded] == [number_of(image) for _, image in plain]
+        assert (preloaded.counts.read, preloaded.counts.missing) == (N - 1, 1)
+        assert preloaded.counts == plain.counts and len(plain.counts.problems) == 1
+
+
+def test_all_images_in_order_with_integer_stamps(path: Path):
+    source = open_source(path, rate_hz=30.0)
+    assert (source.width, source.height, source.n_images) == (WIDTH, HEIGHT, N)
+    stamps, images = zip(*source, strict=True)
+    assert [number_of(image) for image in images] == list(range(N))
+    assert stamps[:4] == (0, 33333333, 66666667, 100000000)  # rounded each, not summed
+    assert all(type(stamp) is int for stamp in stamps)
+    assert source.counts.read == N and source.counts.missing == 0
+
+
+def test_second_pass_is_equal(path: Path):
+    source = open_source(path)
+    assert [stamp for stamp, _ in source] == [stamp for stamp, _ in source]
+
+
+def test_part_keeps_the_stamps_of_the_whole(path: Path):
+    whole = dict(open_source(path, rate_hz=25.0))
+    part = list(open_source(path, rate_hz=25.0, start=3, end=7))
+    assert [number_of(image) for _, image in part] == [3, 4, 5, 6]
+    for stamp, image in part:
+        assert np.array_equal(whole[stamp], image)
+
+
+def test_loop_goes_on_counting(path: Path):
+    source = open_source(path, rate_hz=25.0, start=8, loop=True)
+    taken = list(itertools.islice(source, 9))
+    assert [number_of(image) for _, image in taken] == [8, 9, 10, 11, 8, 9, 10, 11, 8]
+    assert [stamp for stamp, _ in taken] == [40_000_000 * i for i in range(8, 17)]
+
+
+def test_resize(path: Path):
+    source = open_source(path, size=(32, 24))
+    assert (source.width, source.height) == (32, 24)
+    assert next(iter(source))[1].shape == (24, 32, 3)
+
+
+def test_preloaded_is_the_same(path: Path):
+    options = {"start": 2, "end": 6, "rate_hz": 25.0, "size": (32, 24), "loop": True}
+    direct, preloaded = open_source(path, **options), PreloadedSource(open_source(path, **options))
+    assert (preloaded.width, preloaded.height, preloaded.n_images) == (32, 24, 4)
+    pairs = list(zip(itertools.islice(direct, 9), itertools.islice(preloaded, 9), strict=True))
+    assert all(a[0] == b[0] and np.array_equal(a[1], b[1]) for a, b in pairs)
+
+
+def test_video_states_its_rate(video: Path):
+    assert open_source(video).rate_hz == RATE_HZ
+
+
+def test_patterns(folder: Path):
+    assert len(list_images(str(folder / "image?.png"))) == 10
+    assert len(list_images(str(folder / "image%d.png"))) == N
+    assert open_source(folder / "image1*.png").n_images == 3
+    assert open_source(folder / "image7.png").n_images == 1
+
+
+@pytest.mark.parametrize("name", ["absent.mp4", "absent/*.png"])
+def test_missing_is_named(tmp_path: Path, name: str):
+    with pytest.raises(SourceError, match="absent"):
+        open_source(tmp_path / name)
+
+
+def test_unreadable_is_named(tmp_path: Path):
+    path = tmp_path / "noise.mp4"
+    path.write_bytes(b"this is no video" * 100)
+    with pytest.raises(SourceError, match=r"noise\.mp4"):
+        open_source(path)
+
+
+def test_empty_folder(tmp_path: Path):
+    with pytest.raises(SourceError, match="no image files"):
+        open_source(tmp_path)
+
+
+def test_start_beyond_the_end(video: Path):
+    with pytest.raises(SourceError, match="only 12 images"):
+        open_source(video, start=12)
+
+
+def test_truncated_video_ends_with_a_count(shared_data: Path, tmp_path: Path):
+    whole = (shared_data / "pose2sim_balancing/videos/cam01.mp4").read_bytes()
+    index_first = whole.find(b"moov") < whole.find(b"mdat")
+    cut = tmp_path / "cut.mp4"
+    cut.write_bytes(whole[: len(whole) // 2])
+    if not index_first:  # without its index the file cannot be opened at all
+        with pytest.raises(SourceError, match=r"cut\.mp4"):
+            open_source(cut)
+        return
+    source = open_source(cut)
+    n = sum(1 for _ in source)
+    assert 0 < n < 100 and source.counts.read == n and source.counts.missing == 100 - n
+    assert f"ends after {n}" in source.counts.problems[0]
+
+
+def test_truncated_avi_ends_with_a_count(tmp_path: Path):
+    path = tmp_path / "long.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), RATE_HZ, (320, 240))
+    noise = np.random.default_rng(0)
+    for _ in range(40):
+        writer.write(noise.integers(0, 255, (240, 320, 3), dtype=np.uint8))
+    writer.release()
+    data = path.read_bytes()
+    path.write_bytes(data[: int(len(data) * 0.6)])
+    source = open_source(path)
+    n = sum(1 for _ in source)
+    assert 0 < n < 40 and source.counts.read == n
+
+
+def test_unreadable_image_of_a_folder_is_counted_and_the_rest_delivered(folder: Path):
+    (folder / "image5.png").write_bytes(b"damaged")
+    source = open_source(folder, rate_hz=25.0)
+    images = list(source)
+    assert [number_of(image) for _, image in images] == [i for i in range(N) if i != 5]
+    assert images[5][0] == 6 * 40_000_000  # the stamps of the others stay
+    assert source.counts.missing == 1 and "image5.png" in source.counts.problems[0]
+
+
+def test_changing_size_is_refused(folder: Path):
+    cv2.imwrite(str(folder / "image4.png"), np.zeros((10, 10, 3), np.uint8))
+    with pytest.raises(SourceError, match="64x48 to 10x10"):
+        list(open_source(folder))
+
+
+def test_camera_source_checks_the_calibration(video: Path):
+    K = np.array([[50.0, 0, 31.5], [0, 50.0, 23.5], [0, 0, 1]])
+    good = Camera("left", CameraModel(WIDTH, HEIGHT, K), np.eye(4), source=str(video), time_offset_ns=-7)
+    assert next(iter(open_camera_source(good, SourceOptions(base_stamp_ns=1000))))[0] == 993
+    bad = Camera("left", CameraModel(WIDTH, HEIGHT + 1, K), np.eye(4), source=str(video))
+    with pytest.raises(CalibrationError, match=r"'left'.*expected 64x49, got 64x48"):
+        open_camera_source(bad)
+    with pytest.raises(SourceError, match="left"):
+        open_camera_source(Camera("left", CameraModel(WIDTH, HEIGHT, K), np.eye(4)))
+
+
+def test_real_video(shared_data: Path):
+    source = open_source(shared_data / "pose2sim_balancing/videos/cam01.mp4", end=2)
+    stamps = [stamp for stamp, _ in source]
+    assert source.rate_hz == pytest.approx(60.0) and stamps == [0, 16666667]
+    assert (source.width, source.height) == (1080, 1920)
+
+
+def test_images_whose_time_is_over_are_left_out_and_counted(path: Path):
+    """From the third image on those before the ninth are not wanted: at most four in a row are left out."""
+    source = open_source(path, rate_hz=25.0)
+    got = []
+    for stamp, image in source:
+        got.append(number_of(image))
+        if stamp == 80_000_000:
+            source.skip_before(8 * 40_000_000)
+    assert got == [0, 1, 2, 7, 8, 9, 10, 11]
+    assert (source.counts.read, source.counts.skipped) == (8, 4)
+    assert [number_of(image) for _, image in source] == list(range(N))  # the next pass has all of them

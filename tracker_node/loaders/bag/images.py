@@ -1,0 +1,120 @@
+"""Images in bags: which topics hold them, and their pixels without a copy."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator
+
+import numpy as np
+
+from ...errors import SourceError, shown
+from ...observation.image_set import ENCODINGS, CameraImage
+from ..decoding import bayer_pattern, decoded
+from .reader import BagMessage, BagReader
+
+RAW = "sensor_msgs/msg/Image"
+COMPRESSED = "sensor_msgs/msg/CompressedImage"
+_TOPIC_ENDS = ((RAW, "image_raw"), (COMPRESSED, "image_raw/compressed"))
+_SAME_ENCODING = {"8UC1": "mono8", "8UC3": "bgr8"}
+NS_PER_S = 1_000_000_000
+
+
+def image_topics(reader: BagReader, cameras: Iterable[str]) -> dict[str, str]:
+    """Topic -> camera for the cameras whose images the bag holds, raw ones before compressed ones.
+
+    Any namespace may stand before the camera's name, but only one topic may fit.
+
+    Raises
+    ------
+    SourceError : several topics fit one camera.
+    """
+    chosen: dict[str, str] = {}
+    for camera in cameras:
+        for type_name, end in _TOPIC_ENDS:
+            topics = [t for t in reader.topics_of_type(type_name) if f"/{t}".endswith(f"/{camera}/{end}")]
+            topics = [t for t in topics if reader.topics[t].message_count]
+            if len(topics) > 1:
+                raise SourceError(reader.path, f"several topics fit camera '{camera}': {', '.join(sorted(topics))}")
+            if topics:
+                chosen[topics[0]] = camera
+                break
+    return chosen
+
+
+def camera_images(reader: BagReader, topics: dict[str, str]) -> Iterator[CameraImage]:
+    """Images of ``topics`` (topic -> camera) in the order of recording, pixels as read-only views where possible.
+
+    Raises
+    ------
+    SourceError : an encoding that cannot be used, or a damaged image.
+    """
+    for message in reader.messages(topics):
+        yield image_of(reader, message, topics[message.topic])
+
+
+def image_of(reader: BagReader, message: BagMessage, camera: str) -> CameraImage:
+    """The image in a message of the types `RAW` and `COMPRESSED`.
+
+    Raises
+    ------
+    SourceError : an encoding that cannot be used, or a damaged image.
+    """
+    content = reader.decode(message)
+    stamp_ns = stamp_ns_of(content.header.stamp)
+    if message.type_name == COMPRESSED:
+        pixels = decoded(content.data)
+        if pixels is None:
+            raise SourceError(camera, f"compressed image at {stamp_ns} ns cannot be decoded (format {shown(content.format)})")
+        return CameraImage(camera, stamp_ns, pixels, "bgr8")
+    encoding = _SAME_ENCODING.get(content.encoding, content.encoding)
+    return CameraImage(camera, stamp_ns, _rows(content, encoding, camera, stamp_ns), encoding)
+
+
+def _rows(content, encoding: str, camera: str, stamp_ns: int) -> np.ndarray:
+    if encoding not in ENCODINGS:
+        raise SourceError(camera, f"image encoding: expected one of {sorted(ENCODINGS)}, got {shown(content.encoding)}")
+    row_bytes = content.width * ENCODINGS[encoding]
+    if content.step < row_bytes or content.data.size < content.height * content.step:
+        size = f"{content.width}x{content.height}, step {content.step}, {content.data.size} bytes"
+        raise SourceError(camera, f"image at {stamp_ns} ns contradicts itself: {size}")
+    rows = content.data[: content.height * content.step].reshape(content.height, content.step)[:, :row_bytes]
+    shape = (content.height, content.width, 3) if ENCODINGS[encoding] == 3 else (content.height, content.width)
+    pixels = np.ascontiguousarray(rows).reshape(shape)  # copies only where rows are padded
+    pixels.setflags(write=False)
+    return pixels
+
+
+def source_content(reader: BagReader, message: BagMessage) -> tuple[int, np.ndarray | bytes, str | None]:
+    """Stamp, pixels (h, w, 3) in BGR or (h, w), or a JPEG as it is, and the Bayer pattern of a mosaic.
+
+    Raises
+    ------
+    SourceError : an encoding that cannot be used, or a damaged image.
+    """
+    content = reader.decode(message)
+    stamp_ns = stamp_ns_of(content.header.stamp)
+    if message.type_name == COMPRESSED and content.data[:2].tobytes() == b"\xff\xd8":
+        return stamp_ns, content.data.tobytes(), None
+    pattern = bayer_pattern(getattr(content, "encoding", ""))
+    if pattern:
+        return stamp_ns, _rows(content, "mono8", message.topic, stamp_ns), pattern
+    image = image_of(reader, message, message.topic)
+    return stamp_ns, image.pixels if image.encoding == "mono8" else np.ascontiguousarray(image.bgr), None
+
+
+def only_topic(reader: BagReader, type_name: str, wanted: Collection[str] = ()) -> str:
+    """The one topic of ``type_name``, or the one that ``wanted`` names.
+
+    Raises
+    ------
+    SourceError : none, or several to choose from.
+    """
+    topics = [topic for topic in reader.topics_of_type(type_name) if not wanted or topic in wanted]
+    if len(topics) != 1:
+        found = ", ".join(sorted(topics)) or "none"
+        raise SourceError(reader.path, f"expected one topic of type {type_name}, found {found}")
+    return topics[0]
+
+
+def stamp_ns_of(stamp) -> int:
+    """Integer nanoseconds of a builtin_interfaces/Time."""
+    return int(stamp.sec) * NS_PER_S + int(stamp.nanosec)

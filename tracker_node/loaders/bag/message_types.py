@@ -1,0 +1,155 @@
+"""Message definitions without ROS: how bags say what their bytes mean.
+
+The standard messages of ROS 2 Jazzy come with rosbags, those of ``tracker_msgs`` with this package. Other types are looked
+up in the ROS installations that the environment names, if any.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path
+
+from rosbags.interfaces.typing import Typesdict
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.base import TypesysError
+from rosbags.typesys.msg import denormalize_msgtype
+from rosbags.typesys.store import Typestore
+
+from ...errors import TrackerError
+
+TRACKED_STATE = "tracker_msgs/msg/TrackedState"
+_OWN_DEFINITIONS = {TRACKED_STATE: "definitions/TrackedState.msg"}
+_SEPARATOR = "=" * 80
+
+
+class UnknownMessageTypeError(TrackerError):
+    """A message type whose definition cannot be found."""
+
+    def __init__(self, type_name: str, missing: str = ""):
+        self.type_name, self.missing = type_name, missing or type_name
+        part = f" (which holds {missing})" if missing and missing != type_name else ""
+        super().__init__(
+            f"message type '{type_name}'{part} is not known: it is not a standard message of ROS 2 Jazzy, and no"
+            " definition of it lies below the folders of AMENT_PREFIX_PATH"
+        )
+
+
+@dataclass(frozen=True)
+class MessageType:
+    """A message type as a bag states it.
+
+    ``definition`` is the text of the .msg file followed by those of all messages in it, as MCAP's ``ros2msg`` schema;
+    ``type_hash`` the ``RIHS01_...`` hash by which ROS 2 tells versions of a type apart.
+    """
+
+    name: str
+    definition: str
+    type_hash: str
+
+
+@lru_cache(maxsize=1)
+def typestore() -> Typestore:
+    """The Jazzy types with those of this package, shared by all who write."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for name in _OWN_DEFINITIONS:
+        store.register(get_types_from_msg(_own_definition(name), name))
+    return store
+
+
+@lru_cache(maxsize=256)
+def message_type(type_name: str) -> MessageType:
+    """Definition and hash of a type such as ``sensor_msgs/msg/Image``.
+
+    Raises
+    ------
+    UnknownMessageTypeError : neither standard nor installed.
+    """
+    store = typestore()
+    if type_name not in store.fielddefs:
+        _register_installed(store, type_name)
+    text, _ = store.generate_msgdef(type_name, ros_version=2)
+    if type_name in _OWN_DEFINITIONS:  # with its comments, which give the units
+        _, separator, parts = text.partition(_SEPARATOR)
+        text = _own_definition(type_name) + separator + parts
+    return MessageType(type_name, text, store.hash_rihs01(type_name))
+
+
+def typestore_of(definitions: dict[str, str]) -> Typestore:
+    """The types of a bag, from the definitions embedded in it (type name -> ``ros2msg`` or ``ros2idl`` text).
+
+    Where a definition is missing ours is taken; a type that we do not know either, or cannot read, is left out.
+    """
+    store = get_typestore(Stores.EMPTY)
+    for name, text in definitions.items():
+        if not text:
+            with suppress(UnknownMessageTypeError):
+                text = message_type(name).definition
+        try:
+            types = _parsed(name, text)
+        except (TypesysError, KeyError, ValueError):
+            continue  # of a damaged bag: its other types can still be read
+        store.register({key: fields for key, fields in types.items() if key not in store.fielddefs})
+    return store
+
+
+def _parsed(name: str, text: str) -> Typesdict:
+    if not text:
+        return {}
+    if not text.startswith(f"{_SEPARATOR}\nIDL: "):
+        return get_types_from_msg(text, name)
+    types: Typesdict = {}
+    for part in text.split(f"{_SEPARATOR}\n")[1:]:
+        types.update(get_types_from_idl(part.partition("\n")[2]))
+    return types
+
+
+def _own_definition(type_name: str) -> str:
+    return resources.files(__package__).joinpath(_OWN_DEFINITIONS[type_name]).read_text(encoding="utf-8")
+
+
+def _register_installed(store: Typestore, type_name: str) -> None:
+    """Register a type and all types in it from the .msg files of ROS installations."""
+    found: dict[str, Path] = {}
+    wanted = [type_name]
+    types: Typesdict = {}
+    while wanted:
+        name = wanted.pop()
+        if name in store.fielddefs or name in found:
+            continue
+        path = next((path for path in _candidates(name) if path.is_file()), None)
+        if path is None:
+            raise UnknownMessageTypeError(type_name, name)
+        found[name] = path
+        parsed = get_types_from_msg(path.read_text(encoding="utf-8"), name)
+        types.update(parsed)
+        wanted += [part for _, fields in parsed.values() for _, field in fields for part in _names_in(field)]
+    store.register(types)
+
+
+def _candidates(type_name: str) -> Iterator[Path]:
+    package, kind, name = type_name.split("/") if type_name.count("/") == 2 else ("", "", "")
+    prefixes = [prefix for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
+    for prefix in [*prefixes, sys.prefix]:
+        if name:
+            yield Path(prefix, "share", package, kind, f"{name}.msg")
+
+
+def _names_in(field: tuple) -> list[str]:
+    """Message types that a field of rosbags' type description refers to."""
+    _, content = field
+    if isinstance(content, str):
+        return [content]
+    if isinstance(content, tuple) and content and isinstance(content[0], tuple):
+        return _names_in(content[0])
+    return []
+
+
+def short_name(type_name: str) -> str:
+    """``sensor_msgs/Image`` for ``sensor_msgs/msg/Image``."""
+    return denormalize_msgtype(type_name)

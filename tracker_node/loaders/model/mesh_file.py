@@ -1,0 +1,162 @@
+"""Triangle meshes from and to files (every format that trimesh reads: STL, PLY, OBJ, OFF, glTF ...), with their colors."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import FileFormatError
+from ...model.shapes.primitives import Mesh
+from ..limited_file import MEDIA_BYTES, check_regular
+from ..picture_file import write_picture
+
+
+def read_mesh(file: str | Path, scale: float, referrer: str | Path, field: str, texture: np.ndarray | None = None) -> Mesh:
+    """Mesh of a file, its coordinates times ``scale`` (1 for a file in metres, 0.001 for one in millimetres).
+
+    Colors of faces or vertices, texture and normals are taken over where the file has them.
+
+    Parameters
+    ----------
+    texture : (h, w, 3) uint8 RGB to put in the place of the file's own; the file must have texture coordinates.
+
+    Raises
+    ------
+    FileFormatError : naming ``referrer`` and ``field``, where the file is asked for.
+    """
+    import trimesh  # slow to import, and few models have meshes
+
+    file = Path(file)
+    if not os.path.isfile(file):  # Path.is_file raises for a name that is too long
+        raise FileFormatError(referrer, field, "an existing mesh file", str(file))
+    check_regular(file, MEDIA_BYTES)
+    if file.suffix.lower() == ".obj" and texture is None:
+        _check_materials(file, referrer, field)
+    try:
+        # process=False keeps the vertices as they are
+        scene: Any = trimesh.load_scene(file, process=False)
+        loaded: Any = scene.to_mesh()
+    except Exception as error:  # trimesh's readers raise whatever their parsers do
+        raise FileFormatError(referrer, field, "a readable mesh", f"{file}: {error}") from None
+    faces = np.asarray(getattr(loaded, "faces", np.zeros((0, 3))))
+    if len(faces) == 0:
+        raise FileFormatError(referrer, field, "a mesh with triangles", str(file))
+    vertices = np.asarray(loaded.vertices, dtype=np.float64) * scale
+    if not np.all(np.isfinite(vertices)):
+        raise FileFormatError(referrer, field, "finite vertices", str(file))
+    surface = _surface(loaded, faces, texture) | _normals(scene, len(vertices))
+    if texture is not None and "texture" not in surface:
+        raise FileFormatError(referrer, field, "a mesh with texture coordinates, for its texture", str(file))
+    try:
+        return Mesh(vertices, faces, **surface)
+    except ValueError as error:  # corners with two coordinates, faces of corners that are not there
+        raise FileFormatError(referrer, field, "a sound mesh", f"{file}: {error}") from None
+
+
+def _surface(loaded: Any, faces: np.ndarray, texture: np.ndarray | None) -> dict[str, np.ndarray]:
+    """Fields of `Mesh` for what the file says of the surface."""
+    surface: dict[str, np.ndarray] = {}
+    visual = loaded.visual
+    if visual.kind == "vertex":
+        surface["vertex_colors_rgb"] = np.asarray(visual.vertex_colors)[:, :3]
+    elif visual.kind == "face":
+        surface["face_colors_rgb"] = np.asarray(visual.face_colors)[:, :3]
+    elif visual.kind == "texture":
+        picture = texture if texture is not None else _picture_of(visual.material)
+        if picture is not None and visual.uv is not None and np.all(np.isfinite(visual.uv)):
+            surface["texture"] = picture
+            surface["uv"] = np.asarray(visual.uv, dtype=np.float64)[faces]
+        elif picture is None:
+            surface["vertex_colors_rgb"] = np.tile(np.asarray(visual.material.main_color)[:3], (len(loaded.vertices), 1))
+    return surface
+
+
+def _normals(scene: Any, n_vertices: int) -> dict[str, np.ndarray]:
+    """Normals that the file gives for every vertex. trimesh forgets them when it joins the parts of a scene."""
+    placed = (scene.graph[node] for node in scene.graph.nodes_geometry)
+    parts = [(T, scene.geometry[name]) for T, name in placed if hasattr(scene.geometry[name], "faces")]
+    # It would compute them on demand; those that a file has given lie where it would keep the computed ones.
+    given = [(T, part._cache.cache.get("vertex_normals")) for T, part in parts]
+    if any(normals is None for _, normals in given):
+        return {}
+    normals = np.concatenate([normals @ np.linalg.inv(T[:3, :3]) for T, normals in given])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    if len(normals) != n_vertices or not np.all(lengths > 0.0):
+        return {}
+    return {"normals": normals / lengths}
+
+
+def _picture_of(material: Any) -> np.ndarray | None:
+    picture = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
+    return None if picture is None else np.asarray(picture.convert("RGB"))
+
+
+def _check_materials(file: Path, referrer: str | Path, field: str) -> None:
+    """trimesh goes on without the material files and pictures that an OBJ file names; we do not."""
+    for library in _named_in(file, "mtllib"):
+        if not os.path.isfile(library):
+            raise FileFormatError(referrer, field, f"the material file that {file} names", f"no {library}")
+        for picture in _named_in(library, "map_Kd"):
+            if not os.path.isfile(picture):
+                raise FileFormatError(referrer, field, f"the texture that {library} names", f"no {picture}")
+
+
+def _named_in(file: Path, keyword: str) -> list[Path]:
+    """Files named after ``keyword`` at the start of a line; options before the name are skipped."""
+    lines = [line.split() for line in file.read_text(encoding="utf-8", errors="replace").splitlines()]
+    return [file.parent / words[-1] for words in lines if len(words) > 1 and words[0] == keyword]
+
+
+def write_mesh(mesh: Mesh, stem: Path) -> Path:
+    """Write a mesh with every digit of its vertices (metres), and say where.
+
+    OBJ with colors of vertices or, beside it, material and texture; colors of faces go to a PLY file, since OBJ has none.
+    """
+    stem.parent.mkdir(parents=True, exist_ok=True)
+    as_ply = mesh.face_colors_rgb is not None and mesh.texture is None and mesh.vertex_colors_rgb is None
+    file = stem.with_name(stem.name + (".ply" if as_ply else ".obj"))
+    lines = _ply_lines(mesh) if as_ply else _obj_lines(mesh, file)
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return file
+
+
+def _obj_lines(mesh: Mesh, file: Path) -> list[str]:
+    textured = mesh.texture is not None and mesh.uv is not None
+    rows = mesh.vertices
+    if mesh.vertex_colors_rgb is not None and not textured:
+        rows = np.hstack([rows, mesh.vertex_colors_rgb / 255.0])
+    lines = [_row("v", row) for row in rows]
+    if mesh.normals is not None:
+        lines += [_row("vn", row) for row in mesh.normals]
+    if textured:
+        picture = file.with_suffix(".png")
+        write_picture(mesh.texture, picture)  # type: ignore[arg-type]
+        file.with_suffix(".mtl").write_text(f"newmtl surface\nKd 1 1 1\nmap_Kd {picture.name}\n", encoding="utf-8")
+        lines = [f"mtllib {file.with_suffix('.mtl').name}", *lines, *(_row("vt", row) for row in mesh.uv.reshape(-1, 2))]  # type: ignore[union-attr]
+        lines.append("usemtl surface")
+    for i, face in enumerate(mesh.faces + 1):
+        corners = []
+        for j, vertex in enumerate(face):
+            uv = f"{3 * i + j + 1}" if textured else ""
+            normal = f"/{vertex}" if mesh.normals is not None else ""
+            corners.append(f"{vertex}/{uv}{normal}" if uv or normal else f"{vertex}")
+        lines.append("f " + " ".join(corners))
+    return lines
+
+
+def _ply_lines(mesh: Mesh) -> list[str]:
+    rows, names = mesh.vertices, ["x", "y", "z"]
+    if mesh.normals is not None:
+        rows, names = np.hstack([rows, mesh.normals]), [*names, "nx", "ny", "nz"]
+    header = ["ply", "format ascii 1.0", f"element vertex {len(rows)}", *(f"property double {name}" for name in names)]
+    header += [f"element face {len(mesh.faces)}", "property list uchar int vertex_indices"]
+    header += [*(f"property uchar {name}" for name in ("red", "green", "blue")), "end_header"]
+    faces = np.hstack([mesh.faces, mesh.face_colors_rgb])  # type: ignore[list-item]
+    return header + [_row("", row).strip() for row in rows] + ["3 " + " ".join(str(v) for v in row) for row in faces.tolist()]
+
+
+def _row(keyword: str, values: np.ndarray) -> str:
+    return " ".join((keyword, *(repr(value) for value in values.tolist())))

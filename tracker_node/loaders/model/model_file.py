@@ -1,0 +1,316 @@
+"""What a model file may hold, and what must fit together in it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from ...model.articulated import DEFAULT_COLOR_RGB
+from ...model.kinematic_chain import ROOT_DOF_NAMES
+from ...model.shapes.nurbs import N_AROUND, RING_SPACING, Loft, Section
+from ...model.shapes.primitives import BOX_FACES
+from ..file_kind import BODY
+from ..yaml_file import FileModel, Number, PositiveNumber, is_number, numbers, problem
+
+LEAST_RANGE = 1e-6  # degrees or metres between an axis's limits; radians and back must not close it
+Vector = numbers(3)
+
+
+def _positive_vector(value: Any) -> tuple[float, float, float]:
+    ok = isinstance(value, (list, tuple)) and len(value) == 3
+    if not ok or any(not is_number(v) or not v > 0 for v in value):
+        raise problem("3 positive numbers (metres)", value)
+    return float(value[0]), float(value[1]), float(value[2])
+
+
+def _positive_pair(value: Any) -> tuple[float, float]:
+    ok = isinstance(value, (list, tuple)) and len(value) == 2
+    if not ok or any(not is_number(v) or not v > 0 for v in value):
+        raise problem("2 positive numbers (metres)", value)
+    return float(value[0]), float(value[1])
+
+
+def _ring_spacing(value: Any) -> float:
+    if not is_number(value) or not value >= 0.001:
+        raise problem("a number >= 0.001 (metres)", value)
+    return float(value)
+
+
+def _color(value: Any) -> tuple[int, int, int]:
+    ok = isinstance(value, (list, tuple)) and len(value) == 3
+    if not ok or any(isinstance(v, bool) or not isinstance(v, int) or not 0 <= v <= 255 for v in value):
+        raise problem("[r, g, b], whole numbers of 0..255", value)
+    return value[0], value[1], value[2]
+
+
+def _limits_deg(value: Any) -> tuple[float, float]:
+    return _limits(value, "degrees")
+
+
+def _limits_m(value: Any) -> tuple[float, float]:
+    return _limits(value, "metres")
+
+
+def _limits(value: Any, unit: str) -> tuple[float, float]:
+    ok = isinstance(value, (list, tuple)) and len(value) == 2
+    ok = ok and all(is_number(v) for v in value)
+    if not ok or not value[1] - value[0] > LEAST_RANGE:
+        raise problem(f"[lower, upper] in {unit} with lower < upper", value)
+    return float(value[0]), float(value[1])
+
+
+PositiveVector = Annotated[tuple[float, float, float], BeforeValidator(_positive_vector)]
+PositivePair = Annotated[tuple[float, float], BeforeValidator(_positive_pair)]
+Color = Annotated[tuple[int, int, int], BeforeValidator(_color)]
+Degrees = Annotated[tuple[float, float], BeforeValidator(_limits_deg)]
+Metres = Annotated[tuple[float, float], BeforeValidator(_limits_m)]
+
+
+class FollowsEntry(FileModel):
+    """Position = multiplier * that of the leading axis + offset, in radians and metres but for ``offset_deg``."""
+
+    axis: str
+    multiplier: Number = 1.0
+    offset_deg: Number = 0.0
+    offset_m: Number = 0.0
+
+
+class AxisEntry(FileModel):
+    """One degree of freedom of a joint: a turn, or with ``limits_m`` a slide."""
+
+    name: str
+    direction: Vector  # type: ignore[valid-type]
+    limits_deg: Degrees = (-180.0, 180.0)
+    neutral_deg: Number = 0.0
+    limits_m: Metres | None = None
+    neutral_m: Number = 0.0
+    stiffness: Number = 0.0
+    follows: FollowsEntry | None = None
+
+    @model_validator(mode="after")
+    def _sound(self) -> AxisEntry:
+        if not np.linalg.norm(self.direction) > 1e-9:
+            raise problem("a direction of non-zero length", self.direction, "direction")
+        given = self.model_fields_set
+        for other in ("limits_deg", "neutral_deg") if self.slides else ("neutral_m",):
+            if other in given:
+                raise problem("degrees of an axis that turns, or limits_m of one that slides", "both kinds", other)
+        field, what = ("neutral_m", "a length") if self.slides else ("neutral_deg", "an angle")
+        (lower, upper), neutral = self.limits_m or self.limits_deg, getattr(self, field)
+        if not lower <= neutral <= upper:
+            raise problem(f"{what} within the limits [{lower:g}, {upper:g}]", neutral, field)
+        if self.stiffness < 0.0:
+            raise problem("a number >= 0", self.stiffness, "stiffness")
+        if self.follows is not None:
+            wrong = "offset_deg" if self.slides else "offset_m"
+            if wrong in self.follows.model_fields_set:
+                raise problem("an offset in the axis's own unit", wrong, f"follows.{wrong}")
+        return self
+
+    @property
+    def slides(self) -> bool:
+        return self.limits_m is not None
+
+
+class Placed(FileModel):
+    """Something with a place in the frame of a link."""
+
+    xyz: Vector = (0.0, 0.0, 0.0)  # type: ignore[valid-type]
+    rpy_deg: Vector = (0.0, 0.0, 0.0)  # type: ignore[valid-type]
+
+
+class JointEntry(Placed):
+    """A joint: where it sits in its parent, and its axes in the order in which they turn."""
+
+    parent: str
+    child: str
+    axes: tuple[AxisEntry, ...] = ()
+
+
+class _ShapeBase(Placed):
+    link: str
+    color_rgb: Color = DEFAULT_COLOR_RGB
+
+
+class ConeEntry(_ShapeBase):
+    """Truncated elliptical cone along z; give ``length`` (from z = 0) or ``z1`` and ``z2``, ``taper`` or ``end_scale``."""
+
+    type: Literal["truncated_elliptical_cone"]
+    a: PositiveNumber
+    b: PositiveNumber
+    taper: Number | None = None
+    end_scale: PositiveNumber | None = None
+    length: PositiveNumber | None = None
+    z1: Number | None = None
+    z2: Number | None = None
+
+    @model_validator(mode="after")
+    def _sound(self) -> ConeEntry:
+        given = [name for name in ("z1", "z2") if getattr(self, name) is not None]
+        if (self.length is not None) == bool(given):
+            raise problem("either length or z1 and z2", "both" if given else "neither", "length")
+        if len(given) == 1:
+            raise problem("z1 and z2", f"only {given[0]}", "z2" if given == ["z1"] else "z1")
+        z1, z2 = self.span
+        if not z1 < z2:
+            raise problem("z1 < z2", [z1, z2], "z2")
+        if self.taper is not None and self.end_scale is not None:
+            raise problem("either taper or end_scale", "both", "end_scale")
+        if self.end_scale is not None and z2 == 0.0:
+            raise problem("taper (end_scale is relative to z = 0, which is the end itself)", self.end_scale, "end_scale")
+        if min(1.0 + self.taper_per_m * z for z in self.span) <= 0.0:
+            raise problem("a cone without its tip: 1 + taper z > 0 from z1 to z2", self.taper_per_m, "taper")
+        return self
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Both ends on the axis, metres."""
+        return (0.0, self.length) if self.length is not None else (self.z1, self.z2)  # type: ignore[return-value]
+
+    @property
+    def taper_per_m(self) -> float:
+        """k of the half-axes a (1 + k z), b (1 + k z)."""
+        if self.end_scale is not None:
+            return (self.end_scale - 1.0) / self.span[1]
+        return self.taper if self.taper is not None else 0.0
+
+
+class EllipsoidEntry(_ShapeBase):
+    type: Literal["ellipsoid"]
+    radii: PositiveVector
+
+
+class BoxEntry(_ShapeBase):
+    """Box; a face of its own color or with a picture is named by the axis that points out of it."""
+
+    type: Literal["box"]
+    size: PositiveVector
+    face_colors_rgb: dict[str, Color] = Field(default_factory=dict)
+    textures: dict[str, str] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _sound(self) -> BoxEntry:
+        for field, faces in (("face_colors_rgb", self.face_colors_rgb), ("textures", self.textures)):
+            for face in faces:
+                if face not in BOX_FACES:
+                    raise problem(f"a face, one of {list(BOX_FACES)}", face, field)
+        return self
+
+
+class MeshEntry(_ShapeBase):
+    """Mesh file, with its colors; ``texture`` is a picture to put in the place of the file's own."""
+
+    type: Literal["mesh"]
+    file: str
+    scale: PositiveNumber = 1.0
+    texture: str | None = None
+
+
+class SectionEntry(FileModel):
+    """Stadium across z."""
+
+    z: Number
+    half_x: PositiveNumber
+    half_y: PositiveNumber
+    x: Number = 0.0
+    y: Number = 0.0
+
+
+class LoftEntry(_ShapeBase):
+    """Solid through stadium cross-sections in the order of z, with a dome on either end."""
+
+    type: Literal["lofted"]
+    sections: tuple[SectionEntry, ...] = Field(min_length=2)
+    domes: PositivePair
+    vertices_around: Annotated[int, Field(ge=8, le=1024)] = N_AROUND
+    ring_spacing: Annotated[float, BeforeValidator(_ring_spacing)] = RING_SPACING
+
+    @model_validator(mode="after")
+    def _sound(self) -> LoftEntry:
+        for i, (below, above) in enumerate(pairwise(self.sections)):
+            if not below.z < above.z:
+                raise problem(f"a section above the one before it (z > {below.z:g})", above.z, f"sections.{i + 1}.z")
+        return self
+
+    @property
+    def loft(self) -> Loft:
+        """What the model's code makes of it."""
+        return Loft(tuple(Section(s.z, s.half_x, s.half_y, s.x, s.y) for s in self.sections), self.domes)
+
+
+ShapeEntry = Annotated[ConeEntry | EllipsoidEntry | BoxEntry | MeshEntry | LoftEntry, Field(discriminator="type")]
+
+
+class LandmarkEntry(FileModel):
+    link: str
+    xyz: Vector  # type: ignore[valid-type]
+
+
+class ModelFile(FileModel):
+    """A whole model file."""
+
+    KIND: ClassVar[str] = BODY
+
+    name: str
+    links: tuple[str, ...] = Field(min_length=1)
+    joints: dict[str, JointEntry] = Field(default_factory=dict)
+    shapes: dict[str, ShapeEntry] = Field(default_factory=dict)
+    landmarks: dict[str, LandmarkEntry] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> ModelFile:
+        repeated = sorted({link for link in self.links if self.links.count(link) > 1})
+        if repeated:
+            raise problem("each link once", repeated, "links")
+        for kind, references in (
+            (
+                "joints",
+                {f"{n}.{end}": getattr(j, end) for n, j in self.joints.items() for end in ("parent", "child")},
+            ),
+            ("shapes", {f"{n}.link": s.link for n, s in self.shapes.items()}),
+            ("landmarks", {f"{n}.link": m.link for n, m in self.landmarks.items()}),
+        ):
+            for field, link in references.items():
+                if link not in self.links:
+                    raise problem(f"a link, one of {sorted(self.links)}", link, f"{kind}.{field}")
+        self._check_tree()
+        self._check_axis_names()
+        return self
+
+    def _check_tree(self) -> None:
+        parent_of: dict[str, str] = {}
+        joint_to: dict[str, str] = {}
+        for name, joint in self.joints.items():
+            if joint.child in joint_to:
+                expected = f"a link that no other joint carries (joint '{joint_to[joint.child]}' does)"
+                raise problem(expected, joint.child, f"joints.{name}.child")
+            parent_of[joint.child], joint_to[joint.child] = joint.parent, name
+        for link in self.links:
+            path = [link]
+            while path[-1] in parent_of:
+                path.append(parent_of[path[-1]])
+                if path[-1] in path[:-1]:
+                    cycle = path[path.index(path[-1]) :]
+                    field = f"joints.{joint_to[cycle[0]]}.parent"
+                    raise problem("a tree", "the cycle " + " -> ".join(reversed(cycle)), field)
+        roots = [link for link in self.links if link not in parent_of]
+        if len(roots) > 1:
+            raise problem(f"one root; a joint to each other link than '{roots[0]}'", roots, "links")
+
+    def _check_axis_names(self) -> None:
+        seen: dict[str, str] = dict.fromkeys(ROOT_DOF_NAMES, "the root")
+        for name, joint in self.joints.items():
+            for i, axis in enumerate(joint.axes):
+                if axis.name in seen:
+                    expected = f"a name of its own ({seen[axis.name]} has this one)"
+                    raise problem(expected, axis.name, f"joints.{name}.axes.{i}.name")
+                seen[axis.name] = f"joint '{name}'"
+        for name, joint in self.joints.items():
+            for i, axis in enumerate(joint.axes):
+                others = [other for other in seen if other not in (axis.name, *ROOT_DOF_NAMES)]
+                if axis.follows is not None and axis.follows.axis not in others:
+                    expected = f"another axis, one of {sorted(others)}"
+                    raise problem(expected, axis.follows.axis, f"joints.{name}.axes.{i}.follows.axis")

@@ -1,0 +1,162 @@
+"""Robot descriptions (URDF) as models: links, joints with their limits, geometry, colors (docs/formats.md).
+
+Joints keep their names: they are the degrees of freedom, and a landmark marks the origin of each. Read from the specification at
+wiki.ros.org/urdf/XML; <capsule> and ``type="spherical"`` are pybullet's, <ellipsoid> is Drake's.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import FileFormatError, ModelError
+from ...geometry import se3
+from ...model.articulated import ArticulatedModel, Landmark, Shape
+from ...model.kinematic_chain import ENDLESS_RAD, ROOT_DOF_NAMES, Axis, Following, Joint, KinematicChain
+from .urdf_geometry import read_materials, read_shapes
+from .urdf_xml import Node, read_robot
+
+_TYPES = ("revolute", "continuous", "prismatic", "spherical", "fixed", "floating")
+
+
+def load_urdf(path: str | Path) -> ArticulatedModel:
+    """Model of a robot description. Shapes are the visual geometry, or the collision geometry in a file without any visual.
+
+    Raises
+    ------
+    FileFormatError : naming file, element and attribute; also for a robot without geometry, and for a floating joint elsewhere
+        than at the root (which floats anyway).
+    """
+    robot = read_robot(path)
+    name = robot.text("name")
+    links, joint_nodes = _by_name(robot, "link"), _by_name(robot, "joint")
+    if not links:
+        raise robot.error("at least one <link>", "none")
+    shapes = _shapes(robot, links)
+    joints = [_joint(joint, node, links) for joint, node in joint_nodes.items()]
+    for joint, node in joint_nodes.items():
+        if node.text("type") == "floating":
+            joints = _without_floating(joint, node, joints, links, shapes)
+    _check_axis_names(joints, joint_nodes)
+    _check_leaders(joints, joint_nodes)
+    try:
+        chain = KinematicChain(tuple(links), tuple(joints))
+    except ModelError as error:
+        raise FileFormatError(path, "joint", "a tree of all links", str(error)) from None
+    landmarks = {joint.name: Landmark(joint.name, joint.child, (0.0, 0.0, 0.0)) for joint in joints}
+    landmarks.setdefault(chain.links[0], Landmark(chain.links[0], chain.links[0], (0.0, 0.0, 0.0)))
+    return ArticulatedModel(name, chain, tuple(shapes), tuple(landmarks.values()))
+
+
+def _by_name(robot: Node, tag: str) -> dict[str, Node]:
+    nodes: dict[str, Node] = {}
+    for node in robot.all(tag):
+        name = node.text("name")
+        if name in nodes:
+            raise node.error(f"each {tag} once", name, "name")
+        nodes[name] = node
+    return nodes
+
+
+def _shapes(robot: Node, links: dict[str, Node]) -> list[Shape]:
+    materials = read_materials(robot)
+    kind = "visual" if any(link.all("visual") for link in links.values()) else "collision"
+    shapes = [shape for link in links.values() for shape in read_shapes(link, kind, materials)]
+    if not shapes:
+        expected = "a <visual> or <collision> with <geometry> in at least one link: a body without a surface cannot be seen"
+        raise robot.error(expected, f"none in {len(links)} links", "link")
+    taken: Counter[str] = Counter()
+    names = {shape.name for shape in shapes}
+    result = []
+    for shape in shapes:
+        taken[shape.name] += 1
+        name, number = shape.name, taken[shape.name]
+        while number > 1 and name in names:
+            name, number = f"{shape.name}_{number}", number + 1
+        names.add(name)
+        result.append(Shape(name, shape.link, shape.primitive, shape.T_link_shape, shape.color_rgb))
+    return result
+
+
+def _joint(name: str, node: Node, links: dict[str, Node]) -> Joint:
+    kind = node.text("type")
+    if kind not in _TYPES:
+        raise node.error(f"one of {list(_TYPES)}", kind, "type")
+    ends = []
+    for end in ("parent", "child"):
+        link = node.needed(end).text("link")
+        if link not in links:
+            raise node.error(f"a link, one of {sorted(links)}", link, f"{end}.link")
+        ends.append(link)
+    axes, T_joint_child = _axes(name, kind, node)
+    return Joint(name, ends[0], ends[1], node.origin() @ T_joint_child, axes)
+
+
+def _axes(name: str, kind: str, node: Node) -> tuple[tuple[Axis, ...], np.ndarray]:
+    """Axes of a joint; and where its child is welded if the limits leave it nothing to move."""
+    if kind in ("fixed", "floating"):
+        return (), np.eye(4)
+    if kind == "spherical":
+        x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+        return (Axis(f"{name}_x", x), Axis(f"{name}_y", y), Axis(f"{name}_z", z)), np.eye(4)
+    direction, follows = _direction(node), _following(node)
+    if kind == "continuous":
+        return (Axis(name, direction, -ENDLESS_RAD, ENDLESS_RAD, follows=follows),), np.eye(4)
+    limit = node.needed("limit")
+    lower, upper = limit.number("lower", 0.0), limit.number("upper", 0.0)
+    if lower > upper:
+        raise limit.error(f"an upper limit >= the lower one ({lower:g})", upper, "upper")
+    slides = kind == "prismatic"
+    if lower == upper:
+        motion = lower * np.array(direction)
+        return (), se3.exp(np.append(motion, np.zeros(3)) if slides else np.append(np.zeros(3), motion))
+    return (Axis(name, direction, lower, upper, min(max(0.0, lower), upper), 0.0, slides, follows),), np.eye(4)
+
+
+def _following(node: Node) -> Following | None:
+    mimic = node.one("mimic")
+    if mimic is None:
+        return None
+    return Following(mimic.text("joint"), mimic.number("multiplier", 1.0), mimic.number("offset", 0.0))
+
+
+def _direction(node: Node) -> tuple[float, float, float]:
+    axis = node.one("axis")
+    direction = np.array((1.0, 0.0, 0.0) if axis is None else axis.numbers("xyz", 3, (1.0, 0.0, 0.0)))
+    length = float(np.linalg.norm(direction))
+    if axis is not None and not length > 1e-9:
+        raise axis.error("a direction of non-zero length", direction.tolist(), "xyz")
+    x, y, z = (direction / length).tolist()
+    return x, y, z
+
+
+def _without_floating(name: str, node: Node, joints: list[Joint], links: dict[str, Node], shapes: list[Shape]) -> list[Joint]:
+    """Joints and links without an empty root that only carries a floating joint: every root floats."""
+    (floating,) = (joint for joint in joints if joint.name == name)
+    root = floating.parent
+    others = [joint for joint in joints if joint is not floating and root in (joint.parent, joint.child)]
+    if others or any(shape.link == root for shape in shapes):
+        raise node.error("a joint of another type: the root floats, nothing else can", "floating", "type")
+    del links[root]
+    return [joint for joint in joints if joint is not floating]
+
+
+def _check_axis_names(joints: list[Joint], nodes: dict[str, Node]) -> None:
+    owner: dict[str, str] = dict.fromkeys(ROOT_DOF_NAMES, "the root")
+    for joint in joints:
+        for axis in joint.axes:
+            if axis.name in owner:
+                raise nodes[joint.name].error(f"a name of its own ({owner[axis.name]} has this one)", axis.name, "name")
+            owner[axis.name] = f"joint '{joint.name}'"
+
+
+def _check_leaders(joints: list[Joint], nodes: dict[str, Node]) -> None:
+    axes = [axis.name for joint in joints for axis in joint.axes]
+    for joint in joints:
+        for axis in joint.axes:
+            others = sorted(name for name in axes if name != axis.name)
+            if axis.follows is not None and axis.follows.leader not in others:
+                expected = f"another joint that moves, one of {others}"
+                raise nodes[joint.name].needed("mimic").error(expected, axis.follows.leader, "joint")

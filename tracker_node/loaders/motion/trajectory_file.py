@@ -1,0 +1,246 @@
+"""Trajectories as CSV: ``states.csv``, ``joints.csv``, ``poses.csv``.
+
+Numbers have 17 significant digits, so reading gives back the very float64 that was written. Wall-clock times are left out:
+two runs that found the same states write the same bytes. Rows are written through at once, so what was tracked before a
+power cut is in the file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import FileFormatError
+from ...geometry import quaternion, se3
+from ...model.kinematic_chain import N_ROOT_DOF
+from ..csv_file import CsvTable, CsvWriter, exact
+
+LEADING_COLUMNS = ("stamp_ns", "status", "reason")
+TRAILING_COLUMNS = ("score", "residual_px", "iterations", "evaluations")
+JOINT_COLUMNS = ("stamp_ns", "landmark", "x", "y", "z")
+POSE_COLUMNS = ("stamp_ns", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
+_N_ROOT_TRANSLATION = 3
+
+
+@dataclass(frozen=True, eq=False)
+class StateRow:
+    """One instant of ``states.csv``.
+
+    ``values`` (n_dof,) as `model.configuration.State.to_values`: metres and radians; all NaN where there is no state, which the
+    file shows by empty cells. ``status`` is the name of the status, ``score`` the objective's value in its own unit.
+    """
+
+    stamp_ns: int
+    status: str
+    reason: str
+    values: np.ndarray
+    score: float = 0.0
+    residual_px: float = 0.0
+    iterations: int = 0
+    evaluations: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class StateTrajectory:
+    """What ``states.csv`` holds: ``dof_names`` and one row per image set, in the order of the file.
+
+    ``dof_units`` are "m" or "rad"; those of a chain of turns if not given.
+    """
+
+    dof_names: tuple[str, ...]
+    rows: tuple[StateRow, ...]
+    dof_units: tuple[str, ...] = ()
+
+    @property
+    def stamps_ns(self) -> np.ndarray:
+        """(n,) int64."""
+        return np.array([row.stamp_ns for row in self.rows], dtype=np.int64)
+
+    @property
+    def values(self) -> np.ndarray:
+        """(n, n_dof) metres and radians."""
+        return np.array([row.values for row in self.rows], dtype=np.float64).reshape(-1, len(self.dof_names))
+
+    @property
+    def status(self) -> tuple[str, ...]:
+        return tuple(row.status for row in self.rows)
+
+
+@dataclass(frozen=True, eq=False)
+class JointTrajectory:
+    """What ``joints.csv`` holds.
+
+    ``positions_m`` (n, n_landmarks, 3) in the world; ``valid`` (n, n_landmarks) is False where the file has no row, and the
+    position is zero there.
+    """
+
+    names: tuple[str, ...]
+    stamps_ns: np.ndarray
+    positions_m: np.ndarray
+    valid: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class PoseTrajectory:
+    """What ``poses.csv`` holds: ``positions_m`` (n, 3) and ``quaternions_xyzw`` (n, 4), rotation of T_world_root."""
+
+    stamps_ns: np.ndarray
+    positions_m: np.ndarray
+    quaternions_xyzw: np.ndarray
+
+    @property
+    def Ts_world_root(self) -> np.ndarray:
+        """(n, 4, 4)."""
+        rotations = [quaternion.matrix_from_xyzw(q) for q in self.quaternions_xyzw]
+        pairs = zip(rotations, self.positions_m, strict=True)
+        return np.array([se3.from_rotation_translation(r, t) for r, t in pairs]).reshape(-1, 4, 4)
+
+
+class StatesWriter(CsvWriter):
+    """Writes ``states.csv``."""
+
+    def __init__(self, path: str | Path, dof_names: Sequence[str], dof_units: Sequence[str] = ()):
+        self.dof_names = tuple(dof_names)
+        super().__init__(path, (*LEADING_COLUMNS, *dof_columns(self.dof_names, dof_units), *TRAILING_COLUMNS))
+
+    def append(self, row: StateRow) -> None:
+        if len(row.values) != len(self.dof_names):
+            raise ValueError(f"expected {len(self.dof_names)} values, got {len(row.values)}")
+        numbers = [""] * len(row.values) if np.isnan(row.values).all() else [exact(value) for value in row.values]
+        tail = [exact(row.score), exact(row.residual_px), int(row.iterations), int(row.evaluations)]
+        self.write_rows([[int(row.stamp_ns), row.status, row.reason, *numbers, *tail]])
+
+
+class JointsWriter(CsvWriter):
+    """Writes ``joints.csv``."""
+
+    def __init__(self, path: str | Path, landmark_names: Sequence[str]):
+        self.landmark_names = tuple(landmark_names)
+        super().__init__(path, JOINT_COLUMNS)
+
+    def append(self, stamp_ns: int, positions_m: np.ndarray) -> None:
+        """One instant: ``positions_m`` (n_landmarks, 3) in the world."""
+        points = np.asarray(positions_m)
+        if points.shape != (len(self.landmark_names), 3):
+            raise ValueError(f"expected positions ({len(self.landmark_names)}, 3), got {points.shape}")
+        pairs = zip(self.landmark_names, points, strict=True)
+        self.write_rows([[int(stamp_ns), name, *map(exact, point)] for name, point in pairs])
+
+
+class PosesWriter(CsvWriter):
+    """Writes ``poses.csv``."""
+
+    def __init__(self, path: str | Path):
+        super().__init__(path, POSE_COLUMNS)
+
+    def append(self, stamp_ns: int, T_world_root: np.ndarray) -> None:
+        """One instant: ``T_world_root`` (4, 4)."""
+        q_xyzw = quaternion.xyzw_from_matrix(T_world_root[:3, :3])
+        self.write_rows([[int(stamp_ns), *map(exact, T_world_root[:3, 3]), *map(exact, q_xyzw)]])
+
+
+def dof_columns(dof_names: Sequence[str], dof_units: Sequence[str] = ()) -> tuple[str, ...]:
+    """Column names: the degree of freedom with its unit, ``root_x_m``, ``left_knee_flexion_rad``; no units: all joints turn."""
+    units = dof_units or tuple("m" if i < _N_ROOT_TRANSLATION else "rad" for i in range(len(dof_names)))
+    return tuple(f"{name}_{unit}" for name, unit in zip(dof_names, units, strict=True))
+
+
+def write_states(path: str | Path, trajectory: StateTrajectory) -> None:
+    """The whole of ``states.csv`` at once."""
+    with StatesWriter(path, trajectory.dof_names, trajectory.dof_units) as writer:
+        for row in trajectory.rows:
+            writer.append(row)
+
+
+def read_states(path: str | Path) -> StateTrajectory:
+    """Inverse of `write_states`.
+
+    Raises
+    ------
+    FileFormatError : naming line and column.
+    """
+    table = CsvTable(path)
+    table.expect_prefix(LEADING_COLUMNS)
+    if table.header[-len(TRAILING_COLUMNS) :] != TRAILING_COLUMNS:
+        raise FileFormatError(path, "header", f"last columns {', '.join(TRAILING_COLUMNS)}", table.header)
+    columns = table.header[len(LEADING_COLUMNS) : -len(TRAILING_COLUMNS)]
+    names, units = (tuple(column.rpartition("_")[i] for column in columns) for i in (0, 2))
+    if units[:N_ROOT_DOF] != ("m", "m", "m", "rad", "rad", "rad") or not {"m", "rad"}.issuperset(units):
+        raise FileFormatError(path, "header", "degrees of freedom named <name>_m (first three) and <name>_rad", columns)
+    first, last = len(LEADING_COLUMNS), len(LEADING_COLUMNS) + len(names)
+    rows = []
+    for cells in table.rows():
+        score, residual_px, iterations, evaluations = range(last, last + len(TRAILING_COLUMNS))
+        rows.append(
+            StateRow(
+                stamp_ns=cells.integer(0),
+                status=cells.text[1],
+                reason=cells.text[2],
+                values=cells.numbers(first, last) if any(cells.text[first:last]) else np.full(last - first, np.nan),
+                score=cells.number(score),
+                residual_px=cells.number(residual_px),
+                iterations=cells.integer(iterations),
+                evaluations=cells.integer(evaluations),
+            )
+        )
+    return StateTrajectory(names, tuple(rows), units)
+
+
+def write_joints(path: str | Path, trajectory: JointTrajectory) -> None:
+    """The whole of ``joints.csv`` at once; positions that are not valid get no row."""
+    with CsvWriter(path, JOINT_COLUMNS) as writer:
+        for stamp_ns, points, valid in zip(trajectory.stamps_ns, trajectory.positions_m, trajectory.valid, strict=True):
+            pairs = zip(trajectory.names, points, valid, strict=True)
+            writer.write_rows([[int(stamp_ns), name, *map(exact, point)] for name, point, good in pairs if good])
+
+
+def read_joints(path: str | Path) -> JointTrajectory:
+    """Inverse of `write_joints`; landmarks in the order of their first row.
+
+    Raises
+    ------
+    FileFormatError : naming line and column.
+    """
+    table = CsvTable(path)
+    table.expect_prefix(JOINT_COLUMNS)
+    names: dict[str, int] = {}
+    instants: dict[int, dict[str, np.ndarray]] = {}
+    for cells in table.rows():
+        stamp_ns, name = cells.integer(0), cells.text[1]
+        names.setdefault(name, len(names))
+        points = instants.setdefault(stamp_ns, {})
+        if name in points:
+            problem = f"a second one at {stamp_ns}"
+            raise FileFormatError(path, f"line {cells.line}", f"one row per instant of '{name}'", problem)
+        points[name] = cells.numbers(2, 5)
+    positions_m = np.zeros((len(instants), len(names), 3))
+    valid = np.zeros((len(instants), len(names)), dtype=np.bool_)
+    for row, points in enumerate(instants.values()):
+        for name, point in points.items():
+            positions_m[row, names[name]] = point
+            valid[row, names[name]] = True
+    return JointTrajectory(tuple(names), np.array(list(instants), dtype=np.int64), positions_m, valid)
+
+
+def write_poses(path: str | Path, trajectory: PoseTrajectory) -> None:
+    """The whole of ``poses.csv`` at once."""
+    with CsvWriter(path, POSE_COLUMNS) as writer:
+        for stamp_ns, p, q in zip(trajectory.stamps_ns, trajectory.positions_m, trajectory.quaternions_xyzw, strict=True):
+            writer.write_rows([[int(stamp_ns), *map(exact, p), *map(exact, q)]])
+
+
+def read_poses(path: str | Path) -> PoseTrajectory:
+    """Inverse of `write_poses`.
+
+    Raises
+    ------
+    FileFormatError : naming line and column.
+    """
+    table = CsvTable(path)
+    table.expect_prefix(POSE_COLUMNS)
+    rows = [(cells.integer(0), cells.numbers(1, 8)) for cells in table.rows()]
+    numbers = np.array([row for _, row in rows]).reshape(-1, 7)
+    return PoseTrajectory(np.array([stamp for stamp, _ in rows], dtype=np.int64), numbers[:, :3], numbers[:, 3:])

@@ -1,0 +1,94 @@
+"""Lenses in the YAML that ROS's camera calibration tools write and camera drivers read (camera_calibration_parsers)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...camera.distortion import COEFFICIENT_COUNTS
+from ...camera.model import CameraModel
+from ...camera.plausible_lens import plausible
+from ...errors import CalibrationError, FileFormatError
+from ..yaml_file import read_mapping, write_mapping
+
+_NAMES = {"fisheye": "equidistant"}  # what OpenCV's tools call it
+
+
+def load_camera_info(path: str | Path) -> tuple[str, CameraModel]:
+    """Camera name (the file's stem when it gives none) and lens of a camera_info YAML file.
+
+    The projection matrix of a rectified stereo pair is not used: images are taken as the camera gives them.
+
+    Raises
+    ------
+    FileFormatError : naming the field that is missing or wrong.
+    CalibrationError : when the camera is not calibrated (K[0] = 0, as drivers without a calibration publish).
+    """
+    values = read_mapping(path)
+    name = str(values.get("camera_name") or Path(path).stem)
+    width, height = (_size(path, values, key) for key in ("image_width", "image_height"))
+    K = _matrix(path, values, "camera_matrix").reshape(-1)
+    if K.size != 9:
+        raise FileFormatError(path, "camera_matrix.data", "9 numbers", K.tolist())
+    if K[0] == 0.0:
+        raise CalibrationError(name, f"uncalibrated (K[0] = 0) in {path}")
+    if K[3] or K[6] or K[7] or K[8] != 1.0:
+        raise FileFormatError(path, "camera_matrix.data", "fx, skew, cx, 0, fy, cy, 0, 0, 1", K.tolist())
+    kind = values.get("distortion_model", "plumb_bob")
+    coefficients = np.zeros(0)
+    if kind not in ("", "none"):
+        kind = _NAMES.get(str(kind), str(kind))
+        coefficients = _matrix(path, values, "distortion_coefficients").reshape(-1)
+    kind = kind or "none"
+    if kind not in COEFFICIENT_COUNTS:
+        raise FileFormatError(path, "distortion_model", f"one of {sorted(COEFFICIENT_COUNTS)}", kind)
+    if coefficients.size not in COEFFICIENT_COUNTS[kind]:
+        expected = f"{' or '.join(map(str, COEFFICIENT_COUNTS[kind]))} coefficients of {kind}"
+        raise FileFormatError(path, "distortion_coefficients.data", expected, coefficients.tolist())
+    try:
+        return name, plausible(CameraModel(width, height, K.reshape(3, 3), kind, coefficients))
+    except ValueError as error:
+        raise FileFormatError(path, "camera_matrix.data", "a camera matrix", str(error)) from error
+
+
+def dump_camera_info(name: str, model: CameraModel, path: str | Path) -> None:
+    """Write a lens so that ROS camera drivers can read it (no rectification, projection equal to K)."""
+    projection = np.hstack([model.K, np.zeros((3, 1))])
+    coefficients = model.distortion if model.distortion.size else np.zeros(5)
+    values: dict[str, Any] = {
+        "image_width": model.width,
+        "image_height": model.height,
+        "camera_name": name,
+        "camera_matrix": _table(model.K),
+        "distortion_model": "plumb_bob" if model.distortion_model == "none" else model.distortion_model,
+        "distortion_coefficients": _table(coefficients[None]),
+        "rectification_matrix": _table(np.eye(3)),
+        "projection_matrix": _table(projection),
+    }
+    write_mapping(values, path)
+
+
+def _table(matrix: np.ndarray) -> dict[str, Any]:
+    return {"rows": matrix.shape[0], "cols": matrix.shape[1], "data": [float(v) for v in matrix.ravel()]}
+
+
+def _size(path: str | Path, values: dict[str, Any], key: str) -> int:
+    value = values.get(key)
+    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 100_000:
+        raise FileFormatError(path, key, "a whole number of pixels", value)
+    return value
+
+
+def _matrix(path: str | Path, values: dict[str, Any], key: str) -> np.ndarray:
+    table = values.get(key)
+    if not isinstance(table, dict) or "data" not in table:
+        raise FileFormatError(path, key, "a matrix with rows, cols and data", table)
+    try:
+        data = np.array(table["data"], dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise FileFormatError(path, f"{key}.data", "numbers", table["data"]) from error
+    if data.ndim != 1 or not np.all(np.abs(data) <= 1e6):  # nor not-a-number
+        raise FileFormatError(path, f"{key}.data", "a list of numbers, none above a million", table["data"])
+    return data

@@ -1,0 +1,88 @@
+"""Control points, places of which are known, as they were clicked on in the images: a CSV file.
+
+Columns ``camera,point,x,y,z,u,v``: one line for each camera that shows a point; metres in the world, pixels of the
+images. Before anybody has clicked on them, only their places are known: a CSV file ``point,x,y,z``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import FileFormatError
+from ..csv_file import CsvTable, CsvWriter, exact
+
+COLUMNS = ("camera", "point", "x", "y", "z", "u", "v")
+PLACE_COLUMNS = ("point", "x", "y", "z")
+
+
+@dataclass(frozen=True, eq=False)
+class ControlPoints:
+    """What one camera shows: ``names`` of the points, their ``points`` (n, 3) in metres and ``pixels`` (n, 2)."""
+
+    names: tuple[str, ...]
+    points: np.ndarray
+    pixels: np.ndarray
+
+
+def load_control_points(path: str | Path) -> dict[str, ControlPoints]:
+    """Camera name -> its points, in the order of the file.
+
+    Raises
+    ------
+    FileFormatError : naming line and column; also for a point that a camera has twice, or that has two places.
+    """
+    table = CsvTable(path)
+    table.expect_prefix(COLUMNS)
+    found: dict[str, dict[str, np.ndarray]] = {}
+    places: dict[str, np.ndarray] = {}
+    for row in table.rows():
+        camera, point, values = row.text[0], row.text[1], row.numbers(2, 7)
+        where = f"line {row.line}"
+        if not camera or not point:
+            raise FileFormatError(path, where, "names of a camera and a point", f"{camera!r}, {point!r}")
+        if point in found.setdefault(camera, {}):
+            raise FileFormatError(path, where, f"each point once for camera '{camera}'", f"'{point}' again")
+        if not np.allclose(places.setdefault(point, values[:3]), values[:3], rtol=0.0, atol=1e-9):
+            raise FileFormatError(path, where, f"point '{point}' in one place, {places[point].tolist()}", values[:3].tolist())
+        found[camera][point] = values
+    if not found:
+        raise FileFormatError(path, "(file)", "one line at least", "none")
+    return {
+        camera: ControlPoints(tuple(points), np.array(list(points.values()))[:, :3], np.array(list(points.values()))[:, 3:])
+        for camera, points in found.items()
+    }
+
+
+def dump_control_points(seen: Mapping[str, ControlPoints], path: str | Path) -> None:
+    """Inverse of `load_control_points`."""
+    with CsvWriter(path, COLUMNS) as writer:
+        for camera, of_camera in seen.items():
+            triples = zip(of_camera.names, of_camera.points, of_camera.pixels, strict=True)
+            writer.write_rows([[camera, name, *map(exact, point), *map(exact, pixel)] for name, point, pixel in triples])
+
+
+def load_places(path: str | Path) -> dict[str, np.ndarray]:
+    """Point -> its place (3,), metres in the world, from columns ``point,x,y,z`` or a file of control points clicked on.
+
+    Raises
+    ------
+    FileFormatError : naming line and column; also for a point that is listed twice.
+    """
+    table = CsvTable(path)
+    if table.header[: len(COLUMNS)] == COLUMNS:
+        seen = load_control_points(path).values()
+        return {name: point for points in seen for name, point in zip(points.names, points.points, strict=True)}
+    table.expect_prefix(PLACE_COLUMNS)
+    places: dict[str, np.ndarray] = {}
+    for row in table.rows():
+        name = row.text[0]
+        if not name or name in places:
+            raise FileFormatError(path, f"line {row.line}", "the name of a point, each once", name)
+        places[name] = row.numbers(1, 4)
+    if not places:
+        raise FileFormatError(path, "(file)", "one line at least", "none")
+    return places
