@@ -19,13 +19,12 @@ from tracker_node.calibration.balancing import write_masks
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.cli.sample import prepare
 from tracker_node.errors import SourceError
-from tracker_node.evaluation import still_difference
-from tracker_node.evaluation.association import Trajectories
 from tracker_node.evaluation.evaluate import Evaluation, EvaluationOptions, SilhouetteScores, evaluate
+from tracker_node.evaluation.masks import still_difference
+from tracker_node.evaluation.masks.reference import CameraMasks, load_reference_masks, read_still
 from tracker_node.evaluation.metrics import intersection_over_union
-from tracker_node.evaluation.reference_masks import CameraMasks, load_reference_masks, read_still
-from tracker_node.evaluation.run_data import RunData
-from tracker_node.evaluation.truth import load_truth
+from tracker_node.evaluation.truth.association import Trajectories
+from tracker_node.evaluation.truth.joints import load_truth
 from tracker_node.loaders.data_files import data_file
 from tracker_node.loaders.images.background_file import load_plates, resized_plates
 from tracker_node.loaders.images.source import open_camera_source
@@ -36,6 +35,7 @@ from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.render.raycast.raycaster import render_mask
+from tracker_node.runs.data import RunData
 from tracker_node.tracking.estimate import TrackEstimate
 from tracker_node.tracking.tracker import Tracker
 

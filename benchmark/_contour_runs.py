@@ -19,17 +19,17 @@ from tracker_node.camera.rig import CameraRig
 from tracker_node.cli.synthesize import Request, produce, show_progress
 from tracker_node.errors import FileFormatError, SourceError
 from tracker_node.evaluation.evaluate import Evaluation, EvaluationOptions, evaluate
-from tracker_node.evaluation.landmarks import LIMBS
 from tracker_node.evaluation.metrics import LOST_LIMB_M
-from tracker_node.evaluation.metrics_file import cpu
-from tracker_node.evaluation.run_data import RunData
-from tracker_node.evaluation.truth import load_truth
+from tracker_node.evaluation.truth.joints import load_truth
+from tracker_node.evaluation.truth.landmarks import LIMBS
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import State
 from tracker_node.observation.image_set import CameraImage, ImageSet
+from tracker_node.report.metrics_file import cpu
+from tracker_node.runs.data import RunData
 from tracker_node.synthesis.scenes import SceneConfig
 from tracker_node.tracking.config import TrackerConfig, from_dict
 from tracker_node.tracking.estimate import TrackEstimate

@@ -19,7 +19,7 @@ from _calibration_boards import board_section, synthetic_rig_section
 from _calibration_dlt import dlt_section
 from _calibration_time import balancing_section, offset_section
 
-from tracker_node.evaluation.metrics_file import report_metrics
+from tracker_node.report.metrics_file import report_metrics
 
 SLOW = ("offset",)
 

@@ -22,10 +22,7 @@ import numpy as np
 from tracker_node.cli.synthesize import Request, default_motions, produce, show_progress
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.evaluate import Evaluation, EvaluationOptions, evaluate
-from tracker_node.evaluation.image_sets import SourceStream
-from tracker_node.evaluation.metrics_file import report_metrics
-from tracker_node.evaluation.run_data import RunData
-from tracker_node.evaluation.truth import load_truth
+from tracker_node.evaluation.truth.joints import load_truth
 from tracker_node.loaders.images.source import SourceOptions
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
 from tracker_node.loaders.model.state_yaml import load_state
@@ -34,6 +31,9 @@ from tracker_node.model.configuration import Configuration
 from tracker_node.model.humans.human import human_model
 from tracker_node.render.draw.masked_image import target_through_mask
 from tracker_node.render.draw.overlay import draw_overlay
+from tracker_node.report.metrics_file import report_metrics
+from tracker_node.runs.data import RunData
+from tracker_node.runs.image_sets import SourceStream
 from tracker_node.synthesis.motions import PROCEDURAL
 from tracker_node.synthesis.scenes import SceneConfig
 from tracker_node.tracking.config import from_dict

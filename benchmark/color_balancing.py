@@ -21,10 +21,6 @@ import numpy as np
 
 from tracker_node.cli.sample import prepare, run_verb
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.config_file import load_config
-from tracker_node.evaluation.image_sets import SourceStream
-from tracker_node.evaluation.metrics_file import report_metrics
-from tracker_node.evaluation.run_offline import OfflineRun, run_offline
 from tracker_node.loaders.images.background_file import load_plates
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
@@ -33,6 +29,10 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.render.draw.masked_image import target_through_mask
 from tracker_node.render.draw.overlay import draw_overlay
+from tracker_node.report.metrics_file import report_metrics
+from tracker_node.runs.config_file import load_config
+from tracker_node.runs.image_sets import SourceStream
+from tracker_node.runs.offline import OfflineRun, run_offline
 from tracker_node.tracking.estimate import Status, TrackEstimate
 from tracker_node.tracking.tracker import Tracker
 

@@ -18,7 +18,7 @@ import numpy as np
 from _color_fits import Contestant, contestants
 from _color_scene import ColorScene, displaced, make_scene, root_error
 
-from tracker_node.evaluation.metrics_file import report_metrics
+from tracker_node.report.metrics_file import report_metrics
 
 START_ERRORS = ((60, 6), (100, 10), (150, 15), (200, 20), (300, 30))  # mm, degrees
 TARGET = (200, 20)

@@ -23,9 +23,6 @@ from _charuco import COLUMNS, DICTIONARY, MARKER_SHARE, ROWS, SQUARE_M, CharucoR
 
 from tracker_node.calibration.texture import BLACK, GREY, WHITE, charuco_picture, framed, plate_model
 from tracker_node.camera.rig import CameraRig
-from tracker_node.evaluation.config_file import load_config
-from tracker_node.evaluation.image_sets import SourceStream
-from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.geometry import so3
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
 from tracker_node.loaders.rig.pose2sim_toml import load_pose2sim
@@ -34,6 +31,9 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.render.draw.masked_image import target_through_mask
 from tracker_node.render.draw.overlay import draw_overlay
+from tracker_node.report.metrics_file import report_metrics
+from tracker_node.runs.config_file import load_config
+from tracker_node.runs.image_sets import SourceStream
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import Status, TrackEstimate
 from tracker_node.tracking.tracker import Tracker

@@ -24,13 +24,13 @@ from _color_scene import ColorScene, make_scene
 from _reference import reference_ms
 
 from tracker_node.camera.rig import Camera, CameraRig
-from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.model.configuration import Configuration
 from tracker_node.objective.color.score import ColorObjective
 from tracker_node.render.opengl.context import OpenGLContext
 from tracker_node.render.opengl.renderer import PyrenderRenderer
 from tracker_node.render.raycast.extent import body_extent
 from tracker_node.render.renderer import Region
+from tracker_node.report.metrics_file import report_metrics
 
 WARM_UP = 3
 FUSED_CALLS = 20  # timed together: one is too short for the clock

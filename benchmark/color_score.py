@@ -20,9 +20,9 @@ from _reference import reference_ms
 
 from tracker_node.camera.light import Light
 from tracker_node.camera.rig import CameraRig
-from tracker_node.evaluation.metrics_file import cpu, report_metrics
 from tracker_node.objective.color.alignment import PhotometricObjective
 from tracker_node.objective.color.score import ColorObjective, ColorOptions
+from tracker_node.report.metrics_file import cpu, report_metrics
 
 MASK_PIXELS = 50_000
 TARGET_MS = {"avx512f": 0.15}  # with whole vectors of 512 bits; 0.25 with 256

@@ -18,8 +18,8 @@ from _color_fits import contestants
 from _color_scene import ColorScene, displaced, make_scene, root_error
 from _reference import reference_ms
 
-from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.objective.color.score import ColorObjective
+from tracker_node.report.metrics_file import report_metrics
 
 START_M, START_RAD = 0.06, np.radians(6.0)
 N_STATES = 11

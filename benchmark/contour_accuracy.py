@@ -17,10 +17,10 @@ from pathlib import Path
 from tracker_node.cli._contour_clips import rendered
 from tracker_node.cli.synthesize import Request, default_motions
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.contour_experiments import until_converged
 from tracker_node.evaluation.evaluate import Evaluation
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
-from tracker_node.evaluation.tracked_clip import synthetic_clip, track_clip
+from tracker_node.experiments.contour.errors import until_converged
+from tracker_node.experiments.contour.tracked_clip import synthetic_clip, track_clip
+from tracker_node.report.metrics_file import print_metrics, write_metrics
 from tracker_node.tracking.config import TrackerConfig
 
 CONES_IMAGES = {"quick": 30, "full": 120}

@@ -35,15 +35,15 @@ from _balancing_clip import Clip, Run, judge, load_clip, silhouettes, track
 from _reference import reference_ms
 
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.config_file import load_config
 from tracker_node.evaluation.evaluate import ErrorSeries, Evaluation
-from tracker_node.evaluation.landmarks import EVALUATED_JOINTS
 from tracker_node.evaluation.metrics import LOST_JOINT_M
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+from tracker_node.evaluation.truth.landmarks import EVALUATED_JOINTS
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.render.draw.overlay import draw_overlay
+from tracker_node.report.metrics_file import print_metrics, write_metrics
+from tracker_node.runs.config_file import load_config
 from tracker_node.tracking.config import TrackerConfig, flatten, from_dict
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.tracker import Tracker

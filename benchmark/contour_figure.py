@@ -36,10 +36,10 @@ from _contour_runs import (
 
 from tracker_node.cli.synthesize import FIGURE_IMAGES, Request
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.contour_experiments import displaced
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+from tracker_node.experiments.contour.errors import displaced
 from tracker_node.loaders.motion.trajectory_file import read_states
 from tracker_node.model.configuration import Configuration, State
+from tracker_node.report.metrics_file import print_metrics, write_metrics
 from tracker_node.synthesis.cones import ModelSubject
 from tracker_node.synthesis.figure import speeds
 from tracker_node.synthesis.scenes import SceneConfig, Studio

@@ -34,7 +34,7 @@ from _fitted_body import fitted_body, with_body
 from tracker_node.cli.synthesize import Request, default_motions
 from tracker_node.errors import SourceError, TrackerError
 from tracker_node.evaluation.evaluate import Evaluation
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
+from tracker_node.report.metrics_file import print_metrics, write_metrics
 from tracker_node.synthesis.scenes import SceneConfig
 
 PERSON_SCENE = replace(SCENE, distortion=SceneConfig().distortion, shadow=True)

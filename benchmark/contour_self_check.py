@@ -28,10 +28,10 @@ from contour_figure import FIGURE_SCENE
 from tracker_node.camera.rig import Camera
 from tracker_node.cli.synthesize import FIGURE_IMAGES, Request, default_motions
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
 from tracker_node.geometry import so3
 from tracker_node.loaders.images.background_file import load_plates
 from tracker_node.observation.image_set import ImageSet
+from tracker_node.report.metrics_file import print_metrics, write_metrics
 from tracker_node.tracking.camera_fault import DELAYED, TURNED
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.tracker import Tracker

@@ -32,14 +32,14 @@ from _contour_runs import SCENE, add_common_arguments, configured, print_circums
 from tracker_node.camera.rig import CameraRig
 from tracker_node.cli.synthesize import FIGURE_IMAGES, Request, default_motions
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.association import Trajectories, truth_at
-from tracker_node.evaluation.landmarks import EVALUATED_JOINTS
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
-from tracker_node.evaluation.truth import load_truth
+from tracker_node.evaluation.truth.association import Trajectories, truth_at
+from tracker_node.evaluation.truth.joints import load_truth
+from tracker_node.evaluation.truth.landmarks import EVALUATED_JOINTS
 from tracker_node.loaders.images.background_file import load_plates
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import ImageSet
+from tracker_node.report.metrics_file import print_metrics, write_metrics
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.tracker import Tracker

@@ -22,8 +22,8 @@ from color_articulated import CLIPS, DEFAULT_CACHE, recording
 
 from tracker_node.cli.synthesize import default_motions
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
 from tracker_node.loaders.images.background_file import load_plates
+from tracker_node.report.metrics_file import print_metrics, write_metrics
 from tracker_node.tracking.config import from_dict
 
 ENGINES = {"contour": "contour", "color": "color", "together": "color_and_contour"}

@@ -30,8 +30,8 @@ from _trust_runs import Run, config_of, track_all
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.consistency import Consistency, consistency, effective_sets, mean_bounds, nees, whitened
 from tracker_node.evaluation.metrics import LOST_JOINT_M, LOST_LIMB_M
-from tracker_node.evaluation.metrics_file import print_metrics, write_metrics
 from tracker_node.evaluation.roc import Roc, roc, roc_picture
+from tracker_node.report.metrics_file import print_metrics, write_metrics
 from tracker_node.synthesis.lost_events import BODY_KINDS, LIMB_KINDS
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import LimbStatus, Status

@@ -23,14 +23,14 @@ from _contour_runs import add_common_arguments, configured, print_circumstances
 from _reference import reference_ms
 
 from tracker_node.cli.synthesize import Request, produce, show_progress
-from tracker_node.evaluation.image_sets import SourceStream
-from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.loaders.images.background_file import load_plates
 from tracker_node.loaders.images.source import SourceOptions
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.observation.image_set import ImageSet
+from tracker_node.report.metrics_file import report_metrics
+from tracker_node.runs.image_sets import SourceStream
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.tracker import Tracker
 

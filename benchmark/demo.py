@@ -21,8 +21,8 @@ from contour_accuracy import DEFAULT_CACHE
 
 from tracker_node.cli.synthesize import Request, produce, show_progress
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.loaders.bag.reader import BagReader
+from tracker_node.report.metrics_file import report_metrics
 
 N_IMAGES = 30  # the quick cones of contour_accuracy.py
 ALARM = re.compile(r"\[(WARN|ERROR|FATAL)\]|Warning:|Traceback \(most recent call last\)|^[\w ]+: (warning|error):")

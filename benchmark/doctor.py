@@ -21,13 +21,13 @@ from _planted_faults import PLANTED, Clip
 from tracker_node.camera.rig import CameraRig
 from tracker_node.cli.sample import prepare
 from tracker_node.cli.synthesize import Request, default_motions, produce
-from tracker_node.evaluation.doctor import examine
-from tracker_node.evaluation.doctor_recording import CameraRecording
-from tracker_node.evaluation.finding import Finding
-from tracker_node.evaluation.metrics_file import report_metrics
+from tracker_node.doctor.diagnosis import examine
+from tracker_node.doctor.finding import Finding
+from tracker_node.doctor.recording import CameraRecording
 from tracker_node.loaders.images.source import open_camera_source
 from tracker_node.loaders.rig.pose2sim_toml import load_pose2sim
 from tracker_node.loaders.rig.rig_yaml import load_rig
+from tracker_node.report.metrics_file import report_metrics
 from tracker_node.synthesis.scenes import SceneConfig
 
 OUTPUT = Path("out/doctor")

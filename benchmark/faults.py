@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
 from fuzzing import Answers, run
 
-from tracker_node.evaluation.metrics_file import report_metrics
+from tracker_node.report.metrics_file import report_metrics
 
 SEED, N_FILES = 6, 10_000
 CORE = ("rig", "rig_file", "model", "slides", "part", "config", "plain_config", "recording", "state", "urdf")

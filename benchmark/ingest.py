@@ -28,9 +28,9 @@ from transport import cpu_s, wait_until
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.loaders.images.source import open_source
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
+from tracker_node.report.metrics_file import report_metrics
 
 WIDTH, HEIGHT, RATE_HZ, N_CAMERAS = 1920, 1080, 30.0, 4
 SHRINK = 2

@@ -22,7 +22,6 @@ from _reference import reference_ms
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera
-from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.observation.appearance import ColorModel, SceneModel, body_log_odds
@@ -33,6 +32,7 @@ from tracker_node.observation.image_set import CameraImage
 from tracker_node.observation.synchronizer import ImageSynchronizer
 from tracker_node.render.draw.overlay import draw_overlay
 from tracker_node.render.raycast.raycaster import render_mask, render_view
+from tracker_node.report.metrics_file import report_metrics
 from tracker_node.tracking.config import EvidenceConfig
 
 MARGIN_PX = 24

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
 import ros2_env
 
-from tracker_node.evaluation.metrics_file import report_metrics
+from tracker_node.report.metrics_file import report_metrics
 
 
 def main() -> int:

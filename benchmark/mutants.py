@@ -81,7 +81,7 @@ def main() -> int:
     }
     _tell(results)
     print(f"seed {args.seed}, {time.monotonic() - began:.0f} s")
-    from tracker_node.evaluation.metrics_file import report_metrics  # not before the workers: theirs is the copy
+    from tracker_node.report.metrics_file import report_metrics  # not before the workers: theirs is the copy
 
     report_metrics(metrics, args.json)
     return 0

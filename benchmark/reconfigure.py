@@ -26,8 +26,8 @@ from transport import wait_until
 
 from tracker_node.cli.synthesize import Request
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.config_file import dump_config
-from tracker_node.evaluation.metrics_file import report_metrics
+from tracker_node.report.metrics_file import report_metrics
+from tracker_node.runs.config_file import dump_config
 from tracker_node.tracking.config import TrackerConfig
 
 ROUNDS = {"quick": 1, "full": 5}

@@ -21,7 +21,7 @@ from _recorder_runs import kill, record, streams
 from transport import N_CAMERAS
 
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.metrics_file import report_metrics
+from tracker_node.report.metrics_file import report_metrics
 
 SECONDS = {"quick": 8.0, "full": 60.0}
 KILLED_AFTER_S = {"quick": (1.0, 1.3), "full": (1.0, 1.2, 1.4, 1.6, 1.8)}

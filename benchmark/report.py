@@ -26,12 +26,12 @@ from _contour_runs import print_circumstances
 from _reference import reference_ms
 
 from tracker_node.cli.synthesize import Request, produce, show_progress
-from tracker_node.evaluation.metrics_file import report_metrics
-from tracker_node.evaluation.run_offline import OfflineRun, run_offline
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.motion.trajectory_file import read_states, write_states
 from tracker_node.loaders.rig.rig_yaml import load_rig
+from tracker_node.report.metrics_file import report_metrics
+from tracker_node.runs.offline import OfflineRun, run_offline
 
 N_RENDERED, N_SETS, QUICK_SETS = 30, 700, 90
 PERIOD_NS = 1e9 / 30.0

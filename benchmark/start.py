@@ -20,7 +20,7 @@ from contour_accuracy import DEFAULT_CACHE
 
 from tracker_node.cli.synthesize import Request, produce, show_progress
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.metrics_file import report_metrics
+from tracker_node.report.metrics_file import report_metrics
 
 N_IMAGES = 30  # the quick cones of contour_accuracy.py
 STARTS = {"quick": 2, "full": 5}

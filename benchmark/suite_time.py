@@ -19,7 +19,7 @@ from pathlib import Path
 
 from _contour_runs import print_circumstances
 
-from tracker_node.evaluation.metrics_file import report_metrics
+from tracker_node.report.metrics_file import report_metrics
 
 ROOT = Path(__file__).resolve().parents[1]
 CACHES = ("NUMBA_CACHE_DIR", "MAKEFLAGS", "MAKELEVEL")  # not inherited: the clone has caches of its own

@@ -17,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tracker_node.evaluation.metrics_file import write_metrics
 from tracker_node.observation.image_set import CameraImage
 from tracker_node.observation.synchronizer import REASONS, ImageSynchronizer
+from tracker_node.report.metrics_file import write_metrics
 from tracker_node.tracking.config import SynchronizerConfig
 
 CAMERAS = ("cam01", "cam02", "cam03", "cam04")

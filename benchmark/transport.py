@@ -25,8 +25,8 @@ import numpy as np
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.metrics_file import report_metrics
 from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file
+from tracker_node.report.metrics_file import report_metrics
 
 N_CAMERAS, WIDTH, HEIGHT, RATE_HZ = 6, 640, 480, 30.0
 N_DISTINCT = 30  # images per camera, then again from the first

@@ -16,7 +16,6 @@ from fuzz_mutations import NEUTRAL_YAML, damage_bytes, damage_content, damage_nu
 from robot_text import ROBOT
 
 from tracker_node.camera.rig import CameraRig
-from tracker_node.evaluation.config_file import dump_config, load_config
 from tracker_node.loaders.images.stamps import load_stamp_file
 from tracker_node.loaders.model.mesh_file import read_mesh, write_mesh
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
@@ -31,6 +30,7 @@ from tracker_node.loaders.rig.opencv_storage import dump_opencv, load_opencv
 from tracker_node.loaders.rig.rig_yaml import load_rig, read_rig_file, rig_file_of, write_rig_file
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
+from tracker_node.runs.config_file import dump_config, load_config
 from tracker_node.tracking.config import TrackerConfig
 
 RIG = """

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 
-from tracker_node.evaluation.run_motion import RunMotion
 from tracker_node.geometry import se3, so3
 from tracker_node.loaders.model.model_yaml import dump_model
 from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, write_states
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import State
 from tracker_node.model.humans.human import human_model
+from tracker_node.runs.motion import RunMotion
 
 RATE_HZ = 60.0
 

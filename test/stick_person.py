@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from tracker_node.evaluation.estimate_messages import tracked_state_message
 from tracker_node.geometry import se3, so3
 from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.loaders.motion.trajectory_file import (
@@ -19,6 +18,7 @@ from tracker_node.model.articulated import ArticulatedModel, Landmark, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 from tracker_node.model.shapes.primitives import Ellipsoid, TruncatedCone
+from tracker_node.runs.messages import tracked_state_message
 from tracker_node.tracking.estimate import CameraReport, Status, Timings, TrackEstimate
 
 PERIOD_NS = 16_666_667

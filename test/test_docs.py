@@ -13,14 +13,14 @@ from doc_pages import PAGES, commands_of, mentions_of
 from tracker_node.cli import main
 from tracker_node.cli._subverbs import subverbs
 from tracker_node.cli.main import verbs
-from tracker_node.evaluation.config_file import load_config
-from tracker_node.evaluation.reference_masks import load_reference_masks
+from tracker_node.evaluation.masks.reference import load_reference_masks
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.recording_yaml import load_recording
 from tracker_node.loaders.rig.rig_yaml import load_rig, read_rig_file
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import N_ROOT_DOF
+from tracker_node.runs.config_file import load_config
 
 
 def example(repository, tmp_path, section: str, language: str, page: str = "formats.md"):

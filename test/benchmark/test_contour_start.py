@@ -6,8 +6,8 @@ import contour_start
 import numpy as np
 import pytest
 
-from tracker_node.evaluation.association import Trajectories
-from tracker_node.evaluation.landmarks import EVALUATED_JOINTS
+from tracker_node.evaluation.truth.association import Trajectories
+from tracker_node.evaluation.truth.landmarks import EVALUATED_JOINTS
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.observation.image_set import ImageSet

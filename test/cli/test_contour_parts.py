@@ -9,7 +9,7 @@ from tracker_node.cli import _contour_clips as clips
 from tracker_node.cli import _contour_part as part
 from tracker_node.cli import _contour_shots as shots
 from tracker_node.cli import _contour_tracking as tracking
-from tracker_node.evaluation.color_plots import Profile
+from tracker_node.experiments.plots import Profile
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.tracking.config import TrackerConfig
 

@@ -18,7 +18,6 @@ from tracker_node.cli import sample
 from tracker_node.cli._recording import evaluate_recording
 from tracker_node.cli.evaluate import _untold
 from tracker_node.cli.main import main
-from tracker_node.evaluation.estimate_messages import image_message
 from tracker_node.loaders.bag.message_types import TRACKED_STATE
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.bag.writer import BagWriter
@@ -27,6 +26,7 @@ from tracker_node.loaders.recording_yaml import RecordingFile
 from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file
 from tracker_node.model.configuration import Configuration
 from tracker_node.render.raycast.raycaster import render_mask
+from tracker_node.runs.messages import image_message
 
 N = 8
 RATE_HZ = 60.0

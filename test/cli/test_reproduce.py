@@ -8,7 +8,7 @@ import pytest
 
 from tracker_node.cli._subverbs import subverbs
 from tracker_node.cli.main import main
-from tracker_node.evaluation.color_experiments import UNITS, VARIABLES
+from tracker_node.experiments.rigid_tracking import UNITS, VARIABLES
 
 
 def metrics_of(folder):

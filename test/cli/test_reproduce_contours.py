@@ -10,8 +10,8 @@ import pytest
 from tracker_node.cli import _contour_clips, _reproduce_contours
 from tracker_node.cli.main import main
 from tracker_node.errors import SourceError, TrackerError
-from tracker_node.evaluation.contour_experiments import METHODS, PUBLISHED
-from tracker_node.evaluation.tracked_clip import synthetic_clip
+from tracker_node.experiments.contour.errors import METHODS, PUBLISHED
+from tracker_node.experiments.contour.tracked_clip import synthetic_clip
 
 PICTURES = (
     "fig3_row", "fig3_body", "fig3_tracking", "fig4_evidence", "fig5_cameras", "fig6_cones", "fig6_mannequin_swing",

@@ -8,7 +8,6 @@ import pytest
 from small_clip import Clip, make_clip
 
 from tracker_node.cli.main import main
-from tracker_node.evaluation.run_data import load_run
 from tracker_node.loaders.bag.images import image_of
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.motion.opensim_table import load_table
@@ -24,6 +23,7 @@ from tracker_node.loaders.motion.trajectory_file import (
 )
 from tracker_node.loaders.motion.trc import load_trc
 from tracker_node.model.configuration import Configuration
+from tracker_node.runs.data import load_run
 from tracker_node.studio.playback_page import AskedCurve, AskedRow, PlaybackDesk
 from tracker_node.studio.session import StudioFiles, open_session
 

@@ -7,11 +7,11 @@ import pytest
 from small_clip import make_clip
 
 from tracker_node.cli.main import main
-from tracker_node.evaluation.run_offline import OfflineRun, run_offline
 from tracker_node.geometry import so3
 from tracker_node.loaders.config_yaml import load_parameters
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 from tracker_node.model.configuration import Configuration
+from tracker_node.runs.offline import OfflineRun, run_offline
 from tracker_node.tracking.config import from_dict
 
 N = 45

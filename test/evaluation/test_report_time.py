@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from stick_person import PERIOD_NS, Motion, motion, write_run
 
-from tracker_node.evaluation.association import Trajectories
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.intervals import instants
-from tracker_node.evaluation.report_charts import error_chart, joint_map, status_strips
-from tracker_node.evaluation.report_curves import curves
-from tracker_node.evaluation.report_tables import loss_table
+from tracker_node.evaluation.report.charts import error_chart, joint_map, status_strips
+from tracker_node.evaluation.report.curves import curves
+from tracker_node.evaluation.report.tables import loss_table
 from tracker_node.evaluation.review import Review, Truth, review
-from tracker_node.evaluation.run_data import load_run
-from tracker_node.evaluation.true_states import TrueStates
+from tracker_node.evaluation.truth.association import Trajectories
+from tracker_node.evaluation.truth.states import TrueStates
 from tracker_node.model.pose_variables import variable_names
+from tracker_node.runs.data import load_run
 
 N = 20
 PERIOD_S = PERIOD_NS * 1e-9

@@ -8,19 +8,19 @@ import pytest
 from scipy.spatial.transform import Rotation
 from stick_person import PERIOD_NS, Motion, motion, write_run
 
-from tracker_node.evaluation.association import Trajectories
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.review import Truth, review
 from tracker_node.evaluation.run_consistency import landmark_nees, state_nees
-from tracker_node.evaluation.run_data import RunData, RunDetails, load_run
 from tracker_node.evaluation.state_errors import rigid_errors, segment_errors, state_errors, surface_points
-from tracker_node.evaluation.true_states import holds_states, load_true_states
+from tracker_node.evaluation.truth.association import Trajectories
+from tracker_node.evaluation.truth.states import holds_states, load_true_states
 from tracker_node.geometry import se3, so3
 from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, write_states
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box
+from tracker_node.runs.data import RunData, RunDetails, load_run
 
 
 def states_file(path: Path, moving: Motion, status: str = "TRACKING") -> Path:

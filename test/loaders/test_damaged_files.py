@@ -10,14 +10,14 @@ import pytest
 from small_clip import body
 
 from tracker_node.errors import FileFormatError, SourceError
-from tracker_node.evaluation.reference_masks import load_reference_masks
-from tracker_node.evaluation.run_data import load_run
+from tracker_node.evaluation.masks.reference import load_reference_masks
 from tracker_node.loaders.images.recorded_source import SourceOptions
 from tracker_node.loaders.images.stamps import MOST_NS, load_stamp_file
 from tracker_node.loaders.json_values import parse_json
 from tracker_node.loaders.motion.openpose_json import load_openpose
 from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, read_states, write_states
 from tracker_node.loaders.rig.qualisys_xml import load_qualisys
+from tracker_node.runs.data import load_run
 
 DEEP = "[" * 100_000
 

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from tracker_node.errors import FileFormatError
-from tracker_node.evaluation.config_file import load_config
-from tracker_node.evaluation.reference_masks import load_reference_masks
+from tracker_node.evaluation.masks.reference import load_reference_masks
 from tracker_node.loaders.csv_file import CsvTable
 from tracker_node.loaders.json_values import read_json
 from tracker_node.loaders.limited_file import SETTINGS_BYTES, TABLE_BYTES, read_bytes
@@ -21,6 +20,7 @@ from tracker_node.loaders.rig.opencv_storage import load_opencv
 from tracker_node.loaders.rig.pose2sim_toml import load_pose2sim
 from tracker_node.loaders.rig.qualisys_xml import load_qualisys
 from tracker_node.loaders.rig.rig_yaml import load_rig
+from tracker_node.runs.config_file import load_config
 
 READERS = [
     load_rig, load_config, load_pose2sim, load_qualisys, load_trc, read_robot, detect, read_json, load_reference_masks, CsvTable,

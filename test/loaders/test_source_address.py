@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 from tracker_node.cli._run_json import named_options
 from tracker_node.errors import FileFormatError, SourceError, shown, without_password
-from tracker_node.evaluation.metrics_file import command_line
 from tracker_node.loaders.images.source import open_source, size_contradiction
 from tracker_node.loaders.rig.capture_yaml import changed_settings, split_change
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 from tracker_node.loaders.source_address import SourceAddress, parse_source, relocated, sources_for_child, sources_from_parent
+from tracker_node.report.metrics_file import command_line
 
 RIG = """
 cameras:

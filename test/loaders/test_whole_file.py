@@ -8,7 +8,6 @@ from small_disk import limited_files, small_disk
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
-from tracker_node.evaluation.metrics_file import write_metrics
 from tracker_node.loaders.layouts.foxglove import write_foxglove_layout
 from tracker_node.loaders.layouts.plotjuggler import write_plotjuggler_layout
 from tracker_node.loaders.layouts.viewed_graph import ViewedGraph
@@ -17,6 +16,7 @@ from tracker_node.loaders.rig.dlt_text import dump_dlt
 from tracker_node.loaders.rig.opencv_storage import dump_opencv
 from tracker_node.loaders.rig.qualisys_xml import dump_qualisys
 from tracker_node.loaders.whole_file import whole_file, write_whole
+from tracker_node.report.metrics_file import write_metrics
 
 __all__ = ["small_disk"]
 

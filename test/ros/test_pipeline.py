@@ -12,9 +12,9 @@ from ros_samples import write_recording
 from sensor_msgs.msg import CameraInfo, Image
 from tracker_msgs.msg import TrackedState
 
-from tracker_node.evaluation.image_sets import SourceStream
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.rig.rig_yaml import load_rig
+from tracker_node.runs.image_sets import SourceStream
 from tracker_node.tracking.config import SynchronizerConfig
 
 

@@ -6,7 +6,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from tracker_node.evaluation.report_charts import LIMB_COLORS, STATUS_COLORS, TRUTH_COLORS
+from tracker_node.evaluation.report.charts import LIMB_COLORS, STATUS_COLORS, TRUTH_COLORS
 from tracker_node.loaders.layouts import foxglove as foxglove_layout
 from tracker_node.render.draw.palette import STATES, WORDS, rgb_of
 from tracker_node.studio.palette import palette_css

@@ -14,10 +14,10 @@ from studio_process import running_studio
 
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError, TrackerError
-from tracker_node.evaluation.estimate_messages import camera_info_message
-from tracker_node.evaluation.run_data import load_run
 from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.loaders.motion.trajectory_file import read_states
+from tracker_node.runs.data import load_run
+from tracker_node.runs.messages import camera_info_message
 from tracker_node.studio.playback_page import PlaybackDesk
 from tracker_node.studio.played_run import open_run
 from tracker_node.studio.session import StudioFiles, open_session

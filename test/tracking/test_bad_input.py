@@ -9,7 +9,6 @@ from small_studio import RATE_HZ, Recording, recording
 
 from tracker_node.cli.evaluate import _untold
 from tracker_node.errors import FileFormatError
-from tracker_node.evaluation.run_offline import _Record
 from tracker_node.geometry import se3, so3
 from tracker_node.loaders.model.state_yaml import dump_state, load_state
 from tracker_node.model.articulated import ArticulatedModel, Landmark, Shape
@@ -17,6 +16,7 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Mesh, TruncatedCone
 from tracker_node.observation.image_set import CameraImage, ImageSet
+from tracker_node.runs.offline import _Record
 from tracker_node.synthesis.cones import ModelSubject
 from tracker_node.synthesis.scenes import SceneConfig, Studio, make_rig
 from tracker_node.tracking.config import from_dict

@@ -4,7 +4,7 @@
 import color_plate as benchmark
 import numpy as np
 
-from tracker_node.evaluation.config_file import load_config
+from tracker_node.runs.config_file import load_config
 from tracker_node.tracking.estimate import Status
 
 

@@ -96,8 +96,8 @@ def _fit_to_images(args: argparse.Namespace) -> int:
     """From the images of a run, with its poses."""
     from ..calibration.body_fit import BodyFitOptions, fit_body
     from ..calibration.body_fit_report import body_figures, write_body_report
-    from ..evaluation.metrics_file import write_metrics
     from ..loaders.model.model_yaml import dump_model
+    from ..report.metrics_file import write_metrics
 
     check(not (args.trc or args.stature or args.states), "--from-run", "no --trc, --stature or --states beside it")
     page = Path(args.report or Path(args.output).with_suffix(".html"))

@@ -65,8 +65,8 @@ def _from_run(args: argparse.Namespace) -> int:
     from ..calibration.body_fit_report import rig_figures, write_rig_report
     from ..calibration.rig_drift import stretches
     from ..calibration.rig_fit import RigFitOptions, fit_rig
-    from ..evaluation.metrics_file import write_metrics
     from ..loaders.rig.rig_yaml import read_rig_file, write_rig_file
+    from ..report.metrics_file import write_metrics
 
     check(not args.points2d, "--from-run", "no --points2d beside it", args.points2d)
     check(0.0 < args.center_sigma_mm < 1e4, "--center-sigma-mm", "a positive number of millimetres", args.center_sigma_mm)
@@ -166,9 +166,9 @@ def _from_points(args: argparse.Namespace) -> int:
     from ..calibration.bundle_adjustment import AdjustmentOptions
     from ..calibration.rig_refinement import collect_joints, refine_rig
     from ..errors import CalibrationError, FileFormatError
-    from ..evaluation.metrics_file import write_metrics
     from ..loaders.motion.openpose_json import load_openpose, match_cameras
     from ..loaders.rig.rig_yaml import build_rig, read_rig_file, write_rig_file
+    from ..report.metrics_file import write_metrics
 
     if not 0.0 < args.robust_px < 1e6:
         raise FileFormatError("command line", "--robust-px", "a positive number of pixels", args.robust_px)

@@ -37,8 +37,8 @@ def run(args: argparse.Namespace) -> int:
     from ..calibration.board_figures import camera_figures, coverage_notes, rig_figures, worst_views
     from ..calibration.board_report import format_table, rig_pictures, rig_tables, write_pictures, write_rig_page
     from ..calibration.board_rig import calibrate_rig, check_for_rig
-    from ..evaluation.metrics_file import write_metrics
     from ..loaders.rig.rig_yaml import rig_file_of, write_rig_file
+    from ..report.metrics_file import write_metrics
 
     page = Path(args.report or Path(args.output).with_suffix(".html"))
     figures = page.with_suffix(".json")

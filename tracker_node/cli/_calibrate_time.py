@@ -39,8 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from ..calibration.time_offsets import ClockOptions, estimate_clocks
-    from ..evaluation.metrics_file import write_metrics
     from ..loaders.rig.rig_yaml import build_rig, read_rig_file, write_rig_file
+    from ..report.metrics_file import write_metrics
 
     check(0.0 < args.max_offset < 1e5, "--max-offset", "a positive number of seconds", args.max_offset)
     check(1.0 <= args.seconds < 1e5, "--seconds", "at least 1", args.seconds)

@@ -7,16 +7,16 @@ from pathlib import Path
 
 from ..calibration.balancing import has_plates
 from ..errors import TrackerError
-from ..evaluation.config_file import load_config
-from ..evaluation.image_sets import resampled_rig
-from ..evaluation.tracked_clip import Clip, synthetic_clip
-from ..evaluation.truth import load_truth
+from ..evaluation.truth.joints import load_truth
+from ..experiments.contour.tracked_clip import Clip, synthetic_clip
 from ..loaders.images.background_file import load_plates, resized_plates
 from ..loaders.images.source import SourceOptions
 from ..loaders.model.model_yaml import load_model
 from ..loaders.model.state_yaml import load_state
 from ..loaders.recording_yaml import load_recording
 from ..loaders.rig.rig_yaml import load_rig
+from ..runs.config_file import load_config
+from ..runs.image_sets import resampled_rig
 from ..synthesis.scenes import SceneConfig
 from ._progress import say
 from .sample import prepare

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..camera.rig import CameraRig
-from ..evaluation.color_plots import Profile
-from ..evaluation.contour_experiments import PUBLISHED, REACH_PX, ContourError, by_method, far_sighted
-from ..evaluation.contour_pictures import shoot
-from ..evaluation.contour_plots import RowPicture
+from ..experiments.contour.errors import PUBLISHED, REACH_PX, ContourError, by_method, far_sighted
+from ..experiments.contour.pictures import shoot
+from ..experiments.contour.plots import RowPicture
+from ..experiments.plots import Profile
 from ..geometry import se3
 from ..model.articulated import ArticulatedModel, Shape
 from ..model.configuration import Configuration, State

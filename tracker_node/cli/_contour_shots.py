@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from ..camera.rig import Camera
-from ..evaluation.color_plots import save
-from ..evaluation.contour_experiments import TITLES, by_method
-from ..evaluation.contour_pictures import Shot, cameras_figure, evidence_figure, sequence_figure, shoot
-from ..evaluation.experiment_page import Section
-from ..evaluation.tracked_clip import Clip, TrackedClip
+from ..experiments.contour.errors import TITLES, by_method
+from ..experiments.contour.pictures import Shot, cameras_figure, evidence_figure, sequence_figure, shoot
+from ..experiments.contour.tracked_clip import Clip, TrackedClip
+from ..experiments.plots import save
 from ..model.configuration import Configuration
 from ..observation.image_set import ImageSet
+from ..report.page import Section
 
 PICTURED = "split"  # the method whose poses are drawn: those of the paper lose a quick body
 _INSTANTS = 6

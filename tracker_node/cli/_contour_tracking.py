@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..evaluation.color_plots import Profile
-from ..evaluation.contour_experiments import (
+from ..experiments.contour.errors import (
     PUBLISHED,
     TITLES,
     ContourError,
@@ -20,7 +19,8 @@ from ..evaluation.contour_experiments import (
     until_converged,
     valley,
 )
-from ..evaluation.tracked_clip import Clip, TrackedClip, track_clip
+from ..experiments.contour.tracked_clip import Clip, TrackedClip, track_clip
+from ..experiments.plots import Profile
 from ..loaders.motion.trajectory_file import read_states
 from ..model.configuration import Configuration, State
 from ..observation.image_set import ImageSet

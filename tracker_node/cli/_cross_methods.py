@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from ..evaluation.camera_delay import estimate_delay
-from ..evaluation.color_experiments import Found, TrackedSequence, moved
-from ..evaluation.video_tracking import refine_video, track_video
+from ..experiments.cross.camera_delay import estimate_delay
+from ..experiments.cross.video_tracking import refine_video, track_video
+from ..experiments.rigid_tracking import Found, TrackedSequence, moved
 from ..model.configuration import State
 from ..model.pose_variables import N_ROOT
 from ..objective.color.alignment import PhotometricOptions

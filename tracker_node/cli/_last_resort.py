@@ -143,7 +143,7 @@ def _report(verb: str, arguments: Sequence[str], error: BaseException) -> str:
         "machine": platform.platform(),
     }
     with suppress(Exception):
-        from ..evaluation.metrics_file import versions
+        from ..report.metrics_file import versions
 
         facts |= versions()
     head = "".join(f"{name}: {value}\n" for name, value in facts.items())

@@ -54,8 +54,8 @@ def _check_evaluation(args: argparse.Namespace, entry: EvaluateEntry) -> None:
     FileFormatError : a truth or masks that cannot be read, a target that is none.
     """
     from ..errors import FileFormatError
-    from ..evaluation.reference_masks import load_reference_masks
-    from ..evaluation.report_summary import parse_target
+    from ..evaluation.masks.reference import load_reference_masks
+    from ..evaluation.report.summary import parse_target
     from ..loaders.model.model_yaml import load_model
     from ._review_arguments import truth_of
 

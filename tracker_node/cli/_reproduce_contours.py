@@ -38,10 +38,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..evaluation.color_experiments import text_table
-    from ..evaluation.contour_experiments import METHODS
-    from ..evaluation.experiment_page import Section, write_page
-    from ..evaluation.metrics_file import format_metrics, write_metrics
+    from ..experiments.contour.errors import METHODS
+    from ..experiments.rigid_tracking import text_table
+    from ..report.metrics_file import format_metrics, write_metrics
+    from ..report.page import Section, write_page
     from . import _contour_tracking as tracking
     from ._contour_shots import PICTURED, evidence_pictures, sequence_pictures
 
@@ -108,9 +108,9 @@ def _clips(args: argparse.Namespace) -> dict[str, Any]:
 
 def _part(folder: Path, metrics: dict[str, float | int]) -> Any:
     """Fig. 3: one part along a row."""
-    from ..evaluation.color_plots import save
-    from ..evaluation.contour_plots import row_figure
-    from ..evaluation.experiment_page import Section
+    from ..experiments.contour.plots import row_figure
+    from ..experiments.plots import save
+    from ..report.page import Section
     from ._contour_part import MODELS, part_row
     from ._contour_tracking import valley_figures
 
@@ -126,9 +126,9 @@ def _part(folder: Path, metrics: dict[str, float | int]) -> Any:
 
 def _body(folder: Path, clip: Any, quick: bool, metrics: dict[str, float | int]) -> Any:
     """The same of a whole body in all cameras."""
-    from ..evaluation.color_plots import save
-    from ..evaluation.contour_plots import variables_figure
-    from ..evaluation.experiment_page import Section
+    from ..experiments.contour.plots import variables_figure
+    from ..experiments.plots import save
+    from ..report.page import Section
     from ._contour_tracking import VARIABLES, body_profiles, mean_profile, valley_figures
 
     say("a whole body, moved along single variables")
@@ -144,9 +144,9 @@ def _body(folder: Path, clip: Any, quick: bool, metrics: dict[str, float | int])
 
 
 def _errors(folder: Path, runs: dict[str, dict[str, Any]]) -> Any:
-    from ..evaluation.color_plots import save
-    from ..evaluation.contour_plots import tracking_figure
-    from ..evaluation.experiment_page import Section
+    from ..experiments.contour.plots import tracking_figure
+    from ..experiments.plots import save
+    from ..report.page import Section
 
     panels = {}
     for clip, by_method in runs.items():

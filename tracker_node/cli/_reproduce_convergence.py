@@ -28,9 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from ..errors import FileFormatError
-    from ..evaluation.metrics_file import format_metrics, write_metrics
     from ..objective.color.alignment import PhotometricObjective
     from ..objective.color.score import ColorObjective
+    from ..report.metrics_file import format_metrics, write_metrics
     from ._somersault_scene import somersault_scene
 
     if args.trials < 1:
@@ -83,8 +83,8 @@ def _profiles(show: Callable[[int], None], objective: Any, truth: Sequence[Any],
     """For every image set: variable -> scores along it."""
     import numpy as np
 
-    from ..evaluation.color_experiments import UNITS, VARIABLES, profile
-    from ..evaluation.color_plots import Profile
+    from ..experiments.plots import Profile
+    from ..experiments.rigid_tracking import UNITS, VARIABLES, profile
 
     result = []
     for image, state in enumerate(truth):
@@ -101,7 +101,7 @@ def _widths(prefix: str, profiles: Sequence[dict[str, Any]]) -> dict[str, float]
     """How far the score rises on the steeper and on the gentler side, over all image sets, and how far off the minimum is."""
     import numpy as np
 
-    from ..evaluation.color_experiments import UNITS, VARIABLES, basin
+    from ..experiments.rigid_tracking import UNITS, VARIABLES, basin
 
     metrics = {}
     for name, unit in zip(VARIABLES, UNITS, strict=True):
@@ -117,7 +117,7 @@ def _rates(
     near_mm: float,
 ) -> dict[str, list[float]]:  # fmt: skip
     """Optimizer -> share of starts that arrive, for each size of the start's error."""
-    from ..evaluation.color_experiments import success_rate
+    from ..experiments.rigid_tracking import success_rate
 
     rates: dict[str, list[float]] = {}
     for name, fit in fits.items():
@@ -128,10 +128,10 @@ def _rates(
 
 
 def _write_pictures(folder: Path, profiles: Any, starts: Any, rates: Any, metrics: dict[str, float | int]) -> None:
-    from ..evaluation.color_experiments import LABELS, UNITS, VARIABLES
-    from ..evaluation.color_plots import convergence_figure, save, success_figure
-    from ..evaluation.experiment_page import Section, write_page
-    from ..evaluation.metrics_file import format_metrics
+    from ..experiments.plots import convergence_figure, save, success_figure
+    from ..experiments.rigid_tracking import LABELS, UNITS, VARIABLES
+    from ..report.metrics_file import format_metrics
+    from ..report.page import Section, write_page
 
     sections = []
     for number, unit in ((5, "mm"), (6, "deg")):

@@ -24,9 +24,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..evaluation.color_experiments import text_table
-    from ..evaluation.experiment_page import Section, write_page
-    from ..evaluation.metrics_file import format_metrics, write_metrics
+    from ..experiments.rigid_tracking import text_table
+    from ..report.metrics_file import format_metrics, write_metrics
+    from ..report.page import Section, write_page
     from ._cross_methods import AS_PUBLISHED, BEST, METHODS, camera_times, track
     from ._cross_scene import cross_scene
 
@@ -74,7 +74,7 @@ def _compare(
     """Add the figures of a trial to ``metrics``; a table of them."""
     import numpy as np
 
-    from ..evaluation.color_experiments import pose_error
+    from ..experiments.rigid_tracking import pose_error
     from ._cross_methods import AS_PUBLISHED, BEST
 
     truth = trial.states()
@@ -108,8 +108,8 @@ def _plan(scene: Any, folder: Path) -> Any:
     """Fig. 3."""
     import numpy as np
 
-    from ..evaluation.color_plots import plan_figure, save
-    from ..evaluation.experiment_page import Section
+    from ..experiments.plots import plan_figure, save
+    from ..report.page import Section
 
     paths = {f"{t.name} somersault": np.array([s.T_world_root[:3, 3] for s in t.states()]) for t in scene.trials}
     save(plan_figure(scene.rig, paths), folder / "fig3_plan.png")
@@ -123,10 +123,10 @@ def _pictures(
     import cv2
     import numpy as np
 
-    from ..evaluation import cross_plots
-    from ..evaluation.color_plots import save
-    from ..evaluation.experiment_page import Section
-    from ..evaluation.video_tracking import velocities
+    from ..experiments.cross import plots as cross_plots
+    from ..experiments.cross.video_tracking import velocities
+    from ..experiments.plots import save
+    from ..report.page import Section
     from ..synthesis.cross import FIELD_PERIOD_S
     from ._cross_methods import AS_PUBLISHED, BEST
 

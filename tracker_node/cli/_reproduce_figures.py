@@ -23,13 +23,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..evaluation.color_plots import bodies_figure, matching_figure, plan_figure, save
-    from ..evaluation.experiment_page import Section, write_page
-    from ..evaluation.metrics_file import write_metrics
-    from ..evaluation.surface_distance import distance_table, segment_distances
+    from ..experiments.plots import bodies_figure, matching_figure, plan_figure, save
+    from ..experiments.somersault.surface_distance import distance_table, segment_distances
     from ..model.configuration import Configuration, State
     from ..model.humans.ellipsoids import ellipsoid_human
     from ..model.humans.lofts import nurbs_human
+    from ..report.metrics_file import write_metrics
+    from ..report.page import Section, write_page
 
     rig, paths = _plan(args.rig)
     folder = Path(args.output)
@@ -79,7 +79,7 @@ def _portrait_rig(height: int) -> Any:
 
 def _match(width: int) -> tuple[Any, Any, Any]:
     """A target image of the side view, the tracked body in an estimate of its pose, and the camera."""
-    from ..evaluation.color_experiments import moved
+    from ..experiments.rigid_tracking import moved
     from ..model.configuration import Configuration
     from ..render.raycast.raycaster import render_color
     from ._somersault_scene import somersault_scene

@@ -42,8 +42,8 @@ class _Method:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..evaluation import color_experiments as experiments
-    from ..evaluation.metrics_file import format_metrics, write_metrics
+    from ..experiments import rigid_tracking as experiments
+    from ..report.metrics_file import format_metrics, write_metrics
     from ._somersault_scene import BACKENDS, somersault_scene
 
     folder = Path(args.output)
@@ -143,7 +143,7 @@ def _circumstances(scene: Any, objectives: _Objectives, images: Any, tracked: An
     """How many scores it took, how large the mask is, and how far apart the two bodies' surfaces lie."""
     import numpy as np
 
-    from ..evaluation.surface_distance import segment_distances
+    from ..experiments.somersault.surface_distance import segment_distances
 
     pixels: list[int] = []
     scores: dict[str, list[float]] = {f"table1.{key}.score": [] for key in TABLES["Table 1"]}
@@ -164,7 +164,7 @@ def _circumstances(scene: Any, objectives: _Objectives, images: Any, tracked: An
 
 
 def _remarks(metrics: dict[str, float | int]) -> str:
-    from ..evaluation.color_experiments import LABELS, PAPER_EVALUATIONS_PER_VARIABLE, PAPER_RMS, UNITS, VARIABLES
+    from ..experiments.rigid_tracking import LABELS, PAPER_EVALUATIONS_PER_VARIABLE, PAPER_RMS, UNITS, VARIABLES
 
     floor = [metrics[f"table1.floor.{name}_rms_{unit}"] for name, unit in zip(VARIABLES, UNITS, strict=True)]
     high = [LABELS[name] for name, rms, paper in zip(VARIABLES, floor, PAPER_RMS, strict=True) if rms > 0.5 * paper]
@@ -182,8 +182,8 @@ def _remarks(metrics: dict[str, float | int]) -> str:
 
 def _write_pictures(folder: Path, scene: Any, targets: Any, states: Any, tables: Any, remarks: str) -> None:
     """Fig. 4, and the page."""
-    from ..evaluation.color_plots import save, sequence_figure
-    from ..evaluation.experiment_page import Section, write_page
+    from ..experiments.plots import save, sequence_figure
+    from ..report.page import Section, write_page
 
     tracked = scene.draw(scene.tracked, states)
     rows = {}

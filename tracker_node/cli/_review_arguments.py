@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ..evaluation.report_summary import Target
+    from ..evaluation.report.summary import Target
     from ..evaluation.review import Truth
 
 
@@ -23,8 +23,8 @@ def truth_of(paths: Sequence[str], y_up: bool | None, model: Any) -> Truth:
     """
     from ..errors import TrackerError
     from ..evaluation.review import Truth
-    from ..evaluation.true_states import holds_states, load_true_states
-    from ..evaluation.truth import OWN_TIME, load_truth
+    from ..evaluation.truth.joints import OWN_TIME, load_truth
+    from ..evaluation.truth.states import holds_states, load_true_states
 
     states = [path for path in paths if holds_states(path)]
     joints = [path for path in paths if path not in states]
@@ -63,7 +63,7 @@ def one_each(runs: Sequence[str], given: Sequence[str], option: str) -> list[str
 def targets_of(texts: Sequence[str]) -> dict[str, Target]:
     """Bounds by the keys of figures."""
     from ..errors import TrackerError
-    from ..evaluation.report_summary import parse_target
+    from ..evaluation.report.summary import parse_target
 
     try:
         return dict(parse_target(text) for text in texts)

@@ -30,10 +30,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    from ..doctor.diagnosis import examine
+    from ..doctor.input import record, with_inputs
+    from ..doctor.report import JSON, write_examination
     from ..errors import SourceError
-    from ..evaluation.doctor import examine
-    from ..evaluation.doctor_input import record, with_inputs
-    from ..evaluation.doctor_report import JSON, write_examination
     from ..loaders.rig.rig_yaml import load_rig
 
     if not 0.0 < args.seconds <= 600.0:

@@ -95,12 +95,12 @@ def load_run_images(args: argparse.Namespace) -> RunImages:
     ------
     TrackerError : a run without states, or that does not say its rig or model, or whose images are not there.
     """
-    from ..evaluation.config_file import load_config
-    from ..evaluation.run_data import load_run
-    from ..evaluation.run_images import config_of_run, rig_of_run
     from ..loaders.images.background_file import load_plates, resized_plates
     from ..loaders.model.model_yaml import load_model
     from ..loaders.rig.rig_yaml import load_rig
+    from ..runs.config_file import load_config
+    from ..runs.data import load_run
+    from ..runs.images import config_of_run, rig_of_run
 
     if args.sets < 1:
         raise FileFormatError("command line", "--sets", "a number of at least 1", args.sets)
@@ -152,8 +152,8 @@ def _state(run: Any, row: int) -> State:
 
 def _images(run: Any, rig: CameraRig, stamps_ns: list[int]) -> tuple[CameraRig, dict[int, ImageSet]]:
     """The rig for the images of a run, and its image sets by stamp."""
-    from ..evaluation.run_images import run_stream
     from ..loaders.bag.reader import BagReader
+    from ..runs.images import run_stream
 
     if run.bag is None:
         raise FileFormatError(run.path, "(bag)", "the bag of the run, which lists the images of every state", "none")

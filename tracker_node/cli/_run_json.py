@@ -37,8 +37,8 @@ def _plain(value: Any) -> Any:
 
 def start_of_live_run(args: argparse.Namespace, n_expected: int | None) -> dict[str, Any]:
     """Of a run that begins; without parameters where the nodes are given others than those of the configuration's file."""
-    from ..evaluation.config_file import load_config
-    from ..evaluation.metrics_file import command_line, cpu, versions
+    from ..report.metrics_file import command_line, cpu, versions
+    from ..runs.config_file import load_config
     from ..tracking.config import TrackerConfig, flatten
 
     options = {name: value for name, value in named_options(args).items() if name != "bag"}  # images come from no bag

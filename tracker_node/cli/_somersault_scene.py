@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..camera.rig import CameraRig
-from ..evaluation.color_plots import bgr_of
+from ..experiments.plots import bgr_of
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.humans.ellipsoids import ellipsoid_human

@@ -49,8 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..evaluation import report
-    from ..evaluation.metrics_file import print_metrics
+    from ..evaluation.report import builder as report
+    from ..report.metrics_file import print_metrics
 
     check_numbers(args)
     targets, lag = targets_of(args.target), lag_of(args.lag)
@@ -74,8 +74,8 @@ def _review(args: argparse.Namespace, path: str, name: str, model_path: str | No
     from ..errors import TrackerError
     from ..evaluation.evaluate import EvaluationOptions
     from ..evaluation.review import review
-    from ..evaluation.run_data import load_run
     from ..loaders.model.model_yaml import load_model
+    from ..runs.data import load_run
 
     tracked = load_run(path, args.topic)
     first_image = _first_image(tracked.info) if args.first_image is None else args.first_image
@@ -96,10 +96,10 @@ def _review(args: argparse.Namespace, path: str, name: str, model_path: str | No
 
 def _look_at_images(args: argparse.Namespace, tracked: Any, model: Any, rig_path: str | None, period_ns: float, first_image: int):
     """Silhouettes, pictures for the contact sheets, and what could not be shown."""
-    from ..evaluation.reference_masks import load_reference_masks
-    from ..evaluation.run_images import rig_of_run
-    from ..evaluation.silhouettes import ImageReview, ReviewOptions, review_images
+    from ..evaluation.masks.reference import load_reference_masks
+    from ..evaluation.masks.silhouettes import ImageReview, ReviewOptions, review_images
     from ..loaders.rig.rig_yaml import load_rig
+    from ..runs.images import rig_of_run
 
     if not rig_path:
         return ImageReview(problems=["Without a rig there are no silhouettes and no pictures (--rig FILE)."])

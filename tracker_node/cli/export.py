@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 from ._run_images import named_file, refuse_to_overwrite
 
 if TYPE_CHECKING:
-    from ..evaluation.export_options import ExportOptions
-    from ..evaluation.kinematics import StateKinematics
-    from ..evaluation.run_motion import RunMotion
+    from ..evaluation.motion.export_options import ExportOptions
+    from ..evaluation.motion.kinematics import StateKinematics
+    from ..runs.motion import RunMotion
 
 SUMMARY = "write a run as TRC, MOT, STO, C3D, BVH, TUM or CSV for other programs"
 EXAMPLE = (
@@ -77,9 +77,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..evaluation.run_data import load_run
-    from ..evaluation.run_motion import motion_of_run
     from ..loaders.model.model_yaml import load_model
+    from ..runs.data import load_run
+    from ..runs.motion import motion_of_run
 
     output = Path(args.output)
     args.to = _format_of(args.to, output)
@@ -122,7 +122,7 @@ def _format_of(to: str | None, output: Path) -> str:
 
 
 def _options(args: argparse.Namespace) -> ExportOptions:
-    from ..evaluation.export_options import ExportOptions
+    from ..evaluation.motion.export_options import ExportOptions
 
     y_up = (args.up or ("y" if args.to in _Y_UP or args.coordinates == "opensim" else "z")) == "y"
     for name, formats in _USED_BY.items():
@@ -146,8 +146,8 @@ def _options(args: argparse.Namespace) -> ExportOptions:
 
 def _prepared(args: argparse.Namespace, motion: RunMotion) -> tuple[RunMotion, list[str]]:
     """At a constant rate where the format, the filter or the user wants one; and what was done for that."""
-    from ..evaluation.export import AT_CONSTANT_RATE
-    from ..evaluation.run_motion import at_constant_rate
+    from ..evaluation.motion.export import AT_CONSTANT_RATE
+    from ..runs.motion import at_constant_rate
 
     if args.rate is not None and not 0.0 < args.rate <= 1e6:
         raise _wrong("--rate", "a rate above 0 Hz", args.rate)
@@ -158,7 +158,7 @@ def _prepared(args: argparse.Namespace, motion: RunMotion) -> tuple[RunMotion, l
 
 
 def _filtered(cutoff: str, motion: RunMotion) -> StateKinematics:
-    from ..evaluation.kinematics import SHORTEST, state_kinematics
+    from ..evaluation.motion.kinematics import SHORTEST, state_kinematics
 
     try:
         found = state_kinematics(motion, None if cutoff == "auto" else float(cutoff))
@@ -172,8 +172,8 @@ def _filtered(cutoff: str, motion: RunMotion) -> StateKinematics:
 def _write(
     to: str, motion: RunMotion, output: Path, options: ExportOptions, kinematics: StateKinematics | None
 ) -> list[str]:
-    from ..evaluation.export import FORMATS as WRITERS
-    from ..evaluation.export_csv import tables, write_tables
+    from ..evaluation.motion.export import FORMATS as WRITERS
+    from ..evaluation.motion.export_csv import tables, write_tables
 
     if to != "csv":
         return WRITERS[to](motion, output, options)

@@ -51,9 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from ..errors import TrackerError
-    from ..evaluation.run_writer import write_summary
     from ..loaders.rig.rig_yaml import load_rig
     from ..ros.pipeline import PipelineOptions, run_pipeline
+    from ..runs.writer import write_summary
 
     recording = fill_in(args, BUILT_IN)
     if args.bag is None and args.output is not None:
@@ -111,8 +111,8 @@ def _run_folder(args: argparse.Namespace) -> Path | None:
     ------
     BagExistsError : a run is there.
     """
-    from ..evaluation.run_writer import BAG, STATES, SUMMARY
     from ..loaders.bag.writer import BagExistsError
+    from ..runs.writer import BAG, STATES, SUMMARY
 
     if args.bag is None or args.bag.name != BAG:
         return None
@@ -124,10 +124,10 @@ def _run_folder(args: argparse.Namespace) -> Path | None:
 
 def _check_files(rig, args: argparse.Namespace) -> None:
     """Mistakes in files are said before anything is started."""
-    from ..evaluation.config_file import load_config
     from ..loaders.images.background_file import load_plates
     from ..loaders.model.model_yaml import load_model
     from ..loaders.model.state_yaml import load_state
+    from ..runs.config_file import load_config
 
     model = load_model(args.model)
     if args.config:

@@ -81,11 +81,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from ..errors import TrackerError
-    from ..evaluation.config_file import load_config
-    from ..evaluation.run_offline import OfflineRun, run_offline
     from ..loaders.model.model_yaml import load_model
     from ..loaders.model.state_yaml import load_state
     from ..loaders.rig.rig_yaml import load_rig
+    from ..runs.config_file import load_config
+    from ..runs.offline import OfflineRun, run_offline
     from ..tracking.config import TrackerConfig
 
     recording = fill_in(args, BUILT_IN)
@@ -131,8 +131,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _as_that_run(args: argparse.Namespace) -> None:
     """What the command line leaves out of how images are taken is as in the run that is made again."""
-    from ..evaluation.run_data import run_info
-    from ..evaluation.run_images import options_of
+    from ..runs.data import run_info
+    from ..runs.images import options_of
 
     options = options_of(run_info(args.from_run_bag))
     for name in ("start", "end", "rate", "resize", "shrink", "base_stamp_ns", "cameras", "source"):

@@ -71,7 +71,6 @@ def run(args: argparse.Namespace) -> int:
     from ..ros.heap import kept_for_ever
 
     with kept_for_ever():
-        from ..evaluation.config_file import load_config
         from ..loaders.model.model_yaml import load_model
         from ..loaders.model.state_yaml import load_state
         from ..loaders.rig.rig_yaml import load_rig
@@ -80,6 +79,7 @@ def run(args: argparse.Namespace) -> int:
         from ..ros.lifecycle import FINALIZED, INACTIVE
         from ..ros.tracker_node import TrackerNode
         from ..ros.tracker_options import TrackerOptions
+        from ..runs.config_file import load_config
         from ..tracking.config import TrackerConfig
 
     rig, model = load_rig(args.rig), load_model(args.model)

@@ -9,11 +9,11 @@ import numpy as np
 
 from ..errors import FileFormatError
 from ..model.articulated import ArticulatedModel
+from ..runs.data import RunData
 from ..tracking.estimate import Status
 from . import metrics
-from .association import FEW_SETS, LAG_RANGE_IMAGES, OnAClock, Trajectories, estimate_lag, image_period_ns, truth_at
-from .landmarks import LIMBS, common_bones, common_joints, offset_links
-from .run_data import RunData
+from .truth.association import FEW_SETS, LAG_RANGE_IMAGES, OnAClock, Trajectories, estimate_lag, image_period_ns, truth_at
+from .truth.landmarks import LIMBS, common_bones, common_joints, offset_links
 
 OnOneClock = TypeVar("OnOneClock", bound=OnAClock)
 ALIGNMENTS = ("auto", "first", "stamp")

@@ -8,18 +8,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..model.articulated import ArticulatedModel
+from ..runs.data import RunData
 from ..tracking.estimate import Status
 from . import pose_metrics
-from .association import Trajectories, image_period_ns
 from .evaluate import Evaluation, EvaluationOptions, SilhouetteScores, aligned, evaluate, expected_sets
 from .intervals import instants, intervals, reacquisition_times
-from .landmarks import common_bones
+from .masks.silhouettes import Picture
 from .run_consistency import NeesSeries, landmark_nees, state_nees
-from .run_data import RunData
-from .silhouettes import Picture
 from .spread import Spread, spread_of
 from .state_errors import ROWS, RigidErrors, SegmentErrors, StateErrors, link_poses, rigid_errors, segment_errors, state_errors
-from .true_states import TrueStates
+from .truth.association import Trajectories, image_period_ns
+from .truth.landmarks import common_bones
+from .truth.states import TrueStates
 
 STAGES = ("observe", "optimize", "total")
 PERCENTILES = (50, 95, 99)

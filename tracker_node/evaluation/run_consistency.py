@@ -9,9 +9,9 @@ import numpy as np
 
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
+from ..runs.data import RunData
 from .consistency import effective_sets, mean_bounds, whitened
 from .evaluate import Evaluation
-from .run_data import RunData
 
 _SMALLEST = 1e-12  # share of the largest eigenvalue: below it a covariance has no inverse
 

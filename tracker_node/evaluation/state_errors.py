@@ -11,10 +11,10 @@ from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.pose_variables import N_ROOT, ROOT_NAMES, variable_names
 from ..render.opengl.tessellation import tessellate
+from ..runs.data import RunData
 from .pose_metrics import add_errors, add_s_errors, mean_rotation, rotation_errors
-from .run_data import RunData
 from .spread import Spread, spread_of
-from .true_states import TrueStates, unwrapped
+from .truth.states import TrueStates, unwrapped
 
 # Trewartha, Yeadon & Knight, Table 1: in this order, under these names
 ROWS = {"z": "vertical", "x": "A-P", "y": "lateral", "somersault": "somersault", "tilt": "tilt", "twist": "twist"}

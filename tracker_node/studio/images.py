@@ -13,11 +13,11 @@ import numpy as np
 
 from ..camera.rig import CameraRig
 from ..errors import FileFormatError, SourceError, TrackerError, UnknownNameError
-from ..evaluation.image_sets import make_synchronizer, opened_sources
 from ..loaders.decoding import SourceImage
 from ..loaders.images.file_sources import READ_ON
 from ..loaders.images.source import ImageSource, SourceOptions
 from ..observation.image_set import CameraImage, ImageSet
+from ..runs.image_sets import make_synchronizer, opened_sources
 from ..tracking.config import SynchronizerConfig
 
 _JPEG_BYTES = 256 * 2**20

@@ -9,14 +9,14 @@ import numpy as np
 
 from ..camera.rig import CameraRig
 from ..errors import TrackerError
-from ..evaluation.recorded_sets import RecordedRunStream, RecordedSet, recorded_set
-from ..evaluation.run_data import STATES_FILE, RunData, load_run
-from ..evaluation.run_images import image_bag_of, options_of, rig_from_bag, rig_of_run, source_options_of
 from ..loaders.bag.images import only_topic
 from ..loaders.bag.message_types import TRACKED_STATE
 from ..loaders.bag.reader import BagReader
 from ..loaders.motion.trajectory_file import read_states
 from ..model.articulated import ArticulatedModel
+from ..runs.data import STATES_FILE, RunData, load_run
+from ..runs.images import image_bag_of, options_of, rig_from_bag, rig_of_run, source_options_of
+from ..runs.recorded_sets import RecordedRunStream, RecordedSet, recorded_set
 from .images import RecordedImages
 from .session import StudioSession
 

@@ -12,13 +12,13 @@ from typing import Any, TypeVar
 
 from ..camera.rig import CameraRig
 from ..errors import TrackerError
-from ..evaluation.config_file import load_config
 from ..loaders.model.model_yaml import load_model
 from ..loaders.model.state_yaml import load_state
 from ..loaders.owned_folder import OwnedFolder
 from ..loaders.rig.rig_yaml import load_rig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
+from ..runs.config_file import load_config
 from ..tracking.config import TrackerConfig
 from .images import RecordedImages
 

@@ -1,0 +1,282 @@
+"""The report as people get it: the page in a real browser, the PDF through another reader, tables and charts as files."""
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pypdf
+import pytest
+from browser import browser_tab
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.figure import Figure
+from stick_person import Motion, motion, write_run, write_state_bag
+
+from tracker_node.evaluation.evaluate import EvaluationOptions
+from tracker_node.evaluation.masks.silhouettes import Picture
+from tracker_node.evaluation.report.builder import ReportOptions, write_report
+from tracker_node.evaluation.report.summary import Target, summary_table
+from tracker_node.evaluation.review import Review, Truth, review
+from tracker_node.evaluation.truth.association import Trajectories
+from tracker_node.evaluation.truth.states import TrueStates, unwrapped
+from tracker_node.model.pose_variables import variable_names
+from tracker_node.report.document import Column, Document, Section, Table, strips_of
+from tracker_node.report.figure_files import file_name, write_figure_files
+from tracker_node.report.html import render_html
+from tracker_node.report.pdf import write_pdf
+from tracker_node.report.print_layout import wrapped
+from tracker_node.runs.data import load_run
+
+N = 24
+
+
+def truth_of(tracked: Motion) -> Truth:
+    """Joints 30 mm beside, and states as they are."""
+    positions = tracked.landmarks_m + np.array([0.03, 0.0, 0.0])
+    joints = Trajectories(tracked.model.landmark_names, tracked.stamps_ns, positions, np.ones(positions.shape[:2], dtype=bool))
+    values = unwrapped(np.array([state.to_values() for state in tracked.states]))
+    states = TrueStates(variable_names(tracked.model), tracked.stamps_ns, values, np.ones(values.shape, dtype=bool))
+    return Truth(joints, states)
+
+
+def reviewed(folder: Path, name: str = "walk", truth: bool = True, seed: int = 3) -> Review:
+    tracked = motion(N, seed)
+    write_run(folder / name, tracked, ["TRACKING"] * 10 + ["LOST"] * 3 + ["TRACKING"] * (N - 13))
+    write_state_bag(folder / name / "bag", tracked)
+    run = load_run(folder / name)
+    of = motion(N)
+    found = review(run, of.model, truth_of(of) if truth else Truth(), EvaluationOptions(name, 0.0), {"run": str(folder / name)})
+    picture = np.full((60, 40, 3), 90, dtype=np.uint8)
+    pictures = [
+        Picture(camera, i, picture, kind) for kind in ("overlay", "mask") for i in (0, 9) for camera in ("cam01", "cam02")
+    ]
+    return replace(found, pictures=pictures, problems=["a <b>camera</b> </script> is gone"])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """Reports of one run, of two that are compared, and of one without truth."""
+    folder = tmp_path_factory.mktemp("reports")
+    one, other = reviewed(folder), reviewed(folder, "run", seed=4)
+    write_report(folder / "one", [one], ReportOptions({"mpjpe_mm": Target(60.0, True)}, figure_files=True))
+    write_report(folder / "two", [one, other], ReportOptions(figure_files=True))
+    write_report(folder / "alone", [reviewed(folder, "alone", truth=False)])
+    return folder
+
+
+@pytest.mark.parametrize(("report", "charts"), [("one", 8), ("two", 11), ("alone", 4)])
+def test_the_page_draws_every_chart_in_a_browser(folder, report, charts):
+    with browser_tab() as tab:
+        asked = []
+        tab.page.on("request", lambda request: asked.append(request.url))
+        tab.page.goto((folder / report / "report.html").as_uri())
+        tab.page.wait_for_function("document.documentElement.dataset.drawn", timeout=60_000)
+        assert tab.errors == []
+        assert [url for url in asked if not url.startswith(("data:", "blob:"))] == [(folder / report / "report.html").as_uri()]
+        drawn = tab.page.locator("[data-chart] .main-svg, #curve .main-svg")
+        assert tab.page.locator("[data-chart]").count() == charts
+        assert drawn.count() >= charts + 1
+        lines = tab.page.locator("#curve .scatterlayer .trace path.js-line")
+        assert lines.count() >= 1
+        assert tab.page.locator("figure img").count() >= 4
+        widths = tab.page.evaluate(WIDTHS)
+        assert len(widths) >= 4 and all(width > 0 for width in widths)
+        assert tab.page.evaluate(MARKS) == []
+
+
+WIDTHS = "Promise.all([...document.images].map(async i => { i.loading = 'eager'; await i.decode(); return i.naturalWidth }))"
+MARKS = """[...document.querySelectorAll('[data-chart]')].filter(e => {
+  const lines = [...e.querySelectorAll('.scatterlayer path.js-line')].filter(p => (p.getAttribute('d') || '').length > 3).length;
+  const bars = e.querySelectorAll('.barlayer .point path').length, maps = e.querySelectorAll('.heatmaplayer image').length;
+  const of = kind => e.data.filter(t => t.type === kind);
+  return !e.data.length || lines !== of('scatter').length || maps !== of('heatmap').length
+    || bars !== of('bar').reduce((n, t) => n + t.x.length, 0);
+}).map(e => e.dataset.chart)"""  # charts that do not show a line per series, a bar per value, an image per map
+
+
+@pytest.mark.parametrize("width", [600, 390])
+def test_a_narrow_page_scrolls_its_parts_and_not_itself(folder, width):
+    with browser_tab(width) as tab:
+        tab.page.goto((folder / "two" / "report.html").as_uri())
+        tab.page.wait_for_function("document.documentElement.dataset.drawn", timeout=60_000)
+        assert tab.page.evaluate("document.documentElement.scrollWidth") <= width
+        meanings = tab.page.evaluate("[...document.querySelectorAll('td.meaning')].map(cell => cell.clientHeight)")
+        assert meanings and max(meanings) < 90  # pixels: some lines, no column of single words
+        assert min(tab.page.evaluate("[...document.querySelectorAll('figure')].map(f => f.clientWidth)")) >= 140
+
+
+def test_a_curve_is_chosen_by_keyboard_and_by_button(folder):
+    with browser_tab() as tab:
+        tab.page.goto((folder / "two" / "report.html").as_uri())
+        tab.page.wait_for_function("document.documentElement.dataset.drawn", timeout=60_000)
+        title = tab.page.locator("#curve .ytitle").first
+        assert title.text_content() == "x [mm]"
+        tab.page.locator("#curve-after").click()
+        tab.page.wait_for_function("document.querySelector('#curve .ytitle').textContent == 'y [mm]'")
+        tab.page.locator("#curve-choice").focus()
+        tab.page.select_option("#curve-choice", label="left wrist")
+        tab.page.wait_for_function("document.querySelectorAll('#curve .ytitle, #curve .y2title, #curve .y3title').length == 3")
+        names = tab.page.locator("#curve .legendtext").all_text_contents()
+        assert names == ["truth", "walk", "run"]
+        assert tab.errors == []
+
+
+def test_names_cannot_break_out_of_the_page(folder):
+    text = (folder / "one" / "report.html").read_text()
+    assert "a <b>camera</b> </script>" not in text and "a &lt;b&gt;camera&lt;/b&gt; &lt;/script&gt;" in text
+
+
+def test_the_pdf_has_the_same_tables_in_print(folder):
+    reader = pypdf.PdfReader(folder / "one" / "report.pdf")
+    text = "\n".join(page.extract_text() for page in reader.pages)
+    assert len(reader.pages) >= 4
+    width, height = reader.pages[0].mediabox.width, reader.pages[0].mediabox.height
+    assert (float(width), float(height)) == pytest.approx((595, 842), abs=2)
+    for said in ("Evaluation of walk", "Joint error (MPJPE)", "30.0 (met)", "Errors per degree of freedom", "range of motion",
+                 "somersault", "left wrist", "Lost intervals", "Constant offsets", "page 1", "Target through mask"):  # fmt: skip
+        assert said in text, said
+    assert sum(len(page.images) for page in reader.pages) >= 8
+    compared = "\n".join(page.extract_text() for page in pypdf.PdfReader(folder / "two" / "report.pdf").pages)
+    assert "Comparison of walk, run" in compared and "worse" in compared
+
+
+def test_nothing_is_printed_beyond_the_edge(folder):
+    for page in pypdf.PdfReader(folder / "two" / "report.pdf").pages:
+        places = []
+
+        def note(text, cm, tm, font, size, places=places):
+            if text.strip():
+                places.append((tm[4] * cm[0] + tm[5] * cm[2] + cm[4], tm[4] * cm[1] + tm[5] * cm[3] + cm[5]))
+
+        page.extract_text(visitor_text=note)
+        x, y = np.array(places).T
+        assert x.min() >= 20 and x.max() <= 575 and y.min() >= 15 and y.max() <= 830
+
+
+def test_every_table_and_chart_is_there_as_csv_and_json(folder):
+    files = sorted(path.name for path in (folder / "one" / "figures").iterdir())
+    keys = ("summary", "joints_walk", "dofs_walk", "errors", "curves", "status", "joint_map_walk", "pck")
+    assert {f"{key}.{kind}" for key in keys for kind in ("csv", "json")} <= set(files)
+    with (folder / "one" / "figures" / "joints_walk.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    wrist = next(row for row in rows if row["joint"] == "left wrist")
+    assert float(wrist["as tracked: mean"]) == pytest.approx(30.0) == float(wrist["as tracked: max"])
+    errors = json.loads((folder / "one" / "figures" / "errors.json").read_text())
+    means = [value for line, _, value in errors["rows"] if line == "mean"]
+    assert len(means) == N and means == pytest.approx([30.0] * N)
+    curves = json.loads((folder / "one" / "figures" / "curves.json").read_text())["rows"]
+    wrist = [row for row in curves if row[1] == "left wrist" and row[3] == "y"]
+    assert [row[6] for row in wrist if row[4] == "truth"] == pytest.approx([row[6] for row in wrist if row[4] == "walk"])
+
+
+def test_figures_of_all_runs_are_in_one_file(folder):
+    metrics = json.loads((folder / "two" / "report.json").read_text())["metrics"]
+    assert metrics["walk.mpjpe_mm"] == pytest.approx(30.0) and metrics["run.mpjpe_mm"] > 30.0
+    assert metrics["walk.said_lost_sets"] == 3 and metrics["walk.total_ms_p99"] == pytest.approx(3.0)
+
+
+def test_differences_say_which_run_is_better(tmp_path):
+    one, other = reviewed(tmp_path), reviewed(tmp_path, "run", seed=4)
+    table = summary_table([one, other], {})
+    column = [c.title for c in table.columns].index("difference")
+    by_key = {row[-1].value: row for row in table.rows}
+    assert by_key["mpjpe_mm"][column].mark == "worse" and by_key["mpjpe_mm"][column].value.startswith("+")
+    assert by_key["pck_50mm"][column].mark == "worse" and by_key["pck_50mm"][column].value.startswith("-")
+    assert by_key["image_sets"][column].mark == "" == by_key["residual_px"][column].mark
+    back = {row[-1].value: row for row in summary_table([other, one], {}).rows}
+    assert back["mpjpe_mm"][column].mark == "better"
+
+
+def test_targets_for_what_is_not_measured_are_missed(tmp_path):
+    table = summary_table([reviewed(tmp_path, truth=False)], {"mpjpe_mm": Target(60.0, True), "said_lost_sets": Target(3, True)})
+    marks = {row[-1].value: row[1].mark for row in table.rows}
+    assert marks["walk.mpjpe_mm"] == "bad" and marks["walk.said_lost_sets"] == "good" and marks["walk.residual_px"] == ""
+
+
+def test_strips_join_what_is_alike_and_leave_gaps():
+    times = np.array([0.0, 0.1, 0.2, 0.5, 0.6])
+    strips = strips_of("row", ["a", "a", "b", "b", "b"], times, 0.1, {"a": "#000", "b": "#fff"})
+    assert [(s.label, round(s.start, 3), round(s.end, 3)) for s in strips] == [
+        ("a", -0.05, 0.15),
+        ("b", 0.15, 0.25),
+        ("b", 0.45, 0.65),
+    ]
+
+
+def test_tables_show_dashes_for_what_is_not_known():
+    table = Table("t", "t", "", [Column("a", 2), Column("b", 0)], [[float("nan"), None], [-0.001, 3]])
+    assert table.texts() == [["–", "–"], ["0.00", "3"]]
+
+
+def test_names_of_files_are_harmless():
+    assert file_name("joints_../../etc/passwd") == "joints_.._.._etc_passwd" and file_name("..") == "figure"
+    assert file_name("a b/ü") == "a_b_"
+
+
+def test_names_that_files_cannot_tell_apart_get_files_of_their_own(tmp_path):
+    blocks = [Table(key, "t", "", [Column("a", is_text=True)], [[key]]) for key in ("a/b", "a:b")]
+    written = write_figure_files(tmp_path, Document("t", "d", [], [], [Section("s", "s", blocks)]))
+    assert len(set(written)) == 4
+    assert sorted(path.read_text().split()[1] for path in written if path.suffix == ".csv") == ["a/b", "a:b"]
+
+
+def test_a_page_without_charts_needs_no_plotly(folder):
+    assert len(render_html(Document("t", "d", [], [], []))) < 20_000
+
+
+WIDE = "WWWW MMMM " * 60 + "W" * 400  # letters far wider than the mean
+
+
+@pytest.mark.parametrize("bold", [False, True])
+def test_lines_in_print_are_as_wide_as_is_measured(bold):
+    """By the boxes that matplotlib itself draws."""
+    lines = wrapped(WIDE, 8, 5.0, bold)
+    assert "".join(lines).replace(" ", "") == WIDE.replace(" ", "")
+    figure = Figure(figsize=(10, 2), dpi=300)
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    boxes = [figure.text(0, 0, line, size=8, weight="bold" if bold else "normal").get_window_extent(renderer) for line in lines]
+    widths = [box.width / 300 for box in boxes]
+    assert max(widths) <= 5.0 * 1.01 and min(widths[:8]) > 4.0
+
+
+def test_wide_text_ends_before_the_right_edge(tmp_path, monkeypatch):
+    """By the boxes that matplotlib draws on every page."""
+    edges = []
+
+    def measured(self, figure, **options):
+        figure.set_dpi(600)  # hinting for a screen widens text
+        renderer = FigureCanvasAgg(figure).get_renderer()
+        edges.extend(text.get_window_extent(renderer).x1 / figure.dpi for text in figure.texts)
+        assert min(text.get_fontsize() for text in figure.texts) >= 6.0
+
+    monkeypatch.setattr(PdfPages, "savefig", measured)
+    columns = [Column("figure", is_text=True), Column("value"), Column("meaning", is_text=True)]
+    table = Table("t", "Table", WIDE, columns, [["WWWW", 1.0, WIDE], ["W", 2.0, "M"]])
+    document = Document("MWM " * 20, "d", [("fact", WIDE)], [WIDE], [Section("s", "S", [table])])
+    assert write_pdf(tmp_path / "wide.pdf", document) > 0
+    assert len(edges) > 20 and 7.0 < max(edges) <= 8.27 - 0.55
+
+
+def test_very_many_columns_are_continued_below(tmp_path, monkeypatch):
+    """Legibly, with the first column before each part, no group torn apart, and titles of any length."""
+    texts = []
+
+    def kept(self, figure, **options):
+        figure.set_dpi(600)
+        renderer = FigureCanvasAgg(figure).get_renderer()
+        texts.extend((t.get_text(), t.get_fontsize(), t.get_window_extent(renderer).x1 / figure.dpi) for t in figure.texts)
+
+    monkeypatch.setattr(PdfPages, "savefig", kept)
+    numbers = [Column(f"title {i:02}", 2, f"group {i // 4}") for i in range(40)]
+    columns = [Column("figure", is_text=True), *numbers, Column("M" * 200), Column("a note", is_text=True)]
+    rows = [[f"row {k}", *(100.0 * k + i for i in range(40)), 7.0, "said"] for k in range(3)]
+    write_pdf(tmp_path / "many.pdf", Document("t", "d", [], [], [Section("s", "S", [Table("t", "T", "", columns, rows)])]))
+    said = [text for text, _, _ in texts]
+    assert min(size for _, size, _ in texts) >= 6.0 and max(right for _, _, right in texts) <= 8.27 - 0.55
+    parts = said.count("figure")
+    assert 3 <= parts <= 8 and [said.count(f"row {k}") for k in range(3)] == [parts] * 3
+    assert all(said.count(f"title {i:02}") == said.count(f"{200 + i}.00") == 1 for i in range(40))
+    assert all(said.count(f"group {g}") == 1 for g in range(10))
+    assert "".join(text for text in said if set(text) == {"M"}) == "M" * 200

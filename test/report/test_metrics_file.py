@@ -1,0 +1,49 @@
+"""The file of figures, and the table."""
+
+import json
+import sys
+
+import numpy as np
+
+from tracker_node.report.metrics_file import cpu, format_metrics, print_metrics, versions, write_metrics
+
+
+def test_file_holds_figures_and_circumstances(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["/somewhere/bin/tracker_node", "evaluate", "a run"])
+    path = tmp_path / "new" / "figures.json"
+    write_metrics(path, {"walk.mpjpe_mm": np.float64(12.5), "walk.lost_sets": np.int64(0), "walk.ok": True})
+    content = json.loads(path.read_text())
+    assert list(content) == ["metrics", "command", "versions", "cpu"]
+    assert content["metrics"] == {"walk.mpjpe_mm": 12.5, "walk.lost_sets": 0, "walk.ok": 1}
+    assert isinstance(content["metrics"]["walk.lost_sets"], int)
+    assert content["command"] == "tracker_node evaluate 'a run'"
+    assert content["versions"]["numpy"] == np.__version__
+    assert content["cpu"]["cores"] >= 1
+
+
+def test_numbers_that_json_lacks_become_null(tmp_path):
+    path = tmp_path / "figures.json"
+    write_metrics(path, {"a": float("nan"), "b": float("inf"), "c": 1.0})
+    assert json.loads(path.read_text())["metrics"] == {"a": None, "b": None, "c": 1.0}
+
+
+def test_table_aligns_decimal_points(capsys):
+    print_metrics({"long.key_name": 123.4567, "n": 7, "x": float("nan"), "tiny": 1.5e-7})
+    lines = capsys.readouterr().out.splitlines()
+    expected = [  # decimal points below each other
+        "long.key_name  123.457",
+        "n                7",
+        "x                -",
+        "tiny             1.500e-07",
+    ]
+    assert lines == expected
+
+
+def test_empty_table():
+    assert format_metrics({}) == "(no figures)"
+
+
+def test_circumstances_are_named():
+    assert set(versions()) >= {"tracker_node", "python", "numpy", "numba", "opencv"}
+    described = cpu()
+    assert described["model"] and described["simd"]

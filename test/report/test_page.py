@@ -1,0 +1,32 @@
+"""The page of an experiment."""
+
+import base64
+
+from tracker_node.report.page import Section, write_page
+
+
+def test_headings_tables_pictures_and_text_in_order(tmp_path):
+    picture = tmp_path / "a.png"
+    picture.write_bytes(b"pixels")
+    sections = [
+        Section("First <part>", "A sentence.", [("name", "heading of it"), ("a", "1.5")]),
+        Section("Second", picture=picture, preformatted="as  it is"),
+    ]
+    path = tmp_path / "new" / "folder" / "page.html"
+    write_page(path, "A title", sections)
+    text = path.read_text(encoding="utf-8")
+    assert "A title" in text and "First &lt;part&gt;" in text and "<part>" not in text
+    places = [text.index(part) for part in ("First &lt;", "A sentence.", "heading of it", "Second", "as  it is")]
+    assert places == sorted(places) and "1.5" in text[places[2] : places[3]]
+    assert text.count("data:image/png;base64,") == 1
+    assert f"data:image/png;base64,{base64.b64encode(b'pixels').decode()}" in text
+    assert "UTC" in text
+
+
+def test_what_is_empty_is_left_out(tmp_path):
+    write_page(tmp_path / "page.html", "A title", [Section("Alone")])
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "Alone" in text and "<img" not in text and "data:image" not in text
+    write_page(tmp_path / "page.html", "Another", [])
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "Another" in text and "Alone" not in text

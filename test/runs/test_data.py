@@ -1,0 +1,97 @@
+"""Reading what a run left behind."""
+
+import numpy as np
+import pytest
+from stick_person import Motion, motion, write_run, write_state_bag
+
+from tracker_node.errors import FileFormatError, UnknownNameError
+from tracker_node.loaders.motion.motion_file import CovariancesWriter
+from tracker_node.runs.data import load_run
+from tracker_node.tracking.estimate import Status
+
+
+def test_states_of_a_folder(tmp_path):
+    tracked = motion(6)
+    run = load_run(write_run(tmp_path / "run", tracked, ["INITIALISING", *["TRACKING"] * 4, "LOST"]))
+    assert run.stamps_ns.tolist() == tracked.stamps_ns.tolist()
+    assert run.status.tolist() == [Status.INITIALISING, *[Status.TRACKING] * 4, Status.LOST]
+    assert run.cameras == () and run.camera_residuals_px.shape == (6, 0)
+    landmarks = run.configuration(tracked.model, 3).landmarks_world
+    assert landmarks == pytest.approx(tracked.landmarks_m[3], abs=1e-12)
+
+
+@pytest.mark.parametrize("inside", ["", "bag"])
+def test_states_of_a_bag_in_order_of_stamps(tmp_path, inside):
+    tracked = motion(6)
+    path = tmp_path / "recording"
+    write_state_bag(path / inside if inside else path, tracked)
+    run = load_run(path)
+    assert run.stamps_ns.tolist() == tracked.stamps_ns.tolist()
+    assert run.cameras == ("cam01", "cam02")
+    assert run.camera_residuals_px[:, 1].tolist() == [3.0, 4.0] * 3
+    assert run.configuration(tracked.model, 5).landmarks_world == pytest.approx(tracked.landmarks_m[5], abs=1e-9)
+
+
+def test_figures_per_camera_come_from_the_bag_beside_the_states(tmp_path):
+    tracked = motion(6)
+    folder = write_run(tmp_path / "run", tracked)
+    write_state_bag(folder / "bag", tracked)
+    run = load_run(folder)
+    assert run.residual_px.tolist() == [2.0, 3.0] * 3  # of states.csv
+    assert run.camera_residuals_px[:, 0].tolist() == [2.0, 3.0] * 3
+
+
+def test_smoothed_states_and_a_bag_belong_to_the_run_beside_them(tmp_path):
+    write_run(tmp_path / "run" / "smoothed", motion(4))
+    (tmp_path / "run" / "run.json").write_text('{"model": "person.yaml"}')
+    assert load_run(tmp_path / "run" / "smoothed").info == {"model": "person.yaml"}
+    write_state_bag(tmp_path / "run" / "bag", motion(4))
+    assert load_run(tmp_path / "run" / "bag").info == {"model": "person.yaml"}
+    (tmp_path / "run" / "bag" / "run.json").write_text('{"model": "own.yaml"}')  # a run whose folder has this name by chance
+    assert load_run(tmp_path / "run" / "bag").info == {"model": "own.yaml"}
+
+
+def test_what_the_tracker_says_beside_its_states(tmp_path):
+    tracked = motion(6)
+    details = load_run(write_state_bag(tmp_path / "bag", tracked)).details
+    assert details.timings_ms.tolist() == [[1.0, 2.0, 3.0]] * 6
+    assert details.limbs == () and details.covariances.shape == (6, tracked.model.chain.n_dof, tracked.model.chain.n_dof)
+    folder = write_run(tmp_path / "run", tracked)
+    assert load_run(folder).details is None
+    write_state_bag(folder / "bag", Motion(tracked.model, tracked.stamps_ns[:4], tracked.states[:4]))
+    assert np.isfinite(load_run(folder).details.timings_ms).all(axis=1).tolist() == [True] * 4 + [False] * 2
+
+
+def test_covariances_of_a_smoothed_run(tmp_path):
+    tracked = motion(5)
+    folder, names = write_run(tmp_path / "smoothed", tracked), tracked.model.chain.dof_names
+    with CovariancesWriter(folder / "covariances.csv", names) as writer:
+        for i, stamp in enumerate(tracked.stamps_ns[1:], start=1):
+            writer.append(int(stamp), i * np.eye(len(names)), np.eye(len(names)))
+    found = load_run(folder).details
+    assert found.covariances[:, 3, 3].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+    assert np.isnan(found.timings_ms).all()
+
+
+def test_what_cannot_be_a_run_is_named(tmp_path):
+    with pytest.raises(FileFormatError, match="nothing there"):
+        load_run(tmp_path / "missing")
+    with pytest.raises(FileFormatError, match=r"states\.csv"):
+        load_run(tmp_path)
+    write_run(tmp_path / "run", motion(3), ["TRACKING", "SWIMMING", "LOST"])
+    with pytest.raises(FileFormatError, match=r"line 3, column 'status'"):
+        load_run(tmp_path / "run")
+
+
+def test_an_unknown_topic_is_refused(tmp_path):
+    write_state_bag(tmp_path / "bag", motion(2))
+    with pytest.raises(UnknownNameError, match="valid: /person/state"):
+        load_run(tmp_path / "bag", topic="/person/states")
+
+
+def test_another_body_is_refused(tmp_path):
+    from small_clip import body
+
+    run = load_run(write_run(tmp_path / "run", motion(2)))
+    with pytest.raises(FileFormatError, match=r"elbow_flexion.*and not"):
+        run.check_model(body(), "arm.yaml")

@@ -1,0 +1,179 @@
+"""What is wrong with a rig, told from a few seconds of its images.
+
+Each check looks at one thing; later ones know what earlier ones have found, so that one fault is not told twice: images after a
+camera was moved, repeated ones and cameras of the wrong size have no part in the comparison of cameras.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..camera.rig import Camera, CameraRig
+from ..camera.rig_unit import wrong_unit
+from .finding import FAULTS, Finding
+from .geometry import Diagnosis, Repair, diagnose
+from .motion import common_grid, motion_on_grid
+from .recording import CameraRecording
+from .setup import Setup
+from .video import rate_problems, size_problems, source_problems, video_problems
+
+_LEAST_AGREEMENT = 0.35
+_NOT_CHECKED = "not checked: places, lenses and clocks. The cameras could not be compared"
+
+
+@dataclass(frozen=True, eq=False)
+class Examination:
+    """All that was found, what was seen besides (``notes``), and, where cameras could be compared, what was compared: stamps
+    (T,) of the instants, the motion that every camera saw, and what became of it."""
+
+    findings: tuple[Finding, ...]
+    notes: tuple[str, ...]
+    grid_ns: np.ndarray
+    setup: Setup | None
+    diagnosis: Diagnosis | None
+
+    @property
+    def compared(self) -> bool:
+        """Whether any two cameras could be compared; if not, nothing is known of places, lenses and clocks."""
+        return self.diagnosis is not None and bool(np.isfinite(self.diagnosis.after).any())
+
+
+def examine(rig: CameraRig, recordings: Mapping[str, CameraRecording]) -> Examination:
+    """Look for all faults of `FAULTS`.
+
+    Parameters
+    ----------
+    recordings : camera name -> its images; one without images is told as a fault.
+    """
+    findings: list[Finding] = []
+    notes: list[str] = []
+    usable: dict[str, np.ndarray] = {}
+    cameras: list[Camera] = []
+    for camera in rig:
+        recording = recordings[camera.name]
+        notes += [f"{camera.name}: {note}" for note in recording.notes]
+        findings += source_problems(recording)
+        if not len(recording):
+            continue
+        size_findings, sized = size_problems(camera, recording)
+        own, good = video_problems(recording, list(recordings.values()))
+        findings += size_findings + own
+        usable[camera.name] = good
+        if sized is not None:
+            cameras.append(sized)
+    findings += rate_problems([recordings[name] for name in usable], usable)
+    unit_findings, cameras = _units(cameras)
+    findings += unit_findings
+    setup = diagnosis = None
+    grid = np.zeros(0, dtype=np.int64)
+    moving = [camera for camera in cameras if usable[camera.name].sum() > 1]
+    if len(moving) > 1:
+        grid = common_grid({camera.name: recordings[camera.name] for camera in moving})
+        if len(grid) > 1:
+            motions = {c.name: motion_on_grid(recordings[c.name], grid, usable[c.name]) for c in moving}
+            setup = Setup.of(moving, motions)
+            diagnosis = diagnose(setup, 1e-9 * float(grid[1] - grid[0]))
+            findings += [_told(repair, rig, len(moving)) for repair in diagnosis.repairs]
+            notes += _agreement_notes(diagnosis)
+    if diagnosis is None:
+        notes.append(f"{_NOT_CHECKED}: fewer than two of them have images at the same time.")
+    order = list(FAULTS)
+    return Examination(tuple(sorted(findings, key=lambda f: order.index(f.fault))), tuple(notes), grid, setup, diagnosis)
+
+
+def _units(cameras: list[Camera]) -> tuple[list[Finding], list[Camera]]:
+    """Findings, and the cameras in metres."""
+    wrong = wrong_unit(cameras)
+    if wrong is None:
+        return [], cameras
+    in_metres = [
+        replace(camera, T_world_cam=_scaled(camera.T_world_cam, wrong.factor)) if camera.name in wrong.cameras else camera
+        for camera in cameras
+    ]
+    names = () if wrong.all_of_them else wrong.cameras
+    values = {"apart_m": wrong.apart_m, "factor": wrong.factor}
+    return [Finding("unit", names, wrong.sentence, values)], in_metres
+
+
+def _scaled(transform: np.ndarray, factor: float) -> np.ndarray:
+    """A transform with its translation multiplied."""
+    result = transform.copy()
+    result[:3, 3] *= factor
+    return result
+
+
+def _told(repair: Repair, rig: CameraRig, n_compared: int) -> Finding:
+    names = " and ".join(repair.cameras)
+    values = {"gain": repair.gain, **repair.values}
+    every = f"(agreement of the images grows by {repair.gain:.2f})"
+    fault, sentence = {
+        "swapped": ("swapped", f"{names} are exchanged: each has the other's images {every}. Exchange their sources."),
+        "mirrored": (
+            "mirrored",
+            (f"{names}: its images are" if names else "An axis of the world is mirrored: all images are")
+            + f" left-right mirrored against the calibration {every}. Correct the sign of that axis, or flip the images.",
+        ),
+        "upside_down": (
+            "place",
+            f"{names}: its images stand on their head {every}. Turn them, or the camera's place, by 180 degrees.",
+        ),
+        "axes": (
+            "mirrored",
+            f"The cameras' axes are mirrored {every}: y seems to point up and z backward, as in OpenGL. Here x points right, y"
+            " down and z forward: change the signs of the second and third column of every T_world_cam.",
+        ),
+        "inverted": (
+            "place",
+            f"The places are inverted {every}: T_world_cam seems to hold the transforms from the world to the camera.",
+        ),
+        "clock": ("clock", _clock_sentence(repair, rig, every)),
+        "focal": ("focal", _focal_sentence(repair, rig, every)),
+        "place": ("place", _place_sentence(repair, every)),
+    }[repair.kind]
+    if n_compared == 2 and len(repair.cameras) == 1:
+        sentence += " With two cameras it may as well be the other that is wrong."
+    return Finding(fault, repair.cameras, sentence, values)
+
+
+def _clock_sentence(repair: Repair, rig: CameraRig, every: str) -> str:
+    if repair.kind != "clock":
+        return ""
+    late_ms = 1e3 * repair.values["late_s"]
+    offset_s = 1e-9 * rig[repair.cameras[0]].time_offset_ns - repair.values["late_s"]
+    which = "late" if late_ms > 0 else "early"
+    return f"{repair.cameras[0]}: its clock is {abs(late_ms):.0f} ms {which} {every}. Set time_offset_s: {offset_s:.3f}."
+
+
+def _focal_sentence(repair: Repair, rig: CameraRig, every: str) -> str:
+    if repair.kind != "focal":
+        return ""
+    name, factor = repair.cameras[0], repair.values["factor"]
+    focal = rig[name].model.K[0, 0]
+    return (
+        f"{name}: its focal length is wrong: {focal:.0f} px are given, {focal * factor:.0f} fit the other cameras {every}."
+        " Was the zoom touched, or another lens put on? Calibrate it again."
+    )
+
+
+def _place_sentence(repair: Repair, every: str) -> str:
+    if repair.kind != "place":
+        return ""
+    turned, moved = repair.values["turned_deg"], repair.values["moved_m"]
+    return (
+        f"{repair.cameras[0]}: does not stand where the rig has it: turned by about {turned:.1f} degrees"
+        + (f" and moved by {100 * moved:.0f} cm" if moved > 0.005 else "")
+        + f", it agrees with the others {every}. Calibrate the cameras' places again, or refine them."
+    )
+
+
+def _agreement_notes(diagnosis: Diagnosis) -> list[str]:
+    known = diagnosis.after[np.isfinite(diagnosis.after)]
+    if not len(known):
+        return [f"{_NOT_CHECKED}: too little moves in the images."]
+    notes = [f"Agreement of the cameras on where something moves: {np.mean(known):.2f} on average (1 is best)."]
+    if np.mean(known) < _LEAST_AGREEMENT:
+        notes.append("That is little: the recording shows too little common motion to judge places, lenses and clocks.")
+    return notes

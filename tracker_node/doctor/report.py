@@ -1,0 +1,140 @@
+"""What the doctor leaves: a picture per camera, a page with all of them, and the findings as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ..camera.rig import Camera, CameraRig
+from ..report.page import Section, write_page
+from .diagnosis import Examination
+from .finding import FAULTS, Finding
+from .recording import CameraRecording
+from .setup import Setup
+
+PAGE, JSON = "index.html", "findings.json"
+_LONGER_SIDE = 960
+_COLORS_BGR = ((60, 60, 230), (60, 180, 60), (230, 120, 40), (30, 190, 230), (200, 70, 200), (190, 190, 60))
+_MOVES = 0.3  # share of full motion from which on a place is drawn
+_LINE_TEXT = (
+    "Filled: what moves. Lines, in the other cameras' colors: where the highest and the lowest place that moves in their images"
+    " must lie if lenses, places and clocks are true; they should run through the same parts here."
+)
+
+
+def write_examination(
+    folder: str | Path, rig: CameraRig, recordings: Mapping[str, CameraRecording], examination: Examination
+) -> Path:
+    """Write ``<camera>.png``, `PAGE` and `JSON` into ``folder``; returns the path of the page."""
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    colors = {name: _COLORS_BGR[i % len(_COLORS_BGR)] for i, name in enumerate(rig.names)}
+    sections = [Section("Findings", _summary(examination), preformatted="\n\n".join(f.sentence for f in examination.findings))]
+    for camera in rig:
+        recording = recordings[camera.name]
+        if recording.picture is None:
+            continue
+        path = folder / f"{camera.name}.png"
+        own = [finding for finding in examination.findings if not finding.cameras or camera.name in finding.cameras]
+        cv2.imwrite(str(path), _picture(camera, recording, examination, own, colors))
+        sections.append(Section(camera.name, " ".join(f.sentence for f in own) or "Nothing found.", picture=path))
+    sections.insert(1, Section("The pictures", _LINE_TEXT))
+    write_page(folder / PAGE, "Check of a rig", sections)
+    (folder / JSON).write_text(json.dumps(as_json(examination), indent=2) + "\n", encoding="utf-8")
+    return folder / PAGE
+
+
+def as_json(examination: Examination) -> dict[str, object]:
+    """Findings and notes as plain values; not-a-number is None."""
+    findings = [
+        {
+            "fault": finding.fault,
+            "cameras": list(finding.cameras),
+            "sentence": finding.sentence,
+            "values": {key: value if math.isfinite(value) else None for key, value in finding.values.items()},
+        }
+        for finding in examination.findings
+    ]
+    return {"findings": findings, "notes": list(examination.notes), "compared": examination.compared}
+
+
+def _summary(examination: Examination) -> str:
+    nothing = "nothing is wrong" if examination.compared else "nothing is wrong with the images of single cameras"
+    faults = ", ".join(dict.fromkeys(FAULTS[finding.fault] for finding in examination.findings)) or nothing
+    return " ".join([f"{faults[0].upper()}{faults[1:]}.", *examination.notes])
+
+
+def _picture(
+    camera: Camera,
+    recording: CameraRecording,
+    examination: Examination,
+    findings: list[Finding],
+    colors: Mapping[str, tuple[int, int, int]],
+) -> np.ndarray:
+    """The camera's image of an instant in mid-recording, with what moves in it and what the other cameras say about that."""
+    image = recording.picture
+    assert image is not None
+    factor = _LONGER_SIDE / max(image.shape[:2])
+    image = cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA if factor < 1 else cv2.INTER_LINEAR)
+    setup = examination.setup
+    if setup is not None and camera.name in setup.motions:
+        instant = int(np.abs(examination.grid_ns - recording.stamps_ns[recording.picture_index]).argmin())
+        _draw_motion(image, camera.name, setup, instant, colors, factor)
+    text = [finding.sentence for finding in findings] or ["nothing found"]
+    return np.vstack([_banner(f"{camera.name}: " + "; ".join(text), image.shape[1], bool(findings)), image])
+
+
+def _draw_motion(
+    image: np.ndarray, name: str, setup: Setup, instant: int, colors: Mapping[str, tuple[int, int, int]], factor: float
+) -> None:
+    camera = next(c for c in setup.cameras if c.name == name)
+    own = setup.motions[name]
+    amounts = own.at(instant)
+    tint = image.copy()
+    for u, v in own.pixels[amounts > _MOVES] * factor:
+        cv2.circle(tint, (round(u), round(v)), 3, colors[name], -1, cv2.LINE_AA)
+    cv2.addWeighted(tint, 0.5, image, 0.5, 0.0, dst=image)
+    for other in setup.cameras:
+        motion = setup.motions[other.name]
+        moving = motion.pixels[motion.at(instant) > _MOVES]
+        if other.name == name or not len(moving):
+            continue
+        for pixel in (moving[np.argmin(moving[:, 1])], moving[np.argmax(moving[:, 1])]):
+            line = _line_of_sight(camera, other, pixel, setup.center) * factor
+            cv2.polylines(image, [np.round(line).astype(np.int32)], False, colors[other.name], 2, cv2.LINE_AA)
+        cv2.putText(
+            image, other.name, (6, 22 + 22 * list(colors).index(other.name)), cv2.FONT_HERSHEY_SIMPLEX, 0.6, colors[other.name],
+            2, cv2.LINE_AA,
+        )  # fmt: skip
+
+
+def _line_of_sight(camera: Camera, other: Camera, pixel: np.ndarray, center: np.ndarray) -> np.ndarray:
+    """Where ``camera`` sees the line of sight of a pixel of ``other``, pixels (n, 2), from near it to far behind the scene."""
+    ray = other.T_world_cam[:3, :3] @ other.model.rays(pixel)[0]
+    distances = np.linalg.norm(center - other.center) * np.geomspace(0.2, 5.0, 200)
+    pixels, seen = camera.project(other.center + distances[:, None] * ray)
+    inside = seen & (np.abs(pixels).max(axis=1) < 4.0 * max(camera.model.width, camera.model.height))
+    return pixels[inside]
+
+
+def _banner(text: str, width: int, alarm: bool) -> np.ndarray:
+    """Lines of text on red or green, as wide as the image."""
+    size, height = 0.5, 20
+    lines, line = [], ""
+    for word in text.split():
+        longer = f"{line} {word}".strip()
+        if cv2.getTextSize(longer, cv2.FONT_HERSHEY_SIMPLEX, size, 1)[0][0] > width - 12 and line:
+            lines.append(line)
+            longer = word
+        line = longer
+    lines.append(line)
+    banner = np.full((height * len(lines) + 10, width, 3), (40, 40, 170) if alarm else (60, 110, 40), dtype=np.uint8)
+    for i, words in enumerate(lines):
+        place = (6, height * (i + 1))
+        cv2.putText(banner, words, place, cv2.FONT_HERSHEY_SIMPLEX, size, (255, 255, 255), 1, cv2.LINE_AA)
+    return banner

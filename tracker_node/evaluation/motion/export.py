@@ -1,0 +1,91 @@
+"""A run's motion in files of other programs: TRC, MOT, STO, C3D, BVH, TUM; CSV is in `export_csv`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import FileFormatError
+from ...geometry import quaternion
+from ...loaders.motion.bvh import dump_bvh
+from ...loaders.motion.c3d_file import MOST_FRAMES, AnglesOverTime, dump_c3d
+from ...loaders.motion.opensim_table import NumberTable, dump_table
+from ...loaders.motion.trajectory_file import PoseTrajectory
+from ...loaders.motion.trc import MarkerTrajectories, dump_trc
+from ...loaders.motion.tum import dump_tum
+from ...runs.motion import RunMotion, without_gaps
+from .coordinates import model_coordinates, opensim_coordinates
+from .export_options import ExportOptions
+from .isb_angles import isb_angles
+
+AT_CONSTANT_RATE = ("trc", "c3d", "bvh")  # formats that state a rate, or whose readers expect one
+
+
+def markers_of(motion: RunMotion, options: ExportOptions) -> MarkerTrajectories:
+    """The chosen landmarks in world axes, times since the first instant.
+
+    Raises
+    ------
+    FileFormatError : a body without landmarks. UnknownNameError : a landmark that it does not have.
+    """
+    columns = options.columns(motion.model)
+    if not columns:
+        raise FileFormatError(motion.model.name, "landmarks", "a body model with at least one", "none")
+    valid = motion.landmarks_valid()[:, columns]
+    positions = np.where(valid[..., None], motion.landmarks_m()[:, columns], 0.0)
+    return MarkerTrajectories(options.labels(motion.model), motion.times_s, positions, motion.rate_hz, valid)
+
+
+def _trc(motion: RunMotion, path: Path, options: ExportOptions) -> list[str]:
+    dump_trc(markers_of(motion, options), path, options.y_up, options.unit)
+    return []
+
+
+def _c3d(motion: RunMotion, path: Path, options: ExportOptions) -> list[str]:
+    chosen = [motion.model.landmarks[i] for i in options.columns(motion.model)]
+    described = [f"{landmark.name}, fixed to {landmark.link}" for landmark in chosen]
+    angles = None
+    if options.isb_angles:
+        found = isb_angles(motion)
+        angles = AnglesOverTime(tuple(f"{joint}Angles" for joint in found.joints), found.radians, found.valid)
+    dump_c3d(markers_of(motion, options), path, options.y_up, options.unit, described, angles, options.degrees)
+    long = f"{len(motion)} frames: programs that do not know TRIAL:ACTUAL_END_FIELD see the first {MOST_FRAMES}"
+    return [long] if len(motion) > MOST_FRAMES else []
+
+
+def _opensim_table(motion: RunMotion, path: Path, options: ExportOptions) -> list[str]:
+    found = opensim_coordinates(motion) if options.opensim else model_coordinates(motion, options.y_up)
+    # Rows of gaps are left out: OpenSim's older class Storage, which its window uses, stops reading at the first nan
+    values = found.scaled(options.degrees)[motion.valid]
+    valid = np.ones(values.shape, dtype=bool)
+    dump_table(NumberTable(found.names, motion.times_s[motion.valid], values, valid, options.degrees), path)
+    return []
+
+
+def _bvh(motion: RunMotion, path: Path, options: ExportOptions) -> list[str]:
+    whole = without_gaps(motion)
+    dump_bvh(motion.model, whole.Ts_world_link(), motion.period_ns * 1e-9, path, options.y_up, options.unit, options.landmarks)
+    missing = int(np.count_nonzero(~motion.valid))
+    return [f"BVH cannot mark gaps: {missing} frames are interpolated"] if missing else []
+
+
+def _tum(motion: RunMotion, path: Path, options: ExportOptions) -> list[str]:
+    link = motion.model.chain.link_index(options.link) if options.link else 0
+    good = motion.valid
+    Ts = motion.Ts_world_link()[good, link]
+    turns = np.array([quaternion.xyzw_from_matrix(rotation) for rotation in options.axes @ Ts[:, :3, :3]])
+    dump_tum(PoseTrajectory(motion.stamps_ns[good], Ts[:, :3, 3] @ options.axes.T, turns), path)
+    return []
+
+
+# Each writes a file, and says what the format could not hold
+FORMATS: dict[str, Callable[[RunMotion, Path, ExportOptions], list[str]]] = {
+    "trc": _trc,
+    "mot": _opensim_table,
+    "sto": _opensim_table,
+    "c3d": _c3d,
+    "bvh": _bvh,
+    "tum": _tum,
+}

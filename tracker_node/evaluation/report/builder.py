@@ -1,0 +1,133 @@
+"""The report of one or many runs: ``report.json``, ``report.html`` that needs nothing beside it, ``report.pdf``, CSV files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+from ...report.document import Block, Document, Section
+from ...report.figure_files import write_figure_files
+from ...report.html import render_html
+from ...report.metrics_file import command_line, cpu, versions, write_metrics
+from ...report.pdf import write_pdf
+from ..review import Review
+from . import charts, curves, summary, tables
+from .summary import Target
+
+REPORT_JSON, REPORT_HTML, REPORT_PDF = "report.json", "report.html", "report.pdf"
+
+MEANINGS = (
+    ("Joint error (MPJPE)", "distance between tracked and true joint centre, averaged over all joints and sets. The truth is"
+     " interpolated linearly at the instant of every set; sets outside its time are not judged."),
+    ("Offset-free", "two ways of finding a joint centre differ by an offset that is fixed in the body. The mean difference of"
+     " every landmark is subtracted, in the axes of its own segment (of the parent for a landmark on a last segment, whose own"
+     " turning is hardly observed). The same in world axes stands beside it: there an offset cannot turn with the body."),
+    ("PA-MPJPE", "the joint error after every set has been moved, turned and resized onto its truth: posture alone."),
+    ("PCK", "share of the joints within a distance of truth."),
+    ("Lost", "is judged from truth: a tracker that takes itself to be well is not believed. One that says it is lost is."),
+    ("NEES", "error squared over what the covariance says. Far above 1 the covariance is too small, far below too large."),
+    ("IoU", "area common to both masks over area covered by either. The reference masks were made from the images alone."),
+    ("Residual", "says how well the model explains the images, not how near it is to the truth."),
+    ("Triangulated 2D detections", "where they serve as truth, are themselves off by 3 to 5 cm, and their bones change length:"
+     " an error of that size says no more about the tracker."),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ReportOptions:
+    """``targets`` by key without the run's name; ``figure_files``: also write every table and chart as CSV and JSON."""
+
+    targets: Mapping[str, Target] = field(default_factory=dict)
+    figure_files: bool = False
+    pdf: bool = True
+
+
+def write_report(
+    output: str | Path,
+    reviews: Sequence[Review],
+    options: ReportOptions | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> dict[str, float | int]:
+    """Write the report of one or many runs into the folder ``output``, and return all figures."""
+    options = options or ReportOptions()
+    output = Path(output)
+    output.mkdir(parents=True, exist_ok=True)
+    figures = {key: value for review in reviews for key, value in review.figures().items()}
+    write_metrics(output / REPORT_JSON, figures)
+    document = document_of(reviews, options.targets)
+    progress("writing the page")
+    (output / REPORT_HTML).write_text(render_html(document), encoding="utf-8")
+    if options.figure_files:
+        progress("writing figures")
+        write_figure_files(output, document)
+    if options.pdf:
+        write_pdf(output / REPORT_PDF, document, progress)
+    return figures
+
+
+def document_of(reviews: Sequence[Review], targets: Mapping[str, Target]) -> Document:
+    """Everything that is told about the runs."""
+    names = ", ".join(review.name for review in reviews)
+    title = f"Comparison of {names}" if len(reviews) > 1 else f"Evaluation of {names}"
+    sections = [
+        Section(key, heading, kept) for key, heading, blocks in _sections(reviews, targets) if (kept := [b for b in blocks if b])
+    ]
+    problems = [f"{review.name}: {said}" if len(reviews) > 1 else said for review in reviews for said in review.problems]
+    made = {"command": command_line(), "versions": ", ".join(f"{key} {value}" for key, value in versions().items())}
+    made["cpu"] = "{model}, {cores} cores, {simd}".format(**cpu())
+    when = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    return Document(title, when, _facts(reviews), list(dict.fromkeys(problems)), sections, MEANINGS, list(made.items()))
+
+
+def _facts(reviews: Sequence[Review]) -> list[tuple[str, str]]:
+    facts = []
+    for review in reviews:
+        before = f"{review.name}, " if len(reviews) > 1 else ""
+        facts += [(f"{before}{label}", value) for label, value in review.sources.items()]
+        if review.joints is not None:
+            lag, estimated = review.joints.lag_images, review.joints.lag_was_estimated
+            how = "estimated: of all between -2 and 2 images it leaves the least offset-free error" if estimated else "as stated"
+            facts.append((f"{before}lag", f"row i of the truth belongs to image i {lag:+.2f}, one constant for the run, {how}"))
+            if review.joints.lost_limbs:
+                facts.append((f"{before}lost limbs", ", ".join(review.joints.lost_limbs)))
+    return facts
+
+
+def _sections(reviews: Sequence[Review], targets: Mapping[str, Target]) -> Iterator[tuple[str, str, list[Block | None]]]:
+    """(key, heading, blocks) in their order; what could not be measured is None."""
+    yield "summary", "Summary", [summary.summary_table(reviews, targets), summary.parameter_table(reviews)]
+    yield "losses", "Status and losses", [
+        charts.status_strips(reviews), tables.loss_table(reviews), *_each(reviews, charts.limb_strips),
+    ]  # fmt: skip
+    yield "joints", "Joints", [
+        charts.error_chart(reviews), charts.joint_bars(reviews), summary.comparison_table(reviews),
+        *_each(reviews, tables.joint_table), *_each(reviews, charts.joint_map), charts.pck_chart(reviews),
+    ]  # fmt: skip
+    yield "dofs", "Degrees of freedom", [summary.dof_comparison_table(reviews), *_each(reviews, tables.dof_table)]
+    yield "segments", "Segments", [
+        *_each(reviews, tables.direction_table), *_each(reviews, tables.segment_table), *_each(reviews, tables.bone_table),
+        *_each(reviews, charts.rigid_chart),
+    ]  # fmt: skip
+    yield "curves", "Curves", [curves.curves(reviews)]
+    yield "fit", "Residuals and effort", [
+        *charts.residual_charts(reviews), *charts.effort_charts(reviews), tables.timing_table(reviews),
+    ]  # fmt: skip
+    yield "consistency", "Covariance consistency", [*_each(reviews, charts.nees_chart), *_each(reviews, tables.nees_table)]
+    yield "silhouettes", "Silhouettes", [*_each(reviews, charts.silhouette_chart)]
+    yield "offsets", "Constant offsets", [*_each(reviews, tables.offset_table)]
+    yield "pictures", "Pictures", _titled(reviews, [list(curves.contact_sheets(review)) for review in reviews])
+
+
+def _each(reviews: Sequence[Review], make: Callable[[Review], Block | None]) -> list[Block | None]:
+    """A block per run, the run's name in its title where there are several."""
+    return _titled(reviews, [[make(review)] for review in reviews])
+
+
+def _titled(reviews: Sequence[Review], made: Sequence[Sequence[Block | None]]) -> list[Block | None]:
+    found: list[Block | None] = []
+    for review, blocks in zip(reviews, made, strict=True):
+        several = len(reviews) > 1
+        found += [replace(b, title=f"{b.title}: {review.name}") if several and b is not None else b for b in blocks]
+    return found

@@ -1,0 +1,113 @@
+"""Truth that holds degrees of freedom: states over time, from ``states.csv``, or coordinates of OpenSim."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import FileFormatError
+from ...loaders.csv_file import CsvTable
+from ...loaders.motion.trajectory_file import LEADING_COLUMNS, read_states
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
+from ...model.kinematic_chain import N_ROOT_DOF
+from ...model.pose_variables import ROOT_NAMES, from_variables, to_variables, variable_names
+from ..motion.coordinates import load_coordinates
+from .association import Trajectories, between
+
+COORDINATES = (".mot", ".sto")
+_NO_TRUTH = ("LOST", "INITIALISING")
+
+
+@dataclass(frozen=True, eq=False)
+class TrueStates:
+    """Variables of a pose over time (see `model.pose_variables`), full turns counted on.
+
+    Parameters
+    ----------
+    names : k names: x, y, z, somersault, tilt, twist of the root, and axes of joints; any of them may be missing.
+    stamps_ns : (n,) increasing.
+    values : (n, k) metres and radians. valid : (n, k).
+    """
+
+    names: tuple[str, ...]
+    stamps_ns: np.ndarray
+    values: np.ndarray
+    valid: np.ndarray
+
+    def at(self, stamps_ns: np.ndarray, earlier_ns: float = 0.0) -> TrueStates:
+        """Interpolated linearly at (m,) stamps less ``earlier_ns``; beyond the rows nothing is valid."""
+        before, after, weight, inside = between(self.stamps_ns, stamps_ns, earlier_ns)
+        values = (1.0 - weight[:, None]) * self.values[before] + weight[:, None] * self.values[after]
+        valid = self.valid[before] & self.valid[after] & inside[:, None]
+        return TrueStates(self.names, stamps_ns, np.where(valid, values, 0.0), valid)
+
+    def shifted(self, shift_ns: int) -> TrueStates:
+        """The same states, ``shift_ns`` later."""
+        return TrueStates(self.names, self.stamps_ns + shift_ns, self.values, self.valid)
+
+    def states(self, model: ArticulatedModel) -> tuple[State | None, ...]:
+        """A state of ``model`` for every row; None where a variable of it is missing."""
+        wanted = variable_names(model)
+        if not set(wanted) <= set(self.names):
+            return (None,) * len(self.stamps_ns)
+        columns = [self.names.index(name) for name in wanted]
+        whole = np.all(self.valid[:, columns], axis=1)
+        return tuple(from_variables(row[columns]) if ok else None for row, ok in zip(self.values, whole, strict=True))
+
+    def joints(self, model: ArticulatedModel) -> Trajectories:
+        """The landmarks of ``model`` in these states; they are not valid where a variable is missing."""
+        positions = np.zeros((len(self.stamps_ns), len(model.landmark_names), 3))
+        valid = np.zeros(positions.shape[:2], dtype=bool)
+        for i, state in enumerate(self.states(model)):
+            if state is not None:
+                positions[i], valid[i] = Configuration(model, state).landmarks_world, True
+        return Trajectories(model.landmark_names, self.stamps_ns, positions, valid)
+
+
+def holds_states(path: str | Path) -> bool:
+    """Whether a file is a CSV of states, by its header, or of coordinates, by its name."""
+    if Path(path).suffix.lower() in COORDINATES:
+        return True
+    return Path(path).suffix.lower() == ".csv" and CsvTable(path).header[: len(LEADING_COLUMNS)] == LEADING_COLUMNS
+
+
+def load_true_states(path: str | Path, model: ArticulatedModel | None = None, y_up: bool | None = None) -> TrueStates:
+    """States from a file in the format of ``states.csv``, or a ``.mot`` or ``.sto``.
+
+    Rows without a state, or with status LOST, do not count.
+
+    Parameters
+    ----------
+    model : whose variables a file of coordinates has; needed for these.
+    y_up : of a file of coordinates, True if None.
+
+    Raises
+    ------
+    FileFormatError : whatever is wrong in it, or no row.
+    """
+    if model is not None and Path(path).suffix.lower() in COORDINATES:
+        return TrueStates(*load_coordinates(path, model, y_up is not False))
+    trajectory = read_states(path)
+    if not trajectory.rows:
+        raise FileFormatError(path, "(content)", "at least one row", "none")
+    latest = {int(stamp): i for i, stamp in enumerate(trajectory.stamps_ns)}
+    rows = [latest[stamp] for stamp in sorted(latest)]
+    variables = unwrapped(trajectory.values[rows])
+    sound = np.array([trajectory.status[i] not in _NO_TRUTH for i in rows]) & np.isfinite(variables).all(axis=1)
+    variables = np.where(sound[:, None], variables, 0.0)
+    names = (*ROOT_NAMES, *trajectory.dof_names[N_ROOT_DOF:])
+    return TrueStates(names, trajectory.stamps_ns[rows], variables, np.repeat(sound[:, None], len(names), axis=1))
+
+
+def unwrapped(values: np.ndarray, near: Sequence[np.ndarray | None] | None = None) -> np.ndarray:
+    """(n, k) pose variables of states' values (n, k), each row's angles near those of ``near``, or of the last row before that is
+    finite; other rows are NaN."""
+    variables, before = np.full(values.shape, np.nan), None
+    for i in np.flatnonzero(np.isfinite(values).all(axis=1)):
+        beside = near[int(i)] if near is not None else None
+        variables[i] = before = to_variables(State.from_values(values[i]), before if beside is None else beside)
+    return variables

@@ -1,0 +1,132 @@
+"""Experiments on contours as calls: the error as one variable leaves the truth, by silhouettes, edges and their sum (Knossow,
+Ronfard, Horaud & Devernay, Fig. 3), methods to track by, and the Jacobian without its sliding term."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...camera.rig import CameraRig
+from ...evaluation.evaluate import Evaluation
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import State
+from ...objective.chamfer.objective import ContourObjective
+from ...objective.per_camera import serial
+from ...observation.image_set import ImageSet
+from ...tracking.chamfer.engine import ContourEngine
+from ...tracking.config import TrackerConfig
+from ..rigid_tracking import basin
+
+PUBLISHED = ("silhouette", "edges", "sum")
+"""What the error of a contour sample is: its distance to the silhouette, that to the nearest edge within it, or their sum."""
+METHODS = (*PUBLISHED, "split", "region")
+TITLES = {
+    "silhouette": "silhouettes only", "edges": "edges only", "sum": "sum of both (the paper's)",
+    "split": "this tracker's distances", "region": "this tracker's regions (default)",
+}  # fmt: skip
+REACH_PX = 120  # of distances, where no tracker has to be quick
+FLAT_RISE_PX = 0.25  # of an error that a valley's floor is no higher than
+ABLATION_ITERATIONS = 50
+_PLAIN_SQUARES_PX = 1000.0  # scale of a robust kernel that changes nothing
+
+
+def by_method(config: TrackerConfig, method: str) -> TrackerConfig:
+    """Parameters to track by one of `METHODS`; what is lost stays lost."""
+    evidence = replace(config.evidence, kind="region" if method == "region" else "chamfer")
+    if method != "region":
+        evidence = replace(evidence, distances=method)
+    return replace(config, evidence=evidence, start=replace(config.start, enabled=False))
+
+
+def until_converged(config: TrackerConfig, sliding: bool) -> TrackerConfig:
+    """With or without the sliding of the contour generator in the Jacobian, and iterations enough for their number to differ."""
+    return replace(config, optimizer=replace(config.optimizer, sliding=sliding, max_iterations=ABLATION_ITERATIONS))
+
+
+def run_figures(result: Evaluation) -> dict[str, float | int]:
+    """What is told of a run, by the names that ``tracker_node evaluate`` has for it."""
+    found = result.metrics()
+    keys = ("mpjpe_mm", "mpjpe_offset_free_mm", "lost_sets", "lost_limbs", "iterations", "residual_px", "image_sets")
+    return {key: found[f"{result.name}.{key}"] for key in keys}
+
+
+def images_of(image_set: ImageSet, rig: CameraRig) -> list[np.ndarray | None]:
+    """BGR pixels by camera, as engines take them; None where the set has none."""
+    return [None if image is None else image.bgr for image in map(image_set.get, rig.names)]
+
+
+class ContourError:
+    """How far the contours of a body are from what the images show: rms over all samples seen, pixels, no kernel that forgives.
+
+    Parameters
+    ----------
+    rig, model, plates : as for the `Tracker`.
+    distances : one of `PUBLISHED`.
+    """
+
+    def __init__(self, rig: CameraRig, model: ArticulatedModel, plates: Mapping[str, np.ndarray | list], distances: str):
+        self._rig = rig
+        self._engine = ContourEngine(rig, model, far_sighted(by_method(TrackerConfig(), distances)), plates, serial)
+        self._objective: ContourObjective | None = None
+
+    def look(self, image_set: ImageSet, body: State) -> None:
+        """Look at images in which the body is in the state ``body``: there it is decided which samples are seen."""
+        self._engine.observe(images_of(image_set, self._rig), body)
+        self._objective = self._engine.evidence_around(body)
+        self._objective.linearize(body)
+
+    def at(self, state: State) -> float:
+        """In a state; NaN where all contours are out of the images."""
+        assert self._objective is not None, "look first"
+        found = self._objective.linearize(state)
+        if not found.count:
+            return float("nan")
+        return float(np.sqrt(found.cost * self._objective.options.variance_px2 / found.count))
+
+    def along(self, body: State, direction: np.ndarray, changes: np.ndarray) -> np.ndarray:
+        """(n,) with the body moved by ``changes`` (n,) times ``direction`` (n_dof,), a tangent of the state."""
+        return np.array([self.at(body.retract(change * direction)) for change in changes])
+
+
+def far_sighted(config: TrackerConfig) -> TrackerConfig:
+    """Distances are not cut off nearby, every residual counts by its square, and silhouettes come from plates alone."""
+    evidence = replace(
+        config.evidence, silhouette="plate", reach_px=REACH_PX, margin_px=REACH_PX, truncation_px=float(REACH_PX),
+        edge_truncation_px=float(REACH_PX),
+    )  # fmt: skip
+    return replace(config, evidence=evidence, optimizer=replace(config.optimizer, fine_robust_scale_px=_PLAIN_SQUARES_PX))
+
+
+@dataclass(frozen=True)
+class Valley:
+    """Of an error along a variable: where it is lowest, how wide its floor is (`FLAT_RISE_PX`), and how far it rises without a
+    fall on the side where that ends sooner; in the unit of the variable."""
+
+    minimum: float
+    flat: float
+    rising: float
+
+
+def valley(changes: np.ndarray, errors: np.ndarray) -> Valley:
+    """Of ``errors`` (n,), pixels, at ``changes`` (n,), increasing."""
+    lowest, left, right = basin(changes, errors)
+    at = int(np.flatnonzero(changes == lowest)[0])
+    above = np.flatnonzero(~(errors <= errors[at] + FLAT_RISE_PX))
+    first = above[above < at].max(initial=-1) + 1
+    last = above[above > at].min(initial=len(errors)) - 1
+    return Valley(lowest, float(changes[last] - changes[first]), min(left, right))
+
+
+def direction_of(model: ArticulatedModel, dof_name: str) -> np.ndarray:
+    """(n_dof,) the tangent along one degree of freedom."""
+    return np.eye(model.n_dof)[model.chain.dof_names.index(dof_name)]
+
+def displaced(pose: State, angle: float, shift_m: float, rng: np.random.Generator) -> State:
+    """Every joint off by ``angle`` one way or the other, the root turned by it and moved by ``shift_m`` in some direction."""
+    shift, axis = rng.standard_normal((2, 3))
+    signs = rng.choice([-1.0, 1.0], len(pose.joint_positions))
+    unit = (shift_m * shift / np.linalg.norm(shift), angle * axis / np.linalg.norm(axis))
+    return pose.retract(np.concatenate([*unit, angle * signs]))
+

@@ -1,0 +1,119 @@
+"""A recording with true joints, tracked from its first pose and held against them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from ...camera.rig import CameraRig
+from ...errors import SourceError, TrackerError
+from ...evaluation.evaluate import Evaluation, EvaluationOptions, evaluate
+from ...evaluation.truth.association import Trajectories
+from ...evaluation.truth.joints import load_truth
+from ...loaders.images.background_file import load_plates
+from ...loaders.images.source import SourceOptions
+from ...loaders.model.model_yaml import load_model
+from ...loaders.model.state_yaml import load_state
+from ...loaders.rig.rig_yaml import load_rig
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import State
+from ...observation.image_set import ImageSet
+from ...runs.data import RunData
+from ...runs.image_sets import SourceStream, resampled_rig
+from ...tracking.config import TrackerConfig
+from ...tracking.estimate import TrackEstimate
+from ...tracking.tracker import Tracker
+
+
+@dataclass(frozen=True, eq=False)
+class Clip:
+    """What a run on a recording needs, and what it is judged by.
+
+    Parameters
+    ----------
+    name : prefix of its figures.
+    folder : where it is, for messages.
+    sources : the rig with the sources of the images, in their own size.
+    model, start : the body, and its state in the first image set.
+    plates : images of the empty scene by camera, in the size of the images as they are tracked.
+    truth : joints over time.
+    images : which images of the sources, and in which size.
+    config : parameters of the tracker that the recording asks for.
+    lag_images : how far the images are behind the truth; None: it is estimated.
+    align : see `EvaluationOptions`.
+    """
+
+    name: str
+    folder: Path
+    sources: CameraRig
+    model: ArticulatedModel
+    start: State
+    plates: Mapping[str, np.ndarray]
+    truth: Trajectories
+    images: SourceOptions = field(default_factory=SourceOptions)
+    config: TrackerConfig = field(default_factory=TrackerConfig)
+    lag_images: float | None = 0.0
+    align: str = "stamp"
+
+    @property
+    def rig(self) -> CameraRig:
+        """Cameras of the images as they are tracked."""
+        return resampled_rig(self.sources, self.images)
+
+    def stream(self) -> SourceStream:
+        """Its image sets; each stream can be gone through once."""
+        return SourceStream(self.sources, self.config.synchronizer, self.images)
+
+    def sets_at(self, numbers: Sequence[int]) -> list[ImageSet]:
+        """Some of its image sets, by their numbers, which increase."""
+        first = islice(self.stream(), max(numbers) + 1)
+        return [image_set for i, image_set in enumerate(first) if i in numbers]
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedClip:
+    """Estimates of all image sets of a clip, and how far they are from its truth."""
+
+    estimates: tuple[TrackEstimate, ...]
+    evaluation: Evaluation
+
+
+def synthetic_clip(folder: str | Path, name: str, images: SourceOptions | None = None) -> Clip:
+    """A recording that ``tracker_node synthesize`` has made.
+
+    Raises
+    ------
+    TrackerError : a file of it that is not there, or is wrong.
+    """
+    folder = Path(folder)
+    rig, model = load_rig(folder / "rig.yaml"), load_model(folder / "person.yaml")
+    start, truth = load_state(folder / "state.yaml", model), load_truth(folder / "truth.csv")
+    return Clip(name, folder, rig, model, start, load_plates(rig), truth, images or SourceOptions())
+
+
+def track_clip(
+    clip: Clip, config: TrackerConfig, progress: Callable[[int, int], None] = lambda done, total: None
+) -> TrackedClip:  # fmt: skip
+    """Track a clip from its first pose; ``progress(done, total)`` is called after every image set.
+
+    Raises
+    ------
+    TrackerError : an image that cannot be read, or no image set at all.
+    """
+    rig, stream = clip.rig, clip.stream()
+    tracker = Tracker(rig, clip.model, config, clip.plates, clip.start)
+    total, estimates = int(stream.n_expected or 0), []
+    for image_set in stream:
+        estimates.append(tracker.step(image_set))
+        progress(len(estimates), total)
+    if stream.errors:
+        raise TrackerError(f"{clip.folder}: {'; '.join(map(str, stream.errors))}")
+    if not estimates:
+        raise SourceError(clip.folder, "no image set could be formed")
+    run = RunData.of_estimates(clip.folder, clip.model, rig, estimates)
+    options = EvaluationOptions(clip.name, clip.lag_images, clip.align, image_sets=total)
+    return TrackedClip(tuple(estimates), evaluate(run, clip.model, clip.truth, options))

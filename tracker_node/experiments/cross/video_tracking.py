@@ -1,0 +1,72 @@
+"""Tracks a rigid body through video, each image set from an extrapolation of the two before (Trewartha, Yeadon & Knight).
+
+Where cameras expose at different times, the objective needs a velocity: going through the video, it is that of the two image sets
+before; once the video is done, it is that of the image sets before and after, and each image set can be fitted again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ...model.configuration import State
+from ...model.pose_variables import from_variables, to_variables
+from ..rigid_tracking import Found, TrackedSequence
+
+Show = Callable[[int, np.ndarray | None], None]
+"""Hands image set i, and the body's velocity (n_dof,) per second where it is known, to the objective."""
+
+
+def track_video(
+    show: Show, n_images: int, start: State, fit: Callable[[State], Found], period_s: float,
+    done: Callable[[int], None] = lambda image: None,
+) -> TrackedSequence:  # fmt: skip
+    """Track from ``start``, the pose at the first image set as someone has laid the model over it.
+
+    Parameters
+    ----------
+    done : told every image set that is finished.
+    """
+    found: list[Found] = []
+    for image in range(n_images):
+        states = [each.state for each in found[-2:]]
+        show(image, states[1].difference(states[0]) / period_s if len(states) == 2 else None)
+        found.append(fit(extrapolated(states) if states else start))
+        done(image)
+    return _sequence(found)
+
+
+def refine_video(
+    show: Show, states: Sequence[State], fit: Callable[[State], Found], period_s: float,
+    done: Callable[[int], None] = lambda image: None,
+) -> TrackedSequence:  # fmt: skip
+    """Fit every image set again from its own estimate, with the velocity that the estimates around it tell."""
+    found = []
+    for image, velocity in enumerate(velocities(states, period_s)):
+        show(image, velocity)
+        found.append(fit(states[image]))
+        done(image)
+    return _sequence(found)
+
+
+def extrapolated(states: Sequence[State]) -> State:
+    """The next state, its variables being linear in time from the last two states; after one state: the same."""
+    if len(states) < 2:
+        return states[-1]
+    before = to_variables(states[-2])
+    last = to_variables(states[-1], before)
+    return from_variables(2.0 * last - before)
+
+
+def velocities(states: Sequence[State], period_s: float) -> list[np.ndarray]:
+    """(n_dof,) per second at every state: of its neighbours' difference, at the ends of the next one's."""
+    result = []
+    for i in range(len(states)):
+        before, after = max(i - 1, 0), min(i + 1, len(states) - 1)
+        result.append(states[after].difference(states[before]) / (max(after - before, 1) * period_s))
+    return result
+
+
+def _sequence(found: Sequence[Found]) -> TrackedSequence:
+    return TrackedSequence(tuple(each.state for each in found), np.array([each.evaluations for each in found]))

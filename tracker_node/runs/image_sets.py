@@ -1,0 +1,314 @@
+"""Where an offline run gets its image sets: the sources of a rig, the images of a bag, or the very sets of an earlier run.
+
+What breaks on the way is noted and the rest goes on. A camera whose recording breaks off is taken out of the matching, so
+the others still make sets; one that merely ends earlier is matched as the configuration says, like a live one.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..camera.rig import CameraRig
+from ..errors import CalibrationError, SourceError, TrackerError
+from ..loaders.bag.images import image_of, image_topics
+from ..loaders.bag.reader import BagReader
+from ..loaders.images.feed import ImageFeed
+from ..loaders.images.source import ImageSource, SourceOptions, open_camera_source
+from ..observation.image_set import CameraImage, ImageSet
+from ..observation.synchronizer import ImageSynchronizer
+from ..tracking.config import SynchronizerConfig
+from .messages import lens_of
+
+CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+_UNEQUAL_ENDS_S = 0.1  # cameras that are switched off together end within this
+
+
+def make_synchronizer(cameras: tuple[str, ...], config: SynchronizerConfig) -> ImageSynchronizer:
+    """The synchronizer that the node uses too; with fewer cameras than ``min_cameras`` all of them are asked for."""
+    return ImageSynchronizer(
+        cameras,
+        image_period_s=config.image_period_s,
+        tolerance=config.tolerance,
+        queue_s=config.queue_s,
+        min_cameras=min(config.min_cameras, len(cameras)),
+    )
+
+
+class ImageSetStream(ABC):
+    """Iterable of image sets; the other attributes are complete when the iteration is over.
+
+    Attributes
+    ----------
+    errors : what went wrong, one sentence each; what is in it before the iteration is known beforehand.
+    notes : what is unusual about the sources and good to know.
+    n_expected : number of sets, as far as it is known beforehand.
+    """
+
+    def __init__(self, rig: CameraRig):
+        self.rig = rig
+        self.errors: list[str] = []
+        self.notes: list[str] = []
+        self.n_expected: int | None = None
+
+    @abstractmethod
+    def __iter__(self) -> Iterator[ImageSet]: ...
+
+    @property
+    @abstractmethod
+    def counters(self) -> dict[str, dict[str, int]]:
+        """Camera -> what became of its images."""
+
+    @property
+    def sets_not_formed(self) -> dict[str, int]:
+        """Instants without a set, by the reasons of the synchronizer; none where sets are not matched anew."""
+        return {}
+
+    def size_problem(self, image: CameraImage) -> str:
+        model = self.rig[image.camera].model
+        height, width = image.pixels.shape[:2]
+        if (width, height) == (model.width, model.height):
+            return ""
+        expected = f"expected {model.width}x{model.height}, got {width}x{height}"
+        return str(CalibrationError(image.camera, f"image size contradicts the calibration: {expected}"))
+
+
+class _Matcher:
+    """An `ImageSynchronizer` that cameras can be taken out of."""
+
+    def __init__(self, cameras: tuple[str, ...], config: SynchronizerConfig):
+        self._config = config
+        self._tolerance_ns = round(config.tolerance * config.image_period_s * 1e9)
+        self._synchronizer = make_synchronizer(cameras, config)
+        self._done: Counter[tuple[str, str]] = Counter()
+        self._not_formed: Counter[str] = Counter()
+        self._leaving: dict[str, int] = {}
+        self._last_ns: dict[str, int] = {}
+
+    def drop(self, camera: str, last_stamp_ns: int) -> None:
+        """No image of ``camera`` comes after this stamp; its sets up to there are still made."""
+        self._leaving[camera] = last_stamp_ns
+
+    def add(self, image: CameraImage) -> list[ImageSet]:
+        self._last_ns[image.camera] = max(image.stamp_ns, self._last_ns.get(image.camera, image.stamp_ns))
+        gone = [c for c, last_ns in self._leaving.items() if image.stamp_ns > last_ns + self._tolerance_ns]
+        sets = self._without(gone) if gone else []
+        return sets + self._synchronizer.add(image)
+
+    def flush(self) -> list[ImageSet]:
+        return self._synchronizer.flush()
+
+    def early_ends(self) -> list[str]:
+        """A sentence for each camera that was still asked for when its images ended long before the others'."""
+        latest_ns = max(self._last_ns.values(), default=0)
+        sentences = []
+        for camera in self._synchronizer.cameras:
+            silent_s = (latest_ns - self._last_ns.get(camera, latest_ns)) * 1e-9
+            if silent_s > max(_UNEQUAL_ENDS_S, 2 * self._config.image_period_s):
+                needed = "all cameras" if not self._config.min_cameras else f"at least {self._config.min_cameras} cameras"
+                sentences.append(f"camera '{camera}' stopped {silent_s:.2f} s before the others; a set needs {needed}")
+        return sentences
+
+    def _without(self, gone: list[str]) -> list[ImageSet]:
+        sets = self._synchronizer.flush()
+        self._done.update(self._flat(self._synchronizer))
+        self._not_formed.update(self._synchronizer.sets_not_formed)
+        for camera in gone:
+            del self._leaving[camera]
+        remaining = tuple(camera for camera in self._synchronizer.cameras if camera not in gone)
+        self._synchronizer = make_synchronizer(remaining, self._config)
+        return sets
+
+    @staticmethod
+    def _flat(synchronizer: ImageSynchronizer) -> dict[tuple[str, str], int]:
+        return {(c, reason): n for c, counts in synchronizer.counters.items() for reason, n in counts.items()}
+
+    @property
+    def sets_not_formed(self) -> dict[str, int]:
+        return dict(self._not_formed + Counter(self._synchronizer.sets_not_formed))  # + leaves out what is 0
+
+    @property
+    def counters(self) -> dict[str, dict[str, int]]:
+        total = self._done + Counter(self._flat(self._synchronizer))
+        names = [*dict.fromkeys(camera for camera, _ in total)]
+        reasons = ("received", "used", *sorted({r for _, r in total} - {"received", "used"}))
+        return {c: {r: total[c, r] for r in reasons if total[c, r] or r in reasons[:2]} for c in names}
+
+
+class SourceStream(ImageSetStream):
+    """Sets from the videos and folders that the rig names.
+
+    Raises
+    ------
+    SourceError : not a single source can be opened.
+    """
+
+    def __init__(self, rig: CameraRig, config: SynchronizerConfig, options: SourceOptions | None = None):
+        options = options or SourceOptions()
+        super().__init__(resampled_rig(rig, options))
+        self._sources = opened_sources(rig, options, self.errors)
+        self.notes += [f"camera '{name}': {source.note}" for name, source in self._sources.items() if source.note]
+        self._matcher = _Matcher(tuple(self._sources), config)
+        self.n_expected = min(source.n_images for source in self._sources.values())
+
+    @property
+    def counters(self) -> dict[str, dict[str, int]]:
+        return self._matcher.counters
+
+    @property
+    def sets_not_formed(self) -> dict[str, int]:
+        return self._matcher.sets_not_formed
+
+    def __iter__(self) -> Iterator[ImageSet]:
+        for item in merged_images(self._sources, self.errors):
+            if isinstance(item, BrokenOff):
+                self._matcher.drop(item.camera, item.last_stamp_ns)
+            else:
+                yield from self._matcher.add(item)
+        yield from self._matcher.flush()
+        self.errors += self._matcher.early_ends()
+
+
+class BagStream(ImageSetStream):
+    """Sets from the images of a bag, matched in the order in which they were recorded, as the live tracker got them.
+
+    Raises
+    ------
+    SourceError : the bag has no images of the rig's cameras.
+    """
+
+    def __init__(self, rig: CameraRig, config: SynchronizerConfig, reader: BagReader):
+        super().__init__(rig)
+        self._reader = reader
+        self._topics = topics_with_images(reader, rig)
+        present = tuple(camera for camera in rig.names if camera in self._topics.values())
+        self.errors += [f"camera '{c}': no images in {reader.path}" for c in rig.names if c not in present]
+        if reader.recovered:
+            self.errors.append(f"bag {reader.path} is unfinished: {reader.problem}")
+        self._matcher = _Matcher(present, config)
+        self.n_expected = min(reader.topics[topic].message_count for topic in self._topics)
+
+    @property
+    def counters(self) -> dict[str, dict[str, int]]:
+        return self._matcher.counters
+
+    @property
+    def sets_not_formed(self) -> dict[str, int]:
+        return self._matcher.sets_not_formed
+
+    def __iter__(self) -> Iterator[ImageSet]:
+        refused: set[str] = set()
+        for image, problem in bag_images(self._reader, self._topics):
+            if image.camera in refused:
+                continue
+            problem = problem or self.size_problem(image)
+            if problem:
+                refused.add(image.camera)
+                self.errors.append(f"{problem}; this camera is left out from here on")
+                self._matcher.drop(image.camera, image.stamp_ns - 1)
+            else:
+                yield from self._matcher.add(image)
+        yield from self._matcher.flush()
+        self.errors += self._matcher.early_ends()
+
+
+@dataclass(frozen=True)
+class BrokenOff:
+    camera: str
+    last_stamp_ns: int
+
+
+def opened_sources(rig: CameraRig, options: SourceOptions, errors: list[str]) -> dict[str, ImageSource]:
+    """Sources by camera; those that cannot be opened are noted."""
+    sources = {}
+    for camera in rig:
+        try:
+            sources[camera.name] = open_camera_source(camera, options)
+        except (SourceError, CalibrationError) as error:
+            text = str(error) if camera.name in str(error) else f"camera '{camera.name}': {error}"
+            errors.append(f"{text}; this camera is left out")
+    if not sources:
+        raise SourceError("rig", f"no camera has a source that can be used: {'; '.join(errors) or 'the rig is empty'}")
+    return sources
+
+
+def merged_images(sources: dict[str, ImageSource], errors: list[str]) -> Iterator[CameraImage | BrokenOff]:
+    """Images of all sources, instant by instant in the order of the rig; a source that breaks off is noted once.
+
+    They are decoded ahead in threads; what comes, and in what order, does not depend on these.
+    """
+    last_ns = {camera: source.stamp_ns(source.options.start) - 1 for camera, source in sources.items()}
+    told: set[str] = set()
+
+    def broken_off() -> Iterator[BrokenOff]:
+        for camera, report in feed.reports.items():
+            if report.ended and report.problem and camera not in told:
+                told.add(camera)
+                what = "; ".join(report.problems[:3]) or report.problem
+                errors.append(f"camera '{camera}' after {report.read} images of '{sources[camera].path}': {what}")
+                yield BrokenOff(camera, last_ns[camera])
+
+    with ImageFeed(sources) as feed:
+        for instant in feed:
+            yield from broken_off()
+            for image in instant.images:
+                last_ns[image.camera] = image.stamp_ns
+                yield CameraImage(image.camera, image.stamp_ns, image.bgr)
+        yield from broken_off()
+
+
+def resampled_rig(rig: CameraRig, options: SourceOptions) -> CameraRig:
+    """The rig for the images that these options deliver; lenses are scaled as `camera_ingest` scales its ``camera_info``.
+
+    Raises
+    ------
+    SourceError : a size of another aspect.
+    """
+    cameras = []
+    for camera in rig:
+        options.check_aspect(camera.model.width, camera.model.height, camera.name)
+        size = options.output_size(camera.model.width, camera.model.height)
+        same = size == (camera.model.width, camera.model.height)
+        cameras.append(camera if same else replace(camera, model=camera.model.resized(*size)))
+    return CameraRig(tuple(cameras), rig.world_frame, rig.lights)
+
+
+def rig_of_bag(rig: CameraRig, reader: BagReader) -> CameraRig:
+    """The rig for the images of a bag: lenses from its camera_info where that tells of another image size than the rig.
+
+    So a run with resampled images can be made again with the rig file that it was made with.
+
+    Raises
+    ------
+    CalibrationError : a camera_info that cannot be used.
+    """
+    cameras = []
+    for camera in rig:
+        for topic in reader.topics_of_type(CAMERA_INFO):
+            first = next(reader.decoded(topic), None) if f"/{topic}".endswith(f"/{camera.name}/camera_info") else None
+            if first is not None and (first[1].width, first[1].height) != (camera.model.width, camera.model.height):
+                camera = replace(camera, model=lens_of(camera.name, first[1]))
+        cameras.append(camera)
+    return CameraRig(tuple(cameras), rig.world_frame, rig.lights)
+
+
+def topics_with_images(reader: BagReader, rig: CameraRig) -> dict[str, str]:
+    topics = image_topics(reader, rig.names)
+    if not topics:
+        cameras = ", ".join(rig.names)
+        raise SourceError(reader.path, f"no images of {cameras} in the bag (topics <camera>/image_raw[/compressed])")
+    return topics
+
+
+def bag_images(reader: BagReader, topics: dict[str, str]) -> Iterator[tuple[CameraImage, str]]:
+    """Images and, for one that cannot be used, an empty one with the problem."""
+    for message in reader.messages(topics):
+        camera = topics[message.topic]
+        try:
+            yield image_of(reader, message, camera), ""
+        except TrackerError as error:
+            yield CameraImage(camera, message.stamp_ns, np.zeros((0, 0), np.uint8), "mono8"), str(error)

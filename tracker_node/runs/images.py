@@ -1,0 +1,126 @@
+"""The images of a finished run, taken again as the run took them: its ``run.json`` names bag, cameras, sources and sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ..camera.rig import Camera, CameraRig
+from ..errors import FileFormatError
+from ..loaders.bag.images import image_topics
+from ..loaders.bag.reader import BagReader
+from ..loaders.images.source import SourceOptions
+from ..loaders.rig.capture_yaml import changed_settings, split_change
+from ..tracking.config import TrackerConfig, flatten, from_dict
+from .data import INFO_FILE
+from .image_sets import resampled_rig, rig_of_bag
+from .recorded_sets import RecordedRunStream
+
+Info = Mapping[str, Any]
+_FIELDS = {name: name for name in ("start", "end", "shrink", "base_stamp_ns")} | {"rate_hz": "rate", "size": "resize"}
+
+
+def options_of(info: Info) -> Mapping[str, Any]:
+    """What a run was asked for, empty where its ``run.json`` does not tell."""
+    options = info.get("options")
+    return options if isinstance(options, dict) else {}
+
+
+def source_options_of(info: Info, path: str | Path = "run") -> SourceOptions:
+    """Which images of the sources a run took, with their rate, stamps and size.
+
+    Parameters
+    ----------
+    info : content of ``run.json``. path : of the run, for messages.
+
+    Raises
+    ------
+    FileFormatError : options of another kind.
+    """
+    options, defaults = options_of(info), SourceOptions()
+    given = {field: options.get(name) for field, name in _FIELDS.items()}
+    values = {field: getattr(defaults, field) if value is None else value for field, value in given.items()}
+    try:
+        size = None if values["size"] is None else tuple(int(value) for value in values["size"])
+        numbers = {field: int(values[field]) for field in ("start", "shrink", "base_stamp_ns")}
+        return SourceOptions(**{**values, **numbers, "size": size})
+    except (TypeError, ValueError) as error:
+        raise FileFormatError(Path(path) / INFO_FILE, "options", "start, end, rate and size of images", str(error)) from None
+
+
+def rig_of_run(rig: CameraRig, info: Info, other_file: bool = False) -> CameraRig:
+    """The cameras of a run, of those of a rig, with the sources and capture settings that the command line of the run gave.
+
+    Parameters
+    ----------
+    other_file : the rig is not from the file of the run: its own sources count.
+    """
+    options = options_of(info)
+    names = [name for name in rig.names if name in (options.get("cameras") or rig.names)]
+    sources = {} if other_file else dict(options.get("source") or [])
+    changes = [] if other_file else [split_change(text, rig.names) for text in options.get("capture") or []]
+    cameras = []
+    for camera in (rig[name] for name in names or rig.names):
+        own = [(field, value) for target, field, value in changes if target in (None, camera.name)]
+        capture = changed_settings(camera.capture, own) if own else camera.capture
+        cameras.append(replace(camera, source=sources.get(camera.name, camera.source), capture=capture))
+    return CameraRig(tuple(cameras), rig.world_frame, rig.lights)
+
+
+def image_bag_of(bag: Path | None, info: Info, cameras: tuple[str, ...]) -> Path | None:
+    """The bag with the images of a run: its own, or that which it was tracked in; None where they came from the rig's sources."""
+    options = options_of(info)
+    for candidate in (bag, options.get("bag"), options.get("from_run_bag")):
+        if candidate is not None and Path(candidate).exists():
+            with BagReader(candidate) as reader:
+                if image_topics(reader, cameras):
+                    return Path(candidate)
+    return None
+
+
+def rig_from_bag(rig: CameraRig, bag: Path) -> CameraRig:
+    """The cameras with a bag as their source, its stamps as they are, and lenses for its images; those it lacks have none."""
+    with BagReader(bag) as reader:
+        recorded = set(image_topics(reader, rig.names).values())
+        rig = rig_of_bag(rig, reader)
+    cameras = (
+        Camera(c.name, c.model, c.T_world_cam, source=f"bag:{bag}" if c.name in recorded else None, gain=c.gain, gamma=c.gamma)
+        for c in rig
+    )
+    return CameraRig(tuple(cameras), rig.world_frame, rig.lights)
+
+
+def run_stream(
+    rig: CameraRig, reader: BagReader, info: Info, options: SourceOptions | None = None
+) -> tuple[CameraRig, RecordedRunStream]:
+    """The rig for the images of a run, and its image sets.
+
+    Parameters
+    ----------
+    rig : of the run, see `rig_of_run`.
+    reader : bag with the states of the run.
+    options : of the rig's sources; default: those of the run.
+
+    Raises
+    ------
+    TrackerError : images that are gone, or have other stamps.
+    """
+    bag = image_bag_of(reader.path, info, rig.names)
+    if bag is None:
+        options = options or source_options_of(info, reader.path)
+        return resampled_rig(rig, options), RecordedRunStream(rig, reader, options)
+    if bag == reader.path:
+        return rig_of_bag(rig, reader), RecordedRunStream(rig_of_bag(rig, reader), reader)
+    other = rig_from_bag(rig, bag)
+    return other, RecordedRunStream(other, reader, SourceOptions())
+
+
+def config_of_run(info: Info) -> TrackerConfig:
+    """The parameters that a run was made with, as far as its ``run.json`` tells and this version still knows them."""
+    parameters, known = info.get("parameters"), flatten(TrackerConfig())
+    if not isinstance(parameters, dict):
+        return TrackerConfig()
+    return from_dict({name: value for name, value in parameters.items() if name in known}, "run.json: parameters")
+

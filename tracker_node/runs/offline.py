@@ -1,0 +1,216 @@
+"""The tracker on recorded images: no ROS, no clock, the same states whenever and wherever it runs."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..camera.rig import CameraRig
+from ..errors import TrackerError
+from ..loaders.bag.reader import BagReader
+from ..loaders.images.background_file import load_plates, resized_plates
+from ..loaders.images.source import SourceOptions
+from ..model.articulated import ArticulatedModel
+from ..model.configuration import State
+from ..observation.image_set import ImageSet
+from ..report.metrics_file import command_line, cpu, versions
+from ..tracking.config import TrackerConfig, flatten
+from ..tracking.estimate import Status, TrackEstimate
+from ..tracking.observability import unobservable
+from ..tracking.tracker import Tracker
+from .data import run_info
+from .image_sets import BagStream, ImageSetStream, SourceStream, resampled_rig, rig_of_bag
+from .images import run_stream
+from .recorded_sets import RecordedRunStream
+from .smoothed_writer import SmoothedWriter
+from .writer import RunWriter
+
+Progress = Callable[[int, int | None, TrackEstimate], None]
+
+
+@dataclass(frozen=True, eq=False)
+class OfflineRun:
+    """What to track.
+
+    Parameters
+    ----------
+    rig, model, config, initial_state, occluders : as for `tracking.tracker.Tracker`.
+    bag : take the images from this bag instead of the rig's sources.
+    from_run : use exactly the image sets that the states in ``bag`` were made from; their images come from the bag, or from
+        the rig's sources if the bag holds none.
+    source_options : which images of the rig's sources.
+    max_sets : stop after so many sets.
+    smooth_s : smooth the states with so many seconds of what came after them; infinite: with all of it; None: not at all.
+    masks, through_masks : record the model's silhouettes, and the images as seen through them.
+    named_options : what the user gave, for ``run.json``.
+    """
+
+    rig: CameraRig
+    model: ArticulatedModel
+    config: TrackerConfig = field(default_factory=TrackerConfig)
+    initial_state: State | None = None
+    occluders: ArticulatedModel | None = None
+    bag: Path | None = None
+    from_run: bool = False
+    source_options: SourceOptions = field(default_factory=SourceOptions)
+    max_sets: int | None = None
+    smooth_s: float | None = None
+    masks: bool = False
+    through_masks: bool = False
+    named_options: dict[str, Any] = field(default_factory=dict)
+
+
+def run_offline(
+    run: OfflineRun, output: str | Path, progress: Progress | None = None, tell: Callable[[str], None] = lambda sentence: None
+) -> dict[str, Any]:
+    """Track, write the output folder, and return what ``run.json`` holds.
+
+    ``tell`` is told, before anything is tracked, what is wrong with the sources or unusual about them.
+
+    An error in the middle (a damaged file, images of a wrong size) ends the run, but what was tracked until then is in the
+    folder, and ``errors`` of the summary names it.
+
+    Raises
+    ------
+    TrackerError : nothing can be tracked at all.
+    """
+    with ExitStack() as stack:
+        reader = stack.enter_context(BagReader(run.bag)) if run.bag else None
+        rig, stream = _stream_of(run, reader)
+        for sentence in (*stream.errors, *stream.notes):
+            tell(sentence)
+        plates = resized_plates(load_plates(run.rig), rig)
+        tracker = Tracker(rig, run.model, run.config, plates, run.initial_state, run.occluders)
+        if run.smooth_s is not None and not tracker.in_information_units:
+            raise TrackerError(f"to smooth takes an engine that says how sure it is ('contour'), got '{run.config.engine}'")
+        writer = stack.enter_context(RunWriter(output, rig, run.model, masks=run.masks, through_masks=run.through_masks))
+        writers = [writer.append]
+        if run.smooth_s is not None:
+            smoothed = stack.enter_context(SmoothedWriter(output, run.model, run.config.motion, run.smooth_s))
+            writers.append(lambda estimate, image_set: smoothed.append(estimate))
+        record = _Record(run.model)
+        try:
+            _track(run, tracker, stream, writers, record, progress)
+        except TrackerError as error:
+            stream.errors.append(str(error))
+        finally:
+            summary = _summary(run, stream, record)
+            writer.write_summary(summary)
+    return summary
+
+
+def _stream_of(run: OfflineRun, reader: BagReader | None) -> tuple[CameraRig, ImageSetStream]:
+    """The rig for the images, and the image sets."""
+    if reader is None:
+        stream = SourceStream(run.rig, run.config.synchronizer, run.source_options)
+        return resampled_rig(run.rig, run.source_options), stream
+    if run.from_run:
+        return run_stream(run.rig, reader, run_info(reader.path), run.source_options)
+    rig = rig_of_bag(run.rig, reader)
+    return rig, BagStream(rig, run.config.synchronizer, reader)
+
+
+def _what_mostly(name: str) -> str:
+    """What `unobservable` names, without the axis and the smaller parts: they change from set to set."""
+    return f"{name.split('(')[0]}some axis" if name.startswith("root ") else name.split()[0]
+
+
+@dataclass
+class _Record:
+    """What the summary needs of each estimate."""
+
+    model: ArticulatedModel
+    began: float = field(default_factory=time.perf_counter)
+    status: Counter = field(default_factory=Counter)
+    reasons: Counter[str] = field(default_factory=Counter)  # of sets in which the body is not tracked
+    stamps_ns: list[int] = field(default_factory=list)
+    total_ms: list[float] = field(default_factory=list)
+    iterations: list[int] = field(default_factory=list)
+    residual_px: list[float] = field(default_factory=list)
+    faults: dict[tuple[str, str], dict[str, Any]] = field(default_factory=dict)
+    untold: Counter[str] = field(default_factory=Counter)  # sets, by degree of freedom
+
+    def add(self, estimate: TrackEstimate) -> None:
+        self.status[estimate.status] += 1
+        if estimate.status in (Status.LOST, Status.INITIALISING) and estimate.status_reason:
+            self.reasons[estimate.status_reason] += 1
+        self.stamps_ns.append(estimate.stamp_ns)
+        self.total_ms.append(estimate.timings.total_ms)
+        if estimate.status.has_state:
+            self.iterations.append(estimate.iterations)
+            self.residual_px.append(estimate.residual_px)
+        names = [] if estimate.information is None else unobservable(estimate.information, self.model)
+        self.untold.update(set(map(_what_mostly, names)))
+        for fault in estimate.faults:
+            sets = self.faults.get((fault.camera, fault.kind), {"sets": 0})["sets"]
+            found = {"camera": fault.camera, "kind": fault.kind, "said": fault.text, "since_ns": fault.since_ns, "sets": sets + 1}
+            self.faults[fault.camera, fault.kind] = found
+
+
+def _track(
+    run: OfflineRun,
+    tracker: Tracker,
+    stream: ImageSetStream,
+    writers: Sequence[Callable[[TrackEstimate, ImageSet], None]],
+    record: _Record,
+    progress: Progress | None,
+) -> None:
+    for image_set in stream:
+        if record.stamps_ns and image_set.stamp_ns < record.stamps_ns[-1]:
+            tracker.reset()  # as the node does when the clock goes backward
+        estimate = tracker.step(image_set)
+        for write in writers:
+            write(estimate, image_set)
+        record.add(estimate)
+        if progress is not None:
+            progress(len(record.stamps_ns), stream.n_expected, estimate)
+        if run.max_sets is not None and len(record.stamps_ns) >= run.max_sets:
+            return
+
+
+def _summary(run: OfflineRun, stream: ImageSetStream, record: _Record) -> dict[str, Any]:
+    summary: dict[str, Any] = {
+        "image_sets": len(record.stamps_ns),
+        "expected_image_sets": stream.n_expected,
+        "lost_sets": record.status[Status.LOST],
+        "status_counts": {status.name: record.status[status] for status in Status},
+        "ms_per_set": _percentiles(record.total_ms),
+        "iterations": {"mean": _mean(record.iterations), "max": max(record.iterations, default=0)},
+        "residual_px": _percentiles(record.residual_px),
+        "wall_s": time.perf_counter() - record.began,
+        "first_stamp_ns": record.stamps_ns[0] if record.stamps_ns else None,
+        "last_stamp_ns": record.stamps_ns[-1] if record.stamps_ns else None,
+        "images": stream.counters,
+        "image_sets_not_formed": stream.sets_not_formed,
+        "contradicted_cameras": list(record.faults.values()),
+        "unobservable": [{"what": what, "sets": sets} for what, sets in record.untold.most_common()],
+        "errors": list(stream.errors),
+        "notes": list(stream.notes),
+        "reason": record.reasons.most_common(1)[0][0] if record.reasons else "",
+        "options": dict(run.named_options),
+        "parameters": flatten(run.config),
+        "versions": versions(),
+        "cpu": cpu(),
+        "command": command_line(),
+    }
+    if isinstance(stream, RecordedRunStream):
+        summary["sets_not_made_again"] = stream.incomplete_sets
+    return summary
+
+
+def _percentiles(values: list[float]) -> dict[str, float | None]:
+    if not values:
+        return {"p50": None, "p95": None, "max": None}
+    p50, p95 = (float(v) for v in np.percentile(values, [50, 95]))
+    return {"p50": p50, "p95": p95, "max": float(max(values))}
+
+
+def _mean(values: list[int]) -> float | None:
+    return float(np.mean(values)) if values else None
