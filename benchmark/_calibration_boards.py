@@ -10,21 +10,21 @@ from pathlib import Path
 import numpy as np
 from _charuco import rigid_fit
 
-from tracker_node.calibration.board import Board, BoardView
-from tracker_node.calibration.board_adjustment import BoardAdjustmentOptions, BoardState, adjust_boards
-from tracker_node.calibration.board_detection import CameraViews, detect_boards
-from tracker_node.calibration.board_figures import camera_figures, rms
-from tracker_node.calibration.board_instants import velocities
-from tracker_node.calibration.board_refinement import BoardRigOptions, rows_of
-from tracker_node.calibration.board_rig import BoardRig, calibrate_rig
-from tracker_node.calibration.board_start import place_boards
+from tracker_node.calibration.board.adjustment import BoardAdjustmentOptions, BoardState, adjust_boards
+from tracker_node.calibration.board.board import Board, BoardView
+from tracker_node.calibration.board.detection import CameraViews, detect_boards
+from tracker_node.calibration.board.metrics import camera_figures, rms
+from tracker_node.calibration.board.refinement import BoardRigOptions, rows_of
+from tracker_node.calibration.board.rig import BoardRig, calibrate_rig
+from tracker_node.calibration.board.start import place_boards
+from tracker_node.calibration.board.views import velocities
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3, so3
 from tracker_node.loaders.images.source import open_source
 from tracker_node.loaders.images.stamps import load_stamp_file
 from tracker_node.loaders.rig.pose2sim_toml import load_pose2sim
-from tracker_node.synthesis.scenes import looking_at
+from tracker_node.synthesis.scenes.scene import looking_at
 
 RECORDING = "caliscope_board/post_optimization"
 RECORDED_BOARD = Board("charuco", 4, 5, 0.054, 0.75, "DICT_4X4_1000", inverted=True)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker_node.calibration.dlt_stages import STAGES, calibrate_in_stages, object_errors_m
-from tracker_node.synthesis.cross import IMAGE_SIZE, MIDDLE, VOLUME, control_points, cross_rig, digitized
+from tracker_node.calibration.points.dlt_stages import STAGES, calibrate_in_stages, object_errors_m
+from tracker_node.experiments.cross.throw import IMAGE_SIZE, MIDDLE, VOLUME, control_points, cross_rig, digitized
 
 SIGMA_PX, N_TEST = 1.0, 300
 

@@ -12,11 +12,11 @@ import cv2
 import numpy as np
 
 from tracker_node.calibration import balancing
-from tracker_node.calibration.bundle_adjustment import AdjustmentOptions, PointObservations, adjust
+from tracker_node.calibration.clocks.motion import MotionMeter
+from tracker_node.calibration.clocks.offsets import estimate_clocks
+from tracker_node.calibration.points.bundle_adjustment import AdjustmentOptions, PointObservations, adjust
+from tracker_node.calibration.points.rig_refinement import collect_joints, refine_rig
 from tracker_node.calibration.pose import fit_state_to_landmarks
-from tracker_node.calibration.rig_refinement import collect_joints, refine_rig
-from tracker_node.calibration.time_offsets import estimate_clocks
-from tracker_node.calibration.time_offsets_motion import MotionMeter
 from tracker_node.camera.rig import CameraRig
 from tracker_node.cli.main import main as command
 from tracker_node.cli.synthesize import Request, default_motions, produce, show_progress
@@ -25,11 +25,11 @@ from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import dump_state
 from tracker_node.loaders.motion.openpose_json import load_openpose, match_cameras
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
-from tracker_node.synthesis.clips import load_motion
-from tracker_node.synthesis.mannequin import LANDMARKS, MannequinSubject
-from tracker_node.synthesis.motions import Motion
-from tracker_node.synthesis.rasterizer import ColoredMesh
-from tracker_node.synthesis.scenes import SceneConfig, Studio, make_rig
+from tracker_node.synthesis.motions.deepmimic import load_motion
+from tracker_node.synthesis.motions.procedural import Motion
+from tracker_node.synthesis.scenes.rasterizer import ColoredMesh
+from tracker_node.synthesis.scenes.scene import SceneConfig, Studio, make_rig
+from tracker_node.synthesis.subjects.mannequin import LANDMARKS, MannequinSubject
 
 Figures = dict[str, float | int]
 

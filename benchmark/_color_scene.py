@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from tracker_node.camera.rig import CameraRig
+from tracker_node.experiments.somersault.motion import rigid_body, somersault_rig, somersault_states, somersault_variables
+from tracker_node.experiments.target_images import TargetStudio
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.ellipsoids import ellipsoid_human
-from tracker_node.synthesis.background import cluttered_background
-from tracker_node.synthesis.somersault import rigid_body, somersault_rig, somersault_states, somersault_variables
-from tracker_node.synthesis.target_images import TargetStudio
+from tracker_node.synthesis.scenes.background import cluttered_background
 
 POSTURE_DEG = {
     f"{side}_{axis}": degrees

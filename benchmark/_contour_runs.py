@@ -30,7 +30,7 @@ from tracker_node.model.configuration import State
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.report.metrics_file import cpu
 from tracker_node.runs.data import RunData
-from tracker_node.synthesis.scenes import SceneConfig
+from tracker_node.synthesis.scenes.scene import SceneConfig
 from tracker_node.tracking.config import TrackerConfig, from_dict
 from tracker_node.tracking.estimate import TrackEstimate
 from tracker_node.tracking.tracker import Tracker

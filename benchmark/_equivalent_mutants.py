@@ -19,7 +19,7 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "content = stream.read(limit + 2)",
     ): "One byte more than the limit is refused, and so are two.",
     (
-        "tracker_node/calibration/board.py",
+        "tracker_node/calibration/board/board.py",
         "refined = cv2.cornerSubPix(gray, near, (min(half, 11), min(half, 11)), (-1, -1), criteria)",
         "refined = cv2.cornerSubPix(gray, near, (min(half, 11), min(half, 11)), (-2, -1), criteria)",
     ): "OpenCV leaves nothing out in the middle where either of the two numbers is negative.",

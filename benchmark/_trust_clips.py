@@ -21,9 +21,9 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.synthesis import lost_events as events
-from tracker_node.synthesis.cones import ModelSubject, waves
-from tracker_node.synthesis.figure import figure_model, figure_motion
-from tracker_node.synthesis.scenes import SceneConfig, Studio, make_rig
+from tracker_node.synthesis.scenes.scene import SceneConfig, Studio, make_rig
+from tracker_node.synthesis.subjects.cones import ModelSubject, waves
+from tracker_node.synthesis.subjects.figure import figure_model, figure_motion
 from tracker_node.tracking.limbs import Limb, limbs_of
 
 N_SETS, RATE_HZ = 30, 30.0
@@ -75,7 +75,7 @@ _GRAIN = np.random.default_rng(0).standard_normal((1200, 1200, 3), dtype=np.floa
 
 
 def _noisy(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """With sensor noise as `synthesis.scenes` has it, from a random place in a store of grain."""
+    """With sensor noise as `synthesis.scenes.scene` has it, from a random place in a store of grain."""
     height, width = image.shape[:2]
     v, u = rng.integers(0, _GRAIN.shape[0] - height), rng.integers(0, _GRAIN.shape[1] - width)
     bright = image.astype(np.float32)

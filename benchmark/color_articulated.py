@@ -34,8 +34,8 @@ from tracker_node.render.draw.overlay import draw_overlay
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.runs.data import RunData
 from tracker_node.runs.image_sets import SourceStream
-from tracker_node.synthesis.motions import PROCEDURAL
-from tracker_node.synthesis.scenes import SceneConfig
+from tracker_node.synthesis.motions.procedural import PROCEDURAL
+from tracker_node.synthesis.scenes.scene import SceneConfig
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.tracker import Tracker
 

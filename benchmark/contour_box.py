@@ -26,6 +26,7 @@ from tracker_node.camera.light import Light
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import TrackerError
+from tracker_node.experiments.target_images import TargetStudio
 from tracker_node.geometry import so3
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
@@ -33,8 +34,7 @@ from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.report.metrics_file import print_metrics, write_metrics
-from tracker_node.synthesis.background import cluttered_background
-from tracker_node.synthesis.target_images import TargetStudio
+from tracker_node.synthesis.scenes.background import cluttered_background
 from tracker_node.tracking.estimate import Status
 
 SIZE = (0.20, 0.12, 0.08)

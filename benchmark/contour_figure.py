@@ -40,9 +40,9 @@ from tracker_node.experiments.contour.errors import displaced
 from tracker_node.loaders.motion.trajectory_file import read_states
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.report.metrics_file import print_metrics, write_metrics
-from tracker_node.synthesis.cones import ModelSubject
-from tracker_node.synthesis.figure import speeds
-from tracker_node.synthesis.scenes import SceneConfig, Studio
+from tracker_node.synthesis.scenes.scene import SceneConfig, Studio
+from tracker_node.synthesis.subjects.cones import ModelSubject
+from tracker_node.synthesis.subjects.figure import speeds
 from tracker_node.tracking.config import TrackerConfig
 
 FIGURE_SCENE = replace(SCENE, radius=3.2, focal_px=560.0)

@@ -36,8 +36,8 @@ from tracker_node.cli.synthesize import Request, default_motions
 from tracker_node.errors import SourceError, TrackerError
 from tracker_node.loaders.images.background_file import load_plates
 from tracker_node.report.metrics_file import print_metrics, write_metrics
-from tracker_node.synthesis.joined import LONG_RUN, LONG_RUN_IMAGES
-from tracker_node.synthesis.scenes import SceneConfig
+from tracker_node.synthesis.motions.blending import LONG_RUN, LONG_RUN_IMAGES
+from tracker_node.synthesis.scenes.scene import SceneConfig
 
 LONG_SCENE = replace(PERSON_SCENE, n_cameras=6, lossless=False)  # JPEG of quality 95: 4200 images
 ROOM_SCENE = replace(SceneConfig(), noise_levels=4.0, blur_px=0.6)

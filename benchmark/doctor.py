@@ -28,7 +28,7 @@ from tracker_node.loaders.images.source import open_camera_source
 from tracker_node.loaders.rig.pose2sim_toml import load_pose2sim
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.report.metrics_file import report_metrics
-from tracker_node.synthesis.scenes import SceneConfig
+from tracker_node.synthesis.scenes.scene import SceneConfig
 
 OUTPUT = Path("out/doctor")
 FAULTY = ("balancing", "dance_b")  # the clips that faults are planted in

@@ -7,7 +7,7 @@ import numpy as np
 from board_scenes import face_of
 from camera_rigs import look_at
 
-from tracker_node.calibration.board import Board
+from tracker_node.calibration.board.board import Board
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3, so3

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from camera_rigs import look_at
 
-from tracker_node.calibration.board import Board, BoardView
-from tracker_node.calibration.board_detection import CameraViews
+from tracker_node.calibration.board.board import Board, BoardView
+from tracker_node.calibration.board.detection import CameraViews
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3, so3

@@ -6,14 +6,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from tracker_node.experiments.cross.throw import control_points, cross_rig, measured_lights, twisting_somersault
 from tracker_node.experiments.cross.yellow_stick import yellow_stick
+from tracker_node.experiments.target_images import TargetStudio
 from tracker_node.loaders.model.model_yaml import dump_model
 from tracker_node.loaders.model.state_yaml import dump_state
 from tracker_node.loaders.rig.control_points import COLUMNS
 from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file
 from tracker_node.model.configuration import Configuration
-from tracker_node.synthesis.cross import control_points, cross_rig, measured_lights, twisting_somersault
-from tracker_node.synthesis.target_images import TargetStudio
 
 
 def control_point_rows() -> list[list[str]]:

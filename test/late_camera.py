@@ -4,9 +4,9 @@ import numpy as np
 from wooden_cross import cross
 
 from tracker_node.camera.rig import Camera, CameraRig
+from tracker_node.experiments.cross.throw import LATE_S, cross_rig, side_somersault
 from tracker_node.model.configuration import Configuration
 from tracker_node.render.raycast import raycaster
-from tracker_node.synthesis.cross import LATE_S, cross_rig, side_somersault
 
 MODEL = cross()
 _FULL = cross_rig()

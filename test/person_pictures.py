@@ -9,13 +9,13 @@ from camera_rigs import look_at
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
+from tracker_node.experiments.target_images import TargetStudio
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.shape_parameters import ShapeSpace
 from tracker_node.observation.image_set import CameraImage, ImageSet
-from tracker_node.synthesis.cones import waves
-from tracker_node.synthesis.target_images import TargetStudio
+from tracker_node.synthesis.subjects.cones import waves
 from tracker_node.tracking.config import TrackerConfig
 
 GROUPS = ("length", "girth")

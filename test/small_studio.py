@@ -11,8 +11,8 @@ from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.observation.image_set import CameraImage, ImageSet
-from tracker_node.synthesis.cones import ModelSubject, waves
-from tracker_node.synthesis.scenes import SceneConfig, Studio, make_rig
+from tracker_node.synthesis.scenes.scene import SceneConfig, Studio, make_rig
+from tracker_node.synthesis.subjects.cones import ModelSubject, waves
 from tracker_node.tracking.estimate import TrackEstimate
 
 RATE_HZ = 30.0

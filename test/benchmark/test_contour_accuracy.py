@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tracker_node.cli.synthesize import Request, produce
-from tracker_node.synthesis.scenes import SceneConfig
+from tracker_node.synthesis.scenes.scene import SceneConfig
 from tracker_node.tracking.config import from_dict
 
 

@@ -20,7 +20,7 @@ from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.observation.image_set import ImageSet
-from tracker_node.synthesis.scenes import SceneConfig
+from tracker_node.synthesis.scenes.scene import SceneConfig
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import CameraReport, Status, Timings, TrackEstimate
 

@@ -5,7 +5,7 @@ import pytest
 from bodies import crane
 from camera_rigs import circle_rig
 
-from tracker_node.calibration.body_fit import BodyFitOptions, motions_of, pose_priors
+from tracker_node.calibration.tracked_body.body_fit import BodyFitOptions, motions_of, pose_priors
 from tracker_node.model.configuration import State
 from tracker_node.observation.image_set import CameraImage, ImageSet
 

@@ -8,12 +8,12 @@ import pytest
 from tracker_node.calibration.light_fit import LightFitOptions, fit_lights, irradiance
 from tracker_node.camera.light import Light
 from tracker_node.errors import CalibrationError, TrackerError
+from tracker_node.experiments.cross.throw import cross_rig, measured_lights, twisting_somersault
 from tracker_node.experiments.cross.yellow_stick import yellow_stick
+from tracker_node.experiments.target_images import TargetStudio
 from tracker_node.model.configuration import Configuration
 from tracker_node.render.raycast.raycaster import render_color
 from tracker_node.render.raycast.surface_samples import surface_samples
-from tracker_node.synthesis.cross import cross_rig, measured_lights, twisting_somersault
-from tracker_node.synthesis.target_images import TargetStudio
 
 MODEL, RIG = yellow_stick(), cross_rig()
 POSES = [Configuration(MODEL, twisting_somersault(MODEL).state(k)) for k in (2, 10, 18, 26, 32)]

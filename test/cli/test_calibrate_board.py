@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from board_scenes import picture, ring
 
-from tracker_node.calibration.board import Board
+from tracker_node.calibration.board.board import Board
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.cli.main import main
 from tracker_node.geometry import se3, so3

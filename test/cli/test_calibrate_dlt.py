@@ -8,9 +8,9 @@ from cross_files import write_control_points as write
 from tracker_node.cli._calibrate_dlt import _common
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError
+from tracker_node.experiments.cross.throw import cross_rig
 from tracker_node.loaders.rig.control_points import COLUMNS, ControlPoints, load_control_points
 from tracker_node.loaders.rig.rig_yaml import load_rig
-from tracker_node.synthesis.cross import cross_rig
 
 RIG = cross_rig()
 

@@ -5,8 +5,8 @@ import pytest
 from cross_files import write_lit_cross
 
 from tracker_node.cli.main import main
+from tracker_node.experiments.cross.throw import cross_rig
 from tracker_node.loaders.rig.rig_yaml import load_rig
-from tracker_node.synthesis.cross import cross_rig
 
 
 @pytest.fixture

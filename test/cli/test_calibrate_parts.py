@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from camera_rigs import circle_rig
 
-from tracker_node.calibration import board_figures
+from tracker_node.calibration.board import metrics as board_figures
 from tracker_node.cli import _calibrate_body as body
 from tracker_node.cli import _calibrate_intrinsics as intrinsics
 from tracker_node.cli import _calibrate_plate as plate

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from swinging_disc import LATE_S, write_swinging_disc
 
-from tracker_node.calibration.time_offsets import ClockFit, Clocks
+from tracker_node.calibration.clocks.offsets import ClockFit, Clocks
 from tracker_node.cli._calibrate_time import _beginning, figures, print_table
 from tracker_node.cli.main import main
 from tracker_node.loaders.rig.rig_yaml import load_rig

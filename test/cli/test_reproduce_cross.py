@@ -9,7 +9,7 @@ import pytest
 from tracker_node.cli import _cross_methods, _cross_scene
 from tracker_node.cli.main import main
 from tracker_node.errors import SourceError
-from tracker_node.synthesis.cross_film import Footage
+from tracker_node.experiments.cross.film import Footage
 
 PICTURES = ("fig3_plan", "fig7_side_mask", "fig8_twist_mask", "fig9_side_pose", "fig10_twist_pose", "side_video", "twist_errors")
 

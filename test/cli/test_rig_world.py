@@ -13,7 +13,7 @@ from tracker_node.cli.main import main
 from tracker_node.errors import TrackerError
 from tracker_node.geometry import so3
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
-from tracker_node.synthesis.scenes import looking_at
+from tracker_node.synthesis.scenes.scene import looking_at
 
 POINTS = {"a": (0.3, 0.2, 0.1), "b": (-0.4, 0.3, 0.2), "c": (0.1, -0.5, 0.4), "d": (0.0, 0.1, -0.3)}
 MOVED = WorldChange(so3.exp(np.array([0.3, -0.2, 0.5])), np.array([0.4, -1.0, 2.0]))

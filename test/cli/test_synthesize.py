@@ -9,7 +9,7 @@ from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.motion.trajectory_file import read_joints
 from tracker_node.model.configuration import Configuration
-from tracker_node.synthesis.scenes import SceneConfig
+from tracker_node.synthesis.scenes.scene import SceneConfig
 
 TINY = SceneConfig(n_cameras=1, width=160, height=120, focal_px=145.0)
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tracker_node.experiments.somersault.motion import somersault_rig, somersault_states, somersault_variables
 from tracker_node.model.configuration import Configuration
 from tracker_node.model.humans.ellipsoids import ellipsoid_human
 from tracker_node.model.pose_variables import from_variables, to_variables
@@ -10,7 +11,6 @@ from tracker_node.objective.color.score import ColorObjective
 from tracker_node.optimize.registry import OPTIMIZERS, optimizer
 from tracker_node.optimize.stepping import SEVEN_LOOPS, SteppingOptions, step_downhill
 from tracker_node.render.raycast.raycaster import render_color
-from tracker_node.synthesis.somersault import somersault_rig, somersault_states, somersault_variables
 
 ROOT = range(6)
 FAR = {"x": 0.035, "y": -0.035, "z": 0.034}, {"somersault": 3.5, "tilt": -3.4, "twist": 3.5}  # 60 mm, 6 degrees

@@ -9,8 +9,8 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.render.opengl.context import RendererError
 from tracker_node.render.raycast.raycaster import render_view
-from tracker_node.synthesis.cones import ModelSubject
-from tracker_node.synthesis.rasterizer import Pinhole, Rasterizer
+from tracker_node.synthesis.scenes.rasterizer import Pinhole, Rasterizer
+from tracker_node.synthesis.subjects.cones import ModelSubject
 
 LENS = CameraModel(640, 480, np.array([[610.0, 0.0, 322.4], [0.0, 605.0, 236.8], [0.0, 0.0, 1.0]]))
 

@@ -8,7 +8,7 @@ from render_scenes import single_shape, tetrahedron
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.shapes.primitives import Box, Ellipsoid, TruncatedCone
 from tracker_node.render.shape_arrays import CONE, ELLIPSOID, OTHER, ShapeArrays
-from tracker_node.synthesis.cones import tessellate
+from tracker_node.synthesis.subjects.cones import tessellate
 
 PRIMITIVES = [
     TruncatedCone(0.05, 0.2, -0.5, -0.1, 0.6), TruncatedCone(0.3, 0.1, 1.5, 0.2, 0.4), TruncatedCone(0.1, 0.1, 0.0, 0.0, 0.01),

@@ -6,8 +6,8 @@ import pytest
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration
 from tracker_node.synthesis import lost_events as events
-from tracker_node.synthesis.cones import ModelSubject
-from tracker_node.synthesis.figure import figure_model, figure_motion
+from tracker_node.synthesis.subjects.cones import ModelSubject
+from tracker_node.synthesis.subjects.figure import figure_model, figure_motion
 from tracker_node.tracking.limbs import limbs_of
 
 MODEL = figure_model()

@@ -5,9 +5,9 @@ import pytest
 from bodies import crane, random_state
 
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.synthesis.cones import ModelSubject
-from tracker_node.synthesis.motions import swing
+from tracker_node.synthesis.motions.procedural import swing
 from tracker_node.synthesis.sequences import digest, mannequin_sequence, model_sequence
+from tracker_node.synthesis.subjects.cones import ModelSubject
 
 MODEL = crane()
 STATES = [random_state(MODEL, np.random.default_rng(i), 0.4) for i in range(3)]

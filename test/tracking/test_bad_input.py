@@ -17,8 +17,8 @@ from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Mesh, TruncatedCone
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.runs.offline import _Record
-from tracker_node.synthesis.cones import ModelSubject
-from tracker_node.synthesis.scenes import SceneConfig, Studio, make_rig
+from tracker_node.synthesis.scenes.scene import SceneConfig, Studio, make_rig
+from tracker_node.synthesis.subjects.cones import ModelSubject
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status, TrackEstimate
 from tracker_node.tracking.tracker import Tracker

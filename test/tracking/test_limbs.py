@@ -10,7 +10,7 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 from tracker_node.model.shapes.primitives import Ellipsoid
-from tracker_node.synthesis.figure import figure_model
+from tracker_node.synthesis.subjects.figure import figure_model
 from tracker_node.tracking.limbs import limbs_of
 
 

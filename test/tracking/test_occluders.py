@@ -13,9 +13,9 @@ from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box, TruncatedCone
 from tracker_node.observation.image_set import CameraImage, ImageSet
-from tracker_node.synthesis.cones import ModelSubject, waves
-from tracker_node.synthesis.rasterizer import ColoredMesh
-from tracker_node.synthesis.scenes import SceneConfig, Studio, make_rig
+from tracker_node.synthesis.scenes.rasterizer import ColoredMesh
+from tracker_node.synthesis.scenes.scene import SceneConfig, Studio, make_rig
+from tracker_node.synthesis.subjects.cones import ModelSubject, waves
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.tracker import Tracker

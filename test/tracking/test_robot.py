@@ -14,8 +14,8 @@ from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.objective.constraints.collision import CollisionObjective
 from tracker_node.observation.image_set import CameraImage, ImageSet
-from tracker_node.synthesis.cones import ModelSubject
-from tracker_node.synthesis.scenes import SceneConfig, Studio, make_rig
+from tracker_node.synthesis.scenes.scene import SceneConfig, Studio, make_rig
+from tracker_node.synthesis.subjects.cones import ModelSubject
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.tracker import Tracker

@@ -10,8 +10,8 @@ from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import se3, so3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import CameraImage, ImageSet
-from tracker_node.synthesis.cones import ModelSubject
-from tracker_node.synthesis.scenes import SceneConfig, Studio, make_rig
+from tracker_node.synthesis.scenes.scene import SceneConfig, Studio, make_rig
+from tracker_node.synthesis.subjects.cones import ModelSubject
 from tracker_node.tracking.camera_fault import DELAYED, TURNED
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import TrackEstimate

@@ -8,9 +8,9 @@ import pytest
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.observation.synchronizer import ImageSynchronizer
-from tracker_node.synthesis.cones import ModelSubject
-from tracker_node.synthesis.figure import figure_model, figure_motion
-from tracker_node.synthesis.scenes import SceneConfig, Studio, make_rig
+from tracker_node.synthesis.scenes.scene import SceneConfig, Studio, make_rig
+from tracker_node.synthesis.subjects.cones import ModelSubject
+from tracker_node.synthesis.subjects.figure import figure_model, figure_motion
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.tracker import Tracker
 

@@ -21,8 +21,8 @@ from ..loaders.motion.openpose_json import load_openpose, match_cameras
 from ..loaders.rig.pose2sim_toml import load_pose2sim
 from ..loaders.rig.rig_yaml import CameraEntry, RigFile, rig_file_of, write_rig_file
 from ..loaders.whole_file import write_whole
-from .plate import build_plate, spread_images, write_image
-from .rig_refinement import Refinement, collect_joints, refine_rig
+from .background import build_plate, spread_images, write_image
+from .points.rig_refinement import Refinement, collect_joints, refine_rig
 
 # Calibration pixels of a pixel of the narrow videos: fitted to the stills (affine image registration), to about 0.3 px.
 NARROW_MAP = ((1.0074, 0.0, 0.0), (0.0, 1.0074, -7.2))

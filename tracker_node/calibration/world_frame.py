@@ -16,7 +16,7 @@ from ..camera.light import Light
 from ..camera.rig import Camera, CameraRig
 from ..errors import CalibrationError, TrackerError, UnknownNameError
 from ..geometry import se3
-from .triangulation import reproject, triangulate
+from .points.triangulation import reproject, triangulate
 
 LEAST_M = 1e-9  # points that are nearer to each other are one
 UP = np.array([0.0, 0.0, 1.0])

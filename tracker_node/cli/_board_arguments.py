@@ -13,8 +13,8 @@ from ..errors import FileFormatError, SourceError, TrackerError, UnknownNameErro
 from ._sizes import size_option
 
 if TYPE_CHECKING:
-    from ..calibration.board import Board
-    from ..calibration.board_detection import CameraViews
+    from ..calibration.board.board import Board
+    from ..calibration.board.detection import CameraViews
     from ..loaders.images.source import ImageSource
 
 DISTORTIONS = ("plumb_bob", "rational_polynomial", "equidistant", "none")
@@ -57,7 +57,7 @@ def board_of(args: argparse.Namespace) -> Board:
     """
     import cv2
 
-    from ..calibration.board import Board
+    from ..calibration.board.board import Board
 
     option, text = ("--charuco", args.charuco) if args.charuco else ("--chessboard", args.chessboard)
     columns, rows = size_option(option, text, "columns x rows from 3x3 to 100x100, such as 4x5", 3, 100)
@@ -115,7 +115,7 @@ def detect(
     ------
     CalibrationError : fewer than ``least`` cameras saw it.
     """
-    from ..calibration.board_detection import detect_boards, with_board
+    from ..calibration.board.detection import detect_boards, with_board
 
     progress = None if args.quiet else StageProgress(f"calibrate {args.what}")
     seen, left_out = with_board(detect_boards(sources, board, args.images, progress), board, least)

@@ -94,8 +94,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _fit_to_images(args: argparse.Namespace) -> int:
     """From the images of a run, with its poses."""
-    from ..calibration.body_fit import BodyFitOptions, fit_body
-    from ..calibration.body_fit_report import body_figures, write_body_report
+    from ..calibration.tracked_body.body_fit import BodyFitOptions, fit_body
+    from ..calibration.tracked_body.report import body_figures, write_body_report
     from ..loaders.model.model_yaml import dump_model
     from ..report.metrics_file import write_metrics
 

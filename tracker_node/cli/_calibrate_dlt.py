@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..calibration.control_checks import check_control_points
+    from ..calibration.points.control_checks import check_control_points
     from ..camera.rig import CameraRig
     from ..loaders.rig.control_points import load_control_points
     from ..loaders.rig.rig_yaml import rig_file_of, write_rig_file
@@ -58,7 +58,7 @@ def _constrained(args: argparse.Namespace, seen, size: tuple[int, int]) -> list:
     """Cameras that fit best within the constraint; printed: how well, and the worst point of each."""
     import numpy as np
 
-    from ..calibration.dlt import calibrate
+    from ..calibration.points.dlt import calibrate
 
     cameras = []
     print(f"{'camera':<12} {'points':>6} {'rms px':>8} {'worst px':>9}  worst point")
@@ -75,7 +75,7 @@ def _in_stages(args: argparse.Namespace, seen, size: tuple[int, int]) -> list:
     """Cameras of the last stage; printed: the errors of all stages."""
     import numpy as np
 
-    from ..calibration.dlt_stages import STAGES, calibrate_in_stages, object_errors_m
+    from ..calibration.points.dlt_stages import STAGES, calibrate_in_stages, object_errors_m
 
     found = {name: calibrate_in_stages(name, points.points, points.pixels, size, args.seed) for name, points in seen.items()}
     common = _common(seen)

@@ -24,10 +24,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     import numpy as np
 
-    from ..calibration.board_figures import coverage_notes, covered
-    from ..calibration.board_intrinsics import LEAST_VIEWS, calibrate_lens
-    from ..calibration.board_report import format_table, lens_pictures, lens_table, outlier_table, write_pictures
-    from ..calibration.body_fit_report import Table, write_page
+    from ..calibration.board.intrinsics import LEAST_VIEWS, calibrate_lens
+    from ..calibration.board.metrics import coverage_notes, covered
+    from ..calibration.board.report import format_table, lens_pictures, lens_table, outlier_table, write_pictures
+    from ..calibration.tracked_body.report import Table, write_page
     from ..camera.rig import Camera, CameraRig
     from ..errors import FileFormatError
     from ..loaders.rig.rig_yaml import rig_file_of, write_rig_file

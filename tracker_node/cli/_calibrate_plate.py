@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..calibration.plate import build_plate, spread_images, write_image
+    from ..calibration.background import build_plate, spread_images, write_image
     from ..errors import CalibrationError, FileFormatError
     from ..loaders.rig.rig_yaml import build_rig, read_rig_file, write_rig_file
 

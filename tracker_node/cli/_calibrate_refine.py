@@ -61,10 +61,10 @@ def run(args: argparse.Namespace) -> int:
 
 def _from_run(args: argparse.Namespace) -> int:
     """Places and clocks from the images in which a run has tracked a body."""
-    from ..calibration.body_fit import BodyFitOptions
-    from ..calibration.body_fit_report import rig_figures, write_rig_report
-    from ..calibration.rig_drift import stretches
-    from ..calibration.rig_fit import RigFitOptions, fit_rig
+    from ..calibration.tracked_body.body_fit import BodyFitOptions
+    from ..calibration.tracked_body.report import rig_figures, write_rig_report
+    from ..calibration.tracked_body.rig_drift import stretches
+    from ..calibration.tracked_body.rig_fit import RigFitOptions, fit_rig
     from ..loaders.rig.rig_yaml import read_rig_file, write_rig_file
     from ..report.metrics_file import write_metrics
 
@@ -100,8 +100,8 @@ def _from_run(args: argparse.Namespace) -> int:
 
 def _drift(args: argparse.Namespace, images, fit, options, progress):
     """Clocks by stretches of the run, the cameras where ``fit`` has them."""
-    from ..calibration.rig_drift import fit_drift, stretches
-    from ..calibration.rig_fit import fit_rig
+    from ..calibration.tracked_body.rig_drift import fit_drift, stretches
+    from ..calibration.tracked_body.rig_fit import fit_rig
 
     stamps_s = [1e-9 * image_set.stamp_ns for image_set in images.sets]
     options = replace(options, places=False, focal=False, sure_sigmas=0.0)
@@ -163,8 +163,8 @@ def print_cameras(fit) -> None:
 
 
 def _from_points(args: argparse.Namespace) -> int:
-    from ..calibration.bundle_adjustment import AdjustmentOptions
-    from ..calibration.rig_refinement import collect_joints, refine_rig
+    from ..calibration.points.bundle_adjustment import AdjustmentOptions
+    from ..calibration.points.rig_refinement import collect_joints, refine_rig
     from ..errors import CalibrationError, FileFormatError
     from ..loaders.motion.openpose_json import load_openpose, match_cameras
     from ..loaders.rig.rig_yaml import build_rig, read_rig_file, write_rig_file

@@ -34,9 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..calibration.board_figures import camera_figures, coverage_notes, rig_figures, worst_views
-    from ..calibration.board_report import format_table, rig_pictures, rig_tables, write_pictures, write_rig_page
-    from ..calibration.board_rig import calibrate_rig, check_for_rig
+    from ..calibration.board.metrics import camera_figures, coverage_notes, rig_figures, worst_views
+    from ..calibration.board.report import format_table, rig_pictures, rig_tables, write_pictures, write_rig_page
+    from ..calibration.board.rig import calibrate_rig, check_for_rig
     from ..loaders.rig.rig_yaml import rig_file_of, write_rig_file
     from ..report.metrics_file import write_metrics
 
@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _options(args: argparse.Namespace):
-    from ..calibration.board_refinement import BoardRigOptions
+    from ..calibration.board.refinement import BoardRigOptions
 
     for option, value in (("--stamp-sigma-ms", args.stamp_sigma_ms), ("--tolerance-ms", args.tolerance_ms)):
         if value is not None and not 0.0 < value < 1e4:
@@ -105,7 +105,7 @@ def _lenses(args: argparse.Namespace, sources):
 
 
 def _with_sources(args: argparse.Namespace, found, sources: dict[str, str | None]):
-    from ..calibration.board_figures import camera_figures
+    from ..calibration.board.metrics import camera_figures
 
     figures, cameras = camera_figures(found), []
     for camera in found.rig:

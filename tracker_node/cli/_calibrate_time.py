@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..calibration.time_offsets import ClockOptions, estimate_clocks
+    from ..calibration.clocks.offsets import ClockOptions, estimate_clocks
     from ..loaders.rig.rig_yaml import build_rig, read_rig_file, write_rig_file
     from ..report.metrics_file import write_metrics
 
@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _motions(args: argparse.Namespace, rig) -> list:
     """Motion in every camera's images, read side by side."""
-    from ..calibration.time_offsets_motion import MotionMeter
+    from ..calibration.clocks.motion import MotionMeter
     from ..loaders.images.source import open_camera_source
 
     sources = [open_camera_source(camera) for camera in rig]

@@ -17,7 +17,7 @@ from ..loaders.recording_yaml import load_recording
 from ..loaders.rig.rig_yaml import load_rig
 from ..runs.config_file import load_config
 from ..runs.image_sets import resampled_rig
-from ..synthesis.scenes import SceneConfig
+from ..synthesis.scenes.scene import SceneConfig
 from ._progress import say
 from .sample import prepare
 from .synthesize import Request, produce, show_progress

@@ -16,9 +16,9 @@ from ..model.kinematic_chain import KinematicChain
 from ..model.shapes.primitives import TruncatedCone
 from ..observation.chamfer.distance_transform import distance_to
 from ..observation.image_set import CameraImage, ImageSet
-from ..synthesis.cones import ModelSubject
 from ..synthesis.dataset import N_PLATES
-from ..synthesis.scenes import SceneConfig, Studio, make_rig
+from ..synthesis.scenes.scene import SceneConfig, Studio, make_rig
+from ..synthesis.subjects.cones import ModelSubject
 from ..tracking.config import TrackerConfig
 
 MODELS = {"part": ("a model of its size", 1.0), "thin_part": ("a model a fifth thinner", 0.8)}

@@ -9,6 +9,8 @@ import cv2
 import numpy as np
 
 from ..experiments.cross.camera_delay import estimate_delay
+from ..experiments.cross.film import Footage
+from ..experiments.cross.throw import FIELD_PERIOD_S, LATE_CAMERA, CrossTrial
 from ..experiments.cross.video_tracking import refine_video, track_video
 from ..experiments.rigid_tracking import Found, TrackedSequence, moved
 from ..model.configuration import State
@@ -21,8 +23,6 @@ from ..observation.deinterlace import field_camera, first_line
 from ..optimize.alignment import AlignmentOptions, align
 from ..optimize.simplex import polish
 from ..optimize.stepping import SEVEN_LOOPS, SteppingOptions, step_downhill
-from ..synthesis.cross import FIELD_PERIOD_S, LATE_CAMERA, CrossTrial
-from ..synthesis.cross_film import Footage
 from ._cross_scene import CrossScene
 
 START_ERROR = (30.0, -30.0, 26.5, 3.0, -3.0, 2.6)  # of the first field's start, mm and degrees: 50 mm and 5 degrees in all

@@ -8,18 +8,18 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from ..calibration import dlt
-from ..calibration.digitizing import click, digitized_state
+from ..calibration.points import dlt
+from ..calibration.points.digitizing import click, digitized_state
 from ..camera.rig import Camera, CameraRig
+from ..experiments.cross import throw as cross
+from ..experiments.cross.film import Footage, film
 from ..experiments.cross.yellow_stick import yellow_stick
+from ..experiments.target_images import TargetStudio
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..observation.deinterlace import check_interlaced
 from ..render.raycast.raycaster import render_mask
-from ..synthesis import cross
-from ..synthesis.background import cluttered_background
-from ..synthesis.cross_film import Footage, film
-from ..synthesis.target_images import TargetStudio
+from ..synthesis.scenes.background import cluttered_background
 
 CONTROL_POINT_SIGMA_PX = 1.0
 CLICK_SIGMA_PX = 1.5

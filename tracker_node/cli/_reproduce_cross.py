@@ -124,10 +124,10 @@ def _pictures(
     import numpy as np
 
     from ..experiments.cross import plots as cross_plots
+    from ..experiments.cross.throw import FIELD_PERIOD_S
     from ..experiments.cross.video_tracking import velocities
     from ..experiments.plots import save
     from ..report.page import Section
-    from ..synthesis.cross import FIELD_PERIOD_S
     from ._cross_methods import AS_PUBLISHED, BEST
 
     mask_number, pose_number = FIGURES[trial.name]

@@ -65,8 +65,8 @@ def _portrait_rig(height: int) -> Any:
 
     from ..camera.model import CameraModel
     from ..camera.rig import Camera, CameraRig
-    from ..synthesis.scenes import looking_at
-    from ..synthesis.somersault import somersault_rig
+    from ..experiments.somersault.motion import somersault_rig
+    from ..synthesis.scenes.scene import looking_at
 
     width, middle = round(0.5 * height), np.array([0.0, 0.0, -0.33])  # the pelvis is at the origin
     K = np.array([[3.7 * height, 0.0, 0.5 * (width - 1)], [0.0, 3.7 * height, 0.5 * (height - 1)], [0.0, 0.0, 1.0]])
@@ -95,9 +95,9 @@ def _plan(rig_file: str | None) -> tuple[Any, dict[str, Any]]:
     """The rig of the plan view, and the ways of what it films."""
     import numpy as np
 
+    from ..experiments.cross.throw import cross_rig, side_somersault, twisting_somersault
     from ..experiments.cross.yellow_stick import yellow_stick
     from ..loaders.rig.rig_yaml import load_rig
-    from ..synthesis.cross import cross_rig, side_somersault, twisting_somersault
 
     if rig_file:
         return load_rig(rig_file), {}

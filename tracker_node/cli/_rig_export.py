@@ -46,7 +46,7 @@ def _written(rig, args: argparse.Namespace) -> list[str]:
 
 
 def _write(rig, target: str, output: Path) -> None:
-    from ..calibration.dlt import dlt_parameters
+    from ..calibration.points.dlt import dlt_parameters
     from ..loaders.rig.calibration_toml import dump_calibration_toml
     from ..loaders.rig.camera_info_yaml import dump_camera_info
     from ..loaders.rig.dlt_text import dump_dlt

@@ -114,7 +114,7 @@ def _board_points(args: argparse.Namespace):
     """The same of a board's corners."""
     import cv2
 
-    from ..calibration.board import BoardDetector
+    from ..calibration.board.board import BoardDetector
     from ..errors import SourceError, TrackerError
     from ._board_arguments import board_of
 

@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import FileFormatError, TrackerError
 
 if TYPE_CHECKING:
-    from ..calibration.body_fit_lines import LineEvidence
+    from ..calibration.tracked_body.lines import LineEvidence
     from ..camera.rig import CameraRig
     from ..model.articulated import ArticulatedModel
     from ..model.configuration import State
@@ -50,8 +50,8 @@ class RunImages:
 
     def evidence(self, kind: str) -> LineEvidence:
         """Of a kind of `EVIDENCE`."""
-        from ..calibration.body_fit_lines import SilhouetteEvidence
-        from ..calibration.body_fit_regions import RegionEvidence
+        from ..calibration.tracked_body.lines import SilhouetteEvidence
+        from ..calibration.tracked_body.region_lines import RegionEvidence
 
         if kind == "silhouette":
             return SilhouetteEvidence(self.sets, self.config, self.plates)

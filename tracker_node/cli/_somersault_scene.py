@@ -9,13 +9,13 @@ import numpy as np
 
 from ..camera.rig import CameraRig
 from ..experiments.plots import bgr_of
+from ..experiments.somersault.motion import POSTURE_DEG, rigid_body, somersault_rig, somersault_states, somersault_variables
+from ..experiments.target_images import TargetStudio
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.humans.ellipsoids import ellipsoid_human
 from ..model.humans.lofts import nurbs_human
 from ..render.raycast import raycaster
-from ..synthesis.somersault import POSTURE_DEG, rigid_body, somersault_rig, somersault_states, somersault_variables
-from ..synthesis.target_images import TargetStudio
 
 BACKENDS = ("pyrender", "raycaster")  # the renderer that does not score comes first
 

@@ -118,7 +118,7 @@ def _rig_of_lenses(files: list[str], like: str | None):
 
 
 def _rig_of_dlt(file: str, size: tuple[int, int] | None):
-    from ..calibration.dlt import camera_of_parameters
+    from ..calibration.points.dlt import camera_of_parameters
     from ..camera.rig import CameraRig
     from ..errors import FileFormatError
     from ..loaders.rig.dlt_text import load_dlt

@@ -8,7 +8,7 @@ import sys
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from ..synthesis.scenes import SceneConfig
+from ..synthesis.scenes.scene import SceneConfig
 from ._sizes import size_option
 
 SUMMARY = "render a person in a room, seen by several cameras, with exact joint centres as truth"
@@ -174,7 +174,7 @@ def _mannequin(request: Request):
     from ..calibration.pose import fit_state_to_landmarks
     from ..loaders.motion.trajectory_file import read_joints
     from ..loaders.motion.trc import load_trc
-    from ..synthesis.clips import load_motion
+    from ..synthesis.motions.deepmimic import load_motion
     from ..synthesis.sequences import mannequin_sequence
 
     motion = load_motion(request.motion, request.rate_hz, request.n_images, request.motions)
@@ -192,8 +192,8 @@ def _mannequin(request: Request):
 
 def _own_model(request: Request):
     """As `_mannequin`; the subject is the model, so nothing has to be fitted."""
-    from ..synthesis.cones import waves
     from ..synthesis.sequences import model_sequence
+    from ..synthesis.subjects.cones import waves
 
     model = _load_model(request.model)
     if request.motion == WAVES:
@@ -205,8 +205,8 @@ def _own_model(request: Request):
 
 def _figure(request: Request):
     """As `_own_model`, of the figure of ten cones in its own motion."""
-    from ..synthesis.figure import figure_model, figure_motion
     from ..synthesis.sequences import model_sequence
+    from ..synthesis.subjects.figure import figure_model, figure_motion
 
     model, states = figure_model(), figure_motion(request.rate_hz, request.n_images or FIGURE_IMAGES)
     return model_sequence(model, states, request.rate_hz, "figure"), lambda folder: (model, states[0])
@@ -215,8 +215,8 @@ def _figure(request: Request):
 def _imitated(model, request: Request) -> list:
     """States in which the model does what the mannequin does in a motion."""
     from ..calibration.pose import fit_state_to_landmarks
-    from ..synthesis.clips import load_motion
-    from ..synthesis.mannequin import LANDMARKS, MannequinSubject
+    from ..synthesis.motions.deepmimic import load_motion
+    from ..synthesis.subjects.mannequin import LANDMARKS, MannequinSubject
 
     motion = load_motion(request.motion, request.rate_hz, request.n_images, request.motions)
     states: list = []

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..calibration.control_checks import check_control_points
-from ..calibration.dlt import MIN_POINTS, calibrate
-from ..calibration.dlt_stages import object_errors_m
-from ..calibration.point_reconstruction import ReconstructedPoint, reconstruct_point, repeatability
+from ..calibration.points.control_checks import check_control_points
+from ..calibration.points.dlt import MIN_POINTS, calibrate
+from ..calibration.points.dlt_stages import object_errors_m
+from ..calibration.points.reconstruction import ReconstructedPoint, reconstruct_point, repeatability
 from ..camera.rig import CameraRig
 from ..errors import CalibrationError
 from ..loaders.motion.trajectory_file import JointTrajectory, write_joints
@@ -24,7 +24,7 @@ JOINTS_FILE, TRC_FILE = "joints.csv", "joints.trc"
 
 @dataclass(frozen=True)
 class Method:
-    """How points are reconstructed: see `calibration.point_reconstruction`."""
+    """How points are reconstructed: see `calibration.points.reconstruction`."""
 
     name: str = "lens"
     sigma_px: float = 1.0

@@ -11,8 +11,8 @@ from typing import Any, Literal
 import numpy as np
 from starlette.routing import BaseRoute
 
-from ..calibration.dlt import CONSTRAINTS
-from ..calibration.point_reconstruction import METHODS
+from ..calibration.points.dlt import CONSTRAINTS
+from ..calibration.points.reconstruction import METHODS
 from ..camera.epipolar import epipolar_curve
 from ..camera.rig import CameraRig
 from ..errors import CalibrationError, FileFormatError, UnknownNameError

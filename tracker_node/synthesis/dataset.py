@@ -30,13 +30,13 @@ from ..loaders.motion.trajectory_file import JointsWriter, StateRow, StateTrajec
 from ..loaders.motion.trc import MarkerTrajectories, dump_trc
 from ..loaders.rig.rig_yaml import rig_file_of, write_rig_file
 from ..model.configuration import State
-from .rasterizer import ColoredMesh
-from .scenes import SceneConfig, Studio, make_rig
+from .scenes.rasterizer import ColoredMesh
+from .scenes.scene import SceneConfig, Studio, make_rig
 
 N_PLATES = 10
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 95, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
 _STATIC_IMAGES = 5
-_DRAWING = ("clutter", "cones", "dataset", "mannequin", "rasterizer", "room", "scenes", "sequences")
+_DRAWING = ("dataset", "sequences", "scenes/*", "subjects/cones", "subjects/mannequin")
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +130,8 @@ def code_digest() -> str:
 
     Motions are not in it: a sequence has their content among its parameters.
     """
-    files = [Path(__file__).with_name(f"{name}.py") for name in _DRAWING]
+    folder = Path(__file__).parent
+    files = [file for name in _DRAWING for file in sorted(folder.glob(f"{name}.py"))]
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
 
 

@@ -16,8 +16,8 @@ from ..geometry import se3, so3
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..tracking.limbs import Limb
-from .cones import ModelSubject
-from .rasterizer import ColoredMesh
+from .scenes.rasterizer import ColoredMesh
+from .subjects.cones import ModelSubject
 
 BODY_KINDS = ("occluded", "exit", "teleport", "wrong_start")
 LIMB_KINDS = ("hidden", "swapped", "mirrored")

@@ -9,11 +9,11 @@ import numpy as np
 
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from .cones import ModelSubject
 from .dataset import Instant, Sequence
-from .mannequin import LANDMARKS, MannequinSubject
-from .motions import Motion
-from .rasterizer import ColoredMesh
+from .motions.procedural import Motion
+from .scenes.rasterizer import ColoredMesh
+from .subjects.cones import ModelSubject
+from .subjects.mannequin import LANDMARKS, MannequinSubject
 
 
 def mannequin_sequence(

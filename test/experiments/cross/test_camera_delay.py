@@ -7,10 +7,10 @@ from late_camera import MODEL, RIG, TRIAL
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import CalibrationError
 from tracker_node.experiments.cross.camera_delay import estimate_delay
+from tracker_node.experiments.cross.throw import FIELD_PERIOD_S
 from tracker_node.model.configuration import Configuration
 from tracker_node.objective.color.score import ColorObjective
 from tracker_node.render.raycast import raycaster
-from tracker_node.synthesis.cross import FIELD_PERIOD_S
 
 FIELDS = range(0, 30, 3)
 

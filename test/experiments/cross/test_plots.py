@@ -5,8 +5,8 @@ from wooden_cross import cross
 
 from tracker_node.camera.rig import CameraRig
 from tracker_node.experiments.cross import plots as cross_plots
+from tracker_node.experiments.cross.throw import cross_rig, twisting_somersault
 from tracker_node.experiments.rigid_tracking import moved
-from tracker_node.synthesis.cross import cross_rig, twisting_somersault
 
 MODEL = cross()
 TRUTH = twisting_somersault(MODEL).states()

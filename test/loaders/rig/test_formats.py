@@ -6,7 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tracker_node.calibration.dlt import camera_of_parameters, dlt_parameters
+from tracker_node.calibration.points.dlt import camera_of_parameters, dlt_parameters
 from tracker_node.camera.distortion import COEFFICIENT_COUNTS
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig

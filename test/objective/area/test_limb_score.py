@@ -11,7 +11,7 @@ from tracker_node.objective.area.limb_score import LimbScore
 from tracker_node.objective.lines.objective import View
 from tracker_node.observation.region.colors import N_COLORS, color_classes
 from tracker_node.render.raycast.raycaster import render_view
-from tracker_node.synthesis.figure import figure_model
+from tracker_node.synthesis.subjects.figure import figure_model
 from tracker_node.tracking.limbs import limbs_of
 
 MODEL = figure_model()

@@ -12,6 +12,7 @@ from test.objective.color.test_score import SUN, bent_state
 from tracker_node.camera.light import Light
 from tracker_node.camera.rig import CameraRig
 from tracker_node.experiments.cross.yellow_stick import yellow_stick
+from tracker_node.experiments.target_images import TargetStudio
 from tracker_node.geometry import se3, so3
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
@@ -22,7 +23,6 @@ from tracker_node.objective.color.alignment import PhotometricObjective, Photome
 from tracker_node.objective.color.score import ColorObjective, ColorOptions
 from tracker_node.optimize.alignment import AlignmentOptions, align
 from tracker_node.render.raycast.raycaster import render_color
-from tracker_node.synthesis.target_images import TargetStudio
 
 # Three minutes of compiling: each number of lights and way to compare is a kernel of its own. test_on_colors aligns in make test.
 pytestmark = pytest.mark.long

@@ -17,7 +17,7 @@ from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box, TruncatedCone
 from tracker_node.objective.color.scene import SceneObjective, SceneOptions
 from tracker_node.render.raycast.raycaster import render_view
-from tracker_node.synthesis.scenes import make_rig
+from tracker_node.synthesis.scenes.scene import make_rig
 
 MODEL, RIG = human_model(), make_rig(SCENE)
 STATE = State.neutral(MODEL, se3.exp([0.05, -0.1, 0.95, 0.0, 0.0, 0.4]))

@@ -6,7 +6,7 @@ import pytest
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.objective.lines.objective import PartEvidence
 from tracker_node.objective.normal_equations import NormalEquations
-from tracker_node.synthesis.figure import figure_model
+from tracker_node.synthesis.subjects.figure import figure_model
 from tracker_node.tracking.config import StatusConfig
 from tracker_node.tracking.estimate import LimbReport, LimbStatus
 from tracker_node.tracking.region.limb_search import LimbSearch, Lines

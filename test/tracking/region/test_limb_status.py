@@ -7,7 +7,7 @@ import pytest
 
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.objective.lines.objective import PartEvidence
-from tracker_node.synthesis.figure import figure_model
+from tracker_node.synthesis.subjects.figure import figure_model
 from tracker_node.tracking.config import StatusConfig
 from tracker_node.tracking.estimate import LimbReport, LimbStatus, Status
 from tracker_node.tracking.region.limb_status import LOST_TIP_M, LimbJudge, body_status, is_noise, limb_measures

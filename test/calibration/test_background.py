@@ -1,0 +1,60 @@
+"""The empty scene from a recording in which somebody walks and a still with somebody else in it."""
+
+import cv2
+import numpy as np
+import pytest
+
+from tracker_node.calibration.background import build_plate, spread_images, write_image
+from tracker_node.errors import SourceError
+
+H, W = 120, 200
+
+
+def scene() -> np.ndarray:
+    ramp = np.linspace(40, 200, W)[None, :, None] + np.linspace(0, 30, H)[:, None, None]
+    return np.clip(ramp + np.array([0.0, 10.0, -20.0]), 0, 255).astype(np.uint8).repeat(1, axis=0)
+
+
+def with_person(image: np.ndarray, u: int, color) -> np.ndarray:
+    image = image.copy()
+    cv2.ellipse(image, (u, 70), (12, 40), 0.0, 0.0, 360.0, color, cv2.FILLED)
+    return image
+
+
+def recording(n: int = 21) -> np.ndarray:
+    """Somebody sways between columns 60 and 80."""
+    rng = np.random.default_rng(0)
+    images = []
+    for i in range(n):
+        image = with_person(scene(), int(70 + 10 * np.sin(i)), (20, 20, 230)).astype(float)
+        images.append(np.clip(image + rng.normal(size=image.shape), 0, 255).astype(np.uint8))
+    return np.array(images)
+
+
+def test_persons_of_recording_and_still_are_both_gone():
+    darker = 0.9 * with_person(scene(), 140, (230, 30, 20)) + 3.0
+    plate = build_plate(recording(), darker.astype(np.uint8))
+    assert np.abs(plate.image.astype(int) - scene()).max() <= 6
+    assert not plate.known[70, 70] and plate.known[70, 140]
+
+
+def test_without_a_still_the_unknown_is_marked():
+    plate = build_plate(recording())
+    assert np.abs(plate.image.astype(int) - scene())[plate.known].max() <= 6
+    assert not plate.known[70, 57] and plate.known[70, 140]
+
+
+def test_sizes_must_agree():
+    with pytest.raises(ValueError, match="expected a still of shape"):
+        build_plate(recording(3), np.zeros((H, W + 8, 3), np.uint8))
+    with pytest.raises(ValueError, match="expected images of shape"):
+        build_plate(np.zeros((0, H, W, 3), np.uint8))
+
+
+def test_images_are_spread_over_the_recording(tmp_path):
+    for i in range(10):
+        write_image(tmp_path / "images" / f"{i:02d}.png", np.full((8, 8, 3), 20 * i, np.uint8))
+    found = spread_images(tmp_path / "images", 5)
+    assert found[:, 0, 0, 0].tolist() == [20, 60, 100, 140, 180]
+    with pytest.raises(SourceError, match="cannot be written"):
+        write_image(tmp_path / "images" / "00.png" / "x.png", found[0])

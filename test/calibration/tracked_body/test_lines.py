@@ -1,0 +1,44 @@
+"""Reading images between pixels, and lines of several cameras as one."""
+
+import numpy as np
+
+from tracker_node.calibration.tracked_body.lines import bilinear, joined, serial
+from tracker_node.objective.shape_jacobian import ContourLines
+
+IMAGE = np.array([[0.0, 10.0, 20.0], [40.0, 70.0, 100.0]])
+
+
+def lines(camera, *shapes):
+    n = len(shapes)
+    ones = np.ones((n, 2))
+    return ContourLines(
+        np.full(n, camera), np.array(shapes), np.ones((n, 3)), ones, ones, np.arange(float(n)), np.full(n, camera + 1.0)
+    )
+
+
+def test_between_four_pixels_values_and_slopes_are_of_all_of_them():
+    values, slopes, inside = bilinear(IMAGE, np.array([[0.0, 0.0], [1.25, 0.5], [0.5, 0.75]]))
+    assert np.allclose(values, [0.0, 45.0, 42.5]) and inside.all()
+    assert np.allclose(slopes, [[10.0, 40.0], [20.0, 65.0], [25.0, 50.0]])
+
+
+def test_beyond_the_middles_of_the_outermost_pixels_nothing_is_known():
+    at = np.array([[-0.01, 0.5], [0.5, -0.01], [1.99, 0.99], [2.0, 0.5], [0.5, 1.0]])
+    assert bilinear(IMAGE, at)[2].tolist() == [False, False, True, False, False]
+
+
+def test_lines_of_all_cameras_are_in_the_order_of_their_shapes():
+    found = joined([lines(0, 2, 1), lines(1, 1, 0)])
+    assert found.shape.tolist() == [0, 1, 1, 2] and found.camera.tolist() == [1, 0, 1, 0]
+    assert found.means.tolist() == [1.0, 1.0, 0.0, 0.0] and found.variances.tolist() == [2.0, 1.0, 2.0, 1.0]
+
+
+def test_no_lines_are_none_of_every_kind():
+    none = joined([])
+    assert len(none) == len(none.shape) == len(none.means) == 0
+    assert none.points.shape == (0, 3) and none.centers.shape == none.normals.shape == (0, 2)
+    assert len(joined([none, lines(0, 3)])) == 1
+
+
+def test_one_after_the_other():
+    assert serial(lambda item: 2 * item, [3, 1]) == [6, 2]

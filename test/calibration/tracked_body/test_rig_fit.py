@@ -1,0 +1,53 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from person_pictures import CONFIG, LATE_CAMERA, RATE_HZ, pictures
+
+from tracker_node.calibration.tracked_body.body_fit import BodyFitOptions
+from tracker_node.calibration.tracked_body.lines import SilhouetteEvidence
+from tracker_node.calibration.tracked_body.rig_fit import RigFitOptions, fit_rig, world_of_most
+from tracker_node.camera.rig import CameraRig
+from tracker_node.geometry import se3, so3
+
+TURNED = 1
+OPTIONS = RigFitOptions(body=BodyFitOptions(groups=(), rounds=2, pose_rounds=2, config=CONFIG))
+
+
+def _angle_deg(a, b) -> float:
+    return float(np.degrees(np.linalg.norm(so3.log(a.T_world_cam[:3, :3].T @ b.T_world_cam[:3, :3]))))
+
+
+def test_a_camera_that_was_turned_is_found():
+    world = pictures()
+    turned = world.rig.cameras[TURNED].T_world_cam @ se3.exp(np.r_[np.zeros(3), np.radians([0.6, 0.8, 0.0])])
+    cameras = [replace(c, T_world_cam=turned) if i == TURNED else c for i, c in enumerate(world.rig)]
+    rig = CameraRig(tuple(cameras))
+    evidence = SilhouetteEvidence(world.sets, CONFIG, world.plates)
+    fit = fit_rig(world.person, rig, world.sets, world.states, world.velocities, replace(OPTIONS, times=False), evidence=evidence)
+    for i, (true, found) in enumerate(zip(world.rig, fit.rig, strict=True)):
+        assert _angle_deg(true, found) < 0.25
+        assert abs(np.degrees(fit.cameras[true.name].turned_rad) - (1.0 if i == TURNED else 0.0)) < 0.25
+    assert fit.overall[1].rms_px < 0.7 * fit.overall[0].rms_px
+    assert all(camera.time_offset_ns == 0 for camera in fit.rig)
+
+
+def test_a_camera_that_is_an_image_late_is_found():
+    world = pictures()
+    evidence = SilhouetteEvidence(world.late, CONFIG, world.plates)
+    options = replace(OPTIONS, places=False)
+    fit = fit_rig(world.person, world.rig, world.late, world.states, world.velocities, options, evidence=evidence)
+    for i, (name, camera) in enumerate(fit.cameras.items()):
+        assert camera.later_s == pytest.approx(-1.0 / RATE_HZ if i == LATE_CAMERA else 0.0, abs=0.005)
+        assert fit.rig[name].time_offset_ns == round(1e9 * camera.later_s)
+        assert np.allclose(fit.rig[name].T_world_cam, world.rig[name].T_world_cam, atol=1e-9)
+
+
+def test_the_world_stays_where_most_cameras_have_it():
+    rig = pictures().rig
+    given = np.array([camera.T_world_cam for camera in rig])
+    moved = given.copy()
+    moved[0] = moved[0] @ se3.exp(np.array([0.05, -0.02, 0.1, 0.02, 0.03, -0.01]))
+    elsewhere = se3.exp(np.array([0.3, -0.2, 0.1, 0.2, -0.1, 0.4]))
+    back = world_of_most(elsewhere @ moved, given)
+    assert np.allclose((back @ elsewhere @ moved)[1:], given[1:], atol=1e-4)

@@ -1,0 +1,249 @@
+"""Bundle adjustment over cameras, lenses and the poses of a board that they see.
+
+Levenberg-Marquardt with analytic derivatives and a robust loss (Cauchy); the board's poses are eliminated (Schur complement),
+since each stands in few of the equations (Triggs et al., "Bundle adjustment: a modern synthesis", 2000, section 6). The first
+camera holds the world. A lens is a `lens_parameters` vector; its prior is weak.
+
+Cameras that do not expose at one instant see a moving board at different places. With ``velocities`` each view sees the board
+where it is at the view's own time; by how much a camera's clock is wrong, and by how much the stamp of each single view, can then
+be sought as well (the stamps are eliminated, too: each stands in its view's equations only).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...camera.model import CameraModel
+from ...geometry import se3, so3
+from ..lens_parameters import lens_jacobian, lens_of_vector, lens_prior, lens_vector
+from .equations import CLOCK, N_PLACE, BoardEquations, CameraRows
+
+
+@dataclass(frozen=True, eq=False)
+class BoardObservations:
+    """Corners in images, one row each.
+
+    Attributes
+    ----------
+    camera, instant, corner : (m,) indices.
+    pixels : (m, 2).
+    late_s : (m,) by how much the image's stamp is later than the instant.
+    """
+
+    camera: np.ndarray
+    instant: np.ndarray
+    corner: np.ndarray
+    pixels: np.ndarray
+    late_s: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class BoardState:
+    """Everything that is sought.
+
+    Attributes
+    ----------
+    lenses : one a camera.
+    Ts_cam_world : (c, 4, 4).
+    Ts_world_board : (n, 4, 4) at the instants.
+    clocks_s : (c,) by how much each camera's images are later than they say.
+    jitter_s : (n, c) by how much single images are later, besides.
+    """
+
+    lenses: tuple[CameraModel, ...]
+    Ts_cam_world: np.ndarray
+    Ts_world_board: np.ndarray
+    clocks_s: np.ndarray
+    jitter_s: np.ndarray
+
+    @classmethod
+    def at(cls, lenses: tuple[CameraModel, ...], Ts_cam_world: np.ndarray, Ts_world_board: np.ndarray) -> BoardState:
+        """With clocks and stamps that are right."""
+        n, c = len(Ts_world_board), len(lenses)
+        return cls(lenses, Ts_cam_world, Ts_world_board, np.zeros(c), np.zeros((n, c)))
+
+
+@dataclass(frozen=True)
+class BoardAdjustmentOptions:
+    """How to adjust.
+
+    Parameters
+    ----------
+    robust_scale_px : residual at which a corner's pull stops growing.
+    free_lenses, free_cameras : what may change besides the board's poses.
+    free_clocks : also seek the clocks, of all cameras but the first; needs velocities.
+    jitter_sigma_s : standard deviation of single stamps; 0: they are exact. Needs velocities.
+    corner_sigma_px : error of a corner, against which priors count.
+    max_iterations, tolerance : stop after so many steps, or when a step lowers the cost by less than this fraction.
+    """
+
+    robust_scale_px: float = 2.0
+    free_lenses: bool = True
+    free_cameras: bool = True
+    free_clocks: bool = False
+    jitter_sigma_s: float = 0.0
+    corner_sigma_px: float = 0.3
+    max_iterations: int = 60
+    tolerance: float = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class BoardAdjustment:
+    """Result of `adjust_boards`.
+
+    Attributes
+    ----------
+    state : at the minimum.
+    residuals_px : (m, 2) projected minus seen.
+    sigmas : per camera (p,) standard deviations of twist (v, omega; in its own frame), clock and lens vector, for corners with an
+        independent error of one pixel; zeros where something is held.
+    iterations, converged : of the last step.
+    """
+
+    state: BoardState
+    residuals_px: np.ndarray
+    sigmas: tuple[np.ndarray, ...]
+    iterations: int
+    converged: bool
+
+
+def adjust_boards(
+    corners: np.ndarray,
+    seen: BoardObservations,
+    start: BoardState,
+    options: BoardAdjustmentOptions | None = None,
+    velocities: np.ndarray | None = None,
+) -> BoardAdjustment:
+    """Cameras, lenses and board poses that explain the corners best.
+
+    Parameters
+    ----------
+    corners : (k, 3) in the board's frame, metres.
+    start : from where to go; its first camera stays where it is.
+    velocities : (n, 6) twists of the board a second, in its own frame; None: it stands still around each instant.
+
+    Raises
+    ------
+    ValueError : no observations, or a start in which a corner lies behind the camera that sees it.
+    """
+    if len(seen.camera) == 0:
+        raise ValueError("expected observations, got none")
+    return _Problem(corners, seen, options or BoardAdjustmentOptions(), velocities).solve(start)
+
+
+class _Problem:
+    def __init__(self, corners, seen: BoardObservations, options: BoardAdjustmentOptions, velocities: np.ndarray | None):
+        self.corners, self.seen, self.options = corners[seen.corner], seen, options
+        self.moving = velocities is not None
+        self.jitters = self.moving and options.jitter_sigma_s > 0.0
+        twists = np.zeros((len(seen.camera), 6)) if velocities is None else velocities[seen.instant]
+        self.speeds = twists[:, :3] + np.cross(twists[:, 3:], self.corners)  # of each corner, in the board's frame
+
+    def solve(self, state: BoardState) -> BoardAdjustment:
+        cost, damping, converged, iteration = self.cost(state), 1e-4, False, 0
+        if not np.isfinite(cost):
+            raise ValueError("expected a start in which every corner is in front of the camera that sees it")
+        while iteration < self.options.max_iterations and not converged:
+            iteration += 1
+            equations = self.linearize(state)
+            while True:
+                candidate = _moved(state, *equations.step(damping))
+                new_cost = np.inf if candidate is None else self.cost(candidate)
+                if candidate is not None and new_cost <= cost:
+                    converged = cost - new_cost <= self.options.tolerance * cost
+                    state, cost, damping = candidate, new_cost, max(0.1 * damping, 1e-12)
+                    break
+                damping *= 10.0
+                if damping > 1e8:  # no direction goes down: this is the minimum, to rounding
+                    converged = True
+                    break
+        last = self.linearize(state)
+        sigmas = np.split(np.sqrt(np.maximum(np.diag(last.covariance()), 0.0)), last.offsets[1:-1])
+        return BoardAdjustment(state, self.residuals(state)[0], tuple(sigmas), iteration, converged)
+
+    def points(self, state: BoardState) -> np.ndarray:
+        """(m, 3) in the frame that the board has at the instant; to first order, a board turns little between two cameras."""
+        camera, instant = self.seen.camera, self.seen.instant
+        late_s = self.seen.late_s + state.clocks_s[camera] + state.jitter_s[instant, camera]
+        return self.corners + self.speeds * late_s[:, None]
+
+    def residuals(self, state: BoardState) -> tuple[np.ndarray, np.ndarray]:
+        """(m, 2) projected minus seen, (m,) whether it can be seen at all."""
+        n, world = len(self.seen.camera), _in_world(state, self.seen, self.points(state))
+        result, valid = np.zeros((n, 2)), np.zeros(n, dtype=bool)
+        for i, lens in enumerate(state.lenses):
+            rows = np.flatnonzero(self.seen.camera == i)
+            pixels, valid[rows] = lens.project(se3.apply(state.Ts_cam_world[i], world[rows]))
+            result[rows] = pixels - self.seen.pixels[rows]
+        return result, valid
+
+    def cost(self, state: BoardState) -> float:
+        """Sum of Cauchy losses (px²) and the priors; infinite where a corner would lie behind its camera."""
+        residuals, valid = self.residuals(state)
+        if not valid.all():
+            return np.inf
+        scale_sq = self.options.robust_scale_px**2
+        cost, priors = scale_sq * np.log1p((residuals**2).sum(axis=1) / scale_sq).sum(), 0.0
+        if self.options.free_lenses:
+            for lens in state.lenses:
+                mean, sigma = lens_prior(lens)
+                priors += (((lens_vector(lens) - mean) / sigma) ** 2).sum()
+        if self.jitters:
+            priors += ((state.jitter_s / self.options.jitter_sigma_s) ** 2).sum()
+        return float(cost + self.options.corner_sigma_px**2 * priors)
+
+    def linearize(self, state: BoardState) -> BoardEquations:
+        """Half the gradient of the cost, and its Gauss-Newton matrix."""
+        options, points = self.options, self.points(state)
+        world = _in_world(state, self.seen, points)
+        sizes = [N_PLACE + len(lens_vector(lens)) for lens in state.lenses]
+        equations = BoardEquations(np.concatenate([[0], np.cumsum(sizes)]).astype(int), len(state.Ts_world_board))
+        for i, lens in enumerate(state.lenses):
+            rows = self._rows(state, i, points, world)
+            equations.add(rows)
+            if self.jitters:
+                precision = (options.corner_sigma_px / options.jitter_sigma_s) ** 2
+                equations.eliminate_stamps(rows, state.jitter_s[:, i], precision)
+            if options.free_lenses:
+                mean, sigma = lens_prior(lens)
+                precisions = (options.corner_sigma_px / sigma) ** 2
+                equations.add_lens_prior(i, (lens_vector(lens) - mean) * precisions, precisions)
+        equations.hold(options.free_cameras, options.free_clocks and self.moving, options.free_lenses)
+        return equations
+
+    def _rows(self, state: BoardState, i: int, points: np.ndarray, world: np.ndarray) -> CameraRows:
+        rows, lens, T_cam_world = np.flatnonzero(self.seen.camera == i), state.lenses[i], state.Ts_cam_world[i]
+        instant = self.seen.instant[rows]
+        local = se3.apply(T_cam_world, world[rows])
+        pixels, by_point, _ = lens.project_with_jacobian(local)
+        residuals = pixels - self.seen.pixels[rows]
+        weights = 1.0 / (1.0 + (residuals**2).sum(axis=1) / self.options.robust_scale_px**2)
+        by_corner = by_point @ T_cam_world[:3, :3] @ state.Ts_world_board[instant, :3, :3]
+        by_stamp = by_corner @ self.speeds[rows, :, None]
+        by_camera = np.concatenate([by_point, -by_point @ so3.hat(local), by_stamp, lens_jacobian(lens, local)], axis=2)
+        by_pose = np.concatenate([by_corner, -by_corner @ so3.hat(points[rows])], axis=2)
+        return CameraRows(i, instant, weights, residuals, by_camera, by_pose, by_stamp[:, :, 0])
+
+
+def _in_world(state: BoardState, seen: BoardObservations, points: np.ndarray) -> np.ndarray:
+    Ts = state.Ts_world_board[seen.instant]
+    return np.einsum("mij,mj->mi", Ts[:, :3, :3], points) + Ts[:, :3, 3]
+
+
+def _moved(state: BoardState, cameras: list[np.ndarray], poses: np.ndarray, late_s: np.ndarray) -> BoardState | None:
+    """The state after a step; None where a focal length would not be positive."""
+    lenses = []
+    for lens, move in zip(state.lenses, cameras, strict=True):
+        vector = lens_vector(lens) + move[N_PLACE:]
+        if min(vector[:2]) <= 0.0:
+            return None
+        lenses.append(lens_of_vector(vector, lens) if move[N_PLACE:].any() else lens)
+    return BoardState(
+        tuple(lenses),
+        np.array([se3.exp(move[:CLOCK]) @ T for move, T in zip(cameras, state.Ts_cam_world, strict=True)]),
+        np.array([T @ se3.exp(move) for move, T in zip(poses, state.Ts_world_board, strict=True)]),
+        state.clocks_s + [move[CLOCK] for move in cameras],
+        state.jitter_s + late_s,
+    )

@@ -1,0 +1,112 @@
+"""The lens of one camera from views of a board: image by image, without regard to time or other cameras."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...camera.model import CameraModel
+from ...errors import CalibrationError
+from .adjustment import BoardAdjustmentOptions, BoardObservations, BoardState, adjust_boards
+from .board import Board, BoardView
+from .equations import N_PLACE
+from .start import board_poses, initial_lens
+from .views import BoardInstant, chosen
+
+LEAST_VIEWS = 4  # each gives two constraints to a lens of some five parameters and its distortion
+_FRONTAL_DEG = 5.0  # boards all within this of parallel to the image do not tell the focal length
+
+
+@dataclass(frozen=True, eq=False)
+class LensCalibration:
+    """A lens and how well it is known.
+
+    Attributes
+    ----------
+    sigma : (4 + n,) standard deviations of the `lens_parameters` vector, from the residuals.
+    views : those used; ``outliers`` those left out, since they fit much worse than the others.
+    residuals_px : per view (k, 2).
+    """
+
+    lens: CameraModel
+    sigma: np.ndarray
+    views: tuple[BoardView, ...]
+    outliers: tuple[BoardView, ...]
+    residuals_px: tuple[np.ndarray, ...]
+
+    @property
+    def rms_px(self) -> float:
+        squares = np.concatenate([(r**2).sum(axis=1) for r in self.residuals_px])
+        return float(np.sqrt(squares.mean()))
+
+
+def calibrate_lens(
+    name: str,
+    board: Board,
+    views: Sequence[BoardView],
+    image_size: tuple[int, int],
+    distortion_model: str = "plumb_bob",
+    most_views: int = 80,
+) -> LensCalibration:
+    """The lens that explains the views best; the board may be anywhere in each.
+
+    Raises
+    ------
+    CalibrationError : too few views, or the board parallel to the image in all of them.
+    """
+    if len(views) < LEAST_VIEWS:
+        raise CalibrationError(name, f"expected the board in at least {LEAST_VIEWS} sharp images, got {len(views)}")
+    used = [instant.views[name] for instant in chosen([BoardInstant({name: view}) for view in views], {}, most_views)]
+    lens = initial_lens(board, used, image_size, distortion_model)
+    used, poses = _posed(board, lens, used)
+    if len(used) < LEAST_VIEWS:
+        raise CalibrationError(name, f"only {len(used)} of {len(views)} views of the board make sense: is it the board you gave?")
+    _check_tilt(name, poses)
+    state, outliers = BoardState.at((lens,), np.eye(4)[None], poses), []
+    for scale_px in (3.0, 1.0):
+        seen = observations_of([{0: view} for view in used])
+        adjustment = adjust_boards(board.corners, seen, state, BoardAdjustmentOptions(robust_scale_px=scale_px))
+        residuals = np.split(adjustment.residuals_px, np.cumsum([len(view.ids) for view in used])[:-1])
+        keep = ~outlying([float(np.sqrt((r**2).sum(axis=1).mean())) for r in residuals])
+        outliers += [view for view, good in zip(used, keep, strict=True) if not good]
+        used = [view for view, good in zip(used, keep, strict=True) if good]
+        residuals = [r for r, good in zip(residuals, keep, strict=True) if good]
+        state = BoardState.at(adjustment.state.lenses, np.eye(4)[None], adjustment.state.Ts_world_board[keep])
+    noise = float(np.sqrt(np.concatenate(residuals).var()))
+    sigma = noise * adjustment.sigmas[0][N_PLACE:]
+    return LensCalibration(state.lenses[0], sigma, tuple(used), tuple(outliers), tuple(residuals))
+
+
+def observations_of(views: Sequence[dict[int, BoardView]], stamps_ns: Sequence[int] | None = None) -> BoardObservations:
+    """Rows of the views (camera number -> view) at every instant; ``stamps_ns`` of the instants, None: time does not matter."""
+    columns: list[list[np.ndarray]] = [[], [], [], [], []]
+    for k, seen in enumerate(views):
+        for camera, view in seen.items():
+            n = len(view.ids)
+            late_s = 0.0 if stamps_ns is None else 1e-9 * (view.stamp_ns - stamps_ns[k])
+            for column, value in zip(
+                columns, (np.full(n, camera), np.full(n, k), view.ids, view.pixels, np.full(n, late_s)), strict=True
+            ):
+                column.append(value)
+    return BoardObservations(*(np.concatenate(column) for column in columns))
+
+
+def outlying(rms_px: Sequence[float], least_px: float = 1.0) -> np.ndarray:
+    """(n,) True for views whose error is far beyond what is usual: four times the median, and ``least_px``."""
+    rms = np.asarray(rms_px)
+    return rms > max(least_px, 4.0 * float(np.median(rms)))
+
+
+def _posed(board: Board, lens: CameraModel, views: Sequence[BoardView]) -> tuple[list[BoardView], np.ndarray]:
+    found = [(view, board_poses(board, lens, view)[0]) for view in views]
+    kept = [(view, poses[0]) for view, poses in found if poses]
+    return [view for view, _ in kept], np.array([pose for _, pose in kept]).reshape(-1, 4, 4)
+
+
+def _check_tilt(name: str, poses: np.ndarray) -> None:
+    """The board's normal must not point at the camera in every view."""
+    tilt = np.degrees(np.arccos(np.clip(np.abs(poses[:, 2, 2]), 0.0, 1.0)))
+    if np.percentile(tilt, 90) < _FRONTAL_DEG:
+        raise CalibrationError(name, "the board is parallel to the image in all views; tilt it, or the focal length is not seen")

@@ -1,0 +1,141 @@
+"""Where cameras and boards are, well enough to begin a bundle adjustment: from poses of the board in single images."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import cv2
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import breadth_first_order, connected_components
+
+from ...camera.model import CameraModel
+from ...geometry import se3, so3
+from .adjustment import BoardState
+from .board import Board, BoardView
+from .views import BoardInstant, spanning_tree
+
+_FOCAL_STEPS = np.geomspace(0.25, 4.0, 33)  # tried focal lengths, in image widths
+_LARGE_PX = 1e6  # error of a pose that does not explain the view at all
+
+
+def initial_lens(
+    board: Board, views: Sequence[BoardView], image_size: tuple[int, int], distortion_model: str, most_views: int = 20
+) -> CameraModel:
+    """A lens without distortion whose focal length explains the views best: the start of a calibration."""
+    width, height = image_size
+    n = {"none": 0, "plumb_bob": 5, "rational_polynomial": 8, "equidistant": 4}[distortion_model]
+    some = [views[i] for i in np.unique(np.linspace(0, len(views) - 1, min(most_views, len(views))).astype(int))]
+
+    def lens(focal: float) -> CameraModel:
+        K = np.array([[focal, 0.0, (width - 1) / 2.0], [0.0, focal, (height - 1) / 2.0], [0.0, 0.0, 1.0]])
+        return CameraModel(width, height, K, distortion_model, np.zeros(n))
+
+    def error(model: CameraModel) -> float:
+        return float(np.mean([min(board_poses(board, model, view)[1]) ** 2 for view in some]))
+
+    return min((lens(share * max(width, height)) for share in _FOCAL_STEPS), key=error)
+
+
+def board_poses(board: Board, lens: CameraModel, view: BoardView) -> tuple[list[np.ndarray], list[float]]:
+    """Both poses T_cam_board that a flat board may have in one view, the better one first, and their rms errors in pixels.
+
+    (Collins & Bartoli, "Infinitesimal plane-based pose estimation", 2014, as OpenCV has it.)
+    """
+    rays, ok = lens.rays(view.pixels)
+    ok &= rays[:, 2] > 0.05
+    corners = board.corners[view.ids]
+    if ok.sum() < 4:
+        return [], [_LARGE_PX]
+    normalized = rays[ok, :2] / rays[ok, 2:]
+    found, turns, places, _ = cv2.solvePnPGeneric(corners[ok], normalized, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
+    poses, errors = [], []
+    for turn, place in zip(turns, places, strict=True) if found else ():
+        T = se3.from_rotation_translation(so3.exp(turn.ravel()), place.ravel())
+        pixels, valid = lens.project(se3.apply(T, corners))
+        if np.isfinite(T).all() and valid.all():
+            poses.append(T)
+            errors.append(float(np.sqrt(((pixels - view.pixels) ** 2).sum(axis=1).mean())))
+    order = np.argsort(errors)
+    return [poses[i] for i in order], [errors[i] for i in order] or [_LARGE_PX]
+
+
+def common_instants(names: Sequence[str], instants: Sequence[BoardInstant]) -> np.ndarray:
+    """(c, c): in how many instants two cameras both see the board; on the diagonal, each camera."""
+    seen = np.array([[name in instant.views for name in names] for instant in instants], dtype=int).reshape(-1, len(names))
+    return seen.T @ seen
+
+
+def groups(names: Sequence[str], common: np.ndarray, least: int = 1) -> list[list[str]]:
+    """Cameras that hang together by boards that two of them saw (at least ``least`` times), the largest group first."""
+    linked = csr_matrix(np.triu(common, 1) >= least)
+    n, label = connected_components(linked, directed=False)
+    found = [[name for name, group in zip(names, label, strict=True) if group == k] for k in range(n)]
+    return sorted(found, key=len, reverse=True)
+
+
+def initial_state(
+    board: Board, names: Sequence[str], lenses: Mapping[str, CameraModel], instants: Sequence[BoardInstant]
+) -> BoardState:
+    """Places of all cameras along the tree of the pairs that share most instants, the first camera at the origin, and all boards.
+
+    Raises
+    ------
+    ValueError : cameras that do not hang together (see `groups`).
+    """
+    poses = [{name: board_poses(board, lenses[name], view)[0] for name, view in instant.views.items()} for instant in instants]
+    common = common_instants(names, instants)
+    tree = spanning_tree(common)
+    order, before = breadth_first_order(tree + tree.T, 0, directed=False)
+    if len(order) < len(names):
+        raise ValueError(f"expected cameras that hang together, got {groups(names, common)}")
+    Ts_cam_world = np.tile(np.eye(4), (len(names), 1, 1))
+    for i in order[1:]:
+        T = _relative(board, lenses, instants, poses, names[i], names[before[i]])
+        Ts_cam_world[i] = T @ Ts_cam_world[before[i]]
+    ordered = tuple(lenses[name] for name in names)
+    boards = place_boards(board, names, BoardState.at(ordered, Ts_cam_world, np.zeros((0, 4, 4))), instants)
+    return BoardState.at(ordered, Ts_cam_world, boards)
+
+
+def place_boards(board: Board, names: Sequence[str], state: BoardState, instants: Sequence[BoardInstant]) -> np.ndarray:
+    """(n, 4, 4) T_world_board at every instant: of the poses that single cameras tell, the one that all of them bear best."""
+    result = np.tile(np.eye(4), (len(instants), 1, 1))
+    index = {name: i for i, name in enumerate(names)}
+    for k, instant in enumerate(instants):
+        best = np.inf
+        for name, view in instant.views.items():
+            i = index[name]
+            for T in board_poses(board, state.lenses[i], view)[0]:
+                T_world_board = se3.inverse(state.Ts_cam_world[i]) @ T
+                error = sum(
+                    _error(board, state.lenses[index[n]], state.Ts_cam_world[index[n]] @ T_world_board, v)
+                    for n, v in instant.views.items()
+                )
+                if error < best:
+                    best, result[k] = error, T_world_board
+    return result
+
+
+def _relative(board: Board, lenses, instants, poses, a: str, b: str) -> np.ndarray:
+    """T_a_b: of what single instants say, the one that explains b's boards in a's images best at most instants."""
+    shared = [(i.views[a], p[a], p[b]) for i, p in zip(instants, poses, strict=True) if a in i.views and b in i.views]
+    shared = [entry for entry in shared if entry[1] and entry[2]]
+    candidates = [T_a @ se3.inverse(T_b) for _, in_a, in_b in shared for T_a in in_a for T_b in in_b]
+    if not candidates:
+        return np.eye(4)
+
+    def misfit(T: np.ndarray) -> float:
+        return float(np.median([min(_error(board, lenses[a], T @ T_b, view) for T_b in in_b) for view, _, in_b in shared]))
+
+    if len(candidates) > 60:
+        candidates = candidates[:: -(-len(candidates) // 60)]
+    return min(candidates, key=misfit)
+
+
+def _error(board: Board, lens: CameraModel, T_cam_board: np.ndarray, view: BoardView) -> float:
+    """Root mean square distance in the image; bounded, large where a corner cannot be seen."""
+    pixels, valid = lens.project(se3.apply(T_cam_board, board.corners[view.ids]))
+    if not valid.all():
+        return _LARGE_PX
+    return float(np.sqrt(((pixels - view.pixels) ** 2).sum(axis=1).mean()))

@@ -1,0 +1,196 @@
+"""Better camera poses from two-dimensional joints of whoever was in the room.
+
+Calibrations drift: a tripod is touched, or the calibration came with another lens setting. The joints that a network finds in all
+cameras at once are thousands of correspondences; their bundle adjustment shows, and mends, what the calibration has wrong.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...camera.rig import CameraRig
+from ...errors import CalibrationError
+from ...geometry import se3, so3
+from .bundle_adjustment import Adjustment, AdjustmentOptions, PointObservations, adjust
+from .person_association import associate_people
+
+MIN_POINTS = 20  # fewer do not hold six numbers a camera
+
+
+@dataclass(frozen=True)
+class CameraFigures:
+    """What the refinement did for one camera.
+
+    Parameters
+    ----------
+    rms_before_px, rms_after_px, median_before_px, median_after_px : distance of its 2D points from the projected ones.
+    moved_m, turned_rad : how far its center and its axes went, in the world.
+    lag_images : by how many images its points come late against the other cameras' (a figure only; nothing is shifted).
+    n_points : how many of its 2D points were used.
+    """
+
+    rms_before_px: float
+    rms_after_px: float
+    median_before_px: float
+    median_after_px: float
+    moved_m: float
+    turned_rad: float
+    lag_images: float
+    n_points: int
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """A refined rig and what changed.
+
+    Parameters
+    ----------
+    rig : the cameras in their new places, in the world frame of the old ones.
+    points, valid : (n_images, n_joints, 3) and (n_images, n_joints): the joints in the world, metres.
+    cameras : figures per camera name.
+    shift_m : root mean square distance between the joints as triangulated with the old rig and with the new one.
+    iterations, converged : of the bundle adjustment.
+    """
+
+    rig: CameraRig
+    points: np.ndarray
+    valid: np.ndarray
+    cameras: dict[str, CameraFigures]
+    shift_m: float
+    iterations: int
+    converged: bool
+
+
+def collect_joints(rig: CameraRig, people: list[list[np.ndarray]]) -> np.ndarray:
+    """Joints of the one person whom the cameras agree on: (n_images, n_joints, n_cameras, 3) of u, v, confidence.
+
+    Parameters
+    ----------
+    people : per camera, per image: (n_people, n_joints, 3). Images beyond the shortest camera's are left out.
+
+    Raises
+    ------
+    CalibrationError : for a camera that sees nobody the others see, or whose people have another number of joints.
+    """
+    n_images = min(len(images) for images in people)
+    n_joints = 0
+    for camera, images in zip(rig, people, strict=True):
+        for group in images:
+            if len(group) and n_joints not in (0, group.shape[1]):
+                raise CalibrationError(camera.name, f"its people have {group.shape[1]} joints, those before them {n_joints}")
+            n_joints = group.shape[1] if len(group) else n_joints
+    joints = np.zeros((n_images, n_joints, len(rig), 3))
+    for i in range(n_images):
+        found, n_cameras = associate_people(rig, [images[i] for images in people])
+        if n_cameras >= 2:
+            joints[i] = np.swapaxes(found, 0, 1)
+    for index, camera in enumerate(rig):
+        if np.count_nonzero(joints[:, :, index, 2]) < MIN_POINTS:
+            raise CalibrationError(camera.name, "none of its people is seen by another camera; are its points its own?")
+    return joints
+
+
+def refine_rig(
+    rig: CameraRig, joints: np.ndarray, options: AdjustmentOptions | None = None, min_confidence: float = 0.3
+) -> Refinement:
+    """Camera poses that agree with the joints, in the world frame of the given rig.
+
+    The bundle adjustment holds the first camera; the result as a whole is then moved, without change of scale, so that the
+    joints lie as near as can be to where the given rig puts them. The world frame, to which recorded data may refer, so
+    stays what it was.
+
+    Parameters
+    ----------
+    rig : cameras for the pixels of the joints.
+    joints : (n_images, n_joints, n_cameras, 3): u, v, confidence.
+    min_confidence : joints below it are not used.
+
+    Raises
+    ------
+    CalibrationError : when fewer than 20 joints are seen by two cameras.
+    """
+    options = options or AdjustmentOptions()
+    n_images, n_joints, n_cameras = joints.shape[:3]
+    confidence = np.where(joints[..., 2] >= min_confidence, joints[..., 2], 0.0).reshape(-1, n_cameras)
+    observations = PointObservations(joints[..., :2].reshape(-1, n_cameras, 2), confidence)
+    if np.count_nonzero(np.count_nonzero(confidence, axis=1) >= 2) < MIN_POINTS:
+        raise CalibrationError(", ".join(rig.names), f"fewer than {MIN_POINTS} joints are seen by two cameras")
+    before = adjust(rig, observations, replace(options, free_cameras=False))
+    after = adjust(rig, observations, options)
+    both = before.valid & after.valid
+    T_old_new = rigid_alignment(after.points[both], before.points[both])
+    transforms = T_old_new @ after.Ts_world_cam
+    refined = tuple(replace(camera, T_world_cam=_clean(T)) for camera, T in zip(rig, transforms, strict=True))
+    points = np.where(after.valid[:, None], se3.apply(T_old_new, after.points), 0.0)
+    shift = np.linalg.norm(points[both] - before.points[both], axis=-1)
+    new_rig = CameraRig(refined, rig.world_frame, rig.lights)
+    grid, valid = points.reshape(n_images, n_joints, 3), after.valid.reshape(n_images, n_joints)
+    lags = _lags(new_rig, grid, valid, after.residuals_px.reshape(n_images, n_joints, n_cameras, 2))
+    return Refinement(
+        new_rig, grid, valid, _figures(rig, new_rig, confidence, before, after, lags),
+        float(np.sqrt(np.mean(shift**2))), after.iterations, after.converged,
+    )  # fmt: skip
+
+
+def rigid_alignment(points: np.ndarray, targets: np.ndarray, n_iterations: int = 20) -> np.ndarray:
+    """T (4, 4) with ``targets`` near T @ ``points``, both (n, 3): rotation and translation (Kabsch), far pairs counting less.
+
+    Each round weights pairs by 1 / (s^2 + d^2), s the median distance: a Cauchy loss.
+    """
+    transform, weights = np.eye(4), np.ones(len(points))
+    for _ in range(n_iterations):
+        total = weights.sum()
+        mean_p, mean_t = weights @ points / total, weights @ targets / total
+        u, _, vt = np.linalg.svd((weights[:, None] * (targets - mean_t)).T @ (points - mean_p))
+        rotation = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+        transform = se3.from_rotation_translation(rotation, mean_t - rotation @ mean_p)
+        squares = np.sum((se3.apply(transform, points) - targets) ** 2, axis=-1)
+        weights = 1.0 / (max(float(np.median(squares)), 1e-12) + squares)
+    return transform
+
+
+def _clean(transform: np.ndarray) -> np.ndarray:
+    """The transform with its rotation made orthonormal to rounding."""
+    u, _, vt = np.linalg.svd(transform[:3, :3])
+    return se3.from_rotation_translation(u @ vt, transform[:3, 3])
+
+
+def _figures(old, new, confidence, before: Adjustment, after: Adjustment, lags) -> dict[str, CameraFigures]:
+    result = {}
+    used = (confidence > 0.0) & (before.valid & after.valid)[:, None]
+    for i, (a, b) in enumerate(zip(old, new, strict=True)):
+        distances = [np.linalg.norm(x.residuals_px[used[:, i], i], axis=-1) for x in (before, after)]
+        rms = [float(np.sqrt(np.mean(d**2))) if d.size else 0.0 for d in distances]
+        medians = [float(np.median(d)) if d.size else 0.0 for d in distances]
+        result[a.name] = CameraFigures(
+            rms_before_px=rms[0],
+            rms_after_px=rms[1],
+            median_before_px=medians[0],
+            median_after_px=medians[1],
+            moved_m=float(np.linalg.norm(a.center - b.center)),
+            turned_rad=float(np.linalg.norm(so3.log(a.T_world_cam[:3, :3].T @ b.T_world_cam[:3, :3]))),
+            lag_images=lags[i],
+            n_points=int(used[:, i].sum()),
+        )
+    return result
+
+
+def _lags(rig: CameraRig, points: np.ndarray, valid: np.ndarray, residuals_px: np.ndarray) -> list[float]:
+    """Per camera, how many images its points come late: residuals against the image velocity of the projected joints.
+
+    A camera that shows at image i what was at i - lag has residuals (projected - seen) of lag times the velocity.
+    """
+    result = []
+    steady = valid[2:] & valid[1:-1] & valid[:-2]
+    for index, camera in enumerate(rig):
+        pixels, visible = camera.project(points)
+        velocity = 0.5 * (pixels[2:] - pixels[:-2])
+        residual = residuals_px[1:-1, :, index]
+        seen = steady & visible[1:-1] & np.any(residual != 0.0, axis=-1)
+        weights = seen / (64.0 + np.sum(residual**2, axis=-1))
+        top = float(np.sum(weights * np.sum(residual * velocity, axis=-1)))
+        bottom = float(np.sum(weights * np.sum(velocity**2, axis=-1)))
+        result.append(top / bottom if bottom > 0.0 else 0.0)
+    return result

@@ -1,0 +1,272 @@
+"""A person's body from images: segment lengths, girths and the like, together with the poses, so that contours agree everywhere.
+
+Lines are drawn at the contours of the present body in its present poses, all unknowns solved for at once with the lines held
+(`body_fit_solver`), and the lines drawn anew. What images do not tell is left to what people differ by
+(`model.shape_parameters`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ...camera.rig import CameraRig
+from ...errors import TrackerError
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import State
+from ...model.kinematic_chain import N_ROOT_DOF
+from ...model.shape_parameters import GROUPS, ShapeSpace
+from ...objective.constraints.prior import Prior
+from ...objective.shape_jacobian import N_CAMERA, ContourLines, line_residuals
+from ...observation.image_set import ImageSet
+from ...tracking.config import TrackerConfig
+from ...tracking.constraints import constraints_of
+from .lines import LineEvidence
+from .region_lines import RegionEvidence
+from .solver import Estimate, Motion, Problem, SharedPrior, Solution, shared_covariance, solve
+
+Progress = Callable[[str, int, int], None]
+PX2_PER_INFORMATION = 18.0  # of the stiffness of axes, which is stated in squared pixels
+_MEDIAN_OF_CHI2 = 0.455  # of one degree of freedom
+_LEAST_LINES = 50  # of all sets together
+
+
+@dataclass(frozen=True)
+class BodyFitOptions:
+    """How to fit.
+
+    Parameters
+    ----------
+    symmetric : left and right are alike.
+    groups : what of the body may change, of `model.shape_parameters.GROUPS`.
+    rounds : how often lines are drawn anew for each robust scale. pose_rounds : the same before the body may change.
+    robust_px : scales of the robust kernel, from coarse to fine, pixels; the images are looked at anew for each.
+    stay_sigma_rad, stay_sigma_m : how far joints and root may be from the states given.
+    prior_scale : multiplies the standard deviations of the shape prior. Where the lines fit worse than they should, by a factor
+        m in their variance, the body's shapes cannot represent the person. Of that a part is the same in all n sets, so more
+        sets do not help as much as they seem to, and the prior counts more: its variances are divided by 1 + sqrt(n) (m - 1).
+    correlation : how many neighboring lines share one error.
+    """
+
+    symmetric: bool = True
+    groups: tuple[str, ...] = GROUPS
+    rounds: int = 4
+    pose_rounds: int = 4
+    robust_px: tuple[float, ...] = (8.0, 3.0, 3.0)
+    stay_sigma_rad: float = 0.3
+    stay_sigma_m: float = 0.2
+    prior_scale: float = 1.0
+    correlation: float = 8.0
+    config: TrackerConfig = field(default_factory=TrackerConfig)
+
+
+@dataclass(frozen=True)
+class LineFigures:
+    """Of the lines of one camera or part: their number, rms and median distance, pixels."""
+
+    count: int
+    rms_px: float
+    median_px: float
+
+
+@dataclass(frozen=True)
+class ParameterFigures:
+    """A shape parameter: its fitted value, its standard deviation, that of the prior (all as in `ShapeSpace`)."""
+
+    name: str
+    value: float
+    sigma: float
+    prior_sigma: float
+
+
+@dataclass(frozen=True, eq=False)
+class BodyFitReport:
+    """How a fit came about; ``before`` is the given body in poses of its own, fitted to the same images."""
+
+    parameters: tuple[ParameterFigures, ...]
+    cameras: Mapping[str, tuple[LineFigures, LineFigures]]
+    parts: Mapping[str, tuple[LineFigures, LineFigures]]
+    overall: tuple[LineFigures, LineFigures]
+    n_sets: int
+    iterations: int
+    states_before: tuple[State, ...] = field(default=(), repr=False)
+
+
+@dataclass(frozen=True, eq=False)
+class BodyFit:
+    """A fitted body, its state in every image set, and the report."""
+
+    model: ArticulatedModel
+    states: tuple[State, ...]
+    report: BodyFitReport
+
+
+def fit_body(
+    model: ArticulatedModel,
+    rig: CameraRig,
+    image_sets: Sequence[ImageSet],
+    states: Sequence[State],
+    options: BodyFitOptions | None = None,
+    progress: Progress | None = None,
+    plates: Mapping[str, np.ndarray | list] | None = None,
+    evidence: LineEvidence | None = None,
+    velocities: Sequence[np.ndarray] | None = None,
+) -> BodyFit:
+    """The body that best explains some image sets, and its poses in them.
+
+    Parameters
+    ----------
+    model : the body to start from; the prior is centered on it.
+    image_sets, states : ten to thirty sets with different poses, and where the body about is in each (a tracker's states).
+    progress : called with what is done, how often it has been done, and how often it will be.
+    plates : images of the empty scene, as for the tracker. evidence : instead of the colors on either side of contours.
+    velocities : (n_dof,) tangent a second of every set, for cameras that do not expose at one instant.
+
+    Raises
+    ------
+    ValueError : no sets, or not one state each. TrackerError : the body is hardly seen in them.
+    """
+    options = options or BodyFitOptions()
+    if not image_sets or len(image_sets) != len(states):
+        raise ValueError(f"expected image sets with a state each, got {len(image_sets)} sets and {len(states)} states")
+    evidence = evidence or RegionEvidence(image_sets, options.config, plates)
+    space = ShapeSpace(model, options.symmetric, options.groups)
+    problem = Problem(
+        space, rig, motions_of(rig, image_sets, model.n_dof, velocities), pose_priors(model, states, options),
+        SharedPrior(options.prior_scale * space.sigmas, np.zeros((len(rig), N_CAMERA))), options.correlation,
+        constraints_of(model, options.config),
+    )  # fmt: skip
+    held = replace(problem, shared=SharedPrior(np.zeros(len(space)), problem.shared.cameras))
+    loop, held_by = JointFit(evidence, options.pose_rounds + options.rounds * len(options.robust_px), progress or _silent), 1.0
+    start = Estimate(tuple(states), np.zeros(len(space)), np.zeros((len(rig), N_CAMERA)))
+    before = loop.run("poses", held, start, options.robust_px[0], options.pose_rounds)
+    count = sum(len(lines) for lines in loop.draw(held, before.estimate))
+    if count < _LEAST_LINES:
+        raise TrackerError(f"the body is hardly seen in these images: {count} contour lines in {len(states)} sets")
+    after = before
+    for stage, robust_px in enumerate(options.robust_px):
+        loop.look(problem, after.estimate, robust_px)
+        if 0 < stage == len(options.robust_px) - 1:  # by now it shows how well a body of such shapes can fit at all
+            excess = misfit_of(problem, after.estimate, loop.draw(problem, after.estimate)) - 1.0
+            held_by = float(np.sqrt(1.0 + np.sqrt(len(states)) * max(0.0, excess)))
+            problem = replace(problem, shared=SharedPrior(options.prior_scale * space.sigmas / held_by, problem.shared.cameras))
+        after = loop.rounds("body", problem, after, robust_px, options.rounds)
+    lines = loop.draw(problem, after.estimate), loop.draw(problem, before.estimate)
+    covariance, _ = shared_covariance(problem, lines[0], after.estimate, options.robust_px[-1])
+    report = _report(problem, before, after, lines[1], lines[0], held_by * np.sqrt(np.diag(covariance)), loop.iterations)
+    return BodyFit(space.body(after.estimate.s), after.estimate.states, report)
+
+
+def _silent(what: str, done: int, total: int) -> None:
+    """Progress that nobody wants to see."""
+
+
+class JointFit:
+    """The loop around the solver: look at the images, draw lines, solve, draw lines again."""
+
+    def __init__(self, evidence: LineEvidence, n_rounds: int, progress: Progress):
+        self._evidence, self._n_rounds, self._progress = evidence, n_rounds, progress
+        self._done, self.iterations = 0, 0
+
+    def run(self, what: str, problem: Problem, start: Estimate, robust_px: float, rounds: int) -> Solution:
+        """Look at the images around ``start``, then ``rounds`` times lines and a step."""
+        self.look(problem, start, robust_px)
+        return self.rounds(what, problem, Solution(start, np.inf, 0), robust_px, rounds)
+
+    def look(self, problem: Problem, estimate: Estimate, robust_px: float) -> None:
+        """Look at the images around an estimate."""
+        states = [problem.states_of(estimate, k) for k in range(len(estimate.states))]
+        self._evidence.look(problem.space.body(estimate.s), problem.rig_of(estimate), states, robust_px)
+
+    def rounds(self, what: str, problem: Problem, solution: Solution, robust_px: float, rounds: int) -> Solution:
+        """``rounds`` times lines and some steps."""
+        for _ in range(rounds):
+            self._progress(what, self._done, self._n_rounds)
+            solution = solve(problem, self.draw(problem, solution.estimate), solution.estimate, robust_px)
+            self.iterations += solution.iterations
+            self._done += 1
+        self._progress(what, self._done, self._n_rounds)
+        return solution
+
+    def draw(self, problem: Problem, estimate: Estimate) -> list[ContourLines]:
+        """Lines of every set at the contours of an estimate."""
+        model, rig = problem.space.body(estimate.s), problem.rig_of(estimate)
+        return [self._evidence.lines(k, model, rig, problem.states_of(estimate, k)) for k in range(len(estimate.states))]
+
+
+def motions_of(
+    rig: CameraRig, image_sets: Sequence[ImageSet], n_dof: int, velocities: Sequence[np.ndarray] | None
+) -> list[Motion]:
+    """Velocities (none: zeros) with the delays that the images' own stamps state."""
+    result = []
+    for k, images in enumerate(image_sets):
+        found = [images.get(camera.name) for camera in rig]
+        delays_s = np.array([0.0 if image is None else 1e-9 * (image.stamp_ns - images.stamp_ns) for image in found])
+        velocity = np.zeros(n_dof) if velocities is None else np.asarray(velocities[k], dtype=np.float64)
+        result.append(Motion(velocity, delays_s if velocity.any() else np.zeros(len(rig))))
+    return result
+
+
+def pose_priors(model: ArticulatedModel, states: Sequence[State], options: BodyFitOptions) -> list[list[Prior]]:
+    """A weak pull to the states given, and the model's own to neutral angles."""
+    stay = np.full(model.n_dof, options.stay_sigma_rad**-2.0)
+    stay[:3] = options.stay_sigma_m**-2.0
+    neutral = np.zeros(model.n_dof)
+    neutral[N_ROOT_DOF:] = [
+        options.config.motion.neutral_angle * axis.stiffness / PX2_PER_INFORMATION for axis in model.chain.axes
+    ]
+    return [[Prior(state, stay), Prior(State.neutral(model, state.T_world_root), neutral)] for state in states]
+
+
+def _report(
+    problem: Problem, before: Solution, after: Solution, lines_before, lines_after, sigmas, iterations: int
+) -> BodyFitReport:
+    space, rig = problem.space, problem.rig
+    figures = [residuals_of(problem, s.estimate, lines) for s, lines in ((before, lines_before), (after, lines_after))]
+    parameters = tuple(
+        ParameterFigures(p.name, float(value), float(sigma), float(prior))
+        for p, value, sigma, prior in zip(space.parameters, after.estimate.s, sigmas, space.sigmas, strict=True)
+    )
+
+    def both(column: int, index: int) -> tuple[LineFigures, LineFigures]:
+        first, second = (line_figures(f[:, 2][f[:, column] == index]) for f in figures)
+        return first, second
+
+    return BodyFitReport(
+        parameters,
+        {camera.name: both(0, i) for i, camera in enumerate(rig)},
+        {shape.name: both(1, i) for i, shape in enumerate(space.model.shapes)},
+        (line_figures(figures[0][:, 2]), line_figures(figures[1][:, 2])),
+        len(after.estimate.states),
+        iterations,
+        before.estimate.states,
+    )
+
+
+def residuals_of(problem: Problem, estimate: Estimate, lines: Sequence[ContourLines]) -> np.ndarray:
+    """(n, 3) camera, shape and residual of all lines."""
+    model, rig = problem.space.body(estimate.s), problem.rig_of(estimate)
+    rows = []
+    for k, own in enumerate(lines):
+        residuals, valid = line_residuals(own, model, rig, problem.states_of(estimate, k))
+        rows.append(np.column_stack([own.camera, own.shape, residuals])[valid])
+    return np.concatenate(rows)
+
+
+def misfit_of(problem: Problem, estimate: Estimate, lines: Sequence[ContourLines]) -> float:
+    """Square of the lines' residuals as a multiple of their variances, in the middle: 1 where they are as good as they say."""
+    model, rig = problem.space.body(estimate.s), problem.rig_of(estimate)
+    ratios = []
+    for k, own in enumerate(lines):
+        residuals, valid = line_residuals(own, model, rig, problem.states_of(estimate, k))
+        ratios.append((residuals**2 / own.variances)[valid])
+    return float(np.median(np.concatenate(ratios))) / _MEDIAN_OF_CHI2
+
+
+def line_figures(residuals: np.ndarray) -> LineFigures:
+    """Of residuals (n,), pixels."""
+    if not len(residuals):
+        return LineFigures(0, 0.0, 0.0)
+    return LineFigures(len(residuals), float(np.sqrt(np.mean(residuals**2))), float(np.median(np.abs(residuals))))

@@ -1,0 +1,171 @@
+"""Where images put the contours of a body: lines for the joint fit of bodies and rigs, from silhouettes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ...camera.rig import Camera, CameraRig
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
+from ...objective.shape_jacobian import ContourLines, normalized
+from ...objective.visible_samples import samples_seen
+from ...observation.chamfer.observer import Observer
+from ...observation.image_set import ImageSet
+from ...render.contour import samples as cs
+from ...render.contour.generators import P
+from ...render.raycast.raycaster import render_labels
+from ...render.shape_arrays import ShapeArrays
+from ...tracking.config import TrackerConfig
+
+_LEAST_REGION_PX = 8  # a body of which less is in view is not looked for
+
+
+def serial(function: Callable, items: list) -> list:
+    """One after the other."""
+    return [function(item) for item in items]
+
+
+class LineEvidence(Protocol):
+    """Image sets that contours can be looked for in."""
+
+    def look(self, model: ArticulatedModel, rig: CameraRig, states: Sequence[Sequence[State]], robust_px: float) -> None:
+        """Take the images in, given roughly (about ``robust_px``) where the body is in each set and camera."""
+
+    def lines(self, index: int, model: ArticulatedModel, rig: CameraRig, states: Sequence[State]) -> ContourLines:
+        """Lines of one image set, drawn at the contours of the body that camera i sees in ``states[i]``."""
+
+
+@dataclass(frozen=True, eq=False)
+class VisibleSamples:
+    """Contour samples that one camera sees: ``pixels`` and ``info`` as in `render.contour.samples`, ``points`` (n, 3) in the
+    coordinates of their shapes (see `objective.shape_jacobian.normalized`)."""
+
+    pixels: np.ndarray
+    info: np.ndarray
+    points: np.ndarray
+
+
+def visible_samples(
+    configuration: Configuration, arrays: ShapeArrays, camera: Camera, n_samples: int, outward_px: float = 3.0
+) -> VisibleSamples:
+    """All contour samples of a body that a camera sees, those of one shape together."""
+    seen, Ts = samples_seen(configuration, arrays, camera, n_samples, outward_px), configuration.Ts_world_shape
+    shapes, points = seen.info[:, cs.SHAPE], np.empty((len(seen.info), 3))
+    for k in np.unique(shapes):
+        own = shapes == k
+        inside = (seen.rows[own, P : P + 3] - Ts[k, :3, 3]) @ Ts[k, :3, :3]
+        points[own] = normalized(configuration.model.shapes[k].primitive, inside)
+    return VisibleSamples(seen.pixels, seen.info, points)
+
+
+class SilhouetteEvidence:
+    """Contours where silhouettes have their boundary, and, of parts in front of others, where the image has edges.
+
+    Every image set is looked at by itself: what body and scene look like is learnt in it, around the body.
+
+    Parameters
+    ----------
+    plates : as for the tracker. parallel : maps a function over cameras.
+    """
+
+    def __init__(
+        self,
+        sets: Sequence[ImageSet],
+        config: TrackerConfig,
+        plates: Mapping[str, np.ndarray | list] | None = None,
+        parallel: Callable[[Callable, list], list] = serial,
+    ):
+        self._sets, self._config, self._plates, self._parallel = list(sets), config, dict(plates or {}), parallel
+        self._maps: list[list[_Maps | None]] = []
+
+    def look(self, model: ArticulatedModel, rig: CameraRig, states: Sequence[Sequence[State]], robust_px: float) -> None:
+        evidence = self._config.evidence
+        observers = [Observer(c.name, c.model.width, c.model.height, evidence, self._plates.get(c.name)) for c in rig]
+
+        def look(i: int) -> list[_Maps | None]:
+            return [self._look(observers[i], k, model, rig.cameras[i], states[k][i]) for k in range(len(self._sets))]
+
+        by_camera = self._parallel(look, list(range(len(rig))))
+        self._maps = [[maps[k] for maps in by_camera] for k in range(len(self._sets))]
+
+    def _look(self, observer: Observer, k: int, model: ArticulatedModel, camera: Camera, state: State) -> _Maps | None:
+        image, evidence = self._sets[k].get(camera.name), self._config.evidence
+        if image is None:
+            return None
+        found = render_labels(Configuration(model, state), camera, evidence.margin_px)
+        if found is None or min(found[1].shape) < _LEAST_REGION_PX:
+            return None
+        region, labels = found
+        observer.begin(image.bgr, region, labels, evidence.body_margin_px)
+        seen = observer.observe(image.bgr, region, labels)
+        return None if seen.empty else _Maps(region[:2], seen.silhouette_distance, seen.edge_distance)
+
+    def lines(self, index: int, model: ArticulatedModel, rig: CameraRig, states: Sequence[State]) -> ContourLines:
+        arrays, optimizer = ShapeArrays.from_model(model, caps=False), self._config.optimizer
+
+        def draw(i: int) -> ContourLines | None:
+            maps = self._maps[index][i]
+            if maps is None:
+                return None
+            samples = visible_samples(Configuration(model, states[i]), arrays, rig.cameras[i], optimizer.samples_per_line)
+            return self._read(i, samples, maps)
+
+        drawn = [lines for lines in self._parallel(draw, list(range(len(rig)))) if lines is not None]
+        return joined(drawn)
+
+    def _read(self, camera: int, samples: VisibleSamples, maps: _Maps) -> ContourLines:
+        optimizer, status = self._config.optimizer, self._config.status
+        at, outer = samples.pixels[:, :2] - maps.origin, samples.info[:, cs.CLASS] == cs.OUTER
+        value, slope = np.zeros(len(at)), np.zeros((len(at), 2))
+        ok = np.zeros(len(at), dtype=bool)
+        for rows, distances in ((outer, maps.silhouette), (~outer, maps.edges)):
+            value[rows], slope[rows], ok[rows] = bilinear(distances, at[rows])
+        steepness = np.linalg.norm(slope, axis=1)
+        ok &= steepness > 0.2  # else beyond the truncation, or on a ridge between two boundaries
+        normals = slope / np.maximum(steepness, 1e-9)[:, None]
+        along = np.sum(normals * samples.pixels[:, cs.NU : cs.NV + 1], axis=1)
+        flip = ~outer & (along < 0.0)
+        normals[flip], value[flip], along[flip] = -normals[flip], -value[flip], -along[flip]
+        ok &= along > optimizer.alignment
+        variance = np.full(len(at), status.residual_sigma_px**2)
+        variance[~outer] /= max(optimizer.inner_weight, 1e-6)
+        keep = np.flatnonzero(ok & (outer | (optimizer.inner_weight > 0.0)))
+        return ContourLines(
+            np.full(len(keep), camera), samples.info[keep, cs.SHAPE].astype(np.int64), samples.points[keep],
+            samples.pixels[keep, :2], normals[keep], -value[keep], variance[keep],
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Maps:
+    origin: tuple[int, int]
+    silhouette: np.ndarray
+    edges: np.ndarray
+
+
+def joined(lines: Sequence[ContourLines]) -> ContourLines:
+    """Lines of several cameras as one, in the order of shapes."""
+    if not lines:
+        none = np.zeros((0, 2))
+        return ContourLines(
+            np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros((0, 3)), none, none, np.zeros(0), np.ones(0)
+        )
+    return ContourLines(
+        *(np.concatenate([getattr(x, name) for x in lines]) for name in ContourLines.__dataclass_fields__)
+    ).sorted()
+
+
+def bilinear(image: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Values (n,), slopes (n, 2) along u and v, and which are within, of an image at pixels (n, 2)."""
+    corner = np.floor(at).astype(np.int64)
+    inside = np.all(corner >= 0, axis=1) & (corner[:, 0] + 1 < image.shape[1]) & (corner[:, 1] + 1 < image.shape[0])
+    j, i = np.where(inside[:, None], corner, 0).T
+    a, b = np.where(inside[:, None], at - corner, 0.0).T
+    f00, f01, f10, f11 = (image[i + di, j + dj].astype(np.float64) for di in (0, 1) for dj in (0, 1))
+    top, bottom = f00 + a * (f01 - f00), f10 + a * (f11 - f10)
+    slopes = np.column_stack([(1.0 - b) * (f01 - f00) + b * (f11 - f10), bottom - top])
+    return top + b * (bottom - top), slopes, inside

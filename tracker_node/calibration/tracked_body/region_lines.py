@@ -1,0 +1,109 @@
+"""Contours by the colors on either side of them: lines for the joint fit of bodies and rigs, without plates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from ...camera.rig import CameraRig
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
+from ...objective.lines import table
+from ...objective.lines.objective import RegionObjective, View
+from ...objective.shape_jacobian import ContourLines, normalized
+from ...observation.image_set import ImageSet
+from ...observation.region.background import EmptyRoom
+from ...observation.region.colors import RegionColors, color_classes, stated_densities
+from ...render.contour.samples import SHAPE
+from ...render.raycast.raycaster import render_labels
+from ...render.shape_arrays import ShapeArrays
+from ...tracking.config import TrackerConfig
+from ...tracking.region.engine import region_options
+from .lines import joined, serial
+
+_LEAST_REGION_PX = 8  # a body of which less is in view is not looked for
+
+
+class RegionEvidence:
+    """Contours where colors change from those of the body to those of its surroundings.
+
+    Colors are learnt in all image sets together, one camera at a time, so that a limb that is off in one set does not spoil them.
+
+    Parameters
+    ----------
+    plates : images of the empty scene, where there are some, as for the tracker. parallel : maps a function over cameras.
+    """
+
+    def __init__(
+        self,
+        sets: Sequence[ImageSet],
+        config: TrackerConfig,
+        plates: Mapping[str, np.ndarray | list] | None = None,
+        parallel: Callable[[Callable, list], list] = serial,
+    ):
+        self._sets, self._config, self._region, self._parallel = list(sets), config, config.region, parallel
+        self._plates = dict(plates or {})
+        self._seen: list[tuple[RegionColors, EmptyRoom]] = []
+        self._objective: tuple[ArticulatedModel, CameraRig, RegionObjective] | None = None
+        self._scale, self._model_sigma_px = 1.0, 0.5
+
+    def look(self, model: ArticulatedModel, rig: CameraRig, states: Sequence[Sequence[State]], robust_px: float) -> None:
+        region, classes = self._region, color_classes(model)
+        stated = stated_densities(model, classes)
+        self._scale, self._model_sigma_px = max(1.0, robust_px / 3.0), robust_px / 6.0
+
+        def learn(i: int) -> tuple[RegionColors, EmptyRoom]:
+            colors, camera, seen = RegionColors(classes, stated, region.color_prior), rig.cameras[i], 0
+            room = self._empty_room(camera.name)
+            for k, images in enumerate(self._sets):
+                image = images.get(camera.name)
+                found = None if image is None else render_labels(Configuration(model, states[k][i]), camera, region.around_px)
+                if image is not None and found is not None and min(found[1].shape) >= _LEAST_REGION_PX:
+                    seen += 1
+                    colors.learn(image.bgr, *found, 1.0 / seen, region.guard_px, region.around_px)
+                    if self._region.learn_room and len(self._sets) > 1:
+                        room.learn(image.bgr, *found)
+            return colors, room
+
+        self._seen = self._parallel(learn, list(range(len(rig))))
+
+    def _empty_room(self, camera: str) -> EmptyRoom:
+        plate, evidence = self._plates.get(camera), self._config.evidence
+        plates = [] if plate is None else [plate] if isinstance(plate, np.ndarray) else list(plate)
+        return EmptyRoom(plates, evidence.scene_sigma, evidence.scene_rate, evidence.body_margin_px)
+
+    def lines(self, index: int, model: ArticulatedModel, rig: CameraRig, states: Sequence[State]) -> ContourLines:
+        if self._objective is None or self._objective[0] is not model or self._objective[1] is not rig:
+            self._objective = model, rig, self._make(model, rig)
+        objective, images = self._objective[2], self._sets[index]
+        views: list[View | None] = []
+        for camera, (colors, room) in zip(rig, self._seen, strict=True):
+            image = images.get(camera.name)
+            if image is None or not colors.knows:
+                views.append(None)
+            else:
+                views.append(View(image.bgr, (colors.body, colors.scene), room.packed))
+        objective.set_views(views, [state.difference(states[0]) if state is not states[0] else None for state in states])
+        objective.correspond(states[0], self._scale)
+        return joined([self._lines(i, model, objective) for i in objective.active])
+
+    def _make(self, model: ArticulatedModel, rig: CameraRig) -> RegionObjective:
+        arrays, options = ShapeArrays.from_model(model, caps=False), region_options(self._config)
+        return RegionObjective(rig, model, arrays, color_classes(model), options, self._parallel)
+
+    def _lines(self, camera: int, model: ArticulatedModel, objective: RegionObjective) -> ContourLines:
+        slot = objective.slots[camera]
+        found = slot.lines[: slot.n]
+        keep = np.flatnonzero(found[:, table.PRECISION] > 0.0)
+        lines, shapes = found[keep], slot.info[keep, SHAPE].astype(np.int64)
+        points = np.empty((len(keep), 3))
+        for k in np.unique(shapes):
+            own, T = shapes == k, model.Ts_link_shape[k]
+            in_link = lines[own, table.POINT : table.POINT + 3]
+            points[own] = normalized(model.shapes[k].primitive, (in_link - T[:3, 3]) @ T[:3, :3])
+        variances = 1.0 / lines[:, table.PRECISION] + self._model_sigma_px**2 + (0.5 * self._scale) ** 2 / 3.0
+        return ContourLines(
+            np.full(len(keep), camera), shapes, points, lines[:, table.LINE_U : table.LINE_V + 1].copy(),
+            lines[:, table.LINE_NU : table.LINE_NV + 1].copy(), lines[:, table.MEAN].copy(), variances,
+        )  # fmt: skip

@@ -1,0 +1,215 @@
+"""Page of a fit to images: figures before and after, and the outline before and after over some of the images."""
+
+from __future__ import annotations
+
+import base64
+import html
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ...camera.rig import CameraRig
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
+from ...model.shape_parameters import half_extents
+from ...observation.image_set import ImageSet
+from ...render.draw.overlay import draw_overlay
+from ...render.raycast.extent import body_extent
+from .body_fit import BodyFit, BodyFitReport, LineFigures
+from .rig_fit import RigFit
+
+_PICTURE_HEIGHT = 420  # pixels
+_STYLE = """body{font-family:sans-serif;max-width:1200px;margin:2em auto;color:#222}table{border-collapse:collapse;margin:1em 0}
+td,th{padding:.2em .8em;text-align:right;border-bottom:1px solid #ddd}td:first-child,th:first-child{text-align:left}
+figure{display:inline-block;margin:.5em}img{max-width:100%}figcaption{font-size:.9em;color:#555}caption{text-align:left;
+font-weight:bold;padding:.4em 0}.note{color:#555}"""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of texts under a header."""
+
+    caption: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A picture (h, w, 3) BGR with its caption."""
+
+    caption: str
+    bgr: np.ndarray
+
+
+def write_page(path: str | Path, title: str, notes: Sequence[str], tables: Sequence[Table], pictures: Sequence[Picture]) -> None:
+    """One HTML file that needs nothing beside it."""
+    parts = [f"<!DOCTYPE html><html lang='en'><meta charset='utf-8'><title>{html.escape(title)}</title><style>{_STYLE}</style>"]
+    parts.append(f"<h1>{html.escape(title)}</h1>")
+    parts += [f"<p class='note'>{html.escape(note)}</p>" for note in notes]
+    for table in tables:
+        rows = "".join(f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>" for row in table.rows)
+        header = "".join(f"<th>{html.escape(cell)}</th>" for cell in table.header)
+        parts.append(f"<table><caption>{html.escape(table.caption)}</caption><tr>{header}</tr>{rows}</table>")
+    for picture in pictures:
+        data = base64.b64encode(cv2.imencode(".png", picture.bgr)[1].tobytes()).decode()
+        caption = html.escape(picture.caption)
+        parts.append(
+            f"<figure><img src='data:image/png;base64,{data}' alt='{caption}'><figcaption>{caption}</figcaption></figure>"
+        )
+    Path(path).write_text("\n".join(parts) + "\n")
+
+
+def before_and_after(
+    image_sets: Sequence[ImageSet],
+    before: tuple[ArticulatedModel, CameraRig, Sequence[State]],
+    after: tuple[ArticulatedModel, CameraRig, Sequence[State]],
+    instants: int = 2,
+) -> list[Picture]:
+    """Both bodies over the images of some sets, before to the left, cut out around them; all cameras."""
+    pictures = []
+    for k in np.unique(np.linspace(0, len(image_sets) - 1, min(instants, len(image_sets)) + 2).round().astype(int)[1:-1]):
+        for i, camera in enumerate(after[1]):
+            image = image_sets[k].get(camera.name)
+            if image is None:
+                continue
+            sides, bounds = [], []
+            for model, rig, states in (before, after):
+                configuration = Configuration(model, states[k])
+                sides.append(draw_overlay(image.bgr, configuration, rig.cameras[i], alpha=0.15, skeleton=True))
+                bounds.append(body_extent(configuration, camera, (0, 0, camera.model.width, camera.model.height)))
+            pair = np.hstack([_cut(side, bounds) for side in sides])
+            pictures.append(Picture(f"{camera.name}, image set {k + 1} of {len(image_sets)}: before and after", pair))
+    return pictures
+
+
+def _cut(image: np.ndarray, bounds: Sequence[tuple[int, int, int, int] | None], margin: int = 20) -> np.ndarray:
+    """The part of an image where bodies are, in the height of a page's pictures."""
+    known = np.array([b for b in bounds if b is not None])
+    if len(known):
+        u0, v0 = np.maximum(known[:, :2].min(axis=0) - margin, 0)
+        u1, v1 = known[:, 2:].max(axis=0) + margin
+        image = image[v0:v1, u0:u1]
+    scale = _PICTURE_HEIGHT / image.shape[0]
+    return cv2.resize(image, (max(1, round(scale * image.shape[1])), _PICTURE_HEIGHT), interpolation=cv2.INTER_AREA)
+
+
+def line_table(caption: str, name: str, figures: Mapping[str, tuple[LineFigures, LineFigures]]) -> Table:
+    """Distances of contour lines before and after."""
+    rows = [
+        (key, str(b.count), f"{a.rms_px:.2f}", f"{b.rms_px:.2f}", f"{a.median_px:.2f}", f"{b.median_px:.2f}")
+        for key, (a, b) in figures.items()
+    ]
+    header = (name, "lines", "rms before, px", "after", "median before, px", "after")
+    return Table(caption, header, tuple(rows))
+
+
+def parameter_table(report: BodyFitReport) -> Table:
+    """Shape parameters in percent, most of them logarithms of scales."""
+    rows = []
+    for p in report.parameters:
+        relative = f"{p.value / p.prior_sigma:+.1f}" if p.prior_sigma else "held"
+        rows.append((p.name, f"{100 * p.value:+.1f}", f"{100 * p.sigma:.1f}", f"{100 * p.prior_sigma:.0f}", relative))
+    header = ("parameter", "value, %", "sigma, %", "prior sigma, %", "value in prior sigmas")
+    return Table("Shape parameters", header, tuple(rows))
+
+
+def measure_table(before: ArticulatedModel, fit: BodyFit) -> Table:
+    """Sizes of all parts before and after, millimetres."""
+    rows = []
+    for shape, fitted in zip(before.shapes, fit.model.shapes, strict=True):
+        sizes = [2e3 * half_extents(s.primitive) for s in (shape, fitted)]
+        rows.append((shape.name, *(" x ".join(f"{x:.0f}" for x in size) for size in sizes)))
+    for joint, fitted_joint in zip(before.chain.joints, fit.model.chain.joints, strict=True):
+        lengths = [1e3 * float(np.linalg.norm(j.T_parent_joint[:3, 3])) for j in (joint, fitted_joint)]
+        rows.append((f"{joint.parent} to joint {joint.name}", *(f"{length:.0f}" for length in lengths)))
+    return Table("Sizes of shapes and distances of joints, mm", ("part", "before", "after"), tuple(rows))
+
+
+def camera_table(fit: RigFit) -> Table:
+    """What has been found about each camera."""
+    rows = []
+    for name, c in fit.cameras.items():
+        rows.append(
+            (
+                name,
+                f"{1e3 * c.moved_m:.1f} ± {1e3 * c.moved_sigma_m:.1f}",
+                f"{np.degrees(c.turned_rad):.3f} ± {np.degrees(c.turned_sigma_rad):.3f}",
+                f"{1e3 * c.later_s:+.1f} ± {1e3 * c.later_sigma_s:.1f}",
+                f"{100 * (c.focal_scale - 1):+.2f} ± {100 * c.focal_sigma:.2f}",
+            )
+        )
+    return Table("Cameras", ("camera", "moved, mm", "turned, deg", "later, ms", "focal length, %"), tuple(rows))
+
+
+def write_body_report(
+    path: str | Path, before: ArticulatedModel, rig: CameraRig, image_sets: Sequence[ImageSet], fit: BodyFit
+) -> None:
+    """The page of a fitted body."""
+    report = fit.report
+    first, last = report.overall
+    notes = [
+        f"{report.n_sets} image sets, {last.count} contour lines: rms {first.rms_px:.2f} px with the body as given and its poses"
+        f" fitted, {last.rms_px:.2f} px with the fitted body. Sigmas hold if the errors of the lines are independent beyond a few"
+        " neighbors; what the shapes cannot represent is the same in every image, so take them as lower bounds."
+    ]
+    tables = [
+        line_table("Cameras", "camera", report.cameras), line_table("Parts", "part", report.parts), parameter_table(report),
+        measure_table(before, fit),
+    ]  # fmt: skip
+    pictures = before_and_after(image_sets, (before, rig, report.states_before), (fit.model, rig, fit.states))
+    write_page(path, f"Body of {before.name} from images", notes, tables, pictures)
+
+
+def write_rig_report(
+    path: str | Path, given: ArticulatedModel, rig: CameraRig, image_sets: Sequence[ImageSet], fit: RigFit
+) -> None:
+    """The page of a fitted rig."""
+    first, last = fit.overall
+    notes = [
+        f"{fit.n_sets} image sets, {last.count} contour lines: rms {first.rms_px:.2f} px with the rig as given (poses fitted),"
+        f" {last.rms_px:.2f} px with the fitted rig. The world and the common time are those in which most cameras stay what"
+        " they were. 'Later' is by how much a camera's images are later than their stamps say; it is in time_offset_s of the"
+        " rig, and a delay of less than three sigmas is taken for none."
+    ]
+    cameras = {name: (c.before, c.after) for name, c in fit.cameras.items()}
+    pictures = before_and_after(image_sets, (given, rig, fit.states_before), (fit.model, fit.rig, fit.states))
+    tables = [camera_table(fit), line_table("Contour lines", "camera", cameras)]
+    write_page(path, "Rig from the images of a body", notes, tables, pictures)
+
+
+def body_figures(fit: BodyFit) -> dict[str, float | int]:
+    """Flat metrics, ``body.<camera or parameter>.<figure>``."""
+    report = fit.report
+    figures: dict[str, float | int] = {
+        "body.sets": report.n_sets, "body.iterations": report.iterations, "body.lines": report.overall[1].count,
+        "body.rms_before_px": report.overall[0].rms_px, "body.rms_after_px": report.overall[1].rms_px,
+    }  # fmt: skip
+    for kind in (report.cameras, report.parts):
+        for name, (before, after) in kind.items():
+            figures[f"body.{name}.rms_before_px"], figures[f"body.{name}.rms_after_px"] = before.rms_px, after.rms_px
+    for parameter in report.parameters:
+        key = f"body.{parameter.name.replace(' ', '_')}"
+        figures[key], figures[f"{key}_sigma"] = parameter.value, parameter.sigma
+    return figures
+
+
+def rig_figures(fit: RigFit) -> dict[str, float | int]:
+    """Flat metrics, ``refine.<camera>.<figure>``."""
+    figures: dict[str, float | int] = {
+        "refine.sets": fit.n_sets, "refine.iterations": fit.iterations,
+        "refine.rms_before_px": fit.overall[0].rms_px, "refine.rms_after_px": fit.overall[1].rms_px,
+    }  # fmt: skip
+    for name, c in fit.cameras.items():
+        figures |= {
+            f"refine.{name}.rms_before_px": c.before.rms_px, f"refine.{name}.rms_after_px": c.after.rms_px,
+            f"refine.{name}.moved_mm": 1e3 * c.moved_m, f"refine.{name}.turned_deg": float(np.degrees(c.turned_rad)),
+            f"refine.{name}.later_ms": 1e3 * c.later_s, f"refine.{name}.later_sigma_ms": 1e3 * c.later_sigma_s,
+            f"refine.{name}.moved_sigma_mm": 1e3 * c.moved_sigma_m,
+            f"refine.{name}.turned_sigma_deg": float(np.degrees(c.turned_sigma_rad)),
+            f"refine.{name}.focal_scale": c.focal_scale,
+        }  # fmt: skip
+    return figures

@@ -1,0 +1,86 @@
+"""Drift of the cameras' clocks from the images of a tracked body: a line through their delays in stretches of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...errors import CalibrationError
+from .rig_fit import SURE_SIGMAS, RigFit
+
+LEAST_SPAN_S = 10.0  # between the middles of the first and the last stretch
+_LEAST_SETS = 3
+
+
+@dataclass(frozen=True)
+class ClockDrift:
+    """A camera's clock against those of most cameras.
+
+    Parameters
+    ----------
+    later_s, later_sigma_s : by how much its images are later than their stamps say, in the middle of the recording.
+    drift, drift_sigma : by how much common time advances more than its clock, seconds a second; 0 where it is not surely one.
+    middle_s : the stamp that ``later_s`` is for.
+    """
+
+    later_s: float
+    later_sigma_s: float
+    drift: float
+    drift_sigma: float
+    middle_s: float
+
+
+def stretches(stamps_s: Sequence[float], n: int = 3) -> list[np.ndarray]:
+    """Indices of the image sets of ``n`` equal stretches of time.
+
+    Raises
+    ------
+    CalibrationError : stretches whose middles are less than `LEAST_SPAN_S` apart, or with fewer than three image sets.
+    """
+    times = np.asarray(stamps_s, dtype=np.float64)
+    edges = np.linspace(times.min(), times.max(), n + 1)
+    numbers = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, n - 1)
+    parts = [np.flatnonzero(numbers == k) for k in range(n)]
+    span_s = (edges[-1] - edges[0]) * (n - 1) / n
+    if span_s < LEAST_SPAN_S or min(len(part) for part in parts) < _LEAST_SETS:
+        least_s = LEAST_SPAN_S * n / (n - 1)
+        problem = f"drift needs a run of {least_s:.0f} s, with {_LEAST_SETS} image sets in each of {n} stretches"
+        raise CalibrationError("all", f"{problem}; here {edges[-1] - edges[0]:.1f} s, {min(len(p) for p in parts)} in one")
+    return parts
+
+
+def fit_drift(
+    stamps_s: Sequence[float], parts: Sequence[np.ndarray], fit: Callable[[np.ndarray], RigFit]
+) -> dict[str, ClockDrift]:  # fmt: skip
+    """Clocks of all cameras, by weighted lines through their delays in each stretch.
+
+    Parameters
+    ----------
+    stamps_s : of all image sets. parts : from `stretches`. fit : of the image sets with the given indices, with
+        `RigFitOptions.sure_sigmas` 0.
+    """
+    times = np.array([float(np.mean(np.asarray(stamps_s)[part])) for part in parts])
+    fits = [fit(part) for part in parts]
+    middle_s = float(times.mean())
+    result = {}
+    for name in fits[0].cameras:
+        found = [f.cameras[name] for f in fits]
+        delays, sigmas = np.array([c.later_s for c in found]), np.array([c.later_sigma_s for c in found])
+        result[name] = _line(times - middle_s, delays, np.maximum(sigmas, 1e-6), middle_s)
+    return result
+
+
+def _line(times: np.ndarray, delays: np.ndarray, sigmas: np.ndarray, middle_s: float) -> ClockDrift:
+    """The line; its slope, and then its height, are taken for 0 where they are not surely something else."""
+    basis = np.stack([np.ones_like(times), times], axis=1) / sigmas[:, None]
+    covariance = np.linalg.inv(basis.T @ basis)
+    value = covariance @ basis.T @ (delays / sigmas)
+    rest = delays / sigmas - basis @ value
+    deviations = np.sqrt(np.diag(covariance) * max(1.0, float(rest @ rest) / max(len(times) - 2, 1)))
+    if abs(value[1]) < SURE_SIGMAS * deviations[1]:
+        value = np.array([np.sum(delays / sigmas**2) / np.sum(sigmas**-2.0), 0.0])
+        if abs(value[0]) < SURE_SIGMAS * deviations[0]:
+            value[0] = 0.0
+    return ClockDrift(float(value[0]), float(deviations[0]), float(value[1]), float(deviations[1]), middle_s)

@@ -1,0 +1,284 @@
+"""A rig from the images of a tracked body: where the cameras stand, how late they are, and, if asked for, their focal lengths.
+
+The body is the calibration object: its size is known, its poses are not. All are sought together (`body_fit_solver`), so that
+the contours in all cameras agree. Images do not tell where the world is, nor when now is: of all rigs that agree as well the one
+is taken that leaves most cameras where they were, and most clocks as they were.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ...camera.rig import CameraRig
+from ...errors import CalibrationError
+from ...geometry import se3, so3
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import State
+from ...model.shape_parameters import ShapeSpace
+from ...objective.shape_jacobian import FOCAL, N_CAMERA, TIME, ContourLines
+from ...observation.image_set import ImageSet
+from ...tracking.constraints import constraints_of
+from .body_fit import (
+    BodyFitOptions,
+    JointFit,
+    LineFigures,
+    Progress,
+    line_figures,
+    misfit_of,
+    motions_of,
+    pose_priors,
+    residuals_of,
+)
+from .lines import LineEvidence
+from .region_lines import RegionEvidence
+from .solver import Estimate, Problem, SharedPrior, clustered_covariance, moved_camera, shared_covariance
+
+SURE_SIGMAS = 3.0  # a delay of fewer is taken for none
+LEAST_LINES = 30  # of a camera; fewer do not hold six numbers
+
+
+@dataclass(frozen=True)
+class RigFitOptions:
+    """How to fit.
+
+    Parameters
+    ----------
+    places, times, focal : what of the cameras is sought.
+    center_sigma_m, rotation_sigma_rad, time_sigma_s, focal_sigma : how far it may be from what the rig says.
+    sure_sigmas : a delay of fewer standard deviations is taken for none; 0 leaves them all.
+    body : how poses are fitted; its ``groups`` say what of the body may change as well (by default nothing).
+    """
+
+    places: bool = True
+    times: bool = True
+    focal: bool = False
+    center_sigma_m: float = 0.03
+    rotation_sigma_rad: float = 0.03
+    time_sigma_s: float = 0.05
+    focal_sigma: float = 0.03
+    sure_sigmas: float = SURE_SIGMAS
+    body: BodyFitOptions = field(default_factory=lambda: BodyFitOptions(groups=()))
+
+    def sigmas(self) -> np.ndarray:
+        """(`N_CAMERA`,) of one camera's departure; 0 for what is held."""
+        result = np.zeros(N_CAMERA)
+        if self.places:
+            result[:3], result[3:6] = self.center_sigma_m, self.rotation_sigma_rad
+        if self.focal:
+            result[FOCAL] = self.focal_sigma
+        if self.times:
+            result[TIME] = self.time_sigma_s
+        return result
+
+
+@dataclass(frozen=True)
+class CameraFit:
+    """What has been found about one camera.
+
+    Parameters
+    ----------
+    before, after : of its contour lines, with the given rig (poses fitted to it) and with the new one.
+    moved_m, turned_rad : how far its center and its axes went. later_s : how much later its images are than their stamps say.
+    focal_scale : its focal length as a multiple of the given one.
+    moved_sigma_m, turned_sigma_rad, later_sigma_s, focal_sigma : standard deviations of these.
+    """
+
+    before: LineFigures
+    after: LineFigures
+    moved_m: float
+    turned_rad: float
+    later_s: float
+    focal_scale: float
+    moved_sigma_m: float
+    turned_sigma_rad: float
+    later_sigma_s: float
+    focal_sigma: float
+
+
+@dataclass(frozen=True, eq=False)
+class RigFit:
+    """A fitted rig, the body (as given, unless it was sought too), its states, and what has been found by camera name."""
+
+    rig: CameraRig
+    model: ArticulatedModel
+    states: tuple[State, ...]
+    states_before: tuple[State, ...]
+    cameras: Mapping[str, CameraFit]
+    overall: tuple[LineFigures, LineFigures]
+    n_sets: int
+    iterations: int
+
+
+def fit_rig(
+    model: ArticulatedModel,
+    rig: CameraRig,
+    image_sets: Sequence[ImageSet],
+    states: Sequence[State],
+    velocities: Sequence[np.ndarray],
+    options: RigFitOptions | None = None,
+    progress: Progress | None = None,
+    plates: Mapping[str, np.ndarray | list] | None = None,
+    evidence: LineEvidence | None = None,
+) -> RigFit:
+    """The rig in which a body of known size agrees best with some image sets.
+
+    Parameters
+    ----------
+    states, velocities : where the body about is in each set, and how fast it moves (tangent a second): times are told by fast
+        motion only.
+    progress, plates, evidence : as for `body_fit.fit_body`.
+
+    Raises
+    ------
+    ValueError : not a state and a velocity for each set. CalibrationError : a camera that hardly sees the body.
+    """
+    options = options or RigFitOptions()
+    if not image_sets or not len(image_sets) == len(states) == len(velocities):
+        got = f"{len(image_sets)} sets, {len(states)} states and {len(velocities)} velocities"
+        raise ValueError(f"expected image sets with a state and a velocity each, got {got}")
+    body = options.body
+    evidence = evidence or RegionEvidence(image_sets, body.config, plates)
+    space = ShapeSpace(model, body.symmetric, body.groups)
+    held = Problem(
+        space, rig, motions_of(rig, image_sets, model.n_dof, velocities), pose_priors(model, states, body),
+        SharedPrior(np.zeros(len(space)), np.zeros((len(rig), N_CAMERA))), body.correlation,
+        constraints_of(model, body.config),
+    )  # fmt: skip
+    free = SharedPrior(body.prior_scale * space.sigmas, np.tile(options.sigmas(), (len(rig), 1)))
+    problem = replace(held, shared=free)
+    loop = JointFit(
+        evidence, body.pose_rounds + body.rounds * (len(body.robust_px) + options.times), progress or (lambda *_: None)
+    )
+    start = Estimate(tuple(states), np.zeros(len(space)), np.zeros((len(rig), N_CAMERA)))
+    before = loop.run("poses", held, start, body.robust_px[0], body.pose_rounds).estimate
+    after = before
+    for robust_px in body.robust_px:
+        after = loop.run("cameras", problem, after, robust_px, body.rounds).estimate
+    problem, after, time_sigmas_s = _without_doubtful_times(problem, after, loop, options)
+    lines = loop.draw(held, before), loop.draw(problem, after)
+    figures = residuals_of(held, before, lines[0]), residuals_of(problem, after, lines[1])
+    for i, camera in enumerate(rig):
+        count = int(np.sum(figures[1][:, 0] == i))
+        if count < LEAST_LINES:
+            raise CalibrationError(camera.name, f"hardly sees the body: {count} contour lines in {len(states)} image sets")
+    sigmas = _sigmas(problem, after, lines[1], body.robust_px[-1])
+    sigmas[:, TIME] = time_sigmas_s
+    fitted, moved = settled(rig, problem, after)
+    cameras = {c.name: _camera_fit(i, c, fitted.cameras[i], after.cameras[i], sigmas[i], figures) for i, c in enumerate(rig)}
+    overall = line_figures(figures[0][:, 2]), line_figures(figures[1][:, 2])
+    return RigFit(fitted, space.body(after.s), moved, before.states, cameras, overall, len(states), loop.iterations)
+
+
+def _sigmas(problem: Problem, estimate: Estimate, lines: Sequence[ContourLines], robust_px: float) -> np.ndarray:
+    """(n_cameras, `N_CAMERA`) standard deviations: by lines as bad as their residuals, or by image sets, whichever says more."""
+    _, covariance = shared_covariance(problem, lines, estimate, robust_px)
+    by_lines = np.sqrt(max(1.0, misfit_of(problem, estimate, lines))) * settled_sigmas(problem.rig, covariance)
+    by_sets = settled_sigmas(problem.rig, clustered_covariance(problem, lines, estimate, robust_px))
+    return np.maximum(by_lines, by_sets)
+
+
+def _without_doubtful_times(problem: Problem, estimate: Estimate, loop: JointFit, options: RigFitOptions):
+    """The problem and the estimate with those cameras held in common time whose delay is not surely one.
+
+    A slow body tells little about time, and a rig with wrong time offsets makes no image sets. With them the standard deviations
+    of all delays, seconds, those that are held included.
+    """
+    if not np.any(problem.shared.cameras[:, TIME]):
+        return problem, estimate, np.zeros(len(problem.rig))
+    body = options.body
+    sigmas = _sigmas(problem, estimate, loop.draw(problem, estimate), body.robust_px[-1])[:, TIME]
+    cameras = estimate.cameras.copy()
+    common_s = float(np.median(cameras[:, TIME]))
+    cameras[:, TIME] -= common_s
+    doubtful = np.abs(cameras[:, TIME]) < options.sure_sigmas * sigmas
+    cameras[doubtful, TIME] = 0.0
+    states = tuple(s.retract(common_s * m.velocity) for s, m in zip(estimate.states, problem.motions, strict=True))
+    shared = problem.shared.cameras.copy()
+    shared[doubtful, TIME] = 0.0
+    problem = replace(problem, shared=SharedPrior(problem.shared.shape, shared))
+    start = Estimate(states, estimate.s, cameras)
+    return problem, loop.run("cameras", problem, start, body.robust_px[-1], body.rounds).estimate, sigmas
+
+
+def settled(rig: CameraRig, problem: Problem, estimate: Estimate) -> tuple[CameraRig, tuple[State, ...]]:
+    """The rig and the states of an estimate, in the world and the time in which most cameras stay what they were."""
+    late_s = estimate.cameras[:, TIME]
+    common_s = float(np.median(late_s))
+    cameras = [moved_camera(c, d) for c, d in zip(rig, estimate.cameras, strict=True)]
+    T = world_of_most(np.array([c.T_world_cam for c in cameras]), np.array([c.T_world_cam for c in rig]))
+    result = []
+    for camera, given, seconds in zip(cameras, rig, late_s, strict=True):
+        offset_ns = given.time_offset_ns + round(1e9 * (seconds - common_s))
+        result.append(replace(camera, T_world_cam=_rigid(T @ camera.T_world_cam), time_offset_ns=offset_ns))
+    states = []
+    for state, motion in zip(estimate.states, problem.motions, strict=True):
+        moved = state.retract(common_s * motion.velocity)
+        states.append(State(_rigid(T @ moved.T_world_root), moved.joint_positions))
+    return CameraRig(tuple(result), rig.world_frame, rig.lights), tuple(states)
+
+
+def settled_sigmas(rig: CameraRig, covariance: np.ndarray, meter_rad: float = 0.2) -> np.ndarray:
+    """(n_cameras, `N_CAMERA`) standard deviations of departures, without the move and the delay that all cameras share."""
+    n = len(rig)
+    common = np.zeros((n, N_CAMERA, 7))
+    for i, camera in enumerate(rig):
+        T = camera.T_cam_world
+        common[i, :3, :3], common[i, 3:6, 3:6] = T[:3, :3], T[:3, :3]
+        common[i, :3, 3:6] = so3.hat(T[:3, 3]) @ T[:3, :3]
+        common[i, TIME, 6] = 1.0
+    scale = np.tile(np.r_[[meter_rad] * 3, [1.0] * (N_CAMERA - 3)], n)
+    A = scale[:, None] * common.reshape(n * N_CAMERA, 7)
+    rest = np.eye(len(A)) - A @ np.linalg.pinv(A)
+    rest = rest * scale[None, :] / scale[:, None]
+    return np.sqrt(np.maximum(np.diag(rest @ covariance @ rest.T), 0.0)).reshape(n, N_CAMERA)
+
+
+def world_of_most(Ts_world_cam: np.ndarray, given: np.ndarray, meter_rad: float = 0.2) -> np.ndarray:
+    """T (4, 4) such that ``T @ Ts_world_cam`` are near ``given``, both (n, 4, 4): most of them, not the mean.
+
+    Least sum of distances (not of squares), by reweighting; a meter counts as much as ``meter_rad`` radians.
+    """
+    T, weights = np.eye(4), np.ones(len(given))
+    middle = given[:, :3, 3].mean(axis=0)
+    for _ in range(50):
+        H, g = 1e-9 * np.eye(6), np.zeros(6)
+        now = T @ Ts_world_cam
+        for i, (pose, wanted) in enumerate(zip(now, given, strict=True)):
+            J = np.zeros((6, 6))  # of (v, omega) about the middle of the cameras
+            J[:3, :3], J[:3, 3:], J[3:, 3:] = meter_rad * np.eye(3), -meter_rad * so3.hat(pose[:3, 3] - middle), np.eye(3)
+            turn = so3.log(wanted[:3, :3] @ pose[:3, :3].T)
+            off = np.concatenate([meter_rad * (wanted[:3, 3] - pose[:3, 3]), turn])
+            weights[i] = 1.0 / max(float(np.linalg.norm(off)), 1e-5)
+            H += weights[i] * J.T @ J
+            g += weights[i] * J.T @ off
+        step = np.linalg.solve(H, g)
+        R = so3.exp(step[3:])
+        T = se3.from_rotation_translation(R, middle + step[:3] - R @ middle) @ T
+        if np.abs(step).max() < 1e-9:
+            break
+    return T
+
+
+def _rigid(T: np.ndarray) -> np.ndarray:
+    """The transform with its rotation made orthonormal to rounding."""
+    u, _, vt = np.linalg.svd(T[:3, :3])
+    return se3.from_rotation_translation(u @ vt, T[:3, 3])
+
+
+def _camera_fit(index: int, given, fitted, departure: np.ndarray, sigmas: np.ndarray, figures) -> CameraFit:
+    before, after = (line_figures(f[:, 2][f[:, 0] == index]) for f in figures)
+    return CameraFit(
+        before,
+        after,
+        moved_m=float(np.linalg.norm(fitted.center - given.center)),
+        turned_rad=float(np.linalg.norm(so3.log(given.T_world_cam[:3, :3].T @ fitted.T_world_cam[:3, :3]))),
+        later_s=1e-9 * (fitted.time_offset_ns - given.time_offset_ns),
+        focal_scale=float(np.exp(departure[FOCAL])),
+        moved_sigma_m=float(np.linalg.norm(sigmas[:3])),
+        turned_sigma_rad=float(np.linalg.norm(sigmas[3:6])),
+        later_sigma_s=float(sigmas[TIME]),
+        focal_sigma=float(sigmas[FOCAL]),
+    )

@@ -1,0 +1,299 @@
+"""Levenberg-Marquardt over contour lines of many image sets: a pose each, and a shape and cameras that all of them share.
+
+The Gauss-Newton matrix is an arrow: poses do not know each other. They are eliminated (Schur complement), so a step costs one
+small system whatever the number of sets (Triggs et al., "Bundle adjustment: a modern synthesis", 2000, section 6). Lines are
+fixed while the solver works; drawing them anew at the result, and solving again, is the caller's loop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...camera.model import CameraModel
+from ...camera.rig import Camera, CameraRig
+from ...geometry import se3
+from ...model.configuration import State
+from ...model.kinematic_chain import N_ROOT_DOF
+from ...model.shape_parameters import ShapeSpace
+from ...objective.constraints.prior import Prior
+from ...objective.normal_equations import LeastSquaresObjective
+from ...objective.shape_jacobian import FOCAL, N_CAMERA, TIME, ContourLines, line_residuals, linearize_lines, normal_equations
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """All that is sought.
+
+    Attributes
+    ----------
+    states : of every image set. s : (n_shape,) shape parameters.
+    cameras : (n_cameras, `N_CAMERA`) departure from the given rig: twist of T_cam_world in the camera's frame, logarithm of the
+        focal length's scale, seconds that the camera's images are later than their stamps say.
+    """
+
+    states: tuple[State, ...]
+    s: np.ndarray
+    cameras: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class SharedPrior:
+    """Standard deviations of what all sets share, about zero; 0 holds an entry there: ``shape`` (n_shape,) and ``cameras``
+    (n_cameras, `N_CAMERA`)."""
+
+    shape: np.ndarray
+    cameras: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """How the body moves while an image set is taken: ``velocity`` (n_dof,) tangent a second; ``delays_s`` (n_cameras,), by how
+    much each camera exposed after the set's stamp, as its own stamp says."""
+
+    velocity: np.ndarray
+    delays_s: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What is given.
+
+    Attributes
+    ----------
+    space, rig : the body and the cameras to start from.
+    motions : of every image set.
+    pose_priors : of every image set. shared : of what all of them share.
+    correlation : how many neighboring lines share one error.
+    constraints : what no pose may do (of the given body).
+    """
+
+    space: ShapeSpace
+    rig: CameraRig
+    motions: Sequence[Motion]
+    pose_priors: Sequence[Sequence[Prior]]
+    shared: SharedPrior
+    correlation: float = 1.0
+    constraints: Sequence[LeastSquaresObjective] = ()
+
+    def rig_of(self, estimate: Estimate) -> CameraRig:
+        """The rig with the cameras' departures."""
+        cameras = tuple(moved_camera(c, departure) for c, departure in zip(self.rig, estimate.cameras, strict=True))
+        return CameraRig(cameras, self.rig.world_frame, self.rig.lights)
+
+    def states_of(self, estimate: Estimate, k: int) -> list[State]:
+        """Where each camera sees the body in set k."""
+        state, motion = estimate.states[k], self.motions[k]
+        delays_s = motion.delays_s + estimate.cameras[:, TIME]
+        return [state.retract(delay_s * motion.velocity) if delay_s else state for delay_s in delays_s]
+
+    def weights(self, residuals: np.ndarray, variances: np.ndarray, robust_px: float) -> tuple[np.ndarray, np.ndarray]:
+        """Geman-McClure: costs and weights of residuals (n,), in information units. Lines that know little get more room."""
+        squares, scale = residuals**2, np.maximum(robust_px**2, 4.0 * variances)
+        ratio = scale / (scale + squares)
+        information = 1.0 / (self.correlation * variances)
+        return information * ratio * squares, information * ratio**2
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Where the solver came to, its cost (minus twice a log posterior), and its steps."""
+
+    estimate: Estimate
+    cost: float
+    iterations: int
+
+
+def moved_camera(camera: Camera, departure: np.ndarray) -> Camera:
+    """A camera that departs from its calibration by (`N_CAMERA`,); its stamps are left as they are."""
+    lens = camera.model
+    if departure[FOCAL]:
+        K = lens.K.copy()
+        K[:2, :2] *= np.exp(departure[FOCAL])
+        lens = CameraModel(lens.width, lens.height, K, lens.distortion_model, lens.distortion)
+    return replace(camera, model=lens, T_world_cam=se3.inverse(se3.exp(departure[:6]) @ camera.T_cam_world))
+
+
+def solve(
+    problem: Problem,
+    lines: Sequence[ContourLines],
+    start: Estimate,
+    robust_px: float,
+    max_iterations: int = 3,
+    damping: float = 1e-3,
+) -> Solution:
+    """Walk downhill on fixed lines from ``start``; deterministic. Joints stay within their limits.
+
+    ``damping`` is relative to the diagonal of the Gauss-Newton matrix, to begin with.
+    """
+    estimate, iterations = start, 0
+    cost = _cost(problem, lines, estimate, robust_px)
+    while iterations < max_iterations:
+        iterations += 1
+        arrow = _Arrow(problem, lines, estimate, robust_px)
+        improved = False
+        while damping < 1e6:
+            trial = arrow.step(damping)
+            trial_cost = _cost(problem, lines, trial, robust_px)
+            if trial_cost < cost:
+                improved = True
+                break
+            damping *= 8.0
+        if not improved:
+            break
+        gain, estimate, cost, damping = cost - trial_cost, trial, trial_cost, max(0.2 * damping, 1e-9)
+        if gain < 1e-4 * cost:
+            break
+    return Solution(estimate, cost, iterations)
+
+
+def shared_covariance(
+    problem: Problem, lines: Sequence[ContourLines], estimate: Estimate, robust_px: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Covariances of the shape (n_shape, n_shape) and of all cameras' departures (n_cameras * `N_CAMERA`, the same), the poses
+    being unknown; zeros for what is held."""
+    covariance, n_shape = _Arrow(problem, lines, estimate, robust_px).shared_covariance(), len(estimate.s)
+    return covariance[:n_shape, :n_shape], covariance[n_shape:, n_shape:]
+
+
+def clustered_covariance(problem: Problem, lines: Sequence[ContourLines], estimate: Estimate, robust_px: float) -> np.ndarray:
+    """Covariance of all cameras' departures (n_cameras * `N_CAMERA`, the same) by how much the image sets contradict each other.
+
+    Where a body is not the model's, all lines along a limb are off alike, and a covariance that takes each for a measurement of
+    its own is far too small. Here a whole image set is one measurement (cluster-robust sandwich: Liang and Zeger, 1986).
+    """
+    n_shape = len(estimate.s)
+    return _Arrow(problem, lines, estimate, robust_px).clustered_covariance()[n_shape:, n_shape:]
+
+
+def _cost(problem: Problem, lines: Sequence[ContourLines], estimate: Estimate, robust_px: float) -> float:
+    model, rig = problem.space.body(estimate.s), problem.rig_of(estimate)
+    total = 0.0
+    n_dof = model.n_dof
+    for k, own in enumerate(lines):
+        residuals, _ = line_residuals(own, model, rig, problem.states_of(estimate, k))
+        total += float(problem.weights(residuals, own.variances, robust_px)[0].sum())
+        H, g = np.zeros((n_dof, n_dof)), np.zeros(n_dof)
+        total += sum(prior.add_to(H, g, estimate.states[k]) for prior in problem.pose_priors[k])
+        total += sum(constraint.linearize(estimate.states[k]).cost for constraint in problem.constraints)
+    shared, sigmas = _packed(estimate), _packed_prior(problem)
+    free = sigmas > 0.0
+    return total + float(np.sum((shared[free] / sigmas[free]) ** 2))
+
+
+def _packed(estimate: Estimate) -> np.ndarray:
+    return np.concatenate([estimate.s, estimate.cameras.ravel()])
+
+
+def _packed_prior(problem: Problem) -> np.ndarray:
+    return np.concatenate([problem.shared.shape, problem.shared.cameras.ravel()])
+
+
+class _Arrow:
+    """Normal equations around an estimate."""
+
+    def __init__(self, problem: Problem, lines: Sequence[ContourLines], estimate: Estimate, robust_px: float):
+        self._problem, self._estimate = problem, estimate
+        model, rig = problem.space.body(estimate.s), problem.rig_of(estimate)
+        self._chain = model.chain
+        n_shape, n_dof = len(estimate.s), model.n_dof
+        sigmas, shared = _packed_prior(problem), _packed(estimate)
+        self._free = np.flatnonzero(sigmas > 0.0)
+        n, free = len(sigmas), self._free
+        H_shared, g_shared = np.diag(sigmas[free] ** -2.0), shared[free] * sigmas[free] ** -2.0
+        self._poses: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []  # H, g, and the mixed block (n_dof, free)
+        self._g_sets: list[np.ndarray] = []  # of what is shared, by the lines of each set
+        for k, own in enumerate(lines):
+            states = problem.states_of(estimate, k)
+            found = linearize_lines(own, problem.space, estimate.s, model, rig, states, problem.motions[k].velocity)
+            weights = np.where(found.valid, problem.weights(found.residuals, own.variances, robust_px)[1], 0.0)
+            by_shared = np.zeros((len(own), n))
+            by_shared[:, :n_shape] = found.by_shape
+            columns = n_shape + N_CAMERA * own.camera[:, None] + np.arange(N_CAMERA)
+            np.put_along_axis(by_shared, columns, found.by_camera, axis=1)
+            J = np.hstack([found.by_state, by_shared[:, free]])
+            H, g = np.zeros((J.shape[1], J.shape[1])), np.zeros(J.shape[1])
+            normal_equations(J, found.residuals, weights, H, g)
+            H_shared += H[n_dof:, n_dof:]
+            g_shared += g[n_dof:]
+            self._g_sets.append(g[n_dof:].copy())
+            H_pose, g_pose = H[:n_dof, :n_dof].copy(), g[:n_dof].copy()
+            for prior in problem.pose_priors[k]:
+                prior.add_to(H_pose, g_pose, estimate.states[k])
+            for constraint in problem.constraints:
+                equations = constraint.linearize(estimate.states[k])
+                H_pose += equations.H
+                g_pose += equations.g
+            H_pose[np.diag_indices(n_dof)] += 1e-9 * max(float(np.diag(H_pose).max()), 1e-12)
+            self._poses.append((H_pose, g_pose, H[:n_dof, n_dof:].copy()))
+        self._H, self._g = H_shared, g_shared
+
+    def _reduced(self, damping: float):
+        """Schur complement, its right side, and what the back-substitution needs."""
+        S, right, kept = self._H + damping * np.diag(np.diag(self._H)), -self._g.copy(), []
+        for k, (H, g, mixed) in enumerate(self._poses):
+            movable = self._movable(self._estimate.states[k], g)
+            inverse = np.linalg.inv(H[np.ix_(movable, movable)] + damping * np.diag(np.diag(H)[movable]))
+            gain = mixed[movable].T @ inverse
+            S = S - gain @ mixed[movable]
+            right += gain @ g[movable]
+            kept.append((movable, inverse))
+        return 0.5 * (S + S.T), right, kept
+
+    def _movable(self, state: State, g: np.ndarray) -> np.ndarray:
+        """Indices of what is not held by a joint limit."""
+        free = np.ones(len(g), dtype=bool)
+        q, slope = state.joint_positions, g[N_ROOT_DOF:]
+        free[N_ROOT_DOF:] = ~(((q <= self._chain.lower) & (slope > 0.0)) | ((q >= self._chain.upper) & (slope < 0.0)))
+        return np.flatnonzero(free)
+
+    def step(self, damping: float) -> Estimate:
+        S, right, kept = self._reduced(damping)
+        shared = np.zeros(len(_packed(self._estimate)))
+        if len(right):
+            shared[self._free] = np.linalg.solve(S, right)
+        states = []
+        for state, (_, g, mixed), (movable, inverse) in zip(self._estimate.states, self._poses, kept, strict=True):
+            tangent = np.zeros(len(g))
+            tangent[movable] = -inverse @ (g[movable] + mixed[movable] @ shared[self._free])
+            moved = state.retract(tangent)
+            states.append(State(moved.T_world_root, np.clip(moved.joint_positions, self._chain.lower, self._chain.upper)))
+        n_shape = len(self._estimate.s)
+        cameras = shared[n_shape:].reshape(-1, N_CAMERA)
+        return Estimate(tuple(states), self._estimate.s + shared[:n_shape], _composed(self._estimate.cameras, cameras))
+
+    def shared_covariance(self) -> np.ndarray:
+        """Of everything that is shared (zeros: held)."""
+        n = len(_packed(self._estimate))
+        result = np.zeros((n, n))
+        if len(self._free):
+            result[np.ix_(self._free, self._free)] = np.linalg.inv(self._reduced(0.0)[0])
+        return result
+
+    def clustered_covariance(self) -> np.ndarray:
+        """As `shared_covariance`, by the scatter of the gradients of the sets, their poses eliminated."""
+        n, k = len(_packed(self._estimate)), len(self._g_sets)
+        result = np.zeros((n, n))
+        if not len(self._free):
+            return result
+        S, _, kept = self._reduced(0.0)
+        scores = np.array([
+            own - mixed[movable].T @ (inverse @ g[movable])
+            for own, (_, g, mixed), (movable, inverse) in zip(self._g_sets, self._poses, kept, strict=True)
+        ])  # fmt: skip
+        scores = scores - scores.mean(axis=0)
+        prior = np.diag(_packed_prior(self._problem)[self._free] ** -2.0)
+        inverse = np.linalg.inv(S)
+        spread = scores.T @ scores * (k / max(k - 1, 1))
+        result[np.ix_(self._free, self._free)] = inverse @ (spread + prior) @ inverse
+        return result
+
+
+def _composed(departures: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Departures after a further step, whose twist acts after theirs."""
+    result = departures + steps
+    for i, (departure, step) in enumerate(zip(departures, steps, strict=True)):
+        result[i, :6] = se3.log(se3.exp(step[:6]) @ se3.exp(departure[:6]))
+    return result

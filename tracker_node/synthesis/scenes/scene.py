@@ -1,0 +1,203 @@
+"""A furnished room, cameras around its middle, and the imaging: shadow, lens distortion, blur, noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ...camera.model import CameraModel
+from ...camera.rig import Camera, CameraRig
+from ...errors import UnknownNameError
+from ...geometry import se3
+from . import clutter, room
+from .rasterizer import ColoredMesh, Pinhole, Rasterizer, light_coordinates
+
+_SHADOW_HALF_SIZE = 3.2  # metres about the middle of the floor that the shadow map covers
+_SHADOW_PIXELS = 512
+_SHADOW_DEPTH = 0.34  # share of the light that is lost in the full shadow
+_PLATE_SUPERSAMPLING = 2
+
+SURROUNDINGS = {"room": room.meshes, "clutter": clutter.meshes}
+
+
+@dataclass(frozen=True)
+class SceneConfig:
+    """Cameras on a circle about the world's origin, and what they do to an image.
+
+    Parameters
+    ----------
+    n_cameras, width, height : the rig.
+    radius, target_height : metres; cameras stand ``radius`` from the axis and look at (0, 0, target_height).
+    focal_px : focal length.
+    distortion : plumb_bob k1 k2 p1 p2 of every lens, or () for none.
+    noise_levels : standard deviation of the sensor noise at middle grey, grey levels.
+    blur_px : standard deviation of the optics' blur.
+    shadow : whether the subject casts one.
+    surroundings : of `SURROUNDINGS`.
+    plates : whether the empty room is recorded too.
+    lossless : whether images are written as PNG, or as JPEG of high quality.
+    seed : of the noise and of the small irregularities of the rig.
+    """
+
+    n_cameras: int = 6
+    width: int = 640
+    height: int = 480
+    radius: float = 4.0
+    target_height: float = 0.92
+    focal_px: float = 580.0
+    distortion: tuple[float, ...] = (-0.11, 0.045, 0.0006, -0.0004)
+    noise_levels: float = 2.5
+    blur_px: float = 0.5
+    shadow: bool = True
+    seed: int = 1
+    surroundings: str = "room"
+    plates: bool = True
+    lossless: bool = False
+
+    def __post_init__(self):
+        if self.surroundings not in SURROUNDINGS:
+            raise UnknownNameError("surroundings", self.surroundings, list(SURROUNDINGS))
+
+
+def make_rig(config: SceneConfig) -> CameraRig:
+    """Cameras ``cam01``... on a circle, at alternating heights, none exactly like the next."""
+    rng = np.random.default_rng(config.seed)
+    cameras = []
+    for i in range(config.n_cameras):
+        angle = 2.0 * np.pi * (i + 0.3) / config.n_cameras + rng.uniform(-0.08, 0.08)
+        radius = config.radius * rng.uniform(0.96, 1.04)
+        height = (1.15, 2.1)[i % 2] + rng.uniform(-0.1, 0.1)
+        center = np.array([radius * np.cos(angle), radius * np.sin(angle), height])
+        target = np.array([0.0, 0.0, config.target_height]) + rng.uniform(-0.05, 0.05, 3)
+        focal = config.focal_px * rng.uniform(0.98, 1.02)
+        principal = 0.5 * np.array([config.width - 1, config.height - 1]) + rng.uniform(-6.0, 6.0, 2)
+        K = np.array([[focal, 0.0, principal[0]], [0.0, focal, principal[1]], [0.0, 0.0, 1.0]])
+        kind = "plumb_bob" if config.distortion else "none"
+        lens = CameraModel(config.width, config.height, K, kind, np.array(config.distortion))
+        cameras.append(Camera(f"cam{i + 1:02d}", lens, looking_at(center, target)))
+    return CameraRig(tuple(cameras))
+
+
+def looking_at(center: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """``T_world_cam`` (4, 4), optical axes, of a level camera at ``center`` that looks at ``target``."""
+    z = (target - center) / np.linalg.norm(target - center)
+    x = np.cross(z, [0.0, 0.0, 1.0])
+    x /= np.linalg.norm(x)
+    return se3.from_rotation_translation(np.stack([x, np.cross(z, x), z], axis=1), center)
+
+
+class CameraImaging:
+    """What one camera does: an undistorted view with a margin is rendered, and pulled through its lens.
+
+    Attributes
+    ----------
+    pinhole : the undistorted view that covers every pixel of the real one.
+    """
+
+    def __init__(self, camera: Camera, config: SceneConfig):
+        self.camera, self._config = camera, config
+        lens = camera.model
+        u, v = np.meshgrid(np.arange(lens.width, dtype=float), np.arange(lens.height, dtype=float))
+        rays, valid = lens.rays(np.stack([u, v], axis=-1))
+        if not valid.all():
+            raise ValueError(f"camera '{camera.name}': expected a lens that is invertible on its whole image")
+        K = lens.K.copy()
+        straight = (rays @ K.T)[..., :2] / rays[..., 2:]
+        low = np.floor(straight.reshape(-1, 2).min(axis=0)) - 3.0
+        size = np.ceil(straight.reshape(-1, 2).max(axis=0)) + 4.0 - low
+        K[:2, 2] -= low
+        self.pinhole = Pinhole(K, int(size[0]), int(size[1]), camera.T_world_cam)
+        self._map_u = np.ascontiguousarray(straight[..., 0] - low[0], dtype=np.float32)
+        self._map_v = np.ascontiguousarray(straight[..., 1] - low[1], dtype=np.float32)
+        self._straight = lens.distortion_model == "none"
+
+    def expose(self, view_rgb: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """BGR uint8 (height, width, 3) of a view of ``pinhole`` (float32 RGB, 0..255): lens, blur, noise."""
+        interpolation = cv2.INTER_NEAREST if self._straight else cv2.INTER_CUBIC
+        image = cv2.remap(np.ascontiguousarray(view_rgb[:, :, ::-1]), self._map_u, self._map_v, interpolation)
+        if self._config.blur_px > 0.0:
+            image = cv2.GaussianBlur(image, (0, 0), self._config.blur_px)
+        return self.noisy(image, rng)
+
+    def noisy(self, image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """uint8 image with sensor noise: half of its variance is constant, half grows with the signal."""
+        if self._config.noise_levels > 0.0:
+            sigma = self._config.noise_levels * np.sqrt(0.5 + image.clip(0.0, 255.0) / 255.0)
+            image = image + sigma * rng.standard_normal(image.shape, dtype=np.float32)
+        return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+class Studio:
+    """The room and its cameras; takes pictures of a subject. Use it in a ``with`` statement (it holds an OpenGL context)."""
+
+    def __init__(self, rig: CameraRig, config: SceneConfig):
+        self.rig, self.config = rig, config
+        self._rasterizer = Rasterizer()
+        self.imaging = [CameraImaging(camera, config) for camera in rig]
+        self._rasterizer.show(*SURROUNDINGS[config.surroundings](config.seed))
+        self._plates, self._shadow_maps = [], []
+        for imaging in self.imaging:
+            plate, points = self._plate(imaging.pinhole)
+            self._plates.append(plate)
+            coordinates = light_coordinates(points, np.zeros(3), _SHADOW_HALF_SIZE, _SHADOW_PIXELS)
+            self._shadow_maps.append([np.ascontiguousarray(coordinates[..., i], dtype=np.float32) for i in (0, 1)])
+
+    def __enter__(self) -> Studio:
+        return self
+
+    def __exit__(self, *_) -> None:
+        self._rasterizer.close()
+
+    def _plate(self, camera: Pinhole) -> tuple[np.ndarray, np.ndarray]:
+        """Empty room: float32 RGB of the view, and the world points (h, w, 3) seen in it."""
+        s = _PLATE_SUPERSAMPLING
+        K = camera.K.copy()
+        K[:2] *= s
+        K[:2, 2] += 0.5 * (s - 1)
+        color, depth = self._rasterizer.render(Pinhole(K, camera.width * s, camera.height * s, camera.T_world_cam))
+        size = (camera.width, camera.height)
+        plate = cv2.resize(color[:, :, :3], size, interpolation=cv2.INTER_AREA).astype(np.float32)
+        depth = cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST)
+        u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+        rays = np.stack([(u - camera.K[0, 2]) / camera.K[0, 0], (v - camera.K[1, 2]) / camera.K[1, 1], np.ones_like(u)], -1)
+        return plate, se3.apply(camera.T_world_cam, rays * depth[:, :, None])
+
+    def empty_image(self, index: int, image_number: int) -> np.ndarray:
+        """BGR image of the empty room by camera ``index``; another noise for every ``image_number``."""
+        return self.imaging[index].expose(self._plates[index], self._rng(index, -1 - image_number))
+
+    def images(self, subject: ColoredMesh, image_number: int) -> list[np.ndarray]:
+        """BGR images (h, w, 3) uint8 of the subject in the room by every camera, at one instant."""
+        return self.exposed(self.views(subject), image_number)
+
+    def exposed(self, views: list[np.ndarray], image_number: int) -> list[np.ndarray]:
+        """Images of ``views``; another noise for every ``image_number``."""
+        return [self.imaging[i].expose(view, self._rng(i, image_number)) for i, view in enumerate(views)]
+
+    def views(self, subject: ColoredMesh) -> list[np.ndarray]:
+        """What every camera's `CameraImaging.pinhole` sees of the subject in the room: float32 RGB."""
+        self._rasterizer.show(subject)
+        shadow = None
+        if self.config.shadow:
+            cover = self._rasterizer.render_from_light(np.zeros(3), _SHADOW_HALF_SIZE, _SHADOW_PIXELS)
+            shadow = cv2.GaussianBlur(cover, (0, 0), 3.0)
+        return [self._view(i, subject, shadow) for i in range(len(self.rig))]
+
+    def _view(self, index: int, subject: ColoredMesh, shadow: np.ndarray | None) -> np.ndarray:
+        imaging = self.imaging[index]
+        view = self._plates[index]
+        if shadow is not None:
+            map_u, map_v = self._shadow_maps[index]
+            darkness = cv2.remap(shadow, map_u, map_v, cv2.INTER_LINEAR)
+            view = view * (1.0 - _SHADOW_DEPTH * darkness[:, :, None])
+        else:
+            view = view.copy()
+        color, _, window = self._rasterizer.render_region(imaging.pinhole, subject.vertices)
+        color = color.astype(np.float32)
+        view[window] = color[:, :, :3] + (1.0 - color[:, :, 3:] / 255.0) * view[window]
+        return view
+
+    def _rng(self, index: int, image_number: int) -> np.random.Generator:
+        return np.random.default_rng([self.config.seed, index, image_number + 1_000_000])
