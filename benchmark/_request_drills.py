@@ -18,8 +18,8 @@ from ros_graph import NodeProcess
 from tracker_msgs.srv import SetState
 
 from tracker_node.ros.conversions import camera_info_message
-from tracker_node.ros.image_inbox import InboxOptions
-from tracker_node.ros.tracker_node import TrackerNode
+from tracker_node.ros.tracker.image_inbox import InboxOptions
+from tracker_node.ros.tracker.node import TrackerNode
 
 ALL, OTHERS = ("cam1", "cam2", "cam3"), ("cam1", "cam3")
 TIMES = 3

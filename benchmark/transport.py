@@ -130,7 +130,7 @@ def receive(rig_file: str, result_file: str, ready_file: str) -> int:
     from tracker_node.model.kinematic_chain import KinematicChain
     from tracker_node.model.shapes.primitives import Ellipsoid
     from tracker_node.ros.executor import ros_process, spin
-    from tracker_node.ros.tracker_node import TrackerNode, TrackerOptions
+    from tracker_node.ros.tracker.node import TrackerNode, TrackerOptions
     from tracker_node.tracking.config import TrackerConfig
     from tracker_node.tracking.estimate import Status, Timings, TrackEstimate
 

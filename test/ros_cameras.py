@@ -13,9 +13,9 @@ from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.ros.conversions import image_message
-from tracker_node.ros.image_inbox import InboxOptions
 from tracker_node.ros.qos import images_published
-from tracker_node.ros.tracker_options import TrackerOptions
+from tracker_node.ros.tracker.image_inbox import InboxOptions
+from tracker_node.ros.tracker.options import TrackerOptions
 from tracker_node.tracking.tracker import Tracker
 
 N = 12

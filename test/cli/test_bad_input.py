@@ -19,7 +19,7 @@ from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.images.source import SourceOptions
 from tracker_node.loaders.motion.trajectory_file import read_states
 from tracker_node.loaders.rig.rig_yaml import load_rig
-from tracker_node.ros.ingest_cameras import chosen_cameras, open_cameras
+from tracker_node.ros.ingest.cameras import chosen_cameras, open_cameras
 
 N_IMAGES = 8
 CAMERAS = ("cam01", "cam02", "cam03")

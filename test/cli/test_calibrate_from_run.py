@@ -19,7 +19,7 @@ from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.shape_parameters import ShapeSpace
 from tracker_node.runs.data import load_run
 from tracker_node.runs.messages import image_message
-from tracker_node.studio.played_run import open_run
+from tracker_node.studio.playback.run import open_run
 from tracker_node.studio.session import StudioFiles, open_session
 from tracker_node.tracking.estimate import Status
 

@@ -14,7 +14,7 @@ from ros_processes import start
 from ros_samples import write_recording
 from tracker_msgs.msg import TrackedState
 
-from tracker_node.ros.tracker_node import TrackerNode
+from tracker_node.ros.tracker.node import TrackerNode
 
 __all__ = ["start"]  # a fixture too
 

@@ -10,8 +10,8 @@ from ros_samples import small_rig, some_estimate, tracked_arm
 pytest.importorskip("rclpy")
 
 from tracker_node.observation.image_set import ImageSet
-from tracker_node.ros import tracker_outputs
 from tracker_node.ros.conversions import transform_of_pose
+from tracker_node.ros.tracker import outputs as tracker_outputs
 from tracker_node.tracking.estimate import Status
 
 

@@ -10,9 +10,9 @@ from ros_samples import small_rig, some_state, tracked_arm
 
 from tracker_node.ros.conversions import camera_info_message
 from tracker_node.ros.diagnostics import ERROR, OK, WARN
-from tracker_node.ros.image_inbox import InboxOptions
-from tracker_node.ros.tracker_node import TrackerNode, TrackerOptions
-from tracker_node.ros.tracking_setup import UNCALIBRATED
+from tracker_node.ros.tracker.image_inbox import InboxOptions
+from tracker_node.ros.tracker.node import TrackerNode, TrackerOptions
+from tracker_node.ros.tracker.setup import UNCALIBRATED
 
 START = some_state(tracked_arm())
 
@@ -71,7 +71,7 @@ def test_without_a_state_the_neutral_one_is_first(make):
 def waiting(make, monkeypatch):
     """An active node that has heard of no lens, and a clock that is set by hand."""
     clock = SimpleNamespace(now_s=time.monotonic())
-    monkeypatch.setattr("tracker_node.ros.tracker_node.time", SimpleNamespace(monotonic=lambda: clock.now_s))
+    monkeypatch.setattr("tracker_node.ros.tracker.node.time", SimpleNamespace(monotonic=lambda: clock.now_s))
     node = make(calibration_from_topics=True)
     assert node.start()
     return node, clock

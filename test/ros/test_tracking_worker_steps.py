@@ -11,9 +11,9 @@ from ros_samples import moving_state, small_rig, some_state, tracked_arm
 from tracker_node.errors import TrackerError
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.ros.conversions import image_message
-from tracker_node.ros.image_inbox import ImageInbox, InboxOptions, Received
-from tracker_node.ros.tracking_setup import INACTIVE, PAUSED, UNCALIBRATED, TrackingSetup
-from tracker_node.ros.tracking_worker import TrackingWorker
+from tracker_node.ros.tracker.image_inbox import ImageInbox, InboxOptions, Received
+from tracker_node.ros.tracker.setup import INACTIVE, PAUSED, UNCALIBRATED, TrackingSetup
+from tracker_node.ros.tracker.worker import TrackingWorker
 from tracker_node.tracking.config import SynchronizerConfig, TrackerConfig
 from tracker_node.tracking.estimate import Status
 
@@ -112,7 +112,7 @@ def test_image_sets_without_lenses_are_counted_one_by_one(tmp_path):
 def test_a_failed_image_set_is_lost_where_the_body_was_and_says_how_long_it_took(bench):
     ticks = iter([5.0, 5.25])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tracker_node.ros.tracking_worker.time", SimpleNamespace(perf_counter=lambda: next(ticks), monotonic=float))
+        patch.setattr("tracker_node.ros.tracker.worker.time", SimpleNamespace(perf_counter=lambda: next(ticks), monotonic=float))
         bench.tracker.failing = {10}
         bench.step(10)
     ((estimate, image_set),) = bench.estimates

@@ -9,7 +9,7 @@ from small_clip import make_clip
 
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.yaml_file import validate
-from tracker_node.studio.pose_page import Drag, Loaded, Pose, PoseDesk, PoseInSet, Saved
+from tracker_node.studio.pose.page import Drag, Loaded, Pose, PoseDesk, PoseInSet, Saved
 from tracker_node.studio.session import StudioFiles, open_session
 
 N_DOF = 9

@@ -98,7 +98,7 @@ def cameras_of(rig, args: argparse.Namespace):
     """
     from ..errors import TrackerError
     from ..loaders.rig.capture_yaml import split_change
-    from ..ros.ingest_cameras import chosen_cameras
+    from ..ros.ingest.cameras import chosen_cameras
 
     sources = dict(args.source)
     if rig is None and not sources:
@@ -111,10 +111,10 @@ def cameras_of(rig, args: argparse.Namespace):
 def run(args: argparse.Namespace) -> int:
     from ..loaders.rig.rig_yaml import load_rig
     from ..loaders.source_address import sources_from_parent
-    from ..ros.camera_ingest_node import CameraIngestNode, IngestOptions, check_consumable
     from ..ros.executor import finished_bag, ros_process, spin
-    from ..ros.ingest_cameras import open_cameras
-    from ..ros.input_recorder import InputRecorder
+    from ..ros.ingest.cameras import open_cameras
+    from ..ros.ingest.input_recorder import InputRecorder
+    from ..ros.ingest.node import CameraIngestNode, IngestOptions, check_consumable
 
     args.source = args.source or sources_from_parent()
     rig = load_rig(args.rig) if args.rig else None

@@ -176,7 +176,7 @@ def _look_at_sources(rig, args: argparse.Namespace) -> tuple[list[str], int | No
     TrackerError : when not a single camera can be read, or one gives what cannot be tracked in this way.
     """
     from ..errors import TrackerError
-    from ..ros.ingest_cameras import open_cameras
+    from ..ros.ingest.cameras import open_cameras
 
     opened = open_cameras(cameras_of(rig, args), source_options(args))  # the ingest will tell the problems too
     if opened.live and not args.real_time:

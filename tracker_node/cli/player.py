@@ -29,8 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from ..loaders.bag.reader import BagReader
+    from ..ros.bag.player import PlayerNode, PlayerOptions
     from ..ros.executor import ros_process, spin
-    from ..ros.player_node import PlayerNode, PlayerOptions
 
     options = PlayerOptions(
         topics=_full_names(args.topics),

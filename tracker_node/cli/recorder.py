@@ -65,9 +65,9 @@ def _add_file_arguments(how) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from ..errors import TrackerError
+    from ..ros.bag.recorder import RecorderNode
     from ..ros.executor import finished_bag, ros_process, spin
-    from ..ros.heap import keep_freed_memory
-    from ..ros.recorder_node import RecorderNode
+    from ..ros.tracker.heap import keep_freed_memory
 
     selection = selection_of(args)
     keep_freed_memory()
@@ -135,7 +135,7 @@ def selection_of(args: argparse.Namespace):
     TrackerError : nothing is asked for, or a name or a regular expression is wrong.
     """
     from ..errors import TrackerError
-    from ..ros.recorder_node import TopicSelection, is_topic_name
+    from ..ros.bag.recorder import TopicSelection, is_topic_name
 
     patterns = [_compiled(text) for text in args.regex]
     patterns += [re.compile(rf"{re.escape('/' + name.strip('/'))}/.+") for name in args.namespace]

@@ -16,7 +16,7 @@ def run(args: argparse.Namespace) -> int:
     from ..errors import TrackerError
     from ..loaders.source_address import TOPIC_NAME
     from ..ros.executor import ros_process, spin
-    from ..ros.rectify_node import RectifyNode
+    from ..ros.ingest.rectify_node import RectifyNode
 
     for name in args.cameras:
         if not TOPIC_NAME.fullmatch(name):

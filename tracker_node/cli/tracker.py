@@ -68,17 +68,17 @@ def listeners(text: str) -> tuple[str, int]:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..ros.heap import kept_for_ever
+    from ..ros.tracker.heap import kept_for_ever
 
     with kept_for_ever():
         from ..loaders.model.model_yaml import load_model
         from ..loaders.model.state_yaml import load_state
         from ..loaders.rig.rig_yaml import load_rig
         from ..ros.executor import attach, ros_process, spin
-        from ..ros.image_inbox import InboxOptions
         from ..ros.lifecycle import FINALIZED, INACTIVE
-        from ..ros.tracker_node import TrackerNode
-        from ..ros.tracker_options import TrackerOptions
+        from ..ros.tracker.image_inbox import InboxOptions
+        from ..ros.tracker.node import TrackerNode
+        from ..ros.tracker.options import TrackerOptions
         from ..runs.config_file import load_config
         from ..tracking.config import TrackerConfig
 

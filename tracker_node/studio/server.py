@@ -57,7 +57,10 @@ def make_app(
 
 def all_pages() -> tuple[Page, ...]:
     """Of all modules that are pages."""
-    from . import digitizing_page, live_page, playback_page, pose_page
+    from .digitize import page as digitizing_page
+    from .live import page as live_page
+    from .playback import page as playback_page
+    from .pose import page as pose_page
 
     return (pose_page.routes, digitizing_page.routes, playback_page.routes, live_page.routes)
 

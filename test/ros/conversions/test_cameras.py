@@ -11,8 +11,8 @@ from sensor_msgs.msg import CameraInfo
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.errors import CalibrationError
-from tracker_node.ros.camera_diagnostics import compared_lenses
 from tracker_node.ros.conversions import camera_info_message, camera_model_of
+from tracker_node.ros.tracker.camera_diagnostics import compared_lenses
 
 K = np.array([[600.0, 0.5, 319.0], [0.0, 610.0, 241.0], [0.0, 0.0, 1.0]])
 LENSES = [

@@ -1,0 +1,70 @@
+"""Levels of the recorder's diagnostics, as somebody who records would set them."""
+
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS is not installed")
+
+from tracker_node.ros.bag.recorder_report import MB, RecorderState, TopicPace, topics_status
+from tracker_node.ros.diagnostics import ERROR, OK, WARN
+
+HEALTHY = {"messages": 100, "size": 50 * MB, "free_bytes": 10**12, "room_bytes": 10**12, "bytes_per_s": 10.0 * MB}
+
+
+@pytest.mark.parametrize(
+    ("differs", "level", "said"),
+    [
+        ({}, OK, "recording"),
+        ({"messages": 0, "bytes_per_s": 0.0}, OK, "waiting for messages"),
+        ({"paused": True}, OK, "paused"),
+        ({"problem": "stopped: No space left on device", "dropped": 3}, ERROR, "stopped: No space left on device"),
+        ({"dropped": 3, "dropping": True}, ERROR, "the disk is too slow: 3 messages dropped so far"),
+        ({"dropped": 3}, WARN, "3 messages are missing: the disk was too slow"),
+        ({"lost": 2}, WARN, "2 messages are missing: they did not arrive"),
+        ({"room_bytes": 300 * MB}, ERROR, "the disk is full in 30 s"),
+        ({"room_bytes": 3000 * MB}, WARN, "the disk is full in 5 min"),
+        ({"room_bytes": 30_000 * MB}, OK, "recording"),
+        ({"waiting": 0.75}, WARN, "the disk falls behind: 75 % of the queue is in use"),
+        ({"unsaved_s": 0.6}, OK, "recording"),
+        ({"unsaved_s": 5.0}, WARN, "the disk stands still: nothing written for 5 s"),
+        ({"refused": {"/x": "several types"}}, WARN, "not recorded: /x"),
+    ],
+)
+def test_levels(differs: dict, level: bytes, said: str) -> None:
+    assert RecorderState(**{**HEALTHY, **differs}).status() == (level, said)
+
+
+def test_figures() -> None:
+    values = RecorderState(**HEALTHY, files=3).values()
+    assert (values["written [MB/s]"], values["size [MB]"], values["files"]) == (10.0, 50.0, 3)
+    assert float(str(values["full in [s]"])) == pytest.approx(10**12 / (10 * MB), rel=1e-4)
+    assert RecorderState().values()["full in [s]"] == "inf"
+
+
+@pytest.mark.parametrize(
+    ("pace", "n_publishers", "level"),
+    [
+        (TopicPace(301, 0.0, 10.0), 1, OK),
+        (TopicPace(301, 0.0, 5.0), 1, WARN),
+        (TopicPace(301, 0.0, 5.0), 0, OK),  # whoever published has gone
+        (TopicPace(1, 0.0, 0.0), 1, OK),  # said once, like a robot description
+        (TopicPace(12, 0.0, 1.0), 1, OK),  # a few that were waiting
+        (TopicPace(40, 0.0, 50.0), 1, OK),  # rare messages
+        (TopicPace(0), 1, OK),
+        (TopicPace(301, 0.0, 5.0, on_occasion=True), 1, OK),  # parameter events
+        (TopicPace(60, 0.0, 2.0), 1, OK),  # what nodes say as they start
+    ],
+)
+def test_a_topic_that_falls_silent_is_named(pace: TopicPace, n_publishers: int, level: bytes) -> None:
+    found, said, values = topics_status({"/cam": pace}, {"/cam": 2}, {"/cam": n_publishers}, now_s=10.0)
+    assert found == level
+    assert ("/cam for 5 s" in said) == (level == WARN)
+    assert f"{pace.count} messages" in str(values["/cam"])
+    assert str(values["/cam"]).endswith("2 lost")
+
+
+def test_a_pause_is_no_silence() -> None:
+    pace = TopicPace(301, 0.0, 5.0)
+    pace.begin_again()
+    assert topics_status({"/cam": pace}, {}, {"/cam": 1}, now_s=10.0) == (OK, "1 topics", {"/cam": "301 messages, 0.0 Hz"})
+    pace.add()
+    assert (pace.count, pace.before, pace.rate_hz) == (1, 301, 0.0)

@@ -1,0 +1,31 @@
+"""What /diagnostics says of a tracker does not flip from second to second, and is short."""
+
+from itertools import pairwise
+
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS is not installed")
+
+from tracker_node.ros.tracker.diagnostics import LeftOut, untold_in_short
+
+
+@pytest.mark.parametrize("pattern", [[2, 0], [1, 0, 0], [3, 3, 0], [0, 0, 0, 6]])
+def test_image_sets_left_out_now_and_then_are_said_or_not_but_not_by_turns(pattern):
+    judge = LeftOut()
+    said = [judge.too_many(30 - n, n) for n in pattern * 20]
+    assert sum(one != other for one, other in pairwise(said)) <= 1
+
+
+def test_too_slow_is_said_at_once_and_taken_back_when_it_keeps_up():
+    judge = LeftOut()
+    assert not judge.too_many(30, 0) and judge.too_many(20, 10)
+    later = [judge.too_many(30, 0) for _ in range(12)]
+    assert later[0] and not later[-1] and sum(a != b for a, b in pairwise(later)) == 1
+
+
+def test_directions_that_images_do_not_tell_are_told_in_short():
+    names = [f"left_elbow_pronation_{i} -0.80 left_shoulder_internal_rotation" for i in range(20)]
+    said = untold_in_short(names)
+    assert len(said) < 200 and "20 directions" in said and "left_elbow_pronation_0" in said and "16 more" in said
+    assert len(untold_in_short([*names, "root rotation about (0.00, 0.71, 0.71)"])) < 100
+    assert untold_in_short([]) == "the images tell every degree of freedom"

@@ -1,0 +1,60 @@
+"""Which cameras a tracker is made for, with which lenses, and by whom."""
+
+from dataclasses import replace
+
+import pytest
+from held_tracker import HeldTracker
+from ros_samples import small_rig, some_state, tracked_arm
+
+from tracker_node.ros.tracker.options import TrackerMaker, TrackerOptions
+from tracker_node.tracking.config import TrackerConfig
+
+MODEL = tracked_arm()
+
+
+@pytest.fixture
+def rig(tmp_path):
+    rig = small_rig(tmp_path)
+    return replace(rig, cameras=tuple(replace(camera, plate=None) for camera in rig))
+
+
+def test_by_default_lenses_are_those_of_the_rig_and_it_starts_by_itself(rig):
+    options = TrackerOptions(rig, MODEL)
+    assert options.autostart and not options.calibration_from_topics and options.config == TrackerConfig()
+    assert options.initial_state is None and options.occluders is None and options.make_tracker is None
+
+
+def test_only_the_cameras_in_use_are_in_the_rig(rig):
+    found = TrackerMaker(TrackerOptions(rig, MODEL)).rig(("cam1", "cam3"))
+    assert found.names == ("cam1", "cam3") and found["cam1"].model is rig["cam1"].model
+
+
+def test_without_the_lens_of_one_camera_in_use_there_is_no_rig(rig):
+    maker, lens = TrackerMaker(TrackerOptions(rig, MODEL)), rig["cam1"].model
+    other = replace(lens, K=2.0 * lens.K)
+    assert maker.rig(("cam1", "cam2"), {"cam1": other}) is None and maker.rig(("cam1",), {}) is None
+    found = maker.rig(("cam1", "cam2"), {"cam1": other, "cam2": lens})
+    assert found["cam1"].model is other and found["cam2"].model is lens
+    assert (found["cam2"].T_world_cam == rig["cam2"].T_world_cam).all()
+
+
+def test_another_maker_is_given_everything_in_its_order(rig):
+    given, tracker, state, config = [], HeldTracker(), some_state(MODEL), TrackerConfig()
+    options = TrackerOptions(rig, MODEL, initial_state=state, make_tracker=lambda *args: given.append(args) or tracker)
+    maker = TrackerMaker(options)
+    maker.prepare(rig.names, config, writeable=True)  # nothing of ours is run
+    maker.check(("nobody",), config)
+    assert given == [] and maker.tracker(rig, config) is tracker
+    assert given == [(rig, MODEL, config, state)]
+
+
+def test_code_is_made_ready_once_for_each_configuration_and_kind_of_image(rig, monkeypatch):
+    warmed, config = [], TrackerConfig()
+    monkeypatch.setattr("tracker_node.ros.tracker.options.warm_up", lambda *args, **options: warmed.append((args, options)))
+    state = some_state(MODEL)
+    maker = TrackerMaker(TrackerOptions(rig, MODEL, initial_state=state))
+    for writeable in (True, True, False, False):
+        maker.prepare(("cam2",), config, writeable)
+    assert [options["writeable"] for _, options in warmed] == [True, False]
+    cameras, model, used, start, occluders = warmed[0][0]
+    assert cameras.names == ("cam2",) and (model, used, start, occluders) == (MODEL, config, state, None)

@@ -1,0 +1,70 @@
+"""Parameters are the fields of the configuration, no more and no less."""
+
+from dataclasses import replace
+
+import pytest
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from tracker_node.errors import FileFormatError, UnknownNameError
+from tracker_node.ros.tracker.parameters import ConfigParameters
+from tracker_node.tracking.config import TrackerConfig, describe, flatten
+
+
+@pytest.fixture
+def make(ros):
+    nodes = []
+
+    def build(overrides=None, defaults=None, on_change=lambda config: None):
+        parameters = [Parameter(name, value=value) for name, value in (overrides or {}).items()]
+        nodes.append(Node("tracker", parameter_overrides=parameters))
+        return nodes[-1], ConfigParameters(nodes[-1], defaults, on_change)
+
+    yield build
+    for node in nodes:
+        node.destroy_node()
+
+
+def test_every_field_is_a_parameter_with_its_description(make):
+    node, parameters = make()
+    assert parameters.config == TrackerConfig()
+    for name, value in flatten(TrackerConfig()).items():
+        assert node.get_parameter(name).value == value
+        descriptor = node.describe_parameter(name)
+        assert descriptor.description.startswith(describe()[name]["doc"])
+
+
+def test_overrides_win_over_a_file_and_a_file_over_the_built_in(make):
+    defaults = replace(TrackerConfig(), threads=1)
+    _, parameters = make({"optimizer.max_iterations": 9, "optimizer.robust_scale_px": 7}, defaults)  # 7 means 7.0
+    assert parameters.config.threads == 1
+    assert parameters.config.optimizer.max_iterations == 9
+    assert parameters.config.optimizer.robust_scale_px == 7.0
+    assert parameters.config.evidence == TrackerConfig().evidence
+
+
+def test_unknown_override_is_refused_with_the_valid_ones(make):
+    with pytest.raises(UnknownNameError, match=r"max_iteration'.*optimizer\.max_iterations"):
+        make({"optimizer.max_iteration": 9})
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("optimizer.max_iterations", 0), ("optimizer.max_iterations", 2.5), ("evidence.silhouette", "nonsense"), ("threads", "two")],
+)
+def test_bad_override_is_named(make, name, value):
+    with pytest.raises(FileFormatError, match=name):
+        make({name: value})
+
+
+def test_a_change_arrives_as_a_whole_or_not_at_all(make):
+    changes = []
+    node, parameters = make(on_change=changes.append)
+    good = [Parameter("optimizer.max_iterations", value=3), Parameter("threads", value=1)]
+    assert node.set_parameters_atomically(good).successful
+    assert (changes[-1].optimizer.max_iterations, changes[-1].threads) == (3, 1)
+    bad = [Parameter("optimizer.max_iterations", value=4), Parameter("evidence.silhouette", value="nonsense")]
+    result = node.set_parameters_atomically(bad)
+    assert not result.successful and "silhouette" in result.reason
+    assert len(changes) == 1 and parameters.config.optimizer.max_iterations == 3
+    assert node.set_parameters([Parameter("use_sim_time", value=True)])[0].successful and len(changes) == 1

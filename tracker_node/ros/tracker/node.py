@@ -1,0 +1,296 @@
+"""The tracker as a ROS node: converts, makes one call into the core, publishes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
+from rclpy.duration import Duration
+from rclpy.parameter import Parameter
+
+from ...camera.model import CameraModel
+from ...errors import TrackerError
+from ...model.configuration import State
+from ...observation.image_set import ImageSet
+from ...tracking.config import TrackerConfig
+from ...tracking.estimate import TrackEstimate
+from ..conversions import camera_model_of
+from ..diagnostics import ERROR, OK, WARN, Diagnostics
+from ..ending import hurried
+from ..lifecycle import ACTIVE, ManagedNode
+from ..parameter_overrides import refuse_unknown_qos, unknown_parameters
+from ..qos_mismatch import QosMismatches
+from .builder import SetupBuilder
+from .camera_diagnostics import CameraDiagnostics
+from .diagnostics import TrackerDiagnostics
+from .heap import keep_for_ever
+from .image_inbox import ImageInbox, InboxOptions
+from .options import TrackerMaker, TrackerOptions
+from .outputs import TrackerOutputs
+from .parameters import ConfigParameters, FixedParameter
+from .services import TrackerServices
+from .setup import UNCALIBRATED, TrackingSetup
+from .worker import TrackingWorker
+
+__all__ = ["TrackerNode", "TrackerOptions"]
+_CALIBRATIONS_S = 30.0  # for cameras that are started after the tracker to say what their lenses are
+
+_FINISH_S = 300.0  # who has asked for it has less patience
+PARAMETERS = "parameters"  # the part of /diagnostics that says whether they are in effect
+_PATIENCE_S = 5.0  # until lenses that no tracker can be made for are tried again
+
+
+class TrackerNode(ManagedNode):
+    """Subscribes to the rig's cameras and publishes where the body is.
+
+    Parameters, services and /diagnostics are there from the beginning, the topics once the node is configured.
+
+    Raises
+    ------
+    TrackerError : parameters that are unknown or out of range; pictures of the empty scene that cannot be used.
+    """
+
+    def __init__(self, options: TrackerOptions):
+        super().__init__("tracker")
+        self._options, self._maker = options, TrackerMaker(options)
+        self._diagnostics = Diagnostics(self, options.model.name)
+        self._mismatches = QosMismatches(self, self._diagnostics)
+        self._parameters_of_node = ConfigParameters(
+            self,
+            options.config,
+            self._on_change,
+            cameras=options.rig.names,
+            fixed=_fixed_parameters(options),
+            check=self._check_change,
+        )
+        fixed = self._parameters_of_node.fixed
+        self._lossless, self._from_topics = bool(fixed["lossless"]), fixed["calibration"] == "camera_info"
+        self._worker: TrackingWorker | None = None
+        self._outputs: TrackerOutputs | None = None
+        self._changes = 0  # of parameters, or lenses, that have come into effect
+        self._builder = SetupBuilder(self.get_logger().error)
+        self._again_s = 0.0  # steady time from which on a tracker that could not be made is tried again
+        self._services_of_node = TrackerServices(
+            self, options, lambda: self._worker, lambda: self._parameters_of_node.config.start.enabled
+        )
+        threshold = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=False)
+        self._jump = self.get_clock().create_jump_callback(threshold, post_callback=self._on_jump)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._began_s = time.monotonic()
+        self._timers_of_node = [
+            self.create_timer(1.0, self.report, clock=steady),
+            self.create_timer(0.05, self._take_setup, clock=steady),
+        ]
+        self.changed()
+
+    # Life cycle
+
+    def start(self) -> bool:
+        """Configure and activate; whether both went well."""
+        return self.configure() and self.activate()
+
+    def set_up(self) -> None:
+        """Everything that takes time: compiled code, the tracker, the topics."""
+        options, cameras = self._options, self._parameters_of_node.cameras
+        fixed = self._parameters_of_node.fixed
+        self._lenses: dict[str, CameraModel] | None = {} if self._from_topics else None
+        self._outputs = TrackerOutputs(self, options.rig, options.model, self._mismatches, str(fixed["frame_prefix"]))
+        inbox = InboxOptions(self._lossless, bool(fixed["compressed"]), options.inbox.capacity, options.inbox.most_bytes)
+        self._inbox = ImageInbox(self, options.rig.names, inbox, self._mismatches)
+        config = self._parameters_of_node.config
+        self._maker.prepare(cameras, config, writeable=inbox.compressed)
+        self._maker.check(cameras, config)  # loads what a change of parameters needs
+        keep_for_ever()
+        self._setup_in_use = self._setup(config, cameras, self._lenses)
+        self._worker = TrackingWorker(
+            self._inbox,
+            self._setup_in_use,
+            self._on_estimate,
+            initial_state=options.initial_state or State.neutral(options.model),
+            lossless=self._lossless,
+            on_error=self.get_logger().error,
+        )
+        self._told = TrackerDiagnostics(self._diagnostics, options.model)
+        self._cameras_told = CameraDiagnostics(self._diagnostics, options.rig, self._inbox, self._from_topics)
+
+    def begin(self) -> None:
+        """Listen and track."""
+        assert self._worker is not None
+        self._builder.wait()
+        self._use_new_setup()
+        self._inbox.subscribe(self._parameters_of_node.cameras)
+        refuse_unknown_qos(self)
+        self._cameras_told.restart()
+        self._listening_since_s = time.monotonic()
+        if self._from_topics and self._setup_in_use.rig is not None:
+            self._diagnostics.report("calibration", OK, "complete")  # it is kept while inactive
+        self._worker.start()
+
+    def pause(self) -> None:
+        """Neither listen nor track; what is known is kept."""
+        if self._worker is not None:
+            self._worker.stop(finish=False)
+            self._inbox.subscribe(())
+
+    def tear_down(self) -> None:
+        """Forget everything."""
+        self._builder.forget()
+        if self._worker is not None:
+            self._inbox.subscribe(())
+        if self._outputs is not None:
+            self._outputs.close()
+        self._worker = self._outputs = None
+
+    def changed(self) -> None:
+        """Say so on /diagnostics."""
+        if self.state != ACTIVE:
+            self._diagnostics.rest(self.state)
+        level, said = (ERROR, self.failure) if self.failure else (OK, self.state)
+        self._diagnostics.report("lifecycle", level, said, {"state": self.state}, logged=False)  # it is in the log already
+
+    def close(self) -> None:
+        """End; what has been said is delivered first. With time, a lossless tracker also tracks what has come in."""
+        if self._worker is not None and self.state == ACTIVE:
+            self._worker.stop(finish=not hurried(), timeout_s=_FINISH_S)
+        if self._outputs is not None:
+            self._outputs.wait_until_delivered()
+        self.report()
+
+    @property
+    def autostart(self) -> bool:
+        """Whether the node is to configure and activate itself."""
+        return bool(self._parameters_of_node.fixed["autostart"])
+
+    def has_subscribers(self, wanted: Mapping[str, int]) -> bool:
+        """Whether outputs (state, pose, joint_states, mask, overlay, target_through_mask) have at least so many subscribers."""
+        outputs = self._outputs
+        return outputs is not None and all(outputs.subscriber_count(topic) >= count for topic, count in wanted.items())
+
+    @property
+    def fatal(self) -> Exception | None:
+        """Why the tracking thread has ended by itself."""
+        return None if self._worker is None else self._worker.fatal
+
+    def counters(self) -> dict[str, dict[str, int]]:
+        """Per camera, what became of its images."""
+        return {} if self._worker is None else self._worker.formation.counters
+
+    @property
+    def superseded(self) -> int:
+        """Image sets that were not tracked since a newer one was there."""
+        return 0 if self._worker is None else self._worker.counts.superseded
+
+    # Parameters and calibration
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """As rclpy has it, but unknown parameters are named."""
+        return unknown_parameters(self, parameter_list) or super().set_parameters_atomically(parameter_list)
+
+    def _setup(self, config: TrackerConfig, cameras: tuple[str, ...], lenses: Mapping[str, CameraModel] | None) -> TrackingSetup:
+        self._maker.prepare(cameras, config, writeable=bool(self._parameters_of_node.fixed["compressed"]))
+        rig = self._maker.rig(cameras, lenses)
+        return TrackingSetup(config, cameras, rig, None if rig is None else self._maker.tracker(rig, config))
+
+    def _check_change(self, config: TrackerConfig, cameras: tuple[str, ...]) -> None:
+        """What does not suit the body is refused before the parameters are accepted."""
+        if self._worker is not None:
+            self._maker.check(cameras, config)
+
+    def _on_change(self, config: TrackerConfig) -> None:
+        if self._worker is not None:
+            self._ask_for_setup()
+            self._diagnostics.report(PARAMETERS, OK, "a change is being prepared")
+
+    def _ask_for_setup(self) -> None:
+        """For the parameters and lenses of now; what is tracked with stays the same until it is made."""
+        parameters, lenses = self._parameters_of_node, self._lenses
+        config, cameras = parameters.config, parameters.cameras
+        self._builder.ask(lambda: self._setup(config, cameras, lenses))
+
+    def _take_setup(self) -> None:
+        if self._worker is None:
+            return
+        self._use_new_setup()
+        self._take_calibrations()
+
+    def _use_new_setup(self) -> None:
+        """A tracker that has been made takes the place of the old one, with the next image set."""
+        assert self._worker is not None
+        try:
+            setup = self._builder.taken()
+        except TrackerError as error:
+            self._again_s = time.monotonic() + _PATIENCE_S
+            said = f"those set last cannot be used, the tracker goes on with those before: {error}"
+            self._diagnostics.report(PARAMETERS, ERROR, said)
+            return
+        if setup is None:
+            return
+        if self.state == ACTIVE:
+            self._inbox.subscribe(setup.cameras)
+        self._worker.use(setup)
+        self._setup_in_use = setup
+        self._changes += 1
+        self._diagnostics.report(PARAMETERS, OK, "in effect", {"changes": self._changes})
+        if self._from_topics and setup.rig is not None:
+            self._diagnostics.report("calibration", OK, "complete")
+
+    def _take_calibrations(self) -> None:
+        """When all cameras in use have said what their lenses are, tracking begins."""
+        assert self._worker is not None
+        waits = self._builder.busy or time.monotonic() < self._again_s
+        if self.state != ACTIVE or not self._from_topics or self._setup_in_use.rig is not None or waits:
+            return
+        cameras = self._parameters_of_node.cameras
+        try:
+            self._lenses = {name: camera_model_of(name, info) for name, info in dict(self._inbox.infos).items()}
+        except TrackerError as error:
+            self._diagnostics.report("calibration", ERROR, str(error))
+            return
+        lacking = [name for name in cameras if name not in self._lenses]
+        if not lacking:
+            self._ask_for_setup()
+        else:
+            waited_s = time.monotonic() - self._listening_since_s
+            said = f"waiting for camera_info of {', '.join(lacking)}"
+            level = WARN if waited_s > _CALIBRATIONS_S else OK
+            lost = self._worker.counts.idle[UNCALIBRATED].total() if self._lossless else 0
+            if lost:
+                level, said = ERROR, f"{said}; {lost} images are lost meanwhile, for want of room"
+            self._diagnostics.report("calibration", level, said)
+
+    # What happens
+
+    def _on_estimate(self, estimate: TrackEstimate, image_set: ImageSet) -> None:
+        assert self._worker is not None and self._worker.rig is not None and self._outputs is not None
+        self._outputs.publish(estimate, image_set, self._worker.rig)
+        if self._worker.counts.tracked == 1:
+            self.get_logger().info(f"first image set tracked {time.monotonic() - self._began_s:.2f} s after the start")
+        self._told.estimated(estimate, image_set, self._worker.counts, self.get_clock().now().nanoseconds)
+        self._cameras_told.contradicted(estimate.faults)
+
+    def _on_jump(self, jump: TimeJump) -> None:
+        """Only said: the tracker begins again when stamps go back, at the same image set however the clock's messages come."""
+        self.get_logger().warning(f"time went back by {-jump.delta.nanoseconds * 1e-9:.3f} s")
+        if self._worker is not None:
+            self._told.clock_jumped()
+
+    def report(self) -> None:
+        """Once a second: rates, and each camera."""
+        self._mismatches.recheck(again=self.state == ACTIVE)
+        if self._worker is not None and self.state == ACTIVE:
+            self._told.report(self._worker)
+            self._cameras_told.report(self._worker, self._parameters_of_node.cameras)
+
+
+def _fixed_parameters(options: TrackerOptions) -> dict[str, FixedParameter]:
+    """What is given at the start, by options or by parameters, which win."""
+    calibration = "camera_info" if options.calibration_from_topics else "rig"
+    return {
+        "autostart": FixedParameter(options.autostart, "configure and activate without being asked"),
+        "lossless": FixedParameter(options.inbox.lossless, "track every image set in order, however long it takes"),
+        "compressed": FixedParameter(options.inbox.compressed, "subscribe to <cam>/image_raw/compressed"),
+        "calibration": FixedParameter(calibration, "where the lenses are taken from", ("rig", "camera_info")),
+        "frame_prefix": FixedParameter("", "before the name of the root link on /tf, as robot_state_publisher has it"),
+    }

@@ -1,0 +1,109 @@
+"""What a tracker node is made of, and the making of the tracker itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+from ...camera.model import CameraModel
+from ...camera.rig import CameraRig
+from ...loaders.images.background_file import load_plates, resized_plates
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import State
+from ...tracking.config import TrackerConfig
+from ...tracking.tracker import Tracker
+from ...tracking.warm_up import SmallTrackers, warm_up
+from .image_inbox import InboxOptions
+from .setup import Steppable
+
+
+@dataclass(frozen=True, eq=False)
+class TrackerOptions:
+    """What a tracker node is made of.
+
+    Parameters
+    ----------
+    rig, model, config, initial_state, occluders : as for `tracking.tracker.Tracker`; parameters given to the node win over
+        ``config``.
+    inbox : how images are received; ``inbox.lossless`` also makes every image set be tracked, in order.
+    calibration_from_topics : lenses come from ``<cam>/camera_info`` instead of the rig, which gives the places only.
+    autostart : configure and activate without being asked.
+    make_tracker : what tracks; by default the `Tracker`.
+    """
+
+    rig: CameraRig
+    model: ArticulatedModel
+    config: TrackerConfig = field(default_factory=TrackerConfig)
+    initial_state: State | None = None
+    occluders: ArticulatedModel | None = None
+    inbox: InboxOptions = field(default_factory=InboxOptions)
+    calibration_from_topics: bool = False
+    autostart: bool = True
+    make_tracker: Callable[[CameraRig, ArticulatedModel, TrackerConfig, State | None], Steppable] | None = None
+
+
+class TrackerMaker:
+    """Makes trackers for the cameras in use.
+
+    Raises
+    ------
+    SourceError, CalibrationError : pictures of the empty scene that are missing, unreadable or of another size.
+    """
+
+    def __init__(self, options: TrackerOptions):
+        self._options = options
+        self._plates = load_plates(options.rig)
+        self._small: SmallTrackers | None = None
+        self._prepared: tuple[TrackerConfig, bool] | None = None
+
+    def rig(self, cameras: tuple[str, ...], lenses: Mapping[str, CameraModel] | None = None) -> CameraRig | None:
+        """The cameras in use, in the order of the rig, with other lenses if given; None where one of them is not known."""
+        rig = self._options.rig.subset(cameras)
+        if lenses is None:
+            return rig
+        if any(name not in lenses for name in cameras):
+            return None
+        return replace(rig, cameras=tuple(replace(camera, model=lenses[camera.name]) for camera in rig))
+
+    def prepare(self, cameras: tuple[str, ...], config: TrackerConfig, writeable: bool) -> None:
+        """Have the code in memory that such a tracker runs, so that it does not stop to compile in the middle of a run.
+
+        ``writeable``: whether its images will be.
+
+        Raises
+        ------
+        TrackerError : the configuration does not suit the body.
+        """
+        options = self._options
+        if options.make_tracker is not None or self._prepared == (config, writeable):
+            return
+        rig = options.rig.subset(cameras)
+        warm_up(rig, options.model, config, options.initial_state, options.occluders, writeable=writeable)
+        self._prepared = (config, writeable)
+
+    def tracker(self, rig: CameraRig, config: TrackerConfig) -> Steppable:
+        """A tracker that knows nothing yet but the initial state.
+
+        Raises
+        ------
+        TrackerError : the configuration does not suit the body.
+        """
+        options = self._options
+        if options.make_tracker is not None:
+            return options.make_tracker(rig, options.model, config, options.initial_state)
+        plates = resized_plates({name: plate for name, plate in self._plates.items() if name in rig.names}, rig)
+        return Tracker(rig, options.model, config, plates, options.initial_state, options.occluders)
+
+    def check(self, cameras: tuple[str, ...], config: TrackerConfig) -> None:
+        """Whether such a tracker can be made, in some 20 ms.
+
+        Raises
+        ------
+        TrackerError : the configuration does not suit the body.
+        """
+        options = self._options
+        if options.make_tracker is not None:
+            return
+        if self._small is None:
+            self._small = SmallTrackers(options.rig, options.model, tuple(self._plates))
+        self._small.check(cameras, config)

@@ -1,0 +1,102 @@
+"""What a running tracker can be asked: where the body is, to begin anew, to look for it, to pause."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from rclpy.node import Node
+from std_srvs.srv import SetBool, Trigger
+from tracker_msgs.srv import SetState
+
+from ...errors import TrackerError, shown
+from ...model.configuration import State, refuse_implausible
+from ..conversions import state_of_pose, values_with_changes
+from ..qos import RESULT
+from .options import TrackerOptions
+from .worker import TrackingWorker
+
+
+class TrackerServices:
+    """Services and the subscription to ``initialpose``; each request takes effect with the next image set.
+
+    Parameters
+    ----------
+    worker : what tracks, or None while the node is not configured: requests are refused then.
+    looks_for_body : whether a body is looked for at all (the parameter ``start.enabled``).
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        options: TrackerOptions,
+        worker: Callable[[], TrackingWorker | None],
+        looks_for_body: Callable[[], bool],
+    ):
+        self._node, self._options, self._worker, self._looks_for_body = node, options, worker, looks_for_body
+        self._services = [
+            node.create_service(Trigger, "~/reset", self._guarded(self._on_reset)),
+            node.create_service(Trigger, "~/reinitialize", self._guarded(self._on_reinitialize)),
+            node.create_service(SetBool, "~/enable", self._guarded(self._on_enable)),
+            node.create_service(SetState, "~/set_state", self._guarded(self._on_set_state)),
+        ]
+        self._subscription = node.create_subscription(PoseWithCovarianceStamped, "initialpose", self._on_initial_pose, RESULT)
+
+    def _guarded(self, answer: Callable):
+        """A service's callback: ``answer(worker, request)`` says what is to be told, or raises a `TrackerError`."""
+
+        def callback(request, response):
+            try:
+                response.message = answer(self._configured(), request)
+                response.success = True
+            except TrackerError as error:
+                response.success, response.message = False, str(error)
+            return response
+
+        return callback
+
+    def _configured(self) -> TrackingWorker:
+        worker = self._worker()
+        if worker is None:
+            raise TrackerError("the node is not configured: configure it first")
+        return worker
+
+    def _on_reset(self, worker: TrackingWorker, _request: Trigger.Request) -> str:
+        worker.reset()
+        return ""
+
+    def _on_reinitialize(self, worker: TrackingWorker, _request: Trigger.Request) -> str:
+        if not self._looks_for_body():
+            raise TrackerError("the body is not looked for: the parameter start.enabled is false")
+        worker.look_anew()
+        return ""
+
+    def _on_enable(self, worker: TrackingWorker, request: SetBool.Request) -> str:
+        worker.pause(not request.data)
+        return "tracking" if request.data else "paused: images are counted and not used"
+
+    def _values_now(self, worker: TrackingWorker):
+        state = worker.start_state or self._options.initial_state
+        return (state or State.neutral(self._options.model)).to_values()
+
+    def _on_set_state(self, worker: TrackingWorker, request: SetState.Request) -> str:
+        model = self._options.model
+        values = values_with_changes(model, self._values_now(worker), request.dof_names, request.values)
+        refuse_implausible(model, values)
+        state = State.from_values(values)
+        worker.set_state(state)
+        beyond = model.chain.beyond_limits(state.joint_positions)
+        return f"put at the limit: {'; '.join(beyond)}" if beyond else ""
+
+    def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
+        frame, world = message.header.frame_id, self._options.rig.world_frame
+        try:
+            if frame not in ("", world):
+                raise TrackerError(f"expected frame '{world}', got {shown(frame)}")
+            worker = self._configured()
+            joints = State.from_values(self._values_now(worker)).joint_positions
+            state = state_of_pose(message.pose.pose, joints)
+            refuse_implausible(self._options.model, state.to_values())
+            worker.set_state(state)
+        except TrackerError as error:
+            self._node.get_logger().error(f"initialpose: {error}")

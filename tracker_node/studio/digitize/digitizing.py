@@ -1,0 +1,170 @@
+"""What comes of clicks: points in space, how well they were digitized, cameras from control points, trajectories."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...calibration.points.control_checks import check_control_points
+from ...calibration.points.dlt import MIN_POINTS, calibrate
+from ...calibration.points.dlt_stages import object_errors_m
+from ...calibration.points.reconstruction import ReconstructedPoint, reconstruct_point, repeatability
+from ...camera.rig import CameraRig
+from ...errors import CalibrationError
+from ...loaders.motion.trajectory_file import JointTrajectory, write_joints
+from ...loaders.motion.trc import MarkerTrajectories, dump_trc
+from ...loaders.rig.control_points import ControlPoints
+from .click_store import Clicked, ClickStore
+
+JOINTS_FILE, TRC_FILE = "joints.csv", "joints.trc"
+
+
+@dataclass(frozen=True)
+class Method:
+    """How points are reconstructed: see `calibration.points.reconstruction`."""
+
+    name: str = "lens"
+    sigma_px: float = 1.0
+
+
+def reconstruct(rig: CameraRig, clicked: Clicked, method: Method) -> dict[str, tuple[tuple[str, ...], ReconstructedPoint]]:
+    """Point -> the cameras that show it and its place, of those that two cameras or more show.
+
+    Raises
+    ------
+    CalibrationError : the method does not suit a camera.
+    """
+    found = {}
+    for point in dict.fromkeys(point for points in clicked.values() for point in points):
+        names = tuple(camera.name for camera in rig if point in clicked.get(camera.name, {}))
+        pixels = np.array([clicked[name][point] for name in names])
+        result = reconstruct_point([rig[name] for name in names], pixels, method.sigma_px, method.name)
+        if result is not None:
+            found[point] = names, result
+    return found
+
+
+@dataclass(frozen=True)
+class Repeatability:
+    """Standard deviations of one digitization, from images that were digitized more than once; not a number where there are none.
+
+    Attributes
+    ----------
+    pixels, freedom : along u and v, and degrees of freedom.
+    metres, freedom_3d : of the reconstructed points along the world's axes.
+    """
+
+    pixels: float
+    freedom: int
+    metres: float
+    freedom_3d: int
+
+
+def repeatability_of(rig: CameraRig, store: ClickStore, passes: tuple[str, ...], method: Method) -> Repeatability:
+    """How well whoever has clicked would do so again."""
+    pixels: list[np.ndarray] = []
+    places: list[np.ndarray] = []
+    for stamp_ns in store.stamps_ns():
+        pixels += [p for points in store.repeated(stamp_ns).values() for p in points.values()]
+        by_point: dict[str, list[np.ndarray]] = {}
+        for name in passes:
+            for point, (_, found) in reconstruct(rig, store.clicked(name, stamp_ns), method).items():
+                by_point.setdefault(point, []).append(found.position_m)
+        places += [np.array(positions) for positions in by_point.values()]
+    return Repeatability(*repeatability(pixels), *repeatability(places))
+
+
+@dataclass(frozen=True, eq=False)
+class ControlVerdict:
+    """What a camera's control points say: ``residuals_px`` (n, 2) of the camera that fits them best, or the ``problem``."""
+
+    seen: ControlPoints
+    residuals_px: np.ndarray | None
+    problem: str = ""
+
+
+def judge_control(
+    rig: CameraRig, seen: Mapping[str, ControlPoints], constraint: str
+) -> tuple[dict[str, ControlVerdict], np.ndarray]:
+    """Each camera's verdict, and distances (k,) in metres between known places and where these cameras reconstruct them."""
+    verdicts, cameras = {}, []
+    for name, points in seen.items():
+        model = rig[name].model
+        try:
+            if len(points.names) < MIN_POINTS:
+                raise CalibrationError(name, f"expected {MIN_POINTS} points or more, got {len(points.names)}")
+            check_control_points(name, points, (model.width, model.height))
+            found = calibrate(name, points.points, points.pixels, (model.width, model.height), constraint)
+            verdicts[name] = ControlVerdict(points, found.residuals_px)
+            cameras.append(found.camera)
+        except CalibrationError as error:
+            verdicts[name] = ControlVerdict(points, None, error.problem)
+    try:
+        return verdicts, _object_errors(cameras, seen) if len(cameras) > 1 else np.zeros(0)
+    except CalibrationError:  # cameras beside which the world's origin lies have no parameters
+        return verdicts, np.zeros(0)
+
+
+def _object_errors(cameras: list, seen: Mapping[str, ControlPoints]) -> np.ndarray:
+    used = [seen[camera.name] for camera in cameras]
+    places = {name: place for points in used for name, place in zip(points.names, points.points, strict=True)}
+    row = {name: i for i, name in enumerate(places)}
+    pixels, weights = np.zeros((len(row), len(used), 2)), np.zeros((len(row), len(used)))
+    for c, points in enumerate(used):
+        rows = [row[name] for name in points.names]
+        pixels[rows, c], weights[rows, c] = points.pixels, 1.0
+    return object_errors_m(cameras, np.array(list(places.values())), pixels, weights)
+
+
+def trajectories(rig: CameraRig, store: ClickStore, method: Method) -> JointTrajectory:
+    """Every point at every instant, from the mean of the passes; not valid where fewer than two cameras show it."""
+    stamps = store.stamps_ns()
+    found = [reconstruct(rig, store.mean_clicks(stamp_ns), method) for stamp_ns in stamps]
+    names = tuple(dict.fromkeys(name for of_instant in found for name in of_instant))
+    positions, valid = np.zeros((len(stamps), len(names), 3)), np.zeros((len(stamps), len(names)), dtype=bool)
+    for i, of_instant in enumerate(found):
+        for name, (_, point) in of_instant.items():
+            positions[i, names.index(name)], valid[i, names.index(name)] = point.position_m, True
+    return JointTrajectory(names, np.array(stamps, dtype=np.int64), positions, valid)
+
+
+def save_trajectories(rig: CameraRig, store: ClickStore, method: Method) -> list[Path]:
+    """Write ``joints.csv`` and ``joints.trc`` (y up) into the folder of the clicks; the files written, none without points.
+
+    A TRC file has one rate, that of the digitized instants; those that were left out among them are rows without places.
+
+    Raises
+    ------
+    FileFormatError : a file of that name that is not ours to replace.
+    """
+    found = trajectories(rig, store, method)
+    if not found.names:
+        return []
+    seen = found.valid.any(axis=1)
+    found = JointTrajectory(found.names, found.stamps_ns[seen], found.positions_m[seen], found.valid[seen])
+    even, step_ns = _evenly(found)
+    markers = MarkerTrajectories(even.names, 1e-9 * even.stamps_ns, even.positions_m, 1e9 / step_ns, even.valid)
+    for name in (JOINTS_FILE, TRC_FILE):  # neither, if one of them is refused
+        store.folder.check(name)
+    return [
+        store.folder.write(JOINTS_FILE, lambda path: write_joints(path, found)),
+        store.folder.write(TRC_FILE, lambda path: dump_trc(markers, path)),
+    ]
+
+
+def _evenly(found: JointTrajectory) -> tuple[JointTrajectory, float]:
+    """With rows that are not valid where instants were left out, and the median step in nanoseconds; 1 s of one instant."""
+    steps = np.diff(found.stamps_ns)
+    if not len(steps):
+        return found, 1e9
+    step_ns = float(np.median(steps))
+    apart = np.maximum(1, np.round(steps / step_ns)).astype(int)  # in steps
+    at = np.concatenate([[0], np.cumsum(apart)])
+    n = int(at[-1]) + 1
+    stamps = np.round(np.interp(np.arange(n), at, found.stamps_ns - found.stamps_ns[0])).astype(np.int64) + found.stamps_ns[0]
+    positions, valid = np.zeros((n, *found.positions_m.shape[1:])), np.zeros((n, len(found.names)), dtype=bool)
+    positions[at], valid[at] = found.positions_m, found.valid
+    return JointTrajectory(found.names, stamps, positions, valid), step_ns

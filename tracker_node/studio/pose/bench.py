@@ -1,0 +1,76 @@
+"""What works on a pose in the recorded images: scores and fits, in images small enough for both."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from ...loaders.images.background_file import load_plates, resized_plates
+from ...model.configuration import State
+from ...observation.image_set import CameraImage, ImageSet
+from ...tracking.config import TrackerConfig
+from ...tracking.estimate import TrackEstimate
+from ...tracking.tracker import Tracker
+from ..outlines import working_rig
+from ..session import StudioSession
+from .color_score import ColorScore
+from .contour_score import ContourScore
+from .score import PoseScore, PoseScorer
+
+_KEPT_SETS = 4
+
+
+class PoseBench:
+    """Scores and fits poses in the image sets of a session; from any thread.
+
+    Raises
+    ------
+    TrackerError : a session without rig, body or images, or plates that cannot be used.
+    """
+
+    def __init__(self, session: StudioSession):
+        self._images, self._model = session.needed_images(), session.needed_model()
+        rig = session.needed_rig()
+        self.rig, self.factor = working_rig(rig)
+        self._plates = resized_plates(load_plates(rig), self.rig)
+        # A pose that is given is fitted to, not looked for
+        self._config = replace(session.config, start=replace(session.config.start, enabled=False))
+        self.scorer = self._make_scorer(self._config)
+        self._scoring, self._fitting = threading.Lock(), threading.Lock()
+        self._small: dict[int, ImageSet] = {}
+
+    def _make_scorer(self, config: TrackerConfig) -> PoseScorer:
+        if config.engine == "color" and self._model.has_colors:
+            return ColorScore(self.rig, self._model, config)
+        return ContourScore(self.rig, self._model, config, self._plates)
+
+    def score(self, state: State, index: int) -> PoseScore:
+        """Of a state in image set number ``index``."""
+        images = {image.camera: image.pixels for image in self.image_set(index).images}
+        with self._scoring:
+            return self.scorer.score(state, images)
+
+    def fit(self, state: State, index: int) -> TrackEstimate:
+        """What the tracker makes of image set number ``index`` when it is started in this state."""
+        image_set = self.image_set(index)
+        with self._fitting:
+            tracker = Tracker(self.rig, self._model, self._config, self._plates, state)
+            return tracker.step(image_set)
+
+    def image_set(self, index: int) -> ImageSet:
+        """An image set in the size that is worked on."""
+        found = self._small.get(index)
+        if found is None:
+            full = self._images.image_set(index)
+            found = ImageSet(full.stamp_ns, tuple(self._shrunk(image) for image in full.images))
+            self._small = dict([*self._small.items(), (index, found)][-_KEPT_SETS:])
+        return found
+
+    def _shrunk(self, image: CameraImage) -> CameraImage:
+        lens = self.rig[image.camera].model
+        same = image.pixels.shape[1::-1] == (lens.width, lens.height)
+        pixels = image.bgr if same else cv2.resize(image.bgr, (lens.width, lens.height), interpolation=cv2.INTER_AREA)
+        return CameraImage(image.camera, image.stamp_ns, np.ascontiguousarray(pixels))
