@@ -14,7 +14,7 @@ import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from tracker_node.cli._contour_clips import rendered
+from tracker_node.cli.reproduce._contour_clips import rendered
 from tracker_node.cli.synthesize import Request, default_motions
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.evaluate import Evaluation

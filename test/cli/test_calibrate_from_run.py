@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from small_clip import RATE_HZ, make_clip
 
-from tracker_node.cli._run_images import chosen_rows, load_run_images, velocity_at
+from tracker_node.cli.arguments.run_images import chosen_rows, load_run_images, velocity_at
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.bag.writer import BagWriter

@@ -9,10 +9,8 @@ import pytest
 from camera_rigs import circle_rig
 
 from tracker_node.calibration.board import metrics as board_figures
-from tracker_node.cli import _calibrate_body as body
-from tracker_node.cli import _calibrate_intrinsics as intrinsics
-from tracker_node.cli import _calibrate_plate as plate
-from tracker_node.cli import _calibrate_rig as rig_command
+from tracker_node.cli.calibrate import body, intrinsics, plate
+from tracker_node.cli.calibrate import rig as rig_command
 from tracker_node.errors import CalibrationError, FileFormatError, SourceError
 from tracker_node.geometry import se3
 from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, write_states

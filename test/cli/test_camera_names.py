@@ -4,7 +4,7 @@ import argparse
 
 import pytest
 
-from tracker_node.cli.camera_ingest import named_source
+from tracker_node.cli.nodes.camera_ingest import named_source
 
 
 def test_a_camera_and_its_source():

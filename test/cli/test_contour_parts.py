@@ -5,10 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tracker_node.cli import _contour_clips as clips
-from tracker_node.cli import _contour_part as part
-from tracker_node.cli import _contour_shots as shots
-from tracker_node.cli import _contour_tracking as tracking
+from tracker_node.cli.reproduce import _contour_clips as clips
+from tracker_node.experiments.contour import part, shots, tracking
 from tracker_node.experiments.plots import Profile
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.tracking.config import TrackerConfig

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from tracker_node.cli import demo, pipeline, sample
+from tracker_node.cli import demo, sample
+from tracker_node.cli.nodes import pipeline
 from tracker_node.loaders.bag.writer import BagExistsError
 
 

@@ -15,7 +15,7 @@ from stick_person import Motion, motion, write_run, write_state_bag, write_truth
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.cli import sample
-from tracker_node.cli._recording import evaluate_recording
+from tracker_node.cli.arguments.recording import evaluate_recording
 from tracker_node.cli.evaluate import _untold
 from tracker_node.cli.main import main
 from tracker_node.loaders.bag.message_types import TRACKED_STATE

@@ -7,7 +7,7 @@ import pytest
 
 from tracker_node import __version__
 from tracker_node.cli import main as module
-from tracker_node.cli.main import main, verbs
+from tracker_node.cli.main import main, module_of, verbs
 from tracker_node.errors import TrackerError
 
 
@@ -21,7 +21,7 @@ def ending(monkeypatch, act, verb="layouts"):
 
     made = SimpleNamespace(SUMMARY="a summary", EXAMPLE="an example", add_arguments=lambda parser: None, run=run)
     real = module.importlib.import_module
-    chosen = f"tracker_node.cli.{verb}"
+    chosen = module_of(verb)
     monkeypatch.setattr(module, "importlib", SimpleNamespace(import_module=lambda name: made if name == chosen else real(name)))
     return given
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 from camera_rigs import circle_rig
 
-from tracker_node.cli._run_images import refuse_to_overwrite
+from tracker_node.cli.arguments.run_images import refuse_to_overwrite
 from tracker_node.cli.main import main
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.rig.camera_info_yaml import dump_camera_info

@@ -6,13 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tracker_node.cli import _reproduce_convergence as convergence
-from tracker_node.cli import _reproduce_figures as figures
-from tracker_node.cli import _reproduce_table1 as table1
-from tracker_node.cli._somersault_scene import somersault_scene
+from tracker_node.cli.reproduce import convergence, figures, table1
 from tracker_node.errors import FileFormatError
 from tracker_node.experiments.plots import Profile
 from tracker_node.experiments.rigid_tracking import PAPER_RMS, UNITS, VARIABLES
+from tracker_node.experiments.somersault.scene import somersault_scene
 from tracker_node.objective.color.score import ColorObjective
 
 

@@ -5,7 +5,6 @@ import os
 
 import pytest
 
-from tracker_node.cli._progress import ByteProgress
 from tracker_node.cli.main import main
 from tracker_node.cli.sample import prepare, run_verb
 from tracker_node.loaders.data_files import data_file
@@ -15,6 +14,7 @@ from tracker_node.loaders.recording_yaml import load_recording
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.loaders.samples import wheel_cache
 from tracker_node.loaders.samples.data import SAMPLES, fetch_sample
+from tracker_node.report.progress import ByteProgress
 
 
 @pytest.mark.parametrize("command", [["sample", "balancing", "--output"], ["demo", "--output"]])
@@ -82,7 +82,8 @@ def test_progress_rewrites_a_line_on_a_terminal_only():
 def steps(monkeypatch):
     """Calls of the long steps, in order, as tuples; ``statuses`` by verb and sub-verb are what the verbs return."""
     from tracker_node.calibration import balancing
-    from tracker_node.cli import _calibrate_refine, sample
+    from tracker_node.cli import sample
+    from tracker_node.cli.calibrate import refine as _calibrate_refine
     from tracker_node.loaders.samples import data as sample_data
 
     made, statuses = [], {}

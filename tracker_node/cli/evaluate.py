@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import Any
 
-from ._review_arguments import check_numbers, lag_of, names_of, one_each, output_folder, targets_of, truth_of
+from .arguments.review import check_numbers, lag_of, names_of, one_each, output_folder, targets_of, truth_of
 
 SUMMARY = "report on one run or several, against truth and each other: report.json, report.html and report.pdf"
 EXAMPLE = (

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ._run_images import named_file, refuse_to_overwrite
+from .arguments.run_images import named_file, refuse_to_overwrite
 
 if TYPE_CHECKING:
     from ..evaluation.motion.export_options import ExportOptions

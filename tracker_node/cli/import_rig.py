@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import without_password
-from ._run_images import refuse_to_overwrite
-from ._sizes import size_option
-from ._sources import add_sources_argument, sources_by_name
+from .arguments.run_images import refuse_to_overwrite
+from .arguments.sizes import size_option
+from .arguments.sources import add_sources_argument, sources_by_name
 
 SUMMARY = "turn calibrations of other programs (Pose2Sim, aniposelib, Caliscope, ROS, OpenCV, Qualisys, DLT) into a rig.yaml"
 EXAMPLE = (

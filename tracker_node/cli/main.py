@@ -1,7 +1,7 @@
 """The one console command: ``tracker_node <verb>``.
 
-Each verb is a module of this package with ``SUMMARY``, ``EXAMPLE``, ``add_arguments(parser)`` and ``run(args) -> int``. It is
-imported only when asked for, so offline verbs run without ROS and ``--help`` is quick.
+Each verb is a module of this package, or of ``cli.nodes``, with ``SUMMARY``, ``EXAMPLE``, ``add_arguments(parser)`` and
+``run(args) -> int``. It is imported only when asked for, so offline verbs run without ROS and ``--help`` is quick.
 """
 
 from __future__ import annotations
@@ -18,10 +18,19 @@ NODES = ("camera_ingest", "tracker", "recorder", "player", "pipeline", "rectify"
 INTERRUPTED = 130  # as a shell has it
 
 
+_NO_VERBS = ("main", "arguments", "nodes")
+
+
 def verbs() -> list[str]:
     """Names of all verbs, from the modules of this package."""
     package = importlib.import_module("tracker_node.cli")
-    return sorted(m.name for m in pkgutil.iter_modules(package.__path__) if m.name != "main" and not m.name.startswith("_"))
+    found = (m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_"))
+    return sorted({*NODES, *found} - {*_NO_VERBS})
+
+
+def module_of(verb: str) -> str:
+    """Name of the module of a verb."""
+    return f"tracker_node.cli.nodes.{verb}" if verb in NODES else f"tracker_node.cli.{verb}"
 
 
 def _parser_of(verb: str, module) -> argparse.ArgumentParser:
@@ -38,7 +47,7 @@ def _parser_of(verb: str, module) -> argparse.ArgumentParser:
 def _overview() -> str:
     lines = ["usage: tracker_node <verb> [options]", "", "verbs:"]
     for verb in verbs():
-        module = importlib.import_module(f"tracker_node.cli.{verb}")
+        module = importlib.import_module(module_of(verb))
         lines.append(f"  {verb:15} {module.SUMMARY.splitlines()[0]}")
     lines += ["", "example:", "  tracker_node track_offline --help"]
     return "\n".join(lines)
@@ -101,7 +110,7 @@ def _unknown(verb: str) -> int:
 def _run(verb: str, rest: list[str]) -> int:
     if verb not in verbs():
         return _unknown(verb)
-    module = importlib.import_module(f"tracker_node.cli.{verb}")
+    module = importlib.import_module(module_of(verb))
     # Nodes take ROS arguments after their own; argparse must not see them, it would take `-p` or `-r` for ours. Launch appends
     # them to every verb that it starts.
     split = rest.index("--ros-args") if "--ros-args" in rest else len(rest)

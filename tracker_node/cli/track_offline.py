@@ -10,11 +10,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ._nothing_tracked import nothing_tracked
-from ._recording import add_recording_argument, evaluate_recording, fill_in
-from ._run_json import named_options
-from ._sizes import image_size
-from .camera_ingest import named_source
+from .arguments.nothing_tracked import nothing_tracked
+from .arguments.recording import add_recording_argument, evaluate_recording, fill_in
+from .arguments.run_json import named_options
+from .arguments.sizes import image_size
+from .nodes.camera_ingest import named_source
 
 if TYPE_CHECKING:
     from ..camera.rig import CameraRig

@@ -1,0 +1,5 @@
+"""From an image set to an estimate: engines, initialization, motion, covariance, status.
+
+Files and ROS are elsewhere (`loaders`, `runs`, `ros`). Begin with `tracker` (`Tracker.step` is the whole core in one call), then
+`engine` (the protocol) and `estimate`; `config` holds every parameter.
+"""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tracker_node.calibration.tracked_body.rig_drift import fit_drift, stretches
-from tracker_node.cli._calibrate_refine import with_drift
+from tracker_node.cli.calibrate.refine import with_drift
 from tracker_node.errors import CalibrationError
 from tracker_node.loaders.rig.rig_yaml import CameraEntry, RigFile
 

@@ -1,0 +1,4 @@
+"""Silhouettes of a tracked body compared with reference masks.
+
+Begin with `silhouettes`.
+"""

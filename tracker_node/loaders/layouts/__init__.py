@@ -1,0 +1,4 @@
+"""Layouts of RViz, Foxglove and PlotJuggler for a tracker's topics.
+
+Begin with `viewed_graph`: which topics they show.
+"""

@@ -1,0 +1,4 @@
+"""Sample recordings for a first run, fetched from the package index.
+
+Begin with `data`.
+"""

@@ -1,0 +1,4 @@
+"""A running graph as others may look at it, such as the studio.
+
+Begin with `view`.
+"""

@@ -1,0 +1,130 @@
+"""``recording.yaml`` on the command line: it fills in what the command line leaves out."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ...loaders.recording_yaml import EvaluateEntry, RecordingFile
+
+
+def add_recording_argument(parser: argparse.ArgumentParser, built_in: Mapping[str, Any]) -> None:
+    """The positional argument, after all others: those of ``built_in`` become None where they are not given."""
+    parser.add_argument(
+        "recording",
+        nargs="?",
+        type=Path,
+        metavar="RECORDING",
+        help="recording.yaml that says all of this (docs/formats.md); options given beside it go before what it says",
+    )
+    parser.set_defaults(**dict.fromkeys(built_in))
+
+
+def fill_in(args: argparse.Namespace, built_in: Mapping[str, Any]) -> RecordingFile | None:
+    """Complete ``args`` from the recording, if there is one, and then from ``built_in``.
+
+    Raises
+    ------
+    TrackerError : a mistake in the recording; no rig or no model.
+    """
+    from ...errors import TrackerError
+    from ...loaders.recording_yaml import load_recording
+
+    recording = load_recording(args.recording) if args.recording else None
+    said = _values(recording) if recording else {}
+    values = {**built_in, **{name: value for name, value in said.items() if value is not None}}
+    for name, value in values.items():
+        if hasattr(args, name) and getattr(args, name) is None:
+            setattr(args, name, value)
+    if args.rig is None or args.model is None:
+        raise TrackerError("what is tracked: give a recording.yaml, or --rig and --model")
+    if recording is not None and recording.evaluate is not None:
+        _check_evaluation(args, recording.evaluate)
+    return recording
+
+
+def _check_evaluation(args: argparse.Namespace, entry: EvaluateEntry) -> None:
+    """Mistakes in what the run is to be held against are said before it is tracked.
+
+    Raises
+    ------
+    FileFormatError : a truth or masks that cannot be read, a target that is none.
+    """
+    from ...errors import FileFormatError
+    from ...evaluation.masks.reference import load_reference_masks
+    from ...evaluation.report.summary import parse_target
+    from ...loaders.model.model_yaml import load_model
+    from .review import truth_of
+
+    for target in entry.targets:
+        try:
+            parse_target(target)
+        except ValueError:
+            raise FileFormatError(args.recording, "evaluate.targets", "KEY<=NUMBER or KEY>=NUMBER", target) from None
+    truth_of(entry.truth, entry.y_up, load_model(args.model) if entry.truth else None)
+    if entry.masks is not None:
+        load_reference_masks(entry.masks)
+
+
+def _values(recording: RecordingFile) -> dict[str, Any]:
+    """What a recording says, by the names that arguments have."""
+    from ...loaders.recording_yaml import FILES
+
+    files = {name: Path(getattr(recording, name)) if getattr(recording, name) else None for name in FILES}
+    images = recording.images
+    return {
+        **files,
+        "output": Path(recording.output),
+        "cameras": list(recording.cameras) if recording.cameras else None,
+        "source": _sources(recording),
+        "start": images.start,
+        "end": images.end,
+        "rate": images.rate_hz,
+        "resize": images.resize,
+        "shrink": images.shrink,
+        **recording.record.model_dump(),
+        "real_time": recording.real_time,
+        "loop": recording.loop,
+    }
+
+
+def _sources(recording: RecordingFile) -> list[tuple[str, str]]:
+    """(camera, source) of the sources that a recording names."""
+    from ...loaders.rig.rig_yaml import load_rig
+    from .sources import sources_by_name
+
+    if isinstance(recording.sources, str):
+        return [(name, str(source)) for name, source in sources_by_name(recording.sources, load_rig(recording.rig).names).items()]
+    return list(recording.sources.items())
+
+
+def evaluate_recording(recording: RecordingFile, args: argparse.Namespace, run: Path, output: Path) -> int:
+    """Hold a run against what the recording names, as ``tracker_node evaluate`` does; returns the exit status."""
+    from ..sample import run_verb
+
+    arguments = evaluation_of(recording, args, run, output)
+    return run_verb(*arguments) if arguments else 0
+
+
+def evaluation_of(recording: RecordingFile, args: argparse.Namespace, run: Path, output: Path) -> list[str]:
+    """The verb ``evaluate`` and its arguments for a run of this recording; empty if it is not to be evaluated."""
+    entry = recording.evaluate
+    if entry is None:
+        return []
+    arguments: list[str | Path] = ["evaluate", run, "--model", args.model, "--rig", args.rig, "--name", entry.name]
+    arguments += ["--align", entry.align, "--lag", str(entry.lag)]
+    arguments += ["--first-image", str(args.start), "--output", output]
+    if (args.start, args.end, getattr(args, "max_sets", None)) == (recording.images.start, recording.images.end, None):
+        arguments += ["--image-sets", str(entry.image_sets)]  # of the whole recording
+    for truth in entry.truth:
+        arguments += ["--truth", truth]
+    if entry.y_up is not None:
+        arguments += ["--y-up" if entry.y_up else "--no-y-up"]
+    if entry.masks is not None:
+        arguments += ["--masks", entry.masks]
+    for target in entry.targets:
+        arguments += ["--target", target]
+    return [str(argument) for argument in arguments]

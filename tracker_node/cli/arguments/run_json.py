@@ -1,0 +1,61 @@
+"""What ``run.json`` says of how a run was asked for."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ...errors import without_password
+from ...loaders.source_address import relocated
+
+if TYPE_CHECKING:
+    from ...ros.pipeline import Progress
+
+_FILES = ("rig", "model", "initial_state", "occluders", "config")
+
+
+def named_options(args: argparse.Namespace) -> dict[str, Any]:
+    """The options of a command line by name, files and sources with their whole paths."""
+    changed: dict[str, Any] = {name: Path(value) for name in _FILES if (value := getattr(args, name))}
+    if getattr(args, "source", None):
+        changed["source"] = [(camera, relocated(source, Path.cwd())) for camera, source in args.source]
+    return {name: _plain(value) for name, value in {**vars(args), **changed}.items() if not name.startswith("_")}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, str):
+        return without_password(value)
+    if value == math.inf:
+        return "all"
+    return str(value.resolve()) if isinstance(value, Path) else value
+
+
+def start_of_live_run(args: argparse.Namespace, n_expected: int | None) -> dict[str, Any]:
+    """Of a run that begins; without parameters where the nodes are given others than those of the configuration's file."""
+    from ...report.metrics_file import command_line, cpu, versions
+    from ...runs.config_file import load_config
+    from ...tracking.config import TrackerConfig, flatten
+
+    options = {name: value for name, value in named_options(args).items() if name != "bag"}  # images come from no bag
+    config = load_config(args.config) if args.config else TrackerConfig()
+    return {
+        "expected_image_sets": n_expected,
+        "options": options,
+        **({} if args.ros_args else {"parameters": flatten(config)}),
+        "versions": versions(),
+        "cpu": cpu(),
+        "command": command_line(),
+    }
+
+
+def end_of_live_run(start: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+    """The same with what has come of it."""
+    from ...tracking.estimate import Status
+
+    counts = {status.name: progress.statuses[status] for status in Status}
+    return {"image_sets": progress.sets, "lost_sets": counts[Status.LOST.name], "status_counts": counts, **start}

@@ -1,0 +1,38 @@
+"""Verbs that are made of others: ``tracker_node <verb> <what>``, each a module of the package ``tracker_node.cli.<verb>``."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import importlib.util
+import pkgutil
+
+
+def subverbs(verb: str) -> list[str]:
+    """Names of a verb's sub-verbs: the public modules of its package; none for a verb that is a module itself."""
+    package = f"tracker_node.cli.{verb}"
+    found = importlib.util.find_spec(package)
+    places = (found.submodule_search_locations if found else None) or []
+    return sorted(m.name for m in pkgutil.iter_modules(places) if not m.name.startswith("_"))
+
+
+def add_subverbs(parser: argparse.ArgumentParser, verb: str) -> None:
+    """Let ``parser`` take the sub-verbs and their arguments; the one that is asked for is run by `run_subverb`."""
+    names = subverbs(verb)
+    subparsers = parser.add_subparsers(dest="what", required=True, metavar="{" + ",".join(names) + "}")
+    for name in names:
+        module = importlib.import_module(f"tracker_node.cli.{verb}.{name}")
+        subparser = subparsers.add_parser(
+            name,
+            help=module.SUMMARY,
+            description=module.SUMMARY,
+            epilog=f"example:\n  {module.EXAMPLE}",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        module.add_arguments(subparser)
+        subparser.set_defaults(run_subverb=module.run)
+
+
+def run_subverb(args: argparse.Namespace) -> int:
+    """Run the sub-verb that was asked for."""
+    return args.run_subverb(args)

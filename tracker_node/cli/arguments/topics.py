@@ -1,0 +1,53 @@
+"""Image topics of cameras that are not called ``<camera>/image_raw``: rules of remapping for a node."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ...camera.rig import CameraRig
+
+
+def add_topics_argument(parser: argparse.ArgumentParser) -> None:
+    """``--topics``; shared by the nodes of a rig."""
+    parser.add_argument(
+        "--topics",
+        nargs="+",
+        default=[],
+        type=camera_topic,
+        metavar="CAMERA=TOPIC",
+        help="topic of a camera's images, with camera_info beside it (default: what the rig says, else CAMERA/image_raw)",
+    )
+
+
+def camera_topic(text: str) -> tuple[str, str]:
+    """``left=/front/image_raw`` -> (``left``, ``/front/image_raw``)."""
+    from ...loaders.source_address import TOPIC_NAME
+
+    name, _, topic = text.partition("=")
+    if not name.isidentifier() or not TOPIC_NAME.fullmatch(topic):
+        raise argparse.ArgumentTypeError(f"expected CAMERA=TOPIC, as in cam01=/front/image_raw, got '{text}'")
+    return name, topic
+
+
+def with_topics(ros_args: list[str], rig: CameraRig | None, given: Mapping[str, str]) -> list[str]:
+    """ROS arguments with the rules for all cameras; what was asked for in them before goes first.
+
+    Raises
+    ------
+    UnknownNameError : a topic is given for a camera that there is not.
+    """
+    from ...errors import UnknownNameError
+
+    topics = {} if rig is None else {camera.name: camera.topic for camera in rig if camera.topic}
+    known = list(given) if rig is None else list(rig.names)
+    for name in given:
+        if name not in known:
+            raise UnknownNameError("camera", name, known)
+    rules = []
+    for name, topic in {**topics, **given}.items():
+        info = "/".join([*topic.split("/")[:-1], "camera_info"])
+        rules += [f"{name}/image_raw:={topic}", f"{name}/image_raw/compressed:={topic}/compressed", f"{name}/camera_info:={info}"]
+    return [*ros_args, "--ros-args", *(part for rule in rules for part in ("-r", rule)), "--"] if rules else ros_args

@@ -1,0 +1,161 @@
+"""Arguments and recordings that the calibrations from a board share."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...errors import FileFormatError, SourceError, TrackerError, UnknownNameError
+from ..arguments.sizes import size_option
+
+if TYPE_CHECKING:
+    from ...calibration.board.board import Board
+    from ...calibration.board.detection import CameraViews
+    from ...loaders.images.source import ImageSource
+
+DISTORTIONS = ("plumb_bob", "rational_polynomial", "equidistant", "none")
+_SQUARE_M = (0.002, 0.5)  # what a person can print and hold
+
+
+def add_board_arguments(parser: argparse.ArgumentParser) -> None:
+    """Board, recordings, output."""
+    add = parser.add_argument
+    add("--videos", nargs="+", required=True, metavar="[NAME=]FILE",
+        help="one video, image folder or pattern a camera; NAME is the camera's, without it the file's or folder's")  # fmt: skip
+    add_board_shape(parser)
+    add("--distortion", choices=DISTORTIONS, default="plumb_bob",
+        help="lens model; equidistant is for fisheyes, rational_polynomial for wide lenses (default: %(default)s)")  # fmt: skip
+    add("--images", type=int, default=600, metavar="N", help="search about so many images a camera (default: %(default)s)")
+    add("--report", metavar="FILE", help="page with figures and pictures (default: beside the output, .html)")
+    add("--force", action="store_true", help="overwrite the output and the report")
+    add("--quiet", action="store_true", help="no progress on stderr")
+
+
+def add_board_shape(parser: argparse.ArgumentParser, required: bool = True) -> None:
+    """What the board is, for `board_of`."""
+    add = parser.add_argument
+    board = parser.add_argument_group("board").add_mutually_exclusive_group(required=required)
+    board.add_argument("--charuco", metavar="COLUMNSxROWS", help="a ChArUco board of so many squares")
+    board.add_argument("--chessboard", metavar="COLUMNSxROWS", help="a chessboard of so many inner corners")
+    add("--square", type=float, required=required, metavar="M", help="edge of a square, metres")
+    add("--marker-share", type=float, default=0.75, metavar="X", help="marker to square (default: %(default)s)")
+    add("--dictionary", default="DICT_4X4_1000", metavar="NAME", help="of OpenCV (default: %(default)s)")
+    add("--inverted", action="store_true", help="black and white are exchanged on the board")
+    add("--legacy", action="store_true", help="a ChArUco board made by OpenCV before 4.6, with an even number of rows")
+
+
+def board_of(args: argparse.Namespace) -> Board:
+    """The board that the arguments describe.
+
+    Raises
+    ------
+    FileFormatError, UnknownNameError : naming the option.
+    """
+    import cv2
+
+    from ...calibration.board.board import Board
+
+    option, text = ("--charuco", args.charuco) if args.charuco else ("--chessboard", args.chessboard)
+    columns, rows = size_option(option, text, "columns x rows from 3x3 to 100x100, such as 4x5", 3, 100)
+    if not _SQUARE_M[0] <= args.square <= _SQUARE_M[1]:
+        hint = f"; {args.square:g} mm would be {1e-3 * args.square:g}" if 1e3 * _SQUARE_M[0] <= args.square else ""
+        raise _bad("--square", f"the edge of a square in metres, {_SQUARE_M[0]} to {_SQUARE_M[1]}{hint}", args.square)
+    if not 0.1 <= args.marker_share < 1.0:
+        raise _bad("--marker-share", "0.1 or more, and less than 1", args.marker_share)
+    names = [name for name in dir(cv2.aruco) if name.startswith("DICT_")]
+    if args.dictionary not in names:
+        raise UnknownNameError("dictionary", args.dictionary, names)
+    kind = "charuco" if args.charuco else "chessboard"
+    n_markers = len(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, args.dictionary)).bytesList)
+    if kind == "charuco" and columns * rows // 2 > n_markers:
+        raise _bad(option, f"a board of at most the {n_markers} markers of {args.dictionary}, one on every second square", text)
+    return Board(kind, columns, rows, args.square, args.marker_share, args.dictionary, args.inverted, args.legacy)
+
+
+def sources_of(args: argparse.Namespace, stamps: str | None = None) -> dict[str, ImageSource]:
+    """Opened recordings by camera name.
+
+    Parameters
+    ----------
+    stamps : a stamp file for all cameras, see `loaders.images.stamps`.
+
+    Raises
+    ------
+    TrackerError : two cameras of one name, or a recording that cannot be read; naming it.
+    """
+    from ...loaders.images.source import open_source
+    from ...loaders.images.stamps import load_stamp_file
+
+    if args.images < 10:
+        raise _bad("--images", "at least 10", args.images)
+    sources: dict[str, ImageSource] = {}
+    for text in args.videos:
+        name, path = _name_and_path(text)
+        if name in sources:
+            raise TrackerError(f"two recordings for camera '{name}'; name them: --videos left={path} right=...")
+        times = load_stamp_file(stamps, name) if stamps else None
+        source = open_source(path, times_ns=times)
+        if times is not None and len(times) != source.n_images:
+            problem = f"has {len(times)} times for camera '{name}', but {path} has {source.n_images} images"
+            raise SourceError(str(stamps), problem)
+        sources[name] = source
+    return sources
+
+
+def detect(
+    args: argparse.Namespace, sources: dict[str, ImageSource], board: Board, least: int
+) -> tuple[dict[str, CameraViews], dict[str, str]]:
+    """What every camera saw of the board, with a line on each on stdout; and why others have no part, with one on stderr.
+
+    Raises
+    ------
+    CalibrationError : fewer than ``least`` cameras saw it.
+    """
+    from ...calibration.board.detection import detect_boards, with_board
+
+    progress = None if args.quiet else StageProgress(f"calibrate {args.what}")
+    seen, left_out = with_board(detect_boards(sources, board, args.images, progress), board, least)
+    for name, problem in left_out.items():
+        print(f"tracker_node calibrate {args.what}: {name}: {problem}; this camera is left out", file=sys.stderr)
+    for name, found in seen.items():
+        corners = sum(len(view.ids) for view in found.views)
+        print(f"{name}: the board in {len(found.views)} of {found.looked_at} images, {corners} corners; {found.blurred} blurred")
+        for problem in found.problems:
+            print(f"{name}: note: {problem}")
+        if found.backs:
+            print(f"{name}: note: the board's mirrored back is in {found.backs} other images at least, which are left out")
+    return seen, left_out
+
+
+class StageProgress:
+    """One line a stage that rewrites itself on a terminal, else a line for its beginning and end."""
+
+    def __init__(self, program: str):
+        self._program, self._began, self._stage = program, time.monotonic(), ""
+
+    def __call__(self, what: str, done: int, total: int) -> None:
+        text = f"{self._program}: {what}, {done} of {total}, {time.monotonic() - self._began:.0f} s"
+        if sys.stderr.isatty():
+            print(f"\r{text:<70}", end="\n" if done == total else "", file=sys.stderr, flush=True)
+        elif what != self._stage or done == total:
+            print(text, file=sys.stderr, flush=True)
+        self._stage = what
+
+
+def _name_and_path(text: str) -> tuple[str, str]:
+    name, found, path = text.partition("=")
+    if not found or Path(text).exists():
+        path = text
+        name = re.sub(r"\W", "_", Path(text).stem if Path(text).suffix else Path(text).name)
+        name = name if name[:1].isalpha() else f"cam_{name}"
+    if not (name.isidentifier() and name.isascii()):
+        raise _bad("--videos", "camera names of letters, digits and _ (NAME=FILE)", text)
+    return name, path
+
+
+def _bad(option: str, expected: str, got: object) -> FileFormatError:
+    return FileFormatError("command line", option, expected, got)

@@ -1,0 +1,169 @@
+"""``tracker_node calibrate body``: a body of a person's size."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from ...errors import FileFormatError, TrackerError
+from ..arguments.run_images import FitProgress, add_run_arguments, load_run_images, refuse_to_overwrite
+
+GROUPS = ("size", "length", "breadth", "girth", "section", "taper", "shift")
+
+SUMMARY = "make a person's body: scaled to the joints of a static trial (TRC) or to stature, or fitted to the images of a run"
+EXAMPLE = (
+    "tracker_node calibrate body --trc static.trc --y-up -o scaled.yaml\n"
+    "  tracker_node track_offline --rig rig.yaml --model scaled.yaml --initial-state start.yaml --output out/run1\n"
+    "  tracker_node calibrate body --from-run out/run1 -o person.yaml"
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--model", metavar="MODEL", help="model.yaml to start from (default: the human that comes with the package)"
+    )
+    parser.add_argument("--trc", metavar="FILE", help="joints or markers of a static trial")
+    add_up_arguments(parser)
+    parser.add_argument(
+        "--stature", type=float, metavar="M", help="height of the person in metres; with --trc it fixes the girths"
+    )
+    parser.add_argument(
+        "--joint-sigma-mm",
+        type=float,
+        default=15.0,
+        metavar="MM",
+        help="systematic error of the lengths between joints: about 15 for detected joints, 2 for markers (default: %(default)s)",
+    )
+    parser.add_argument("--asymmetric", action="store_true", help="keep differences between left and right")
+    parser.add_argument(
+        "--states",
+        metavar="CSV",
+        help="states.csv of a run that tracked the static trial with MODEL: keep the body, only place its landmarks",
+    )
+    add_run_arguments(parser, n_sets=20)
+    parser.add_argument("--rig", metavar="FILE", help="with --from-run: rig.yaml (default: what the run names)")
+    parser.add_argument(
+        "--only", nargs="+", metavar="GROUP", choices=GROUPS, default=GROUPS,
+        help=f"with --from-run: what of the body may change, of {', '.join(GROUPS)} (default: all)",
+    )  # fmt: skip
+    parser.add_argument("--report", metavar="FILE", help="with --from-run: page of the fit (default: beside the output, .html)")
+    parser.add_argument("-o", "--output", default="person.yaml", metavar="FILE", help="model to write (default: %(default)s)")
+
+
+def add_up_arguments(parser: argparse.ArgumentParser) -> None:
+    """``--y-up`` and ``--z-up``: the axes of a TRC file."""
+    up = parser.add_mutually_exclusive_group()
+    up.add_argument(
+        "--y-up", dest="y_up", action="store_true", default=True, help="the TRC file has y up (OpenSim, Pose2Sim; the default)"
+    )
+    up.add_argument("--z-up", dest="y_up", action="store_false", help="the TRC file has z up and the axes of the world")
+
+
+def run(args: argparse.Namespace) -> int:
+    from ...calibration.body import ScalingOptions, model_stature, scale_to_stature, scale_to_trial
+    from ...loaders.model.model_yaml import dump_model, load_model
+    from ...loaders.motion.trc import load_trc
+    from ...model.humans.human import human_model
+
+    if args.from_run:
+        return _fit_to_images(args)
+    check(args.trc or args.stature, "--trc", "a TRC file, a stature with --stature, or a run with --from-run")
+    check(args.stature is None or 0.4 <= args.stature <= 3.0, "--stature", "0.4 to 3 metres", args.stature)
+    check(0.0 <= args.joint_sigma_mm < 1e4, "--joint-sigma-mm", "0 to 10000", args.joint_sigma_mm)
+    check(not args.states or (args.model and args.trc), "--states", "--model and --trc beside it", args.states)
+    refuse_to_overwrite(args, args.output)
+    model = load_model(args.model) if args.model else human_model()
+    options = ScalingOptions(args.joint_sigma_mm / 1000.0, symmetric=not args.asymmetric, stature_m=args.stature)
+    if not args.trc:
+        scaled = scale_to_stature(model, args.stature)
+    elif args.states:
+        scaled = _placed(model, load_trc(args.trc, args.y_up), args.states, options)
+        print(f"placed the landmarks of {model.name} by the states of {args.states}")
+    else:
+        trial = load_trc(args.trc, args.y_up)
+        try:
+            fit = scale_to_trial(model, trial, options)
+        except TrackerError as error:
+            raise FileFormatError(args.trc, "markers", "joints of the body", str(error)) from error
+        scaled = fit.model
+        _print_fit(fit)
+    dump_model(scaled, args.output, _comment(scaled.name, args))
+    print(f"stature {model_stature(scaled):.3f} m; wrote {args.output}")
+    return 0
+
+
+def _fit_to_images(args: argparse.Namespace) -> int:
+    """From the images of a run, with its poses."""
+    from ...calibration.tracked_body.body_fit import BodyFitOptions, fit_body
+    from ...calibration.tracked_body.report import body_figures, write_body_report
+    from ...loaders.model.model_yaml import dump_model
+    from ...report.metrics_file import write_metrics
+
+    check(not (args.trc or args.stature or args.states), "--from-run", "no --trc, --stature or --states beside it")
+    page = Path(args.report or Path(args.output).with_suffix(".html"))
+    refuse_to_overwrite(args, args.output, page, page.with_suffix(".json"))
+    run = load_run_images(args)
+    options = BodyFitOptions(symmetric=not args.asymmetric, groups=tuple(args.only), config=run.config)
+    progress = None if args.quiet else FitProgress("calibrate body")
+    evidence = run.evidence(args.evidence)
+    fit = fit_body(
+        run.model, run.rig, run.sets, run.states, options, progress, evidence=evidence, velocities=run.velocities
+    )
+    comment = f"{fit.model.name}, fitted to {len(run.sets)} image sets of {args.from_run}. Units: metres, degrees."
+    dump_model(fit.model, args.output, f"{comment} Format: docs/formats.md.")
+    write_body_report(page, run.model, run.rig, run.sets, fit)
+    write_metrics(page.with_suffix(".json"), body_figures(fit))
+    _print_parameters(fit.report)
+    print(f"wrote {args.output}, {page} and {page.with_suffix('.json')}")
+    return 0
+
+
+def _print_parameters(report) -> None:
+    print(f"{'parameter':28} {'value':>8} {'sigma':>7} {'prior':>7}   %")
+    for p in report.parameters:
+        print(f"{p.name:28} {100 * p.value:+8.1f} {100 * p.sigma:7.1f} {100 * p.prior_sigma:7.0f}")
+    before, after = report.overall
+    print(f"contours: rms {before.rms_px:.2f} -> {after.rms_px:.2f} px, {after.count} lines in {report.n_sets} image sets")
+
+
+def check(condition: object, option: str, expected: str, got: object = "nothing") -> None:
+    """Raise a `FileFormatError` that names an option of the command line unless ``condition``."""
+    if not condition:
+        raise FileFormatError("command line", option, expected, got)
+
+
+def _placed(model, markers, states_file: str, options):
+    from ...calibration.body import place_landmarks, targets_of
+    from ...loaders.motion.trajectory_file import read_states
+    from ...model.configuration import State
+
+    trajectory = read_states(states_file)
+    if tuple(trajectory.dof_names) != tuple(model.chain.dof_names):
+        raise FileFormatError(states_file, "columns", f"the degrees of freedom of {model.name}", trajectory.dof_names)
+    tracked = [i for i, row in enumerate(trajectory.rows) if row.status not in ("LOST", "INITIALISING")]
+    if not tracked:
+        raise FileFormatError(states_file, "rows", "at least one state that is not lost", f"none in {len(trajectory.rows)} rows")
+    seconds = (trajectory.stamps_ns - trajectory.stamps_ns[0]) * 1e-9 + markers.times_s[0]
+    nearest = [int(abs(markers.times_s - seconds[i]).argmin()) for i in tracked]  # by time since the first image
+    states = [State.from_values(trajectory.rows[i].values) for i in tracked]
+    return place_landmarks(model, states, [targets_of(model, markers, row) for row in nearest], options)
+
+
+def _comment(name: str, args: argparse.Namespace) -> str:
+    import os
+
+    parts = [f"from {os.path.basename(args.model)}"] if args.model else []
+    parts += [f"scaled to {os.path.basename(args.trc)}"] if args.trc else []
+    parts += [f"for a stature of {args.stature:g} m"] if args.stature else []
+    lines = [f"{name}, {', '.join(parts)}. Units: metres, degrees. Format: docs/formats.md."]
+    if not args.model:
+        lines.append("Lengths and girths: tracker_node/model/humans/measures.py names their sources.")
+    return "\n".join(lines)
+
+
+def _print_fit(fit) -> None:
+    print(f"{'segment':20} {'measured':>9} {'expected':>9} {'used':>9}   mm")
+    for segment in fit.segments:
+        numbers = (segment.measured_m, segment.expected_m, segment.used_m)
+        print(f"{segment.name:20} " + " ".join(f"{1000 * number:9.1f}" for number in numbers))
+    print(f"size {fit.size:.3f} of the model; joints of the trial fitted to {1000 * fit.residual_m:.1f} mm")

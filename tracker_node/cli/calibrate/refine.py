@@ -1,0 +1,233 @@
+"""``tracker_node calibrate refine``: camera places from two-dimensional joints, or from the body that a run has tracked."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from dataclasses import replace
+from pathlib import Path
+
+from ..arguments.run_images import FitProgress, add_run_arguments, load_run_images, refuse_to_overwrite
+from .body import check
+
+SUMMARY = "refine the places of the cameras from 2D joints that OpenPose found, or places and clocks from the images of a run"
+EXAMPLE = (
+    "tracker_node calibrate refine --rig rig.yaml --points2d pose/ -o rig_refined.yaml\n"
+    "  tracker_node calibrate refine --from-run out/run1 -o rig_refined.yaml"
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--rig", metavar="RIG", help="rig.yaml to start from (default: what the run names)")
+    parser.add_argument(
+        "--points2d",
+        metavar="DIR|ZIP",
+        help="OpenPose JSON files, one folder a camera, named as the camera (cam01, cam01_json) or with its number",
+    )
+    parser.add_argument("-o", "--output", default="rig_refined.yaml", metavar="FILE", help="file to write (default: %(default)s)")
+    parser.add_argument(
+        "--pixels",
+        choices=("file", "calibration"),
+        help="the pixels that the joints are in, where the rig has a pixel_map: those of the image files, or of the calibration",
+    )
+    parser.add_argument(
+        "--min-confidence", type=float, default=0.3, metavar="C", help="leave out joints below it (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--robust-px", type=float, default=8.0, metavar="PX", help="scale of the robust loss (default: %(default)s)"
+    )
+    parser.add_argument("--report", metavar="FILE", help="where to write the figures as JSON (default: beside the output, .json)")
+    add_run_arguments(parser, n_sets=30)
+    parser.add_argument("--model", metavar="FILE", help="with --from-run: body of the run (default: what the run names)")
+    parser.add_argument("--keep-places", action="store_true", help="with --from-run: only time offsets (and focal lengths)")
+    parser.add_argument("--keep-times", action="store_true", help="with --from-run: only places (and focal lengths)")
+    parser.add_argument(
+        "--drift", action="store_true", help="with --from-run: clocks may run at different rates, too (long runs)"
+    )
+    parser.add_argument("--focal", action="store_true", help="with --from-run: focal lengths as well")
+    parser.add_argument(
+        "--center-sigma-mm", type=float, default=30.0, metavar="MM",
+        help="with --from-run: how far a camera may be from where the rig has it, a standard deviation (default: %(default)s)",
+    )  # fmt: skip
+
+
+def run(args: argparse.Namespace) -> int:
+    if args.from_run:
+        return _from_run(args)
+    for option, value in (("--rig", args.rig), ("--points2d", args.points2d)):
+        check(value, option, "a file (with --points2d), or a run with --from-run")
+    return _from_points(args)
+
+
+def _from_run(args: argparse.Namespace) -> int:
+    """Places and clocks from the images in which a run has tracked a body."""
+    from ...calibration.tracked_body.body_fit import BodyFitOptions
+    from ...calibration.tracked_body.report import rig_figures, write_rig_report
+    from ...calibration.tracked_body.rig_drift import stretches
+    from ...calibration.tracked_body.rig_fit import RigFitOptions, fit_rig
+    from ...loaders.rig.rig_yaml import read_rig_file, write_rig_file
+    from ...report.metrics_file import write_metrics
+
+    check(not args.points2d, "--from-run", "no --points2d beside it", args.points2d)
+    check(0.0 < args.center_sigma_mm < 1e4, "--center-sigma-mm", "a positive number of millimetres", args.center_sigma_mm)
+    check(not (args.keep_places and args.keep_times and not args.focal), "--keep-places", "something that may change")
+    report = Path(args.report or Path(args.output).with_suffix(".json"))
+    page = report.with_suffix(".html")
+    refuse_to_overwrite(args, args.output, report, page)
+    images = load_run_images(args)
+    if args.drift:
+        check(not args.keep_times, "--drift", "no --keep-times beside it")
+        check(images.first_image == 0, "--drift", "a run from the first images on", f"one from image {images.first_image}")
+        stretches([1e-9 * image_set.stamp_ns for image_set in images.sets])  # refuses what is too short before the work begins
+    options = RigFitOptions(
+        places=not args.keep_places, times=not args.keep_times, focal=args.focal, center_sigma_m=1e-3 * args.center_sigma_mm,
+        body=BodyFitOptions(groups=(), config=images.config),
+    )  # fmt: skip
+    progress = None if args.quiet else FitProgress("calibrate refine")
+    evidence = images.evidence(args.evidence)
+    fit = fit_rig(images.model, images.rig, images.sets, images.states, images.velocities, options, progress, evidence=evidence)
+    clocks = _drift(args, images, fit, options, progress) if args.drift else {}
+    rig_file = with_drift(changed(read_rig_file(images.rig_path), images.rig, fit), fit, clocks, images.begins_s)
+    write_rig_file(rig_file, args.output, base_dir=Path(images.rig_path).parent)
+    write_rig_report(page, images.model, images.rig, images.sets, fit)
+    write_metrics(report, rig_figures(fit) | drift_figures(clocks))
+    print_cameras(fit)
+    for name, clock in clocks.items():
+        print(f"{name:12} drift {1e6 * clock.drift:8.1f} +- {1e6 * clock.drift_sigma:6.1f} ppm")
+    print(f"wrote {args.output}, {page} and {report}")
+    return 0
+
+
+def _drift(args: argparse.Namespace, images, fit, options, progress):
+    """Clocks by stretches of the run, the cameras where ``fit`` has them."""
+    from ...calibration.tracked_body.rig_drift import fit_drift, stretches
+    from ...calibration.tracked_body.rig_fit import fit_rig
+
+    stamps_s = [1e-9 * image_set.stamp_ns for image_set in images.sets]
+    options = replace(options, places=False, focal=False, sure_sigmas=0.0)
+    images = replace(images, states=fit.states)
+
+    def fit_stretch(rows):
+        part = images.subset(rows)
+        evidence = part.evidence(args.evidence)
+        return fit_rig(part.model, fit.rig, part.sets, part.states, part.velocities, options, progress, evidence=evidence)
+
+    return fit_drift(stamps_s, stretches(stamps_s), fit_stretch)
+
+
+def with_drift(rig_file, fit, clocks, begins_s: float):
+    """The rig file with the offsets of ``clocks`` instead of those of ``fit``, and their drift from the run's beginning on."""
+    cameras = dict(rig_file.cameras)
+    for name, clock in clocks.items():
+        entry = cameras[name]
+        offset_s = entry.time_offset_s - fit.cameras[name].later_s + clock.later_s + clock.drift * (begins_s - clock.middle_s)
+        ppm = entry.time_drift_ppm + 1e6 * clock.drift * (1.0 + 1e-6 * entry.time_drift_ppm)
+        cameras[name] = entry.model_copy(update={"time_offset_s": offset_s, "time_drift_ppm": ppm})
+    return rig_file.model_copy(update={"cameras": cameras})
+
+
+def drift_figures(clocks) -> dict[str, float | int]:
+    """Figures of clocks as flat metrics, ``refine.<camera>.drift_ppm`` and its sigma."""
+    figures: dict[str, float | int] = {}
+    for name, clock in clocks.items():
+        figures |= {f"refine.{name}.drift_ppm": 1e6 * clock.drift, f"refine.{name}.drift_sigma_ppm": 1e6 * clock.drift_sigma}
+    return figures
+
+
+def changed(rig_file, given, fit):
+    """The rig file with what has been found: places, time offsets and focal lengths; the rest as it stands there."""
+    placed = rig_file.with_extrinsics({camera.name: camera.T_world_cam for camera in fit.rig})
+    cameras = dict(placed.cameras)
+    for name, found in fit.cameras.items():
+        entry = cameras[name]
+        values: dict = {"time_offset_s": entry.time_offset_s + found.later_s}
+        if found.focal_scale != 1.0:
+            (fx, skew, cx), (zero, fy, cy), last = entry.K
+            s = found.focal_scale
+            values["K"] = ((s * fx, s * skew, cx), (zero, s * fy, cy), last)
+        cameras[name] = entry.model_copy(update=values)
+    return placed.model_copy(update={"cameras": cameras})
+
+
+def print_cameras(fit) -> None:
+    """What has been found, as a table."""
+    print(f"{'camera':12} {'lines':>7} {'rms px':>16} {'moved mm':>16} {'turned deg':>16} {'later ms':>16}")
+    for name, c in fit.cameras.items():
+        rms = f"{c.before.rms_px:6.2f} -> {c.after.rms_px:6.2f}"
+        moves = f"{1e3 * c.moved_m:6.1f} +- {1e3 * c.moved_sigma_m:6.1f}"
+        turns = f"{math.degrees(c.turned_rad):6.2f} +- {math.degrees(c.turned_sigma_rad):6.2f}"
+        late = f"{1e3 * c.later_s:6.1f} +- {1e3 * c.later_sigma_s:6.1f}"
+        print(f"{name:12} {c.after.count:7d} {rms:>16} {moves:>16} {turns:>16} {late:>16}")
+    before, after = fit.overall
+    print(f"all cameras: rms {before.rms_px:.2f} -> {after.rms_px:.2f} px in {fit.n_sets} image sets")
+
+
+def _from_points(args: argparse.Namespace) -> int:
+    from ...calibration.points.bundle_adjustment import AdjustmentOptions
+    from ...calibration.points.rig_refinement import collect_joints, refine_rig
+    from ...errors import CalibrationError, FileFormatError
+    from ...loaders.motion.openpose_json import load_openpose, match_cameras
+    from ...loaders.rig.rig_yaml import build_rig, read_rig_file, write_rig_file
+    from ...report.metrics_file import write_metrics
+
+    if not 0.0 < args.robust_px < 1e6:
+        raise FileFormatError("command line", "--robust-px", "a positive number of pixels", args.robust_px)
+    report = Path(args.report or Path(args.output).with_suffix(".json"))
+    refuse_to_overwrite(args, args.output, report)
+    rig_file = read_rig_file(args.rig)
+    mapped = [name for name, entry in rig_file.cameras.items() if entry.pixel_map is not None]
+    if mapped and args.pixels is None:
+        raise CalibrationError(
+            mapped[0], "has a pixel_map: say with --pixels whether the joints are in file or calibration pixels"
+        )
+    rig = build_rig(rig_file.in_calibration_pixels() if args.pixels == "calibration" else rig_file, ".")
+    groups = match_cameras(load_openpose(args.points2d), rig.names)
+    joints = collect_joints(rig, [list(groups[name].people) for name in rig.names])
+    options = AdjustmentOptions(robust_scale_px=args.robust_px)
+    refinement = refine_rig(rig, joints, options, args.min_confidence)
+    refined = rig_file.with_extrinsics({camera.name: camera.T_world_cam for camera in refinement.rig})
+    write_rig_file(refined, args.output, base_dir=Path(args.rig).parent)
+    write_metrics(report, figures(refinement))
+    print_table(refinement)
+    print(f"wrote {args.output} and {report}")
+    if not refinement.converged:
+        print(f"note: not converged after {refinement.iterations} iterations; the figures above say whether it is good enough")
+    return 0
+
+
+def figures(refinement) -> dict[str, float | int]:
+    """Figures of a refinement as flat metrics, ``refine.<camera>.<figure>``."""
+    metrics: dict[str, float | int] = {
+        "refine.iterations": refinement.iterations,
+        "refine.converged": int(refinement.converged),
+        "refine.joint_shift_mm": 1000.0 * refinement.shift_m,
+    }
+    squares, total = {"before": 0.0, "after": 0.0}, 0
+    for name, camera in refinement.cameras.items():
+        total += camera.n_points
+        for when in squares:
+            rms = getattr(camera, f"rms_{when}_px")
+            squares[when] += camera.n_points * rms**2
+            metrics[f"refine.{name}.rms_{when}_px"] = rms
+            metrics[f"refine.{name}.median_{when}_px"] = getattr(camera, f"median_{when}_px")
+        metrics[f"refine.{name}.moved_mm"] = 1000.0 * camera.moved_m
+        metrics[f"refine.{name}.turned_deg"] = math.degrees(camera.turned_rad)
+        metrics[f"refine.{name}.lag_images"] = camera.lag_images
+    for when, square in squares.items():
+        metrics[f"refine.rms_{when}_px"] = math.sqrt(square / max(total, 1))
+    return metrics
+
+
+def print_table(refinement) -> None:
+    """The figures per camera, as a table."""
+    print(f"{'camera':12} {'joints':>7} {'rms px':>16} {'median px':>16} {'moved':>9} {'turned':>9} {'late':>12}")
+    for name, camera in refinement.cameras.items():
+        rms = f"{camera.rms_before_px:6.2f} -> {camera.rms_after_px:6.2f}"
+        median = f"{camera.median_before_px:6.2f} -> {camera.median_after_px:6.2f}"
+        moves = f"{1000 * camera.moved_m:6.1f} mm {math.degrees(camera.turned_rad):5.2f} deg {camera.lag_images:z5.2f} images"
+        print(f"{name:12} {camera.n_points:7d} {rms} {median} {moves}")
+    overall = figures(refinement)
+    print(
+        f"all cameras: rms {overall['refine.rms_before_px']:.2f} -> {overall['refine.rms_after_px']:.2f} px; the joints move by"
+    )
+    print(f"{overall['refine.joint_shift_mm']:.1f} mm (rms), the world frame stays ({refinement.iterations} iterations)")

@@ -1,0 +1,117 @@
+"""``tracker_node calibrate rig``: lenses and places of several cameras from recordings of a board."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+from ...errors import CalibrationError, FileFormatError
+from ..arguments.run_images import refuse_to_overwrite
+from ..arguments.sources import add_sources_argument, sources_by_name
+from ._board_arguments import StageProgress, add_board_arguments, board_of, detect, sources_of
+
+SUMMARY = "make a rig from videos or image folders in which several cameras see a chessboard or a ChArUco board"
+EXAMPLE = "tracker_node calibrate rig --videos calib/cam01.mp4 calib/cam02.mp4 --charuco 7x5 --square 0.08 -o rig.yaml"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_board_arguments(parser)
+    add = parser.add_argument
+    add("--lenses", metavar="RIG", help="rig.yaml with lenses, such as that of `calibrate intrinsics`")
+    add("--keep-lenses", action="store_true", help="with --lenses: do not refine them")
+    add("--stamps", metavar="CSV", help="times of the images of all cameras (columns camera and time, such as timestamps.csv)")
+    add("--clocks", choices=("auto", "exact", "offset", "free"), default="auto",
+        help="exact: stamps are right; offset: each camera's clock may be off; free: each stamp, too;"
+        " auto: exact for folders of images, else free (default: %(default)s)")  # fmt: skip
+    add("--stamp-sigma-ms", type=float, default=20.0, metavar="MS",
+        help="how far off single stamps are usually, with clocks that are free (default: %(default)s)")  # fmt: skip
+    add("--tolerance-ms", type=float, metavar="MS", help="images so near in time belong together (default: half a period)")
+    add("--sets", type=int, default=100, metavar="N", help="image sets used at most (default: %(default)s)")
+    add_sources_argument(parser)
+    add("--write-clocks", action="store_true", help="write clocks that are off as time_offset_s: for cameras that keep running")
+    add("-o", "--output", default="rig.yaml", metavar="FILE", help="file to write (default: %(default)s)")
+
+
+def run(args: argparse.Namespace) -> int:
+    from ...calibration.board.metrics import camera_figures, coverage_notes, rig_figures, worst_views
+    from ...calibration.board.report import format_table, rig_pictures, rig_tables, write_pictures, write_rig_page
+    from ...calibration.board.rig import calibrate_rig, check_for_rig
+    from ...loaders.rig.rig_yaml import rig_file_of, write_rig_file
+    from ...report.metrics_file import write_metrics
+
+    page = Path(args.report or Path(args.output).with_suffix(".html"))
+    figures = page.with_suffix(".json")
+    refuse_to_overwrite(args, args.output, page, figures)
+    board, sources = board_of(args), sources_of(args, args.stamps)
+    check_for_rig(board)
+    tracked_later = sources_by_name(args.sources, sources)
+    options, lenses = _options(args), _lenses(args, sources)
+    seen, left_out = detect(args, sources, board, least=2)
+    lenses = None if lenses is None else {name: lens for name, lens in lenses.items() if name in seen}
+    found = calibrate_rig(board, seen, options, lenses, None if args.quiet else StageProgress("calibrate rig"))
+    write_rig_file(rig_file_of(_with_sources(args, found, tracked_later)), args.output, base_dir=".")
+    write_rig_page(page, found, seen)
+    write_metrics(figures, rig_figures(found))
+    files = write_pictures(page.parent, found.rig.names, rig_pictures(found, seen))
+    cameras, pairs, *_, outliers = rig_tables(found, seen)
+    for table in (cameras, pairs):
+        print(format_table(table))
+    for name, image, error in worst_views(found, 3):
+        print(f"worst view: image {image} of {name}, {error:.2f} px")
+    for row in outliers.rows:
+        print(f"left out: image {row[1]} of {row[0]}")
+    if not args.keep_lenses:
+        pixels = {name: figure.pixels for name, figure in camera_figures(found).items()}
+        for note in coverage_notes(pixels, {name: camera.image_size for name, camera in seen.items()}):
+            print(f"note: {note}")
+    if not found.adjustment.converged:
+        print(f"note: not converged after {found.adjustment.iterations} iterations; see whether the figures are good enough")
+    print(f"wrote {args.output}, {page}, {figures} and {', '.join(map(str, files))}")
+    return 1 if left_out else 0
+
+
+def _options(args: argparse.Namespace):
+    from ...calibration.board.refinement import BoardRigOptions
+
+    for option, value in (("--stamp-sigma-ms", args.stamp_sigma_ms), ("--tolerance-ms", args.tolerance_ms)):
+        if value is not None and not 0.0 < value < 1e4:
+            raise FileFormatError("command line", option, "a positive number of milliseconds", value)
+    if args.sets < 3:
+        raise FileFormatError("command line", "--sets", "at least 3", args.sets)
+    if args.keep_lenses and not args.lenses:
+        raise FileFormatError("command line", "--keep-lenses", "lenses to keep, with --lenses", "none")
+    clocks = args.clocks
+    if clocks == "auto":
+        still = not args.stamps and any(Path(text.partition("=")[2] or text).is_dir() for text in args.videos)
+        clocks = "exact" if still else "free"
+    tolerance = None if args.tolerance_ms is None else 1e-3 * args.tolerance_ms
+    return BoardRigOptions(args.distortion, not args.keep_lenses, clocks, 1e-3 * args.stamp_sigma_ms, tolerance, args.sets)
+
+
+def _lenses(args: argparse.Namespace, sources):
+    """Given lenses by camera name, held against the recordings' sizes."""
+    if not args.lenses:
+        return None
+    from ...loaders.images.source import size_contradiction
+    from ...loaders.rig.rig_yaml import load_rig
+
+    rig = load_rig(args.lenses)
+    for name, source in sources.items():
+        lens, size = rig[name].model, (source.width, source.height)
+        if (lens.width, lens.height) != size:
+            raise CalibrationError(name, size_contradiction((lens.width, lens.height), size, source.path))
+    return {name: rig[name].model for name in sources}
+
+
+def _with_sources(args: argparse.Namespace, found, sources: dict[str, str | None]):
+    from ...calibration.board.metrics import camera_figures
+
+    figures, cameras = camera_figures(found), []
+    for camera in found.rig:
+        late = figures[camera.name]
+        offset_ns = round(1e9 * late.clock_s) if args.write_clocks and late.clock_is_off else 0
+        cameras.append(replace(camera, source=sources[camera.name], time_offset_ns=offset_ns))
+        if late.clock_is_off:
+            print(f"{camera.name}: its images are {1e3 * late.clock_s:.1f} ms later than they say, beside {found.rig.names[0]}")
+    return replace(found.rig, cameras=tuple(cameras))

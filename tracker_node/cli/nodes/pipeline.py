@@ -1,0 +1,188 @@
+"""``tracker_node pipeline``: ingest, tracker and recorder in one command."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from pathlib import Path
+
+from ..arguments.nothing_tracked import nothing_tracked
+from ..arguments.recording import add_recording_argument, evaluation_of, fill_in
+from ..arguments.run_json import end_of_live_run, start_of_live_run
+from ..arguments.topics import with_topics
+from ..sample import run_verb
+from .camera_ingest import add_source_arguments, cameras_of, source_options
+from .tracker import add_body_arguments
+
+SUMMARY = "run camera_ingest, tracker and recorder together, from cameras to a bag, and evaluate if a recording.yaml says so"
+EXAMPLE = """tracker_node pipeline recording.yaml
+  tracker_node pipeline --rig rig.yaml --model person.yaml --initial-state start.yaml --bag out/run1/bag --masks"""
+RECORDED = ("masks", "overlays", "through_masks", "markers", "images")
+BUILT_IN = {
+    **{"start": 0, "shrink": 1, "source": [], "capture": [], "split_mb": 0.0, "compression": "none"},
+    **dict.fromkeys((*RECORDED, "loop", "real_time"), False),
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_body_arguments(parser, required=False)
+    add_source_arguments(parser)
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="FOLDER", help="folder of the run: bag/, and run.json, which says how it was made"
+    )
+    parser.add_argument(
+        "--bag", type=Path, metavar="FOLDER", help="record states, poses, joints, calibrations and diagnostics to this bag"
+    )
+    parser.add_argument("--masks", action="store_true", help="record the model's silhouettes too")
+    parser.add_argument("--overlays", action="store_true", help="record images with the model drawn over them too")
+    parser.add_argument("--through-masks", action="store_true", help="record the images as seen through the body's mask too")
+    parser.add_argument("--markers", action="store_true", help="record the body's shapes too, as RViz and Foxglove show them")
+    parser.add_argument("--images", action="store_true", help="record the cameras' images too")
+    parser.add_argument("--split-mb", type=float, metavar="MB", help="another file of the bag at this size (default: never)")
+    parser.add_argument("--compression", choices=("none", "lz4", "zstd"), help="of the bag's messages (default: none)")
+    parser.add_argument("--loop", action="store_true", help="begin again at the end, until Ctrl-C")
+    parser.add_argument(
+        "--real-time",
+        action="store_true",
+        help="publish at the images' rate and track the newest; otherwise every image set is tracked, as fast as possible",
+    )
+    add_recording_argument(parser, BUILT_IN)
+
+
+def run(args: argparse.Namespace) -> int:
+    from ...errors import TrackerError
+    from ...loaders.rig.rig_yaml import load_rig
+    from ...ros.pipeline import PipelineOptions, run_pipeline
+    from ...runs.writer import write_summary
+
+    recording = fill_in(args, BUILT_IN)
+    if args.bag is None and args.output is not None:
+        args.bag = args.output / "bag"
+    rig = load_rig(args.rig)
+    readable, n_images = _look_at_sources(rig, args)
+    if args.cameras:
+        rig = rig.subset(args.cameras)
+    _check_files(rig, args)
+    if args.bag is None and any(getattr(args, name) for name in RECORDED):
+        switches = ", ".join(f"--{name.replace('_', '-')}" for name in RECORDED)
+        raise TrackerError(f"{switches} say what is recorded: give --bag or --output too")
+    if args.bag is not None and args.bag.exists():
+        raise TrackerError(f"--bag {args.bag}: there is something already")
+    options = PipelineOptions(
+        body=_body_options(args, readable),
+        source=_source_options(args),
+        sources=dict(args.source),
+        cameras=tuple(readable),
+        bag=args.bag,
+        masks=args.masks,
+        overlays=args.overlays,
+        through_masks=args.through_masks,
+        markers=args.markers,
+        images=args.images,
+        recorder=["--split-mb", str(args.split_mb), "--compression", args.compression],
+        lossless=not args.real_time,
+        n_expected=n_images,
+        ros_args=with_topics(args.ros_args, rig, {}),
+    )
+    folder, start = _run_folder(args), start_of_live_run(args, n_images)
+    if folder is not None:
+        write_summary(folder, start)  # now, for a run that is killed
+    status, progress, interrupted = run_pipeline(options)
+    if folder is not None:
+        write_summary(folder, end_of_live_run(start, progress))
+    counts = ", ".join(f"{n} {status.name}" for status, n in sorted(progress.statuses.items()))
+    print(f"{progress.sets} image sets: {counts or 'none'}" + (f"; bag {args.bag}" if args.bag else ""))
+    arguments = evaluation_of(recording, args, args.bag, args.output or args.bag.parent) if recording and args.bag else []
+    if interrupted:
+        if arguments:
+            print(f"not evaluated, as it was ended early; to do it: tracker_node {shlex.join(arguments)}")
+        raise KeyboardInterrupt if status == 0 else SystemExit(status)
+    by_status = {each.name: n for each, n in progress.statuses.items()}
+    untracked = nothing_tracked("pipeline", by_status, "", args.initial_state is not None) if status == 0 else 0
+    if status == 0 and arguments:
+        status = run_verb(*arguments)
+    return status or untracked
+
+
+def _run_folder(args: argparse.Namespace) -> Path | None:
+    """Where `evaluate` looks for ``run.json``: above the bag; None for a bag that stands alone.
+
+    Raises
+    ------
+    BagExistsError : a run is there.
+    """
+    from ...loaders.bag.writer import BagExistsError
+    from ...runs.writer import BAG, STATES, SUMMARY
+
+    if args.bag is None or args.bag.name != BAG:
+        return None
+    for name in (STATES, SUMMARY):
+        if (args.bag.parent / name).exists():
+            raise BagExistsError(args.bag.parent / name)
+    return args.bag.parent
+
+
+def _check_files(rig, args: argparse.Namespace) -> None:
+    """Mistakes in files are said before anything is started."""
+    from ...loaders.images.background_file import load_plates
+    from ...loaders.model.model_yaml import load_model
+    from ...loaders.model.state_yaml import load_state
+    from ...runs.config_file import load_config
+
+    model = load_model(args.model)
+    if args.config:
+        load_config(args.config)
+    if args.initial_state:
+        load_state(args.initial_state, model)
+    if args.occluders:
+        load_model(args.occluders)
+    load_plates(rig)
+
+
+def _body_options(args: argparse.Namespace, cameras: list[str]) -> list[str]:
+    result = ["--rig", str(args.rig), "--model", str(args.model), "--cameras", *cameras]
+    for name in ("config", "initial_state", "occluders"):
+        if getattr(args, name):
+            result += [f"--{name.replace('_', '-')}", str(getattr(args, name))]
+    if args.resize or args.shrink > 1:
+        result += ["--calibration", "camera_info"]
+    return result
+
+
+def _source_options(args: argparse.Namespace) -> list[str]:
+    result = ["--rig", str(args.rig), "--start", str(args.start)]
+    if args.end is not None:
+        result += ["--end", str(args.end)]
+    if args.rate is not None:
+        result += ["--rate", str(args.rate)]
+    if args.resize:
+        result += ["--resize", "{}x{}".format(*args.resize)]
+    if args.shrink > 1:
+        result += ["--shrink", str(args.shrink)]
+    if args.decode_threads is not None:
+        result += ["--decode-threads", str(args.decode_threads)]
+    if args.cameras:
+        result += ["--cameras", *args.cameras]
+    if args.capture:
+        result += ["--capture", *args.capture]
+    return result + [flag for name, flag in (("compressed", "--compressed"), ("loop", "--loop")) if getattr(args, name)]
+
+
+def _look_at_sources(rig, args: argparse.Namespace) -> tuple[list[str], int | None]:
+    """Cameras that can be read, and how many image sets to expect of them; None if that is not known.
+
+    Raises
+    ------
+    TrackerError : when not a single camera can be read, or one gives what cannot be tracked in this way.
+    """
+    from ...errors import TrackerError
+    from ...ros.ingest.cameras import open_cameras
+
+    opened = open_cameras(cameras_of(rig, args), source_options(args))  # the ingest will tell the problems too
+    if opened.live and not args.real_time:
+        raise TrackerError(f"{', '.join(opened.live)}: live cameras do not wait for the tracker: give --real-time")
+    undecoded = [name for name, camera in opened.cameras.items() if camera.capture.publish == "jpeg"]
+    if undecoded:
+        raise TrackerError(f"{', '.join(undecoded)}: publish: jpeg gives no pixels to track; use color or mono")
+    endless = args.loop or opened.live
+    return list(opened.cameras), None if endless else min(source.n_images for source in opened.recorded.values())

@@ -1,0 +1,116 @@
+"""``tracker_node tracker``: the tracker as a ROS node."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+
+from ..arguments.topics import add_topics_argument, with_topics
+
+SUMMARY = "track a body in the images of ROS cameras"
+EXAMPLE = "tracker_node tracker --rig rig.yaml --model person.yaml --initial-state start.yaml"
+SETTLE_S = 0.3  # between our discovery of a subscriber and its discovery of us; what is sent before is lost
+OUTPUTS = ("state", "pose", "joint_states", "markers", "mask", "overlay", "target_through_mask")
+
+
+def add_body_arguments(parser: argparse.ArgumentParser, required: bool = True) -> None:
+    """What is tracked, from where, and how; shared with ``pipeline``."""
+    parser.add_argument("--rig", required=required, metavar="FILE", help="rig.yaml: places and lenses of the cameras")
+    parser.add_argument("--model", required=required, metavar="FILE", help="model.yaml or URDF: the body to track")
+    parser.add_argument(
+        "--occluders",
+        metavar="FILE",
+        help="model.yaml or URDF: fixed things that may hide the body, in the world's frame",
+    )
+    parser.add_argument("--config", metavar="FILE", help="tracker parameters (default: built in)")
+    parser.add_argument(
+        "--initial-state", metavar="FILE", help="state.yaml: where the body is in the first images (default: it is looked for)"
+    )
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_body_arguments(parser)
+    parser.add_argument("--cameras", nargs="+", metavar="NAME", help="only these cameras of the rig")
+    parser.add_argument(
+        "--calibration",
+        choices=("rig", "camera_info"),
+        default="rig",
+        help="where the lenses are taken from; camera_info suits resampled images (default: rig)",
+    )
+    add_topics_argument(parser)
+    parser.add_argument("--lossless", action="store_true", help="track every image set in order, however long it takes")
+    parser.add_argument(
+        "--wait-for",
+        nargs="+",
+        default=[],
+        type=listeners,
+        metavar="TOPIC=N",
+        help="begin when these outputs have N subscribers: state, pose, joint_states, markers, or mask, overlay,"
+        " target_through_mask (of every camera)",
+    )
+    parser.add_argument("--compressed", action="store_true", help="subscribe to <cam>/image_raw/compressed")
+    parser.add_argument(
+        "--no-autostart", action="store_true", help="wait to be configured and activated by the services of a lifecycle node"
+    )
+    parser.add_argument(
+        "--end-on-failure", action="store_true", help="end where the automatic start fails, instead of waiting to be configured"
+    )
+
+
+def listeners(text: str) -> tuple[str, int]:
+    """``mask=1`` -> ("mask", 1)."""
+    topic, _, count = text.partition("=")
+    if topic not in OUTPUTS or not count.isdigit():
+        expected = ", ".join(f"{name}=N" for name in OUTPUTS)
+        raise argparse.ArgumentTypeError(f"expected one of {expected}, got '{text}'")
+    return topic, int(count)
+
+
+def run(args: argparse.Namespace) -> int:
+    from ...ros.tracker.heap import kept_for_ever
+
+    with kept_for_ever():
+        from ...loaders.model.model_yaml import load_model
+        from ...loaders.model.state_yaml import load_state
+        from ...loaders.rig.rig_yaml import load_rig
+        from ...ros.executor import attach, ros_process, spin
+        from ...ros.lifecycle import FINALIZED, INACTIVE
+        from ...ros.tracker.image_inbox import InboxOptions
+        from ...ros.tracker.node import TrackerNode
+        from ...ros.tracker.options import TrackerOptions
+        from ...runs.config_file import load_config
+        from ...tracking.config import TrackerConfig
+
+    rig, model = load_rig(args.rig), load_model(args.model)
+    options = TrackerOptions(
+        rig=rig.subset(args.cameras) if args.cameras else rig,
+        model=model,
+        config=load_config(args.config) if args.config else TrackerConfig(),
+        initial_state=load_state(args.initial_state, model) if args.initial_state else None,
+        occluders=load_model(args.occluders) if args.occluders else None,
+        inbox=InboxOptions(lossless=args.lossless, compressed=args.compressed),
+        calibration_from_topics=args.calibration == "camera_info",
+        autostart=not args.no_autostart,
+    )
+    with ros_process(with_topics(args.ros_args, rig, dict(args.topics))) as stop:
+        node = TrackerNode(options)
+        attach(node)
+        failure: object = None
+        try:
+            if node.autostart and node.configure():
+                spin(node, stop, lambda: node.state != INACTIVE or node.has_subscribers(dict(args.wait_for)))
+                settled_s = time.monotonic() + (SETTLE_S if args.wait_for else 0.0)
+                spin(node, stop, lambda: time.monotonic() >= settled_s)
+                node.activate()
+            if args.end_on_failure:
+                failure = node.failure
+            if not failure:
+                spin(node, stop, lambda: node.fatal is not None or node.state == FINALIZED)
+        finally:
+            node.close()
+            failure = failure or node.fatal
+            node.destroy_node()
+    if failure:
+        print(f"tracker_node tracker: error: {failure}", file=sys.stderr)
+    return 2 if failure else 0

@@ -1,0 +1,110 @@
+"""The wooden cross as the experimenters have it: video, what they know of cameras and lights, and what they digitize."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from ...calibration.points import dlt
+from ...calibration.points.digitizing import click, digitized_state
+from ...camera.rig import Camera, CameraRig
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
+from ...observation.deinterlace import check_interlaced
+from ...render.raycast.raycaster import render_mask
+from ...synthesis.scenes.background import cluttered_background
+from ..target_images import TargetStudio
+from . import throw as cross
+from .film import Footage, film
+from .yellow_stick import yellow_stick
+
+CONTROL_POINT_SIGMA_PX = 1.0
+CLICK_SIGMA_PX = 1.5
+_INSIDE_PX = 3  # colors are picked at least so far from the outline
+
+
+@dataclass(frozen=True, eq=False)
+class CrossScene:
+    """Everything that the tracking and the digitizing need.
+
+    Attributes
+    ----------
+    rig : cameras and lights as they are; ``rigs`` as known for tracking, by name: "true" has the true lenses and places, "dlt"
+        those of the eleven parameters, "dlt_<constraint>" those of fewer. All have the lights as measured, and no gain or gamma,
+        which nobody knows.
+    calibrations : constraint -> DLT of each camera.
+    late_s : how much later than the first each camera exposes.
+    seed : of everything that is random.
+    """
+
+    model: ArticulatedModel
+    rig: CameraRig
+    rigs: dict[str, CameraRig]
+    calibrations: dict[str, list[dlt.DltCalibration]]
+    trials: tuple[cross.CrossTrial, ...]
+    late_s: tuple[float, ...]
+    seed: int
+
+    def film(self, trial: cross.CrossTrial, backend: str) -> Footage:
+        """Video of a trial, found to be interlaced."""
+        backgrounds = [cluttered_background(camera, self.seed) for camera in self.rig]
+        with TargetStudio(self.rig, backend) as studio:
+            footage = film(self.model, trial, studio, backgrounds, np.random.default_rng(self.seed))
+        for name, images in zip(self.rig.names, footage.images, strict=True):
+            check_interlaced(images, f"{trial.name} somersault, camera {name}")
+        return footage
+
+    def seen(self, state: State, velocity: np.ndarray) -> list[State]:
+        """Where each camera sees a body that moves so."""
+        return [state.retract(late * velocity) for late in self.late_s]
+
+    def digitize(self, trial: cross.CrossTrial) -> list[State | None]:
+        """The pose at every field as a person digitizes it."""
+        rng = np.random.default_rng(self.seed)
+        parameters = np.array([calibration.parameters for calibration in self.calibrations["none"]])
+        poses = []
+        for field in range(trial.n_fields):
+            states = [trial.state(field, late) for late in self.late_s]
+            clicks = click(self.model, states, self.rig.cameras, CLICK_SIGMA_PX, rng)
+            poses.append(digitized_state(self.model, clicks, parameters))
+        return poses
+
+    def picked_colors(self, trial: cross.CrossTrial, images: Sequence[np.ndarray]) -> np.ndarray:
+        """(n_cameras, n_shapes, 3) RGB of the cross in the images of the first field, as picked with an eye-dropper."""
+        picked = []
+        for camera, late, image in zip(self.rig, self.late_s, images, strict=True):
+            mask = render_mask(Configuration(self.model, trial.state(0, late)), camera)
+            inside = cv2.erode(mask, np.ones((2 * _INSIDE_PX + 1, 2 * _INSIDE_PX + 1), np.uint8)) > 0
+            picked.append(np.median(image[inside if inside.any() else mask > 0][:, ::-1], axis=0))
+        return np.repeat(np.array(picked)[:, None], len(self.model.shapes), axis=1)
+
+
+def cross_scene(seed: int = 20, scale: float = 1.0, n_fields: int | None = None) -> CrossScene:
+    """The experiment; for a quick look, smaller images and fewer fields."""
+    model, rig = yellow_stick(), cross.cross_rig()
+    size = round(scale * cross.IMAGE_SIZE[0]), round(scale * cross.IMAGE_SIZE[1])
+    rig = replace(rig, cameras=tuple(replace(camera, model=camera.model.resized(*size)) for camera in rig))
+    rng = np.random.default_rng(seed)
+    points = cross.control_points(rng)
+    pixels = [cross.digitized(camera, points, CONTROL_POINT_SIGMA_PX, rng) for camera in rig]
+    calibrations = {
+        constraint: [dlt.calibrate(camera.name, points, seen, size, constraint) for camera, seen in zip(rig, pixels, strict=True)]
+        for constraint in dlt.CONSTRAINTS
+    }
+    lights = cross.measured_lights(rig.lights, rng)
+    known = {"true": rig.cameras}
+    for constraint, found in calibrations.items():
+        known["dlt" if constraint == "none" else f"dlt_{constraint}"] = tuple(calibration.camera for calibration in found)
+    rigs = {name: CameraRig(tuple(_unknown_answer(c) for c in cameras), lights=lights) for name, cameras in known.items()}
+    trials: tuple[cross.CrossTrial, ...] = cross.side_somersault(model), cross.twisting_somersault(model)
+    if n_fields is not None:
+        trials = tuple(replace(trial, n_fields=n_fields) for trial in trials)
+    late_s = tuple(cross.LATE_S if name == cross.LATE_CAMERA else 0.0 for name in rig.names)
+    return CrossScene(model, rig, rigs, calibrations, trials, late_s, seed)
+
+
+def _unknown_answer(camera: Camera) -> Camera:
+    return replace(camera, gain=(1.0, 1.0, 1.0), gamma=1.0)
