@@ -14,9 +14,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
 from diagnostic_msgs.msg import DiagnosticArray
-from ros_cameras import Cameras, N, files_of, image_set_of
-from ros_graph import NodeProcess, Probe, remove_left_segments, ros_context, shared_memory_files
-from ros_samples import write_recording
+from helpers.ros.cameras import Cameras, N, files_of, image_set_of
+from helpers.ros.graph import NodeProcess, Probe, remove_left_segments, ros_context, shared_memory_files
+from helpers.ros.samples import write_recording
 from sensor_msgs.msg import Image
 from tracker_msgs.msg import TrackedState
 

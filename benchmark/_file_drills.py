@@ -8,8 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from _fault_graph import Drill, Graph, Outcome
-from camera_rigs import in_millimetres
-from ros_graph import NodeProcess
+from helpers.cameras.camera_rigs import in_millimetres
+from helpers.ros.graph import NodeProcess
 
 QUICK_S = 30.0  # for a refusal, on a busy machine; what has no limit takes minutes, or all memory
 Arguments = list[str | Path]

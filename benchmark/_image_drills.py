@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 from _fault_graph import ERROR, OK, PERIOD_NS, WARN, Drill, Graph, N, Outcome, Sender, image_set_of, load_rig
-from ros_graph import stamps
+from helpers.ros.graph import stamps
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from tracker_node.ros.conversions import camera_info_message, compressed_message

@@ -13,9 +13,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
-import ros2_env
-from ros_graph import Probe
-from ros_samples import write_recording
+from helpers.ros import ros2_env
+from helpers.ros.graph import Probe
+from helpers.ros.samples import write_recording
 from sensor_msgs.msg import CameraInfo, Image
 from tracker_msgs.msg import TrackedState
 

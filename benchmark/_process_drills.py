@@ -12,7 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from _fault_graph import ERROR, OK, WARN, Drill, Graph, N, Outcome
-from ros_graph import stamps
+from helpers.ros.graph import stamps
 
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.bag.reader import BagReader

@@ -9,12 +9,12 @@ from dataclasses import replace
 
 from _fault_graph import ERROR, OK, Drill, Graph, Outcome, Sender
 from _image_drills import EVERY_S, begun, sound_again
+from helpers.ros.cameras import options_of
+from helpers.ros.graph import NodeProcess
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
-from ros_cameras import options_of
-from ros_graph import NodeProcess
 from tracker_msgs.srv import SetState
 
 from tracker_node.ros.conversions import camera_info_message

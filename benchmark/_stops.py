@@ -15,7 +15,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
 from diagnostic_msgs.msg import DiagnosticArray
-from ros_graph import NodeProcess, Probe
+from helpers.ros.graph import NodeProcess, Probe
 
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import dump_state

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import cv2
 from _fault_graph import Drill, Graph, Outcome, image_set_of
-from mjpeg_server import MjpegServer
+from helpers.sources.mjpeg_server import MjpegServer
 
 SECRET = "s3cret-wOrd"
 RATE_HZ = 10.0

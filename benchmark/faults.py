@@ -24,7 +24,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
-from fuzzing import Answers, run
+from helpers.fuzz.runs import Answers, run
 
 from tracker_node.report.metrics_file import report_metrics
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
-import ros2_env
+from helpers.ros import ros2_env
 
 from tracker_node.report.metrics_file import report_metrics
 
@@ -27,7 +27,7 @@ def main() -> int:
         return 2
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     from _launched import FILES, stage_in
-    from ros_graph import ros_context
+    from helpers.ros.graph import ros_context
 
     run = 0
     with ros_context():

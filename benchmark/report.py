@@ -131,7 +131,7 @@ class Load:
 
 def load_times(page: Path, repeats: int) -> list[Load]:
     """Empty without a browser."""
-    from browser import browser_tab
+    from helpers.studio.browser import browser_tab
     from pytest import skip
 
     times = []

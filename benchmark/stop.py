@@ -25,9 +25,9 @@ def main() -> int:
     args = _arguments()
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     from _stops import MOMENTS, Stop, scene_in, stopped
-    from bag_samples import write_bag
-    from ros_graph import remove_left_segments, ros_context, shared_memory_files
-    from ros_samples import write_recording
+    from helpers.ros.graph import remove_left_segments, ros_context, shared_memory_files
+    from helpers.ros.samples import write_recording
+    from helpers.sources.bag_samples import write_bag
 
     stops: dict[str, list[Stop]] = {}
     before = shared_memory_files()

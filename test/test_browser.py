@@ -1,6 +1,6 @@
 """The tests' browser runs pages, and hears what goes wrong in them."""
 
-from browser import browser_tab
+from helpers.studio.browser import browser_tab
 
 
 def test_a_tab_shows_a_page_and_collects_its_errors(tmp_path):

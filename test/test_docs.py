@@ -1,14 +1,16 @@
 """What the documentation shows can be read, and what it points to is there."""
 
 import argparse
+import ast
 import importlib
 import json
 import re
 import shlex
+import tomllib
 
 import pytest
-from doc_commands import parsed, parser_of
-from doc_pages import PAGES, commands_of, mentions_of
+from helpers.docs.commands import parsed, parser_of
+from helpers.docs.pages import PAGES, commands_of, mentions_of
 
 from tracker_node.cli import main
 from tracker_node.cli.arguments.subverbs import subverbs
@@ -146,14 +148,24 @@ def test_readme_shows_a_picture_that_is_quick_to_load(repository):
         assert (repository / picture).stat().st_size < 400_000
 
 
-def test_architecture_names_every_module(repository):
+def test_architecture_draws_the_layers_that_the_import_contract_holds(repository):
+    contracts = tomllib.loads((repository / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
     text = (repository / "docs" / "architecture.md").read_text()
-    modules = [m for m in (repository / "tracker_node").rglob("*.py") if m.name != "__init__.py"]
-    patterns = ("cli", "conversions")  # named by pattern and by folder
-    missing = [str(m) for m in modules if m.parent.name not in patterns and f"`{m.name}`" not in text]
-    assert not missing
-    named = set(re.findall(r"`(\w+\.py)`", text))
-    assert named <= {m.name for m in modules}
+    drawn = text.split("```text\n", 1)[1].split("```", 1)[0].splitlines()
+    assert [re.split(r"\s{2,}", line)[0] for line in drawn] == contracts[0]["layers"]
+    packages = {folder.parent.name for folder in (repository / "tracker_node").glob("*/__init__.py")}
+    assert packages | {"errors", "parallel"} == {name for layer in contracts[0]["layers"] for name in layer.split(" | ")}
+
+
+def test_every_package_says_what_lives_there_and_where_to_begin(repository):
+    for file in (repository / "tracker_node").rglob("__init__.py"):
+        text = ast.get_docstring(ast.parse(file.read_text())) or ""
+        package = file.parent.relative_to(repository / "tracker_node").as_posix()
+        assert "Begin with" in text or package in (".", "ros/conversions") or package.startswith("cli/")
+        named = re.findall(r"Begin with `([\w.]+)`", text)
+        for name in named:
+            place = file.parent / name.replace(".", "/")
+            assert place.is_dir() or place.with_suffix(".py").exists(), f"{file}: {name}"
 
 
 @pytest.mark.parametrize("verb", verbs())

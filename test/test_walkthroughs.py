@@ -1,4 +1,4 @@
-"""The commands of every page, run in their order as they stand there, on short recordings (`doc_walkthrough.py`).
+"""The commands of every page, run in their order as they stand there, on short recordings (`helpers.docs.walkthrough.py`).
 
 The tutorial and the README run on the first images of the sample, with the edits that they ask for.
 """
@@ -14,11 +14,11 @@ from pathlib import Path
 import cv2
 import pytest
 import yaml
-from doc_commands import CHANGED, NOT_RUN, is_run, why_not_run
-from doc_given import GIVEN, shipped_files
-from doc_pages import PAGES, Block, Command, blocks_of, commands_of, mentions_of
-from doc_place import Place, Shelf
-from doc_walkthrough import Walkthrough
+from helpers.docs.commands import CHANGED, NOT_RUN, is_run, why_not_run
+from helpers.docs.given import GIVEN, shipped_files
+from helpers.docs.pages import PAGES, Block, Command, blocks_of, commands_of, mentions_of
+from helpers.docs.place import Place, Shelf
+from helpers.docs.walkthrough import Walkthrough
 
 from tracker_node.loaders.samples import wheel_cache
 from tracker_node.loaders.samples.data import SAMPLES, fetch_sample
@@ -54,7 +54,7 @@ def test_page(page, walkthrough):
 @pytest.mark.parametrize("command", COMMANDS, ids=str)
 def test_every_command_is_run_or_listed_with_a_check_in_its_place(command, repository):
     entry = why_not_run(command)
-    assert (entry is None) == is_run(command), f"{command}: neither run nor listed in test/doc_commands.py"
+    assert (entry is None) == is_run(command), f"{command}: neither run nor listed in test/helpers/docs/commands.py"
     if entry is not None:
         entry.check(command)
         assert (repository / entry.tests).is_file(), entry.tests

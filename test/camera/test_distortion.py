@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from finite_difference import assert_jacobian
+from helpers.numeric.finite_difference import assert_jacobian
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from finite_difference import assert_jacobian
+from helpers.numeric.finite_difference import assert_jacobian
 
 from tracker_node.camera.model import CameraModel
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from render_scenes import look_at
+from helpers.cameras.render_scenes import look_at
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig_unit import check_metres, wrong_unit

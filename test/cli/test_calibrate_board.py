@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from board_scenes import picture, ring
+from helpers.cameras.board_scenes import picture, ring
 
 from tracker_node.calibration.board.board import Board
 from tracker_node.camera.rig import Camera, CameraRig

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
-from camera_rigs import circle_rig
+from helpers.cameras.camera_rigs import circle_rig
 
 from tracker_node.calibration.board import metrics as board_figures
 from tracker_node.cli.calibrate import body, intrinsics, plate

@@ -21,7 +21,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     def looks(*arguments: str | Path) -> int:
         return 0 if pipeline._run_folder(Namespace(bag=Path(arguments[-1]) / "bag")) else 1
 
-    monkeypatch.setattr(sample, "run_verb", looks)
+    monkeypatch.setattr(demo, "run_verb", looks)
     return tmp_path
 
 

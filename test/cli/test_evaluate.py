@@ -9,12 +9,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from render_scenes import look_at
-from stick_person import Motion, motion, write_run, write_state_bag, write_truth
+from helpers.bodies.stick_person import Motion, motion, write_run, write_state_bag, write_truth
+from helpers.cameras.render_scenes import look_at
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
-from tracker_node.cli import sample
 from tracker_node.cli.arguments.recording import evaluate_recording
 from tracker_node.cli.evaluate import _untold
 from tracker_node.cli.main import main
@@ -289,7 +288,7 @@ def test_what_the_images_do_not_tell_takes_a_few_lines():
 @pytest.mark.parametrize("cut", [{}, {"end": 5}, {"start": 3}, {"max_sets": 4}])
 def test_image_sets_of_a_recording_are_those_of_all_of_it(monkeypatch, tmp_path, cut):
     given = []
-    monkeypatch.setattr(sample, "run_verb", lambda *arguments: given.append(arguments) or 0)
+    monkeypatch.setattr("tracker_node.cli.arguments.run_verb.run_verb", lambda *arguments: given.append(arguments) or 0)
     recording = RecordingFile(rig="r", model="m", output="o", images={"end": 100}, evaluate={"image_sets": 100})
     args = Namespace(**{"model": "m", "rig": "r", "start": 0, "end": 100, "max_sets": None} | cut)
     assert evaluate_recording(recording, args, tmp_path, tmp_path) == 0

@@ -4,11 +4,11 @@ import json
 
 import numpy as np
 import pytest
-from moving_person import moving, write_run
-from small_disk import limited_files
-from stick_person import motion as stick_motion
-from stick_person import write_state_bag
-from two_links import two_links
+from helpers.bodies.moving_person import moving, write_run
+from helpers.bodies.stick_person import motion as stick_motion
+from helpers.bodies.stick_person import write_state_bag
+from helpers.bodies.two_links import two_links
+from helpers.sources.small_disk import limited_files
 
 from tracker_node.cli.export import FORMATS
 from tracker_node.cli.main import main

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_clip import Clip, make_clip
+from helpers.cameras.small_clip import Clip, make_clip
 
 from tracker_node.cli.main import main
 from tracker_node.loaders.bag.images import image_of

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-from studio_process import running_studio
+from helpers.studio.studio_process import running_studio
 
 from tracker_node.cli.main import main
 

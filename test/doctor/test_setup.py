@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from camera_rigs import look_at
+from helpers.cameras.camera_rigs import look_at
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera

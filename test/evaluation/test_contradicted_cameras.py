@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_clip import make_clip
+from helpers.cameras.small_clip import make_clip
 
 from tracker_node.cli.main import main
 from tracker_node.geometry import so3

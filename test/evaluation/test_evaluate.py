@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from stick_person import PERIOD_NS, Motion, motion, write_run
+from helpers.bodies.stick_person import PERIOD_NS, Motion, motion, write_run
 
 from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.evaluate import EvaluationOptions, evaluate

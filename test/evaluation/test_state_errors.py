@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.bodies.stick_person import PERIOD_NS, Motion, motion, write_run
 from scipy.spatial.transform import Rotation
-from stick_person import PERIOD_NS, Motion, motion, write_run
 
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.review import Truth, review

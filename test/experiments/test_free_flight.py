@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from wooden_cross import at, cross
+from helpers.bodies.wooden_cross import at, cross
 
 from tracker_node.experiments.free_flight import FreeFlight, mass_properties
 from tracker_node.geometry import se3, so3

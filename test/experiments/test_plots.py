@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from camera_rigs import look_at
-from two_links import cameras, two_links
+from helpers.bodies.two_links import cameras, two_links
+from helpers.cameras.camera_rigs import look_at
 
 from tracker_node.camera.light import Light
 from tracker_node.camera.model import CameraModel

@@ -5,7 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from render_scenes import LIGHTS, colored_scene, look_at, single_shape
+from helpers.cameras.render_scenes import LIGHTS, colored_scene, look_at, single_shape
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import CameraRig

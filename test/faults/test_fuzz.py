@@ -4,8 +4,8 @@ import json
 
 import pytest
 import yaml
-from fuzz_mutations import bomb, bomb_within
-from fuzzing import Answers, child, run
+from helpers.fuzz.mutations import bomb, bomb_within
+from helpers.fuzz.runs import Answers, child, run
 
 from tracker_node.errors import CalibrationError, FileFormatError
 from tracker_node.loaders.rig.rig_yaml import load_rig
@@ -40,7 +40,7 @@ def test_the_same_seed_makes_the_same_files(tmp_path, capsys):
 
 
 def test_a_reader_that_hangs_is_told(tmp_path, monkeypatch):
-    monkeypatch.setattr("fuzzing.START_LIMIT_S", 0.001)
+    monkeypatch.setattr("helpers.fuzz.runs.START_LIMIT_S", 0.001)
     answers = Answers()
     run(tmp_path, 1, ["clicks"], 1, answers)
     assert answers.answered == 0

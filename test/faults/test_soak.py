@@ -11,7 +11,7 @@ pytest.importorskip("rclpy", reason="ROS is not installed")
 
 import soak
 from _contour_runs import Clip
-from ros_samples import write_recording
+from helpers.ros.samples import write_recording
 from transport import wait_until
 
 from tracker_node.errors import TrackerError

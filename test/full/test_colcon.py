@@ -5,8 +5,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
-import ros2_env
-from colcon_place import bare_python_with
+from helpers.ros import ros2_env
+from helpers.ros.colcon_place import bare_python_with
 
 pytestmark = [pytest.mark.ros, pytest.mark.skipif(bool(ros2_env.missing()), reason=ros2_env.missing())]
 ROOT = Path(__file__).resolve().parents[2]

@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 import pytest
-import ros2_env
+from helpers.ros import ros2_env
 
 pytestmark = pytest.mark.ros
 ROOT = Path(__file__).resolve().parents[2]
@@ -48,7 +48,7 @@ def needed_verb(verb: str) -> None:
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory) -> Path:
     """A bag of a short run, made offline."""
-    from small_clip import make_clip
+    from helpers.cameras.small_clip import make_clip
 
     needed_verb("bag")
     folder = tmp_path_factory.mktemp("full")

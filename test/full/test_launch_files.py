@@ -4,12 +4,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-import ros2_env
+from helpers.ros import ros2_env
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
 from _launched import FILES, Stage, stage_in
-from ros_graph import remove_left_segments, ros_context, shared_memory_files
+from helpers.ros.graph import remove_left_segments, ros_context, shared_memory_files
 
 pytestmark = [pytest.mark.ros, pytest.mark.skipif(bool(ros2_env.missing()), reason=ros2_env.missing())]
 ROOT = Path(__file__).resolve().parents[2]

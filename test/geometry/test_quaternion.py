@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
+from helpers.numeric.rotations import rotation_vectors
 from hypothesis import given
-from rotations import rotation_vectors
 from scipy.spatial.transform import Rotation
 
 from tracker_node.geometry import quaternion, so3

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from finite_difference import assert_jacobian
+from helpers.numeric.finite_difference import assert_jacobian
+from helpers.numeric.rotations import twists
 from hypothesis import given
-from rotations import twists
 from scipy.linalg import expm
 
 from tracker_node.geometry import se3, so3

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
+from helpers.numeric.rotations import directions, rotation_vectors
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from rotations import directions, rotation_vectors
 from scipy.spatial.transform import Rotation
 
 from tracker_node.geometry import so3

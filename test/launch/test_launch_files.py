@@ -15,8 +15,16 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from camera_rigs import circle_rig
-from launch_stand_ins import Arguments, LaunchConfiguration, OnShutdown, declared_by, description_of, launch_stand_ins, resolved
+from helpers.cameras.camera_rigs import circle_rig
+from helpers.ros.launch_stand_ins import (
+    Arguments,
+    LaunchConfiguration,
+    OnShutdown,
+    declared_by,
+    description_of,
+    launch_stand_ins,
+    resolved,
+)
 
 from tracker_node.cli import main
 from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file

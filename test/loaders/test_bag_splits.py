@@ -7,9 +7,9 @@ import time
 from pathlib import Path
 from typing import Any
 
-import bag_samples
 import pytest
 import yaml
+from helpers.sources import bag_samples
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 

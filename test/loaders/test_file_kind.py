@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from small_clip import make_clip
+from helpers.cameras.small_clip import make_clip
 
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError, WrongKindOfFileError

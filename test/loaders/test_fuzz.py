@@ -6,7 +6,7 @@ import random
 import numpy as np
 import pytest
 import yaml
-from bodies import crane
+from helpers.bodies.bodies import crane
 
 from tracker_node.errors import CalibrationError, FileFormatError
 from tracker_node.loaders.model.model_yaml import dump_model, load_model

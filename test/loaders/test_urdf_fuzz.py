@@ -6,7 +6,7 @@ from itertools import pairwise
 from xml.etree import ElementTree
 
 import numpy as np
-from robot_text import ROBOT
+from helpers.bodies.robot_text import ROBOT
 
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.model.model_yaml import load_model

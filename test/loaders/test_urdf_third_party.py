@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import kinpy
 import numpy as np
 import pytest
-from bodies import crane, random_state
+from helpers.bodies.bodies import crane, random_state
 from lxml import etree
 
 from tracker_node.loaders.model.model_yaml import load_model

@@ -4,7 +4,7 @@ import errno
 
 import numpy as np
 import pytest
-from small_disk import limited_files, small_disk
+from helpers.sources.small_disk import limited_files, small_disk
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig

@@ -1,11 +1,11 @@
-import naive
 import numpy as np
 import pytest
-from bodies import crane, gantry, random_state
-from finite_difference import assert_jacobian
+from helpers.bodies.bodies import crane, gantry, random_state
+from helpers.numeric import naive
+from helpers.numeric.finite_difference import assert_jacobian
+from helpers.numeric.rotations import twists
 from hypothesis import given
 from hypothesis import strategies as st
-from rotations import twists
 
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State

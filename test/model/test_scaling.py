@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from bodies import crane, random_state
+from helpers.bodies.bodies import crane, random_state
 
 from tracker_node.errors import UnknownNameError
 from tracker_node.model.articulated import ArticulatedModel, Shape

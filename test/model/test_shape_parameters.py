@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from bodies import crane
+from helpers.bodies.bodies import crane
 
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model

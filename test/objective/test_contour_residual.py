@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from bodies import random_state
-from finite_difference import numerical_jacobian
-from two_links import cameras, two_links
+from helpers.bodies.bodies import random_state
+from helpers.bodies.two_links import cameras, two_links
+from helpers.numeric.finite_difference import numerical_jacobian
 
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State

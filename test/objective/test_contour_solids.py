@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
-from two_links import cameras
+from helpers.bodies.two_links import cameras
 
 from tracker_node.geometry import se3
 from tracker_node.model.articulated import ArticulatedModel, Shape

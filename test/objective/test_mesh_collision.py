@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from bodies import random_state
-from finite_difference import assert_jacobian
-from mesh_robot import folded, of_meshes, of_solids
-from mesh_solids import is_inside
+from helpers.bodies.bodies import random_state
+from helpers.bodies.mesh_robot import folded, of_meshes, of_solids
+from helpers.bodies.mesh_solids import is_inside
+from helpers.numeric.finite_difference import assert_jacobian
 
 from tracker_node.geometry import se3
 from tracker_node.loaders.model.model_yaml import dump_model

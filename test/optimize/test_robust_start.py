@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from analytic_scores import AnalyticScore, state_at
+from helpers.numeric.analytic_scores import AnalyticScore, state_at
 
 from tracker_node.geometry import so3
 from tracker_node.model.configuration import State

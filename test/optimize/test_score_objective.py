@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import crane
+from helpers.bodies.bodies import crane
 
 from tracker_node.model import pose_variables
 from tracker_node.model.configuration import State

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from analytic_scores import RIGID, AnalyticScore, hinged, state_at
+from helpers.numeric.analytic_scores import RIGID, AnalyticScore, hinged, state_at
 from scipy.spatial.transform import Rotation
 
 from tracker_node.errors import UnknownNameError

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from analytic_scores import RIGID, AnalyticScore, hinged, state_at
+from helpers.numeric.analytic_scores import RIGID, AnalyticScore, hinged, state_at
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from render_scenes import icosahedron, tetrahedron
+from helpers.cameras.render_scenes import icosahedron, tetrahedron
 
 from tracker_node.model.shapes.primitives import Box, Mesh
 from tracker_node.render import mesh_edges as ce

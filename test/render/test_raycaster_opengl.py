@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from render_scenes import look_at, scattered_scene
+from helpers.cameras.render_scenes import look_at, scattered_scene
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.model.configuration import Configuration, State

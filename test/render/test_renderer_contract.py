@@ -5,10 +5,10 @@ from contextlib import ExitStack
 from dataclasses import replace
 from functools import cache
 
-import naive
 import numpy as np
 import pytest
-from render_scenes import LENSES, LIGHTS, RENDERERS, colored_scene, colored_shapes, look_at, single_shape
+from helpers.cameras.render_scenes import LENSES, LIGHTS, RENDERERS, colored_scene, colored_shapes, look_at, single_shape
+from helpers.numeric import naive
 
 from tracker_node.camera.light import Light
 from tracker_node.camera.model import CameraModel

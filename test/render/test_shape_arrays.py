@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from bodies import crane
-from render_scenes import single_shape, tetrahedron
+from helpers.bodies.bodies import crane
+from helpers.cameras.render_scenes import single_shape, tetrahedron
 
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.shapes.primitives import Box, Ellipsoid, TruncatedCone

@@ -8,10 +8,10 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS is not installed")
 pytest.importorskip("tracker_msgs", reason="the interface package is not installed")
 
-from ros_cameras import Cameras, options_of
-from ros_graph import NodeProcess, Probe, remove_left_segments, ros_context, shared_memory_files
-from ros_processes import start
-from ros_samples import write_recording
+from helpers.ros.cameras import Cameras, options_of
+from helpers.ros.graph import NodeProcess, Probe, remove_left_segments, ros_context, shared_memory_files
+from helpers.ros.processes import start
+from helpers.ros.samples import write_recording
 from tracker_msgs.msg import TrackedState
 
 from tracker_node.ros.tracker.node import TrackerNode

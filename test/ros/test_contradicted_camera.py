@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from ros_samples import write_recording
+from helpers.ros.samples import write_recording
 from tracker_msgs.msg import TrackedState
 
 from tracker_node.geometry import so3

@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from bag_samples import START_NS, text
-from ros_graph import files_in_use, shared_memory_files
+from helpers.ros.graph import files_in_use, shared_memory_files
+from helpers.sources.bag_samples import START_NS, text
 
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.ros.ending import FINISH, PARENT_VARIABLE

@@ -66,7 +66,7 @@ class Recording:
 
 @pytest.fixture(scope="module")
 def recorded(recording, tmp_path_factory, ros_domain_id) -> Recording:
-    from ros_graph import NodeProcess
+    from helpers.ros.graph import NodeProcess
 
     bag = tmp_path_factory.mktemp("layouts") / "bag"
     files = ["--rig", recording / "rig.yaml", "--model", recording / "model.yaml", "--initial-state", recording / "state.yaml"]

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ros_processes import Process
-from small_clip import Clip, make_clip
+from helpers.cameras.small_clip import Clip, make_clip
+from helpers.ros.processes import Process
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 

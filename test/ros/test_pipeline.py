@@ -7,8 +7,8 @@ import signal
 from pathlib import Path
 
 import pytest
-from ros_graph import NodeProcess
-from ros_samples import write_recording
+from helpers.ros.graph import NodeProcess
+from helpers.ros.samples import write_recording
 from sensor_msgs.msg import CameraInfo, Image
 from tracker_msgs.msg import TrackedState
 

@@ -6,9 +6,9 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-import bag_samples
 import pytest
-from ros_processes import wait_until
+from helpers.ros.processes import wait_until
+from helpers.sources import bag_samples
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 rclpy = pytest.importorskip("rclpy", reason="ROS is not installed")

@@ -5,9 +5,9 @@ import threading
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from held_tracker import HeldTracker
+from helpers.ros.held_tracker import HeldTracker
+from helpers.ros.samples import tracked_arm
 from rclpy.parameter import Parameter
-from ros_samples import tracked_arm
 from sensor_msgs.msg import Image
 from tracker_msgs.msg import TrackedState
 

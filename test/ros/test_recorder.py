@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ros_processes import send, wait_until
-from small_disk import small_disk
+from helpers.ros.processes import send, wait_until
+from helpers.sources.small_disk import small_disk
 
 rclpy = pytest.importorskip("rclpy", reason="ROS is not installed")
 

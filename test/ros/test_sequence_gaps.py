@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from helpers.ros.processes import wait_until
 from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from ros_processes import wait_until
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 

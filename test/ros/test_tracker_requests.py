@@ -8,11 +8,11 @@ import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistWithCovarianceStamped
+from helpers.ros.cameras import PERIOD_NS, Cameras, N, files_of, image_set_of, options_of, tracker_of
+from helpers.ros.graph import stamps
+from helpers.ros.samples import moving_state, placed
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
-from ros_cameras import PERIOD_NS, Cameras, N, files_of, image_set_of, options_of, tracker_of
-from ros_graph import stamps
-from ros_samples import moving_state, placed
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image
 from std_srvs.srv import SetBool, Trigger

@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from held_tracker import HeldTracker
+from helpers.ros.held_tracker import HeldTracker
+from helpers.ros.samples import moving_state, small_rig, some_state, tracked_arm
 from rclpy.serialization import serialize_message
-from ros_samples import moving_state, small_rig, some_state, tracked_arm
 
 from tracker_node.errors import TrackerError
 from tracker_node.observation.image_set import ImageSet

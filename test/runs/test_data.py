@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from stick_person import Motion, motion, write_run, write_state_bag
+from helpers.bodies.stick_person import Motion, motion, write_run, write_state_bag
 
 from tracker_node.errors import FileFormatError, UnknownNameError
 from tracker_node.loaders.motion.motion_file import CovariancesWriter
@@ -90,7 +90,7 @@ def test_an_unknown_topic_is_refused(tmp_path):
 
 
 def test_another_body_is_refused(tmp_path):
-    from small_clip import body
+    from helpers.cameras.small_clip import body
 
     run = load_run(write_run(tmp_path / "run", motion(2)))
     with pytest.raises(FileFormatError, match=r"elbow_flexion.*and not"):

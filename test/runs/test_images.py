@@ -5,8 +5,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from bag_samples import START_NS, image, tracked_state, write_bag
-from camera_rigs import circle_rig
+from helpers.cameras.camera_rigs import circle_rig
+from helpers.sources.bag_samples import START_NS, image, tracked_state, write_bag
 
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import FileFormatError

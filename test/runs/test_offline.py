@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from small_clip import Clip, make_clip
+from helpers.cameras.small_clip import Clip, make_clip
 
 from tracker_node.cli.main import main
 from tracker_node.errors import SourceError

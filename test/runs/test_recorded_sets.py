@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
-from bag_samples import PERIOD_NS, START_NS, header, image, tracked_state
-from camera_rigs import circle_rig
+from helpers.cameras.camera_rigs import circle_rig
+from helpers.sources.bag_samples import PERIOD_NS, START_NS, header, image, tracked_state
 
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import SourceError

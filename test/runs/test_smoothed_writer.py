@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_clip import RATE_HZ, Clip, make_clip
+from helpers.cameras.small_clip import RATE_HZ, Clip, make_clip
 
 from tracker_node.cli.main import main
 from tracker_node.loaders.motion.motion_file import read_covariances, read_velocities

@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 import pytest
-from render_scenes import LENSES, look_at
-from small_clip import body, motion
+from helpers.cameras.render_scenes import LENSES, look_at
+from helpers.cameras.small_clip import body, motion
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import CameraRig

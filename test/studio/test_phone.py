@@ -1,9 +1,9 @@
 """Every page of the studio on a phone: as wide as the screen, and large enough to touch."""
 
 import pytest
-from browser import browser_tab
-from small_clip import make_clip
-from studio_process import running_studio
+from helpers.cameras.small_clip import make_clip
+from helpers.studio.browser import browser_tab
+from helpers.studio.studio_process import running_studio
 
 from tracker_node.cli.main import main
 

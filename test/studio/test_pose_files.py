@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from small_clip import body, motion
+from helpers.cameras.small_clip import body, motion
 
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.model.state_yaml import load_state

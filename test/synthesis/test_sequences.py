@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import crane, random_state
+from helpers.bodies.bodies import crane, random_state
 
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.synthesis.motions.procedural import swing

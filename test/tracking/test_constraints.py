@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import crane
+from helpers.bodies.bodies import crane
 
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.humans.human import human_model

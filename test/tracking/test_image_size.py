@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from small_studio import Recording, recording
+from helpers.studio.small_studio import Recording, recording
 
 from tracker_node.camera.rig import CameraRig
 from tracker_node.model.configuration import State

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from stick_person import person
-from two_links import two_links
+from helpers.bodies.stick_person import person
+from helpers.bodies.two_links import two_links
 
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from small_studio import RATE_HZ, Recording
+from helpers.studio.small_studio import RATE_HZ, Recording
 
 from tracker_node.geometry import se3
 from tracker_node.model.articulated import ArticulatedModel, Shape

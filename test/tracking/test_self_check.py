@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from render_scenes import look_at
-from small_clip import body
+from helpers.cameras.render_scenes import look_at
+from helpers.cameras.small_clip import body
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig

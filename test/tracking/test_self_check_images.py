@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_clip import body
+from helpers.cameras.small_clip import body
 
 from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import se3, so3

@@ -3,7 +3,7 @@
 import gc
 
 import pytest
-from start_scenes import largest_error_m, scene, standing
+from helpers.cameras.start_scenes import largest_error_m, scene, standing
 
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from ros_samples import tracked_arm, write_recording
+from helpers.ros.samples import tracked_arm, write_recording
 
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.rig.rig_yaml import load_rig

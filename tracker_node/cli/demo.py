@@ -8,6 +8,8 @@ import sys
 import time
 from pathlib import Path
 
+from .arguments.run_verb import run_verb
+
 SUMMARY = "track a real recording of a person from end to end (fetch, ingest, track, record, evaluate) and report"
 EXAMPLE = "tracker_node demo --output out/demo"
 
@@ -40,7 +42,6 @@ def _recording(folder: Path, fresh: bool) -> int:
 
 
 def _track(folder: Path, fresh: bool) -> int:
-    from .sample import run_verb
 
     print("On its first start the tracker compiles its inner loops, which takes minutes")
     if not (folder / "states.csv").exists():  # of an offline run, over which nothing is written

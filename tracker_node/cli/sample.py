@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import shlex
 import shutil
 from pathlib import Path
+
+from .arguments.run_verb import run_verb
 
 SUMMARY = "fetch a sample recording (real videos, calibration, reference) and make it ready to be tracked"
 EXAMPLE = "tracker_node sample balancing --output out/balancing"
@@ -65,12 +66,3 @@ def _describe(folder: Path, fresh: bool) -> None:
     for name, target in (("balancing.yaml", "tracker.yaml"), ("balancing_recording.yaml", "recording.yaml")):
         if fresh or not (folder / target).exists():
             shutil.copyfile(data_file(f"config/{name}"), folder / target)
-
-
-def run_verb(*arguments: str | Path) -> int:
-    """Run another verb here, showing the command as a user would give it."""
-    from .main import main
-
-    argv = [str(argument) for argument in arguments]
-    print(f"$ tracker_node {shlex.join(argv)}", flush=True)
-    return main(argv)

@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from board_scenes import CHARUCO, LENSES, board_pose, corners_seen, ring
-from finite_difference import assert_jacobian, numerical_jacobian
+from helpers.cameras.board_scenes import CHARUCO, LENSES, board_pose, corners_seen, ring
+from helpers.numeric.finite_difference import assert_jacobian, numerical_jacobian
 
 from tracker_node.calibration.board.adjustment import BoardAdjustmentOptions, BoardState, _moved, _Problem, adjust_boards
 from tracker_node.calibration.board.refinement import rows_of

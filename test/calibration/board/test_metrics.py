@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from board_scenes import CHARUCO, PERIOD_S, board_pose, corners_seen, ring
+from helpers.cameras.board_scenes import CHARUCO, PERIOD_S, board_pose, corners_seen, ring
 
 from tracker_node.calibration.board.adjustment import BoardAdjustment, BoardState
 from tracker_node.calibration.board.metrics import (

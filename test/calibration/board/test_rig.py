@@ -3,7 +3,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from board_scenes import CHARUCO, CHESSBOARD, LENSES, corners_seen, ring
+from helpers.cameras.board_scenes import CHARUCO, CHESSBOARD, LENSES, corners_seen, ring
 
 from tracker_node.calibration.board.board import Board, BoardView
 from tracker_node.calibration.board.intrinsics import calibrate_lens

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from wooden_cross import cross
+from helpers.bodies.wooden_cross import cross
 
 from tracker_node.calibration.points import digitizing
 from tracker_node.calibration.points.dlt import dlt_parameters

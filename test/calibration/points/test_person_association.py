@@ -1,7 +1,7 @@
 """Who is who across cameras."""
 
 import numpy as np
-from camera_rigs import circle_rig, disturbed
+from helpers.cameras.camera_rigs import circle_rig, disturbed
 
 from tracker_node.calibration.points.person_association import associate_people
 

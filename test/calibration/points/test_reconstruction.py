@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from render_scenes import LENSES, look_at
+from helpers.cameras.render_scenes import LENSES, look_at
 
 from tracker_node.calibration.points.reconstruction import reconstruct_point, repeatability
 from tracker_node.errors import CalibrationError

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import crane, random_state
-from camera_rigs import circle_rig
+from helpers.bodies.bodies import crane, random_state
+from helpers.cameras.camera_rigs import circle_rig
 
 from tracker_node.calibration.tracked_body.solver import (
     Estimate,

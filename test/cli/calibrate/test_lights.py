@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from cross_files import write_lit_cross
+from helpers.cameras.cross_files import write_lit_cross
 
 from tracker_node.cli.main import main
 from tracker_node.experiments.cross.throw import cross_rig

@@ -5,7 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from camera_rigs import circle_rig
+from helpers.cameras.camera_rigs import circle_rig
 
 from tracker_node.camera.rig import CameraRig
 from tracker_node.cli.main import main

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from swinging_disc import LATE_S, write_swinging_disc
+from helpers.cameras.swinging_disc import LATE_S, write_swinging_disc
 
 from tracker_node.calibration.clocks.offsets import ClockFit, Clocks
 from tracker_node.cli.calibrate.time import _beginning, figures, print_table

@@ -11,10 +11,10 @@ import bvhio
 import c3d
 import numpy as np
 import pytest
+from helpers.bodies.moving_person import moving
+from helpers.bodies.two_links import two_links
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from moving_person import moving
-from two_links import two_links
 
 from tracker_node.errors import FileFormatError, ModelError, UnknownNameError
 from tracker_node.evaluation.motion.coordinates import load_coordinates, model_coordinates, opensim_coordinates

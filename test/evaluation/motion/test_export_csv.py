@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from moving_person import moving
-from two_links import two_links
+from helpers.bodies.moving_person import moving
+from helpers.bodies.two_links import two_links
 
 from tracker_node.evaluation.motion.export_csv import TABLES, Table, tables, write_tables
 from tracker_node.evaluation.motion.export_options import ExportOptions

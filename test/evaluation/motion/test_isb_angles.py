@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from moving_person import moving
-from two_links import two_links
+from helpers.bodies.moving_person import moving
+from helpers.bodies.two_links import two_links
 
 from tracker_node.errors import ModelError
 from tracker_node.evaluation.motion.isb_angles import isb_angles

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pypdf
 import pytest
-from browser import browser_tab
+from helpers.bodies.stick_person import Motion, motion, write_run, write_state_bag
+from helpers.studio.browser import browser_tab
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
-from stick_person import Motion, motion, write_run, write_state_bag
 
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.masks.silhouettes import Picture

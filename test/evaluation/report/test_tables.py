@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from stick_person import PERIOD_NS, motion, write_run
+from helpers.bodies.stick_person import PERIOD_NS, motion, write_run
 
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.report import tables

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from stick_person import motion, write_truth
+from helpers.bodies.stick_person import motion, write_truth
 
 from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.truth.joints import load_truth

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from moving_person import moving, write_run
+from helpers.bodies.moving_person import moving, write_run
 
 from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.truth.states import TrueStates, holds_states, load_true_states, unwrapped

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from late_camera import MODEL, RIG, TRIAL
+from helpers.cameras.late_camera import MODEL, RIG, TRIAL
 
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import CalibrationError

@@ -1,7 +1,7 @@
 """The pictures show what they are made of."""
 
 import numpy as np
-from wooden_cross import cross
+from helpers.bodies.wooden_cross import cross
 
 from tracker_node.camera.rig import CameraRig
 from tracker_node.experiments.cross import plots as cross_plots

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from wooden_cross import cross as model_of_cross
+from helpers.bodies.wooden_cross import cross as model_of_cross
 
 from tracker_node.experiments.cross import throw as cross
 from tracker_node.experiments.cross.film import film

@@ -6,12 +6,12 @@ import struct
 from contextlib import suppress
 from pathlib import Path
 
-import bag_samples
 import lz4.frame
 import numpy as np
 import pytest
 import yaml
 import zstandard
+from helpers.sources import bag_samples
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.opcode import Opcode

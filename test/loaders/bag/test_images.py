@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-import bag_samples
 import cv2
 import numpy as np
 import pytest
+from helpers.sources import bag_samples
 
 from tracker_node.errors import SourceError
 from tracker_node.loaders.bag.images import camera_images, image_topics

@@ -3,9 +3,9 @@
 from contextlib import suppress
 from pathlib import Path
 
-import bag_samples
 import numpy as np
 import pytest
+from helpers.sources import bag_samples
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag2 import StoragePlugin, Writer

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-import bag_samples
 import pytest
+from helpers.sources import bag_samples
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 

@@ -4,9 +4,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import bag_samples
 import pytest
 import yaml
+from helpers.sources import bag_samples
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
@@ -149,7 +149,7 @@ def test_an_empty_bag_is_a_bag(tmp_path: Path) -> None:
 KILLED = """
 import os, signal, sys
 sys.path.insert(0, sys.argv[2])
-import bag_samples
+from helpers.sources import bag_samples
 from tracker_node.loaders.bag.writer import BagWriter
 writer = BagWriter(sys.argv[1])
 bag_samples.fill(writer, 20)
@@ -158,8 +158,8 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
-def test_what_was_flushed_survives_a_kill(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", KILLED, str(tmp_path / "run"), str(Path(bag_samples.__file__).parent)]
+def test_what_was_flushed_survives_a_kill(repository: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-c", KILLED, str(tmp_path / "run"), str(repository / "test")]
     process = subprocess.run(command, check=False, timeout=60)
     assert process.returncode == -9
     assert not (tmp_path / "run" / "metadata.yaml").exists()

@@ -3,10 +3,10 @@
 import itertools
 from pathlib import Path
 
-import bag_samples
 import cv2
 import numpy as np
 import pytest
+from helpers.sources import bag_samples
 
 from tracker_node.camera.capture_settings import CaptureSettings
 from tracker_node.camera.model import CameraModel

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mjpeg_server import MjpegServer, number_of
-from ros_processes import wait_until
-from stream_servers import HEIGHT, WIDTH, RtspServer, UdpServer, write_stream
+from helpers.ros.processes import wait_until
+from helpers.sources.mjpeg_server import MjpegServer, number_of
+from helpers.sources.stream_servers import HEIGHT, WIDTH, RtspServer, UdpServer, write_stream
 
 from tracker_node.errors import SourceError
 from tracker_node.loaders.decoding import decode_jpeg

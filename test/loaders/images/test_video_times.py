@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from camera_rigs import look_at
-from variable_rate_video import set_times, write_video
+from helpers.cameras.camera_rigs import look_at
+from helpers.sources.variable_rate_video import set_times, write_video
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig

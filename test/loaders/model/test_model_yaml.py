@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
-from bodies import crane, random_state
+from helpers.bodies.bodies import crane, random_state
+from helpers.numeric.rotations import directions, twists
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rotations import directions, twists
 
 from tracker_node.errors import FileFormatError
 from tracker_node.geometry import se3

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from bodies import crane, random_state
+from helpers.bodies.bodies import crane, random_state
 from hypothesis import given
 from hypothesis import strategies as st
 

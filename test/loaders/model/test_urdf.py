@@ -6,8 +6,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from bodies import crane, gantry, random_state
-from robot_text import ROBOT
+from helpers.bodies.bodies import crane, gantry, random_state
+from helpers.bodies.robot_text import ROBOT
 from scipy.spatial.transform import Rotation
 
 from tracker_node.errors import FileFormatError

@@ -6,7 +6,7 @@ from pathlib import Path
 import bvhio
 import numpy as np
 import pytest
-from moving_person import moving
+from helpers.bodies.moving_person import moving
 
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.motion.bvh import dump_bvh

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from camera_rigs import circle_rig
+from helpers.cameras.camera_rigs import circle_rig
 
 from tracker_node.errors import TrackerError
 from tracker_node.geometry import se3

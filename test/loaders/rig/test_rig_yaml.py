@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 import yaml
+from helpers.numeric.rotations import twists
 from hypothesis import given
 from hypothesis import strategies as st
-from rotations import twists
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig

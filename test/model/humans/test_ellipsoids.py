@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import assert_same_body, mirrored_states
+from helpers.bodies.bodies import assert_same_body, mirrored_states
 
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.configuration import Configuration, State

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from bodies import assert_same_body, random_state
-from render_scenes import LENSES, look_at
+from helpers.bodies.bodies import assert_same_body, random_state
+from helpers.cameras.render_scenes import LENSES, look_at
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.loaders.model.model_yaml import load_model

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from mesh_solids import ball, box, cone, is_inside, joined, outer_vertices, rod
+from helpers.bodies.mesh_solids import ball, box, cone, is_inside, joined, outer_vertices, rod
 
 from tracker_node.geometry import so3
 from tracker_node.model.humans.lofts import nurbs_human

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from two_links import cameras, two_links
+from helpers.bodies.two_links import cameras, two_links
 
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State

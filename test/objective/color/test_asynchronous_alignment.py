@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from late_camera import LATE, MODEL, RIG, STATE, VELOCITY, images
+from helpers.cameras.late_camera import LATE, MODEL, RIG, STATE, VELOCITY, images
 
 from tracker_node.objective.color.alignment import PhotometricObjective, PhotometricOptions
 from tracker_node.objective.color.asynchronous_alignment import StaggeredPhotometricObjective

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from bodies import gantry, random_state
-from finite_difference import assert_jacobian
+from helpers.bodies.bodies import gantry, random_state
+from helpers.numeric.finite_difference import assert_jacobian
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from finite_difference import assert_jacobian
+from helpers.numeric.finite_difference import assert_jacobian
 
 from tracker_node.errors import UnknownNameError
 from tracker_node.model.configuration import State

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from textured_plate import HEIGHT, MODEL, TRUE, WIDTH, errors, film, moved, rig
+from helpers.bodies.textured_plate import HEIGHT, MODEL, TRUE, WIDTH, errors, film, moved, rig
 
 from tracker_node.errors import ModelError
 from tracker_node.geometry import se3

@@ -1,8 +1,8 @@
 """Distances against brute force and against scipy."""
 
-import naive
 import numpy as np
 import pytest
+from helpers.numeric import naive
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from render_scenes import single_shape
+from helpers.cameras.render_scenes import single_shape
 
 from tracker_node.model.shapes.primitives import Box, TruncatedCone
 from tracker_node.render.contour.picks import N_PICK_COLUMNS, cap_rows, edge_rows, has_caps, pick_caps, pick_edges

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from two_links import cameras
+from helpers.bodies.two_links import cameras
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from render_scenes import single_shape
+from helpers.cameras.render_scenes import single_shape
 
 from tracker_node.geometry import se3
 from tracker_node.model.shapes.primitives import Box, TruncatedCone

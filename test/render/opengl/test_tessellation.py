@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from render_scenes import tetrahedron
+from helpers.cameras.render_scenes import tetrahedron
 
 from tracker_node.model.shapes.primitives import BOX_FACES, Box, Ellipsoid, Mesh, TruncatedCone
 from tracker_node.render.opengl.tessellation import MESH_CELLS, tessellate

@@ -1,9 +1,9 @@
 """The ray-caster against brute force, ray by ray."""
 
-import naive
 import numpy as np
 import pytest
-from render_scenes import LENSES, look_at, scattered_scene, single_shape
+from helpers.cameras.render_scenes import LENSES, look_at, scattered_scene, single_shape
+from helpers.numeric import naive
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera

@@ -1,9 +1,9 @@
 """Light, pictures and surfaces at one pixel."""
 
-import naive
 import numpy as np
 import pytest
-from render_scenes import LIGHTS, colored_scene, icosahedron, look_at, picture, single_shape, tetrahedron
+from helpers.cameras.render_scenes import LIGHTS, colored_scene, icosahedron, look_at, picture, single_shape, tetrahedron
+from helpers.numeric import naive
 
 from tracker_node.camera.light import Light, pack_lights
 from tracker_node.camera.model import CameraModel

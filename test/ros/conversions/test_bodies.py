@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("rclpy")
-from ros_samples import arm, some_estimate, some_state
+from helpers.ros.samples import arm, some_estimate, some_state
 from visualization_msgs.msg import Marker
 
 from tracker_node.geometry import quaternion, se3, so3

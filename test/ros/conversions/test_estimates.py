@@ -7,8 +7,8 @@ import pytest
 
 pytest.importorskip("rclpy")
 from geometry_msgs.msg import Pose, PoseWithCovarianceStamped
+from helpers.ros.samples import arm, some_estimate, some_state
 from rclpy.serialization import deserialize_message, serialize_message
-from ros_samples import arm, some_estimate, some_state
 from sensor_msgs.msg import JointState
 from tracker_msgs.msg import TrackedState
 

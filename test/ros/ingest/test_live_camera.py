@@ -4,7 +4,7 @@ import queue
 import threading
 
 import numpy as np
-from ros_processes import wait_until
+from helpers.ros.processes import wait_until
 
 from tracker_node.camera.capture_settings import CaptureSettings
 from tracker_node.camera.model import CameraModel

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from ros_graph import stamps
+from helpers.ros.graph import stamps
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from tracker_node.loaders.images.source import open_source

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from ros_cameras import PERIOD_NS, N, image_set_of, options_of, tracker_of
-from ros_graph import stamps
-from ros_samples import moving_state, placed
+from helpers.ros.cameras import PERIOD_NS, N, image_set_of, options_of, tracker_of
+from helpers.ros.graph import stamps
+from helpers.ros.samples import moving_state, placed
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger

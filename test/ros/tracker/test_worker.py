@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistWithCovarianceStamped
-from held_tracker import HeldTracker
+from helpers.ros.graph import TIMEOUT_S, stamps
+from helpers.ros.held_tracker import HeldTracker
+from helpers.ros.samples import some_state, tracked_arm
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
-from ros_graph import TIMEOUT_S, stamps
-from ros_samples import some_state, tracked_arm
 from sensor_msgs.msg import Image, JointState
 from std_srvs.srv import SetBool, Trigger
 from tracker_msgs.msg import TrackedState

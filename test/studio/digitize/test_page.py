@@ -3,9 +3,9 @@
 import cv2
 import numpy as np
 import pytest
-from browser import browser_tab
-from render_scenes import LENSES, look_at
-from studio_process import running_studio
+from helpers.cameras.render_scenes import LENSES, look_at
+from helpers.studio.browser import browser_tab
+from helpers.studio.studio_process import running_studio
 
 from tracker_node.camera.rig import CameraRig
 from tracker_node.cli.main import main

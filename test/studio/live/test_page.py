@@ -15,15 +15,15 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS is not installed")
 pytest.importorskip("tracker_msgs", reason="the interface package is not installed")
 
-from browser import browser_tab
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from helpers.ros.graph import NodeProcess, ros_context
+from helpers.ros.samples import write_recording
+from helpers.studio.browser import browser_tab
+from helpers.studio.studio_process import running_studio
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from ros_graph import NodeProcess, ros_context
-from ros_samples import write_recording
 from sensor_msgs.msg import CompressedImage, Image
 from std_srvs.srv import SetBool, Trigger
-from studio_process import running_studio
 from tracker_msgs.msg import TrackedState
 from tracker_msgs.srv import SetState
 from websockets.exceptions import InvalidStatus

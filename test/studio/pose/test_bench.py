@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from small_clip import make_clip
+from helpers.cameras.small_clip import make_clip
 
 from tracker_node.errors import FileFormatError, TrackerError
 from tracker_node.model.configuration import Configuration, State

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from bodies import crane, random_state
-from finite_difference import assert_jacobian
+from helpers.bodies.bodies import crane, random_state
+from helpers.cameras.render_scenes import LENSES, look_at
+from helpers.cameras.small_clip import body
+from helpers.numeric.finite_difference import assert_jacobian
 from hypothesis import given
 from hypothesis import strategies as st
-from render_scenes import LENSES, look_at
-from small_clip import body
 
 from tracker_node.geometry import se3, so3
 from tracker_node.loaders.data_files import data_file

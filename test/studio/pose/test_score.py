@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from small_clip import make_clip
+from helpers.cameras.small_clip import make_clip
 
 from tracker_node.loaders.images.background_file import load_plates
 from tracker_node.loaders.rig.rig_yaml import load_rig

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from bodies import crane
+from helpers.bodies.bodies import crane
+from helpers.bodies.robot_text import ROBOT
+from helpers.cameras.small_clip import body
 from hypothesis import given
 from hypothesis import strategies as st
-from robot_text import ROBOT
-from small_clip import body
 
 from tracker_node.errors import FileFormatError
 from tracker_node.geometry import se3, so3

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from render_scenes import LENSES, look_at
+from helpers.cameras.render_scenes import LENSES, look_at
 
 from tracker_node.camera.rig import CameraRig
 from tracker_node.model.articulated import ArticulatedModel, Shape

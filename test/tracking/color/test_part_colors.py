@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from naive import render_color
-from two_links import cameras, two_links
+from helpers.bodies.two_links import cameras, two_links
+from helpers.numeric.naive import render_color
 
 from tracker_node.camera.light import Light
 from tracker_node.camera.rig import CameraRig

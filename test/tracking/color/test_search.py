@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from ros_samples import arm
+from helpers.ros.samples import arm
 
 from tracker_node.model.configuration import State
 from tracker_node.tracking.color.hierarchy import limbs_of

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from small_studio import Recording, recording
+from helpers.studio.small_studio import Recording, recording
 
 from tracker_node.errors import FileFormatError
 from tracker_node.objective.sum_objective import SumObjective

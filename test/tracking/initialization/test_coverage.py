@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from start_scenes import scene, standing
+from helpers.cameras.start_scenes import scene, standing
 
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.small_view import SmallView

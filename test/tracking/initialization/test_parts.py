@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from start_scenes import scene, standing
+from helpers.cameras.start_scenes import scene, standing
 
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import crane
+from helpers.bodies.bodies import crane
 
 from tracker_node.geometry import so3
 from tracker_node.model.humans.human import human_model

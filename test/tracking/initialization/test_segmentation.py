@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from camera_rigs import look_at
-from start_scenes import scene, standing
+from helpers.cameras.camera_rigs import look_at
+from helpers.cameras.start_scenes import scene, standing
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from start_scenes import scene, standing
+from helpers.cameras.start_scenes import scene, standing
 
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.tracking.engine import Verdict

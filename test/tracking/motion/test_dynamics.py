@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import crane, random_state
-from finite_difference import assert_jacobian
+from helpers.bodies.bodies import crane, random_state
+from helpers.bodies.two_links import two_links
+from helpers.numeric.finite_difference import assert_jacobian
 from scipy.linalg import expm
-from two_links import two_links
 
 from tracker_node.model.configuration import State
 from tracker_node.objective.constraints.prior import Prior

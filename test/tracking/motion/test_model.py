@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from bodies import random_state
-from two_links import two_links
+from helpers.bodies.bodies import random_state
+from helpers.bodies.two_links import two_links
 
 from tracker_node.geometry import so3
 from tracker_node.model.configuration import State

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from start_scenes import scene, standing
+from helpers.cameras.start_scenes import scene, standing
 
 from tracker_node.model.configuration import Configuration
 from tracker_node.tracking.config import from_dict

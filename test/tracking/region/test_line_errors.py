@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from bodies import crane
-from camera_rigs import circle_rig
+from helpers.bodies.bodies import crane
+from helpers.cameras.camera_rigs import circle_rig
 
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.tracking.config import StatusConfig

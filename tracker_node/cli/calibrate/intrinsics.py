@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from ..arguments.board import StageProgress, add_board_arguments, board_of, detect, sources_of
 from ..arguments.run_images import refuse_to_overwrite
-from ._board_arguments import StageProgress, add_board_arguments, board_of, detect, sources_of
 
 SUMMARY = "find the lenses of cameras from videos or image folders of a chessboard or a ChArUco board, each camera by itself"
 EXAMPLE = "tracker_node calibrate intrinsics --videos lens/cam01.mp4 lens/cam02.mp4 --chessboard 9x6 --square 0.03 -o lenses.yaml"

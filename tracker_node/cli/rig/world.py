@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from ..arguments.board import add_board_shape
 from ..arguments.run_images import refuse_to_overwrite
-from ..calibrate._board_arguments import add_board_shape
 
 SUMMARY = "set or check origin, axes, scale and vertical of a rig, by a board, points of known place, a wand or a plumb line"
 EXAMPLE = (
@@ -116,7 +116,7 @@ def _board_points(args: argparse.Namespace):
 
     from ...calibration.board.board import BoardDetector
     from ...errors import SourceError, TrackerError
-    from ..calibrate._board_arguments import board_of
+    from ..arguments.board import board_of
 
     if not (args.charuco or args.chessboard) or args.square is None:
         raise TrackerError("a board needs --charuco or --chessboard, and --square")

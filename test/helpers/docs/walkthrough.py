@@ -12,12 +12,12 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from doc_commands import as_run, parsed, why_not_run
-from doc_given import GIVEN
-from doc_pages import ROOT, Block, Command, blocks_of
-from doc_place import Place
-from studio_process import running_studio
 
+from helpers.docs.commands import as_run, parsed, why_not_run
+from helpers.docs.given import GIVEN
+from helpers.docs.pages import ROOT, Block, Command, blocks_of
+from helpers.docs.place import Place
+from helpers.studio.studio_process import running_studio
 from tracker_node.cli.main import NODES, main
 
 TIMEOUT_S = 600.0
@@ -70,7 +70,7 @@ class Walkthrough:
             "ros2": lambda: self._ask(arguments),
             "tracker_node": lambda: self._run_verb(arguments, env),
         }.get(program)
-        assert run is not None, f"{command}: neither run nor listed in test/doc_commands.py"
+        assert run is not None, f"{command}: neither run nor listed in test/helpers/docs/commands.py"
         run()
         self.done.append(command)
 
@@ -90,7 +90,7 @@ class Walkthrough:
     def _run_verb(self, arguments: list[str], env: dict[str, str]) -> None:
         verb, *rest = arguments
         if verb in NODES and verb not in ENDS_BY_ITSELF:
-            from doc_graph import name_of
+            from helpers.docs.graph import name_of
 
             self._end(name_of(verb, rest))
             written = _room_for(arguments)
@@ -109,12 +109,12 @@ class Walkthrough:
         assert all(path.exists() for path in written), (arguments, written)
 
     def _node(self, verb: str, arguments: list[str], env: dict[str, str]):
-        from doc_graph import running_node
+        from helpers.docs.graph import running_node
 
         return running_node(self._ros(), verb, arguments, env)
 
     def _ask(self, words: list[str]) -> None:
-        from doc_graph import ask
+        from helpers.docs.graph import ask
 
         ask(self._ros(), words)
 
@@ -123,7 +123,7 @@ class Walkthrough:
         if self._probe is None:
             pytest.importorskip("rclpy", reason="ROS is not installed")
             pytest.importorskip("tracker_msgs", reason="the interface package is not installed")
-            from ros_graph import Probe, remove_left_segments, ros_context, shared_memory_files
+            from helpers.ros.graph import Probe, remove_left_segments, ros_context, shared_memory_files
 
             self.place.closing.callback(remove_left_segments, shared_memory_files())
             self.place.closing.enter_context(ros_context())

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from camera_rigs import look_at
 
+from helpers.cameras.camera_rigs import look_at
 from tracker_node.calibration.board.board import Board, BoardView
 from tracker_node.calibration.board.detection import CameraViews
 from tracker_node.camera.model import CameraModel

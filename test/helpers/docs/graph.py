@@ -9,9 +9,9 @@ import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
-from ros_graph import NodeProcess, Probe
 from std_srvs.srv import SetBool
 
+from helpers.ros.graph import NodeProcess, Probe
 from tracker_node.ros.conversions import stamp_ns_of
 
 

@@ -3,8 +3,7 @@
 import threading
 from dataclasses import replace
 
-from ros_samples import some_estimate, tracked_arm
-
+from helpers.ros.samples import some_estimate, tracked_arm
 from tracker_node.tracking.estimate import Status, Timings
 
 

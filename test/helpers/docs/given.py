@@ -6,23 +6,21 @@
 from collections.abc import Callable
 from pathlib import Path
 
-import bag_samples
-import board_films
 import cv2
-import moving_person
 import numpy as np
-import stick_person
-import textured_plate
-from camera_rigs import circle_rig, disturbed
-from cross_files import write_control_points, write_lit_cross
-from doc_pages import ROOT
-from doc_place import Place, run
-from moving_balls import write_balls
-from openpose_points import write_points
-from stream_servers import RtspServer, write_stream
-from swinging_disc import write_swinging_disc
-from v4l2_camera import V4l2Camera
 
+from helpers.bodies import moving_person, stick_person, textured_plate
+from helpers.bodies.openpose_points import write_points
+from helpers.cameras import board_films
+from helpers.cameras.camera_rigs import circle_rig, disturbed
+from helpers.cameras.cross_files import write_control_points, write_lit_cross
+from helpers.cameras.moving_balls import write_balls
+from helpers.cameras.swinging_disc import write_swinging_disc
+from helpers.docs.pages import ROOT
+from helpers.docs.place import Place, run
+from helpers.sources import bag_samples
+from helpers.sources.stream_servers import RtspServer, write_stream
+from helpers.sources.v4l2_camera import V4l2Camera
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.loaders.bag.writer import BagWriter

@@ -4,7 +4,7 @@ import argparse
 
 import pytest
 
-from tracker_node.cli.calibrate._board_arguments import StageProgress, _name_and_path, add_board_arguments, board_of, sources_of
+from tracker_node.cli.arguments.board import StageProgress, _name_and_path, add_board_arguments, board_of, sources_of
 from tracker_node.errors import FileFormatError, TrackerError, UnknownNameError
 
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from render_scenes import look_at
 
+from helpers.cameras.render_scenes import look_at
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import se3, so3

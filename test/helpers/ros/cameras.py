@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import cv2
-from ros_graph import Probe
 from sensor_msgs.msg import CameraInfo, Image
 
+from helpers.ros.graph import Probe
 from tracker_node.camera.rig import CameraRig
 from tracker_node.loaders.images.background_file import load_plates
 from tracker_node.loaders.model.model_yaml import load_model

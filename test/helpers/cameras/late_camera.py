@@ -1,8 +1,8 @@
 """A cross in flight before three small cameras, of which the last is late."""
 
 import numpy as np
-from wooden_cross import cross
 
+from helpers.bodies.wooden_cross import cross
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.experiments.cross.throw import LATE_S, cross_rig, side_somersault
 from tracker_node.model.configuration import Configuration

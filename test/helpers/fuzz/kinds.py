@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 import yaml
-from bodies import crane, gantry, tetrahedron
-from camera_rigs import circle_rig
-from fuzz_mutations import NEUTRAL_YAML, damage_bytes, damage_content, damage_numbers, damage_yaml, yaml_text
-from robot_text import ROBOT
 
+from helpers.bodies.bodies import crane, gantry, tetrahedron
+from helpers.bodies.robot_text import ROBOT
+from helpers.cameras.camera_rigs import circle_rig
+from helpers.fuzz.mutations import NEUTRAL_YAML, damage_bytes, damage_content, damage_numbers, damage_yaml, yaml_text
 from tracker_node.camera.rig import CameraRig
 from tracker_node.loaders.images.stamps import load_stamp_file
 from tracker_node.loaders.model.mesh_file import read_mesh, write_mesh

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...errors import FileFormatError, SourceError, TrackerError, UnknownNameError
-from ..arguments.sizes import size_option
+from .sizes import size_option
 
 if TYPE_CHECKING:
     from ...calibration.board.board import Board

@@ -6,11 +6,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-import board_films
 import numpy as np
-import small_clip
-from doc_pages import ROOT
 
+from helpers.cameras import board_films, small_clip
+from helpers.docs.pages import ROOT
 from tracker_node.cli.main import main
 from tracker_node.loaders.motion.trajectory_file import JointTrajectory, write_joints
 from tracker_node.model.configuration import Configuration

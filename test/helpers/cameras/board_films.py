@@ -4,9 +4,9 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from board_scenes import face_of
-from camera_rigs import look_at
 
+from helpers.cameras.board_scenes import face_of
+from helpers.cameras.camera_rigs import look_at
 from tracker_node.calibration.board.board import Board
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig

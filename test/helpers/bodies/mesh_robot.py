@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import numpy as np
-from mesh_solids import box, joined, rod
 
+from helpers.bodies.mesh_solids import box, joined, rod
 from tracker_node.loaders.model.mesh_file import write_mesh
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.articulated import ArticulatedModel

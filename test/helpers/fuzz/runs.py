@@ -1,7 +1,7 @@
 """Reads fuzzed files in a process of its own and says how each was answered: refused in a message, the same again, or badly.
 
-``python fuzzing.py FOLDER SEED KIND,KIND FIRST COUNT`` is that process: one line of JSON for each file before it is read and one
-after. Its memory is limited; `run` ends it when a file takes longer than its limit.
+``python -m helpers.fuzz.runs FOLDER SEED KIND,KIND FIRST COUNT`` is that process: one line of JSON for each file before it is
+read and one after. Its memory is limited; `run` ends it when a file takes longer than its limit.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from pathlib import Path
 
 TIME_LIMIT_S = 20.0  # for one file; the machine may be busy
 MEMORY_LIMIT = 3 << 30  # bytes of address space, of which numba and its like take a good one before anything is read
+TESTS = Path(__file__).resolve().parents[2]  # where `helpers` is found
 START_LIMIT_S = 120.0
 
 
@@ -55,8 +56,7 @@ class Answers:
 
 def judge(kind, path: Path, neutral: bool, valid) -> str:
     """``refused``, ``same``, or what is wrong with the answer to a file."""
-    from fuzz_kinds import same
-
+    from helpers.fuzz.kinds import same
     from tracker_node.errors import FileFormatError, TrackerError
 
     try:
@@ -100,7 +100,7 @@ def case(kind, seed: int, number: int) -> tuple[bytes, bool]:
 
 
 def kinds(folder: Path) -> dict:
-    from fuzz_kinds import core_kinds, other_kinds
+    from helpers.fuzz.kinds import core_kinds, other_kinds
 
     return {kind.name: kind for kind in [*core_kinds(folder), *other_kinds(folder)]}
 
@@ -134,8 +134,8 @@ def run(folder: Path, seed: int, names: Sequence[str], count: int, answers: Answ
 
 def _run_child(folder: Path, seed: int, names: Sequence[str], first: int, count: int, answers: Answers) -> int:
     """Runs until all are read, or one has taken too long or killed its reader; the number of the next."""
-    command = [sys.executable, __file__, str(folder), str(seed), ",".join(names), str(first), str(count - first)]
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+    command = [sys.executable, "-m", __name__, str(folder), str(seed), ",".join(names), str(first), str(count - first)]
+    environment = {**os.environ, "PYTHONPATH": str(TESTS), "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
     process = subprocess.Popen(command, stdout=subprocess.PIPE, env=environment, text=True)
     lines: queue.Queue[str] = queue.Queue()
     threading.Thread(target=_pass_on, args=(process.stdout, lines), daemon=True).start()

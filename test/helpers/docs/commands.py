@@ -1,6 +1,6 @@
 """Which commands of the documentation no walkthrough runs, and which are run with something changed; and how commands parse.
 
-Both tables are short, and each line of them has a reason. What is in neither is run as it stands (`doc_walkthrough.py`).
+Both tables are short, and each line of them has a reason. What is in neither is run as it stands (`helpers.docs.walkthrough.py`).
 """
 
 import argparse
@@ -12,9 +12,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import pytest
-from doc_pages import ROOT, Command
-from launch_stand_ins import declared_names
 
+from helpers.docs.pages import ROOT, Command
+from helpers.ros.launch_stand_ins import declared_names
 from tracker_node.cli import main
 from tracker_node.cli.main import verbs
 

@@ -5,8 +5,8 @@ from functools import cache
 
 import cv2
 import numpy as np
-from camera_rigs import look_at
 
+from helpers.cameras.camera_rigs import look_at
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.experiments.target_images import TargetStudio

@@ -1,0 +1,1 @@
+"""Small bodies, and motions and pictures of them."""

@@ -1,0 +1,1 @@
+"""Small rigs, and what their cameras see."""

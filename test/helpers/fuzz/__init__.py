@@ -1,0 +1,1 @@
+"""Damaged files, and how they are answered."""

@@ -1,0 +1,1 @@
+"""Slow, obvious or closed-form versions to compare with."""

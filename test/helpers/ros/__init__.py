@@ -1,0 +1,1 @@
+"""ROS graphs of real processes, and what is sent through them."""

@@ -1,0 +1,1 @@
+"""Cameras, servers, disks and files that misbehave as told."""

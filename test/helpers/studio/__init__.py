@@ -1,0 +1,1 @@
+"""The studio as people use it: a server and a browser."""
