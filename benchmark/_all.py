@@ -12,15 +12,19 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Mapping
 from pathlib import Path
 
 FOLDER = Path(__file__).resolve().parent
 
 
-def programs(folder: Path = FOLDER) -> list[Path]:
-    """The benchmark programs of a folder; names that begin with an underscore are their helpers."""
-    return sorted(path for path in folder.glob("*.py") if not path.name.startswith("_"))
+def programs(folder: Path = FOLDER) -> dict[str, Path]:
+    """The benchmark programs below a folder by name, such as ``contour/figure``.
+
+    Files that begin with an underscore are helpers.
+    """
+    found = sorted(path for path in folder.rglob("*.py") if not path.name.startswith("_"))
+    return {path.relative_to(folder).with_suffix("").as_posix(): path for path in found}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -31,31 +35,33 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("--quick", action="store_true", help="fewer trials and seeds")
     parser.add_argument("--output", type=Path, default=Path("out/benchmark"), metavar="FOLDER", help="default: %(default)s")
-    parser.add_argument("--only", nargs="+", metavar="NAME", help="only these programs, e.g. core live")
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="only these programs, e.g. core ros/live")
     args = parser.parse_args(arguments)
-    chosen = [path for path in programs() if not args.only or path.stem in args.only]
-    unknown = set(args.only or ()) - {path.stem for path in chosen}
+    known = programs()
+    unknown = set(args.only or ()) - set(known)
     if unknown:
-        parser.error(f"no such program: {', '.join(sorted(unknown))}; there are {', '.join(p.stem for p in programs())}")
+        parser.error(f"no such program: {', '.join(sorted(unknown))}; there are {', '.join(known)}")
+    chosen = {name: path for name, path in known.items() if not args.only or name in args.only}
     return run_all(chosen, args.output, ["--quick"] if args.quick else [])
 
 
-def run_all(chosen: Iterable[Path], output: Path, options: list[str]) -> int:
+def run_all(chosen: Mapping[str, Path], output: Path, options: list[str]) -> int:
     """Run programs; their figures lie in ``output``, all together in ``all.json`` there. Returns the exit status."""
     output.mkdir(parents=True, exist_ok=True)
     failed: list[str] = []
     written: dict[str, Path] = {}
-    for program in chosen:
-        print(f"== {program.name}", flush=True)
-        found = output / f"{program.stem}.json"
+    for name, program in chosen.items():
+        print(f"== {name}", flush=True)
+        found = output / f"{name}.json"
+        found.parent.mkdir(parents=True, exist_ok=True)
         found.unlink(missing_ok=True)  # figures of an earlier run are not this one's
         began = time.monotonic()
         status = subprocess.run([sys.executable, str(program), *options, "--json", str(found)], check=False).returncode
-        print(f"== {program.name}: status {status}, {(time.monotonic() - began) / 60.0:.1f} min", flush=True)
+        print(f"== {name}: status {status}, {(time.monotonic() - began) / 60.0:.1f} min", flush=True)
         if status or not found.exists():
-            failed.append(f"{program.name} (status {status}{'' if found.exists() else ', no figures'})")
+            failed.append(f"{name} (status {status}{'' if found.exists() else ', no figures'})")
         if found.exists():
-            written[program.name] = found
+            written[name] = found
     figures, twice = gathered(written)
     (output / "all.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
     for line in [*(f"failed: {name}" for name in failed), *twice]:

@@ -19,8 +19,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from _contour_runs import add_common_arguments, configured, print_circumstances
-from _reference import reference_ms
 
 from tracker_node.cli.synthesize import Request, produce, show_progress
 from tracker_node.loaders.images.background_file import load_plates
@@ -33,6 +31,11 @@ from tracker_node.report.metrics_file import report_metrics
 from tracker_node.runs.image_sets import SourceStream
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.tracker import Tracker
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the repository
+
+from benchmark._reference import reference_ms
+from benchmark.contour._runs import add_common_arguments, configured, print_circumstances
 
 ITERATIONS, SAMPLES, N_IMAGES = 5, 25, 30  # the quick cones of contour_accuracy.py
 WARM_UP = 5

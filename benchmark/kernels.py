@@ -18,7 +18,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from _reference import reference_ms
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera
@@ -34,6 +33,10 @@ from tracker_node.render.draw.overlay import draw_overlay
 from tracker_node.render.raycast.raycaster import render_mask, render_view
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.tracking.config import EvidenceConfig
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the repository
+
+from benchmark._reference import reference_ms
 
 MARGIN_PX = 24
 WARM_UP = 3

@@ -22,8 +22,6 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
-from _contour_runs import print_circumstances
-from _reference import reference_ms
 
 from tracker_node.cli.synthesize import Request, produce, show_progress
 from tracker_node.loaders.model.model_yaml import load_model
@@ -32,6 +30,11 @@ from tracker_node.loaders.motion.trajectory_file import read_states, write_state
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.runs.offline import OfflineRun, run_offline
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the repository
+
+from benchmark._reference import reference_ms
+from benchmark.contour._runs import print_circumstances
 
 N_RENDERED, N_SETS, QUICK_SETS = 30, 700, 90
 PERIOD_NS = 1e9 / 30.0
@@ -131,8 +134,9 @@ class Load:
 
 def load_times(page: Path, repeats: int) -> list[Load]:
     """Empty without a browser."""
-    from helpers.studio.browser import browser_tab
     from pytest import skip
+
+    from helpers.studio.browser import browser_tab
 
     times = []
     for _ in range(repeats):

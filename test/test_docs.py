@@ -9,9 +9,9 @@ import shlex
 import tomllib
 
 import pytest
+
 from helpers.docs.commands import parsed, parser_of
 from helpers.docs.pages import PAGES, commands_of, mentions_of
-
 from tracker_node.cli import main
 from tracker_node.cli.arguments.subverbs import subverbs
 from tracker_node.cli.main import verbs

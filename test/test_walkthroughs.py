@@ -14,12 +14,12 @@ from pathlib import Path
 import cv2
 import pytest
 import yaml
+
 from helpers.docs.commands import CHANGED, NOT_RUN, is_run, why_not_run
 from helpers.docs.given import GIVEN, shipped_files
 from helpers.docs.pages import PAGES, Block, Command, blocks_of, commands_of, mentions_of
 from helpers.docs.place import Place, Shelf
 from helpers.docs.walkthrough import Walkthrough
-
 from tracker_node.loaders.samples import wheel_cache
 from tracker_node.loaders.samples.data import SAMPLES, fetch_sample
 

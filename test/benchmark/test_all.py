@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-import _all
+from benchmark import _all
 
 PROGRAM = """
 import json, sys
@@ -23,23 +23,24 @@ def test_a_program_that_fails_does_not_stop_the_others(tmp_path, capfd):
     program(tmp_path, "works", {"a.b": 1.5})
     assert _all.run_all(_all.programs(tmp_path), tmp_path / "out", []) == 1
     assert json.loads((tmp_path / "out" / "all.json").read_text())["a.b"]["value"] == 1.5
-    assert "failed: breaks.py (status 3, no figures)" in capfd.readouterr().err
+    assert "failed: breaks (status 3, no figures)" in capfd.readouterr().err
 
 
 def test_a_key_of_two_programs_is_named(tmp_path, capfd):
-    chosen = [program(tmp_path, "one", {"a.b": 1}), program(tmp_path, "two", {"a.b": 2, "c.d": 3})]
+    (tmp_path / "room").mkdir()
+    chosen = {"one": program(tmp_path, "one", {"a.b": 1}), "room/two": program(tmp_path / "room", "two", {"a.b": 2, "c.d": 3})}
     assert _all.run_all(chosen, tmp_path / "out", []) == 1
-    assert "a.b: printed by one.py and by two.py" in capfd.readouterr().err
+    assert "a.b: printed by one and by room/two" in capfd.readouterr().err
 
 
 def test_figures_of_an_earlier_run_do_not_count(tmp_path):
     good = program(tmp_path, "one", {"a.b": 1})
-    assert _all.run_all([good], tmp_path / "out", []) == 0
+    assert _all.run_all({"one": good}, tmp_path / "out", []) == 0
     good.write_text("")
-    assert _all.run_all([good], tmp_path / "out", []) == 1
+    assert _all.run_all({"one": good}, tmp_path / "out", []) == 1
     assert json.loads((tmp_path / "out" / "all.json").read_text()) == {}
 
 
 def test_helpers_are_no_programs():
-    names = {path.stem for path in _all.programs()}
-    assert "core" in names and not any(name.startswith("_") for name in names)
+    names = set(_all.programs())
+    assert {"core", "contour/figure"} <= names and not any(Path(name).name.startswith("_") for name in names)

@@ -3,8 +3,9 @@
 import json
 import time
 
-import kernels
 import pytest
+
+from benchmark import kernels
 
 
 def test_figures_of_every_kernel():

@@ -1,9 +1,9 @@
 """The benchmark of round cones within meshes runs, and its figures are those of solids whose volumes are known."""
 
-import mesh_capsules
 import numpy as np
 import pytest
 
+from benchmark import mesh_capsules
 from tracker_node.model.shapes.primitives import Box, Ellipsoid
 
 

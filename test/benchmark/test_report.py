@@ -4,7 +4,8 @@ import shutil
 
 import numpy as np
 import pytest
-import report as benchmark
+
+from benchmark import report as benchmark
 from helpers.studio.browser import NAMES
 
 needs_browser = pytest.mark.skipif(not any(map(shutil.which, NAMES)), reason="no browser: sudo apt-get install -y chromium")

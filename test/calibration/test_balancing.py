@@ -5,8 +5,8 @@ import shutil
 import cv2
 import numpy as np
 import pytest
-from _calibration_time import cap_centers, cap_rms_px
 
+from benchmark.calibration._time import cap_centers, cap_rms_px
 from tracker_node.calibration import balancing
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.loaders.samples.data import SAMPLES

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+
 from helpers.bodies.bodies import crane
 from helpers.cameras.camera_rigs import circle_rig
-
 from tracker_node.calibration.tracked_body.body_fit import BodyFitOptions, motions_of, pose_priors
 from tracker_node.model.configuration import State
 from tracker_node.observation.image_set import CameraImage, ImageSet

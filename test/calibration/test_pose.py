@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
+from hypothesis import given
+
 from helpers.bodies.bodies import crane, random_state
 from helpers.numeric.finite_difference import assert_jacobian
 from helpers.numeric.rotations import rotation_vectors, translations
-from hypothesis import given
-
 from tracker_node.calibration.pose import PoseOptions, _Problem, fit_state_to_landmarks, rigid_fit
 from tracker_node.errors import UnknownNameError
 from tracker_node.geometry import se3, so3

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.camera_rigs import circle_rig
 
+from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.calibration.world_frame import (
     WorldChange,
     onto_axes,

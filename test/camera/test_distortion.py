@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
-from helpers.numeric.finite_difference import assert_jacobian
 from hypothesis import given
 from hypothesis import strategies as st
 
+from helpers.numeric.finite_difference import assert_jacobian
 from tracker_node.camera import distortion
 from tracker_node.camera.distortion import MODEL_IDS
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.render_scenes import LENSES, look_at
 
+from helpers.cameras.render_scenes import LENSES, look_at
 from tracker_node.camera.epipolar import epipolar_curve
 
 

@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 import pytest
-from helpers.numeric.finite_difference import assert_jacobian
 
+from helpers.numeric.finite_difference import assert_jacobian
 from tracker_node.camera.model import CameraModel
 
 K = np.array([[620.0, 0.0, 310.0], [0.0, 600.0, 250.0], [0.0, 0.0, 1.0]])

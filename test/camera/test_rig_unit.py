@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.render_scenes import look_at
 
+from helpers.cameras.render_scenes import look_at
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig_unit import check_metres, wrong_unit
 from tracker_node.errors import TrackerError

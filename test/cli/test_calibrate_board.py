@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 import pytest
-from helpers.cameras.board_scenes import picture, ring
 
+from helpers.cameras.board_scenes import picture, ring
 from tracker_node.calibration.board.board import Board
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.cli.main import main

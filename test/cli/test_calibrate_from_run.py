@@ -8,8 +8,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from helpers.cameras.small_clip import RATE_HZ, make_clip
 
+from helpers.cameras.small_clip import RATE_HZ, make_clip
 from tracker_node.cli.arguments.run_images import chosen_rows, load_run_images, velocity_at
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
-from helpers.cameras.camera_rigs import circle_rig
 
+from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.calibration.board import metrics as board_figures
 from tracker_node.cli.calibrate import body, intrinsics, plate
 from tracker_node.cli.calibrate import rig as rig_command

@@ -9,9 +9,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+
 from helpers.bodies.stick_person import Motion, motion, write_run, write_state_bag, write_truth
 from helpers.cameras.render_scenes import look_at
-
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.cli.arguments.recording import evaluate_recording

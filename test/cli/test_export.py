@@ -4,12 +4,12 @@ import json
 
 import numpy as np
 import pytest
+
 from helpers.bodies.moving_person import moving, write_run
 from helpers.bodies.stick_person import motion as stick_motion
 from helpers.bodies.stick_person import write_state_bag
 from helpers.bodies.two_links import two_links
 from helpers.sources.small_disk import limited_files
-
 from tracker_node.cli.export import FORMATS
 from tracker_node.cli.main import main
 from tracker_node.evaluation.truth.joints import load_truth

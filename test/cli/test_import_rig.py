@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.camera_rigs import circle_rig
 
+from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.cli.main import main
 from tracker_node.geometry import so3
 from tracker_node.loaders.rig.camera_info_yaml import dump_camera_info

@@ -3,8 +3,8 @@
 from types import SimpleNamespace
 
 import pytest
-from helpers.cameras.camera_rigs import circle_rig
 
+from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.cli.arguments.run_images import refuse_to_overwrite
 from tracker_node.cli.main import main
 from tracker_node.errors import TrackerError

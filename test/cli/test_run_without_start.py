@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.cameras.small_clip import Clip, make_clip
 
+from helpers.cameras.small_clip import Clip, make_clip
 from tracker_node.cli.main import main
 from tracker_node.loaders.bag.images import image_of
 from tracker_node.loaders.bag.reader import BagReader

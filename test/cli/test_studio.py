@@ -10,8 +10,8 @@ import time
 from pathlib import Path
 
 import pytest
-from helpers.studio.studio_process import running_studio
 
+from helpers.studio.studio_process import running_studio
 from tracker_node.cli.main import main
 
 # A browser that says what it was asked to open, and with what rights that lies there

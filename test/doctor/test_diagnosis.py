@@ -2,11 +2,11 @@
 
 from dataclasses import replace
 
-import _planted_faults as faults
 import numpy as np
 import pytest
-from helpers.cameras.moving_balls import N_IMAGES, RATE_HZ, ball_images, balls_rig
 
+from benchmark.calibration import _planted_faults as faults
+from helpers.cameras.moving_balls import N_IMAGES, RATE_HZ, ball_images, balls_rig
 from tracker_node.doctor.diagnosis import examine
 from tracker_node.doctor.recording import CameraRecording
 

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.cameras.moving_balls import balls_rig
 
+from helpers.cameras.moving_balls import balls_rig
 from tracker_node.doctor.epipolar_motion import Motion, agreement, agreements
 from tracker_node.geometry import se3, so3
 

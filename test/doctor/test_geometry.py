@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.cameras.moving_balls import balls_rig
 
+from helpers.cameras.moving_balls import balls_rig
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera
 from tracker_node.doctor import geometry as doctor

@@ -5,9 +5,9 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+
 from helpers.cameras.camera_rigs import circle_rig
 from helpers.sources.bag_samples import PERIOD_NS, START_NS, image, write_bag
-
 from tracker_node.camera.rig import CameraRig
 from tracker_node.doctor import input as doctor_input
 from tracker_node.doctor.input import DEFAULT_SECONDS, record, with_inputs

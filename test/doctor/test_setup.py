@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.camera_rigs import look_at
 
+from helpers.cameras.camera_rigs import look_at
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera
 from tracker_node.doctor.epipolar_motion import Motion, agreement

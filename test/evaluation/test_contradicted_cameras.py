@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.cameras.small_clip import make_clip
 
+from helpers.cameras.small_clip import make_clip
 from tracker_node.cli.main import main
 from tracker_node.geometry import so3
 from tracker_node.loaders.config_yaml import load_parameters

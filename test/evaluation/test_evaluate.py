@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.bodies.stick_person import PERIOD_NS, Motion, motion, write_run
 
+from helpers.bodies.stick_person import PERIOD_NS, Motion, motion, write_run
 from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.evaluate import EvaluationOptions, evaluate
 from tracker_node.evaluation.truth.association import Trajectories

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.bodies.stick_person import PERIOD_NS, Motion, motion, write_run
 from scipy.spatial.transform import Rotation
 
+from helpers.bodies.stick_person import PERIOD_NS, Motion, motion, write_run
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.review import Truth, review
 from tracker_node.evaluation.run_consistency import landmark_nees, state_nees

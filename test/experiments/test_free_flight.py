@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.bodies.wooden_cross import at, cross
 
+from helpers.bodies.wooden_cross import at, cross
 from tracker_node.experiments.free_flight import FreeFlight, mass_properties
 from tracker_node.geometry import se3, so3
 from tracker_node.model.articulated import ArticulatedModel, Shape

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+
 from helpers.bodies.two_links import cameras, two_links
 from helpers.cameras.camera_rigs import look_at
-
 from tracker_node.camera.light import Light
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig

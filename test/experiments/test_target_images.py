@@ -5,8 +5,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from helpers.cameras.render_scenes import LIGHTS, colored_scene, look_at, single_shape
 
+from helpers.cameras.render_scenes import LIGHTS, colored_scene, look_at, single_shape
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import UnknownNameError

@@ -1,4 +1,4 @@
-"""The drills that matter most, as `benchmark/faults.py` runs them: a fault is said by name, and the graph goes on by itself."""
+"""The drills that matter most, as `faults.py` runs them: a fault is said by name, and the graph goes on by itself."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,8 +8,8 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS is not installed")
 pytest.importorskip("tracker_msgs", reason="the interface package is not installed")
 
-import faults
-from _fault_graph import Drill, Graph, Outcome, recorded_and_ros, run_drill
+from benchmark.faults import faults
+from benchmark.faults._graph import Drill, Graph, Outcome, recorded_and_ros, run_drill
 
 DRILLS = {drill.name: drill for drill in faults.drills()}
 MOST_IMPORTANT = (

@@ -4,9 +4,9 @@ import json
 
 import pytest
 import yaml
+
 from helpers.fuzz.mutations import bomb, bomb_within
 from helpers.fuzz.runs import Answers, child, run
-
 from tracker_node.errors import CalibrationError, FileFormatError
 from tracker_node.loaders.rig.rig_yaml import load_rig
 

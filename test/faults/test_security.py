@@ -11,11 +11,11 @@ from urllib.parse import urlsplit
 
 import pytest
 import yaml
+
 from helpers.bodies.bodies import crane
 from helpers.cameras.small_clip import make_clip
 from helpers.sources.bag_samples import fill
 from helpers.studio.studio_process import running_studio
-
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.bag.reader import BagReader

@@ -9,11 +9,10 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
-import soak
-from _contour_runs import Clip
+from benchmark.contour._runs import Clip
+from benchmark.ros import soak
+from benchmark.ros.transport import wait_until
 from helpers.ros.samples import write_recording
-from transport import wait_until
-
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state

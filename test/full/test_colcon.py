@@ -5,6 +5,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+
 from helpers.ros import ros2_env
 from helpers.ros.colcon_place import bare_python_with
 

@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from helpers.ros import ros2_env
 
 pytestmark = pytest.mark.ros

@@ -4,11 +4,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
 from helpers.ros import ros2_env
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
-from _launched import FILES, Stage, stage_in
+from benchmark.ros._launched import FILES, Stage, stage_in
 from helpers.ros.graph import remove_left_segments, ros_context, shared_memory_files
 
 pytestmark = [pytest.mark.ros, pytest.mark.skipif(bool(ros2_env.missing()), reason=ros2_env.missing())]

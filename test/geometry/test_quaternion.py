@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
-from helpers.numeric.rotations import rotation_vectors
 from hypothesis import given
 from scipy.spatial.transform import Rotation
 
+from helpers.numeric.rotations import rotation_vectors
 from tracker_node.geometry import quaternion, so3
 
 

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from helpers.numeric.finite_difference import assert_jacobian
-from helpers.numeric.rotations import twists
 from hypothesis import given
 from scipy.linalg import expm
 
+from helpers.numeric.finite_difference import assert_jacobian
+from helpers.numeric.rotations import twists
 from tracker_node.geometry import se3, so3
 
 

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from helpers.numeric.rotations import directions, rotation_vectors
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from helpers.numeric.rotations import directions, rotation_vectors
 from tracker_node.geometry import so3
 
 angles = st.floats(-3.1, 3.1)

@@ -15,6 +15,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+
 from helpers.cameras.camera_rigs import circle_rig
 from helpers.ros.launch_stand_ins import (
     Arguments,
@@ -25,7 +26,6 @@ from helpers.ros.launch_stand_ins import (
     launch_stand_ins,
     resolved,
 )
-
 from tracker_node.cli import main
 from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 import yaml
-from helpers.sources import bag_samples
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
+from helpers.sources import bag_samples
 from tracker_node.errors import UnknownNameError
 from tracker_node.loaders.bag.check import check_bag
 from tracker_node.loaders.bag.message_types import message_type, typestore

@@ -7,8 +7,8 @@ from decimal import Decimal
 
 import numpy as np
 import pytest
-from helpers.cameras.small_clip import body
 
+from helpers.cameras.small_clip import body
 from tracker_node.errors import FileFormatError, SourceError
 from tracker_node.evaluation.masks.reference import load_reference_masks
 from tracker_node.loaders.images.recorded_source import SourceOptions

@@ -3,8 +3,8 @@
 import json
 
 import pytest
-from helpers.cameras.small_clip import make_clip
 
+from helpers.cameras.small_clip import make_clip
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError, WrongKindOfFileError
 from tracker_node.loaders.file_kind import check_kind, kind_of

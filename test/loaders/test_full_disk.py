@@ -8,9 +8,9 @@ import time
 from pathlib import Path
 
 import pytest
-from helpers.sources.small_disk import small_disk
 from rosbags.rosbag2 import Reader
 
+from helpers.sources.small_disk import small_disk
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.bag.message_types import message_type
 from tracker_node.loaders.bag.metadata import OfferedQos

@@ -6,8 +6,8 @@ import random
 import numpy as np
 import pytest
 import yaml
-from helpers.bodies.bodies import crane
 
+from helpers.bodies.bodies import crane
 from tracker_node.errors import CalibrationError, FileFormatError
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
 from tracker_node.loaders.model.state_yaml import dump_state, load_state

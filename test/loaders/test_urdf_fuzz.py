@@ -6,8 +6,8 @@ from itertools import pairwise
 from xml.etree import ElementTree
 
 import numpy as np
-from helpers.bodies.robot_text import ROBOT
 
+from helpers.bodies.robot_text import ROBOT
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.configuration import Configuration, State

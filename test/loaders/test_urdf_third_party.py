@@ -12,9 +12,9 @@ from xml.etree import ElementTree
 import kinpy
 import numpy as np
 import pytest
-from helpers.bodies.bodies import crane, random_state
 from lxml import etree
 
+from helpers.bodies.bodies import crane, random_state
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.urdf_writer import urdf_of
 from tracker_node.model.configuration import Configuration

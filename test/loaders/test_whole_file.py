@@ -4,8 +4,8 @@ import errno
 
 import numpy as np
 import pytest
-from helpers.sources.small_disk import limited_files, small_disk
 
+from helpers.sources.small_disk import limited_files, small_disk
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.loaders.layouts.foxglove import write_foxglove_layout

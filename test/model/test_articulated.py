@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.bodies.two_links import two_links
 
+from helpers.bodies.two_links import two_links
 from tracker_node.errors import UnknownNameError
 from tracker_node.geometry import se3
 from tracker_node.model.articulated import ArticulatedModel, Landmark, Shape

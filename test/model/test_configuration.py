@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from helpers.bodies.bodies import crane, gantry, random_state
 from helpers.numeric import naive
 from helpers.numeric.finite_difference import assert_jacobian
 from helpers.numeric.rotations import twists
-from hypothesis import given
-from hypothesis import strategies as st
-
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-from helpers.bodies.bodies import crane, random_state
 
+from helpers.bodies.bodies import crane, random_state
 from tracker_node.errors import UnknownNameError
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-from helpers.bodies.bodies import crane
 
+from helpers.bodies.bodies import crane
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.shape_parameters import GROUPS, ShapeSpace, half_extents, tapered

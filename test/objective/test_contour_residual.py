@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+
 from helpers.bodies.bodies import random_state
 from helpers.bodies.two_links import cameras, two_links
 from helpers.numeric.finite_difference import numerical_jacobian
-
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model

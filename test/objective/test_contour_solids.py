@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
-from helpers.bodies.two_links import cameras
 
+from helpers.bodies.two_links import cameras
 from tracker_node.geometry import se3
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State

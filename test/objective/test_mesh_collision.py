@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+
 from helpers.bodies.bodies import random_state
 from helpers.bodies.mesh_robot import folded, of_meshes, of_solids
 from helpers.bodies.mesh_solids import is_inside
 from helpers.numeric.finite_difference import assert_jacobian
-
 from tracker_node.geometry import se3
 from tracker_node.loaders.model.model_yaml import dump_model
 from tracker_node.loaders.model.urdf_writer import urdf_of

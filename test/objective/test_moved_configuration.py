@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+
 from helpers.bodies.bodies import crane, random_state
 from helpers.numeric.finite_difference import assert_jacobian
-
 from tracker_node.model.configuration import Configuration
 from tracker_node.objective.moved_configuration import bodies_seen, cameras_by_body, moved_configuration
 

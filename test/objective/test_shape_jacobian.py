@@ -2,10 +2,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from helpers.bodies.bodies import crane, random_state
 from helpers.cameras.camera_rigs import circle_rig
 from helpers.numeric.finite_difference import assert_jacobian
-
 from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import se3
 from tracker_node.model.articulated import ArticulatedModel

@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 import pytest
-from helpers.cameras.camera_rigs import circle_rig
 
+from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.errors import SourceError
 from tracker_node.observation import deinterlace as di
 

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.bodies.bodies import random_state
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
+from helpers.bodies.bodies import random_state
 from tracker_node.geometry import so3
 from tracker_node.model.configuration import State
 from tracker_node.model.humans.human import human_model

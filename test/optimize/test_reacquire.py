@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.bodies.textured_plate import MODEL, TRUE, errors, film, moved, rig
 
+from helpers.bodies.textured_plate import MODEL, TRUE, errors, film, moved, rig
 from tracker_node.objective.points.texture import TextureObjective
 from tracker_node.optimize.alignment import align
 from tracker_node.optimize.reacquire import ReacquireOptions, reacquire

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.numeric.analytic_scores import AnalyticScore, hinged, state_at
 
+from helpers.numeric.analytic_scores import AnalyticScore, hinged, state_at
 from tracker_node.errors import UnknownNameError
 from tracker_node.optimize.registry import OPTIMIZERS, optimizer, stepping_simplex
 from tracker_node.optimize.simplex import polish, search_simplex

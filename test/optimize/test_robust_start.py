@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.numeric.analytic_scores import AnalyticScore, state_at
 
+from helpers.numeric.analytic_scores import AnalyticScore, state_at
 from tracker_node.geometry import so3
 from tracker_node.model.configuration import State
 from tracker_node.optimize.robust_start import Hypothesis, RobustStartOptions, _ball_points, _distinct, chance_level, search

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.bodies.bodies import crane
 
+from helpers.bodies.bodies import crane
 from tracker_node.model import pose_variables
 from tracker_node.model.configuration import State
 from tracker_node.optimize.score_objective import VariableSpace

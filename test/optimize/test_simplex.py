@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from helpers.numeric.analytic_scores import RIGID, AnalyticScore, hinged, state_at
 from scipy.spatial.transform import Rotation
 
+from helpers.numeric.analytic_scores import RIGID, AnalyticScore, hinged, state_at
 from tracker_node.errors import UnknownNameError
 from tracker_node.optimize.registry import OPTIMIZERS, optimizer
 from tracker_node.optimize.robust_start import RobustStartOptions, search

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from helpers.numeric.analytic_scores import RIGID, AnalyticScore, hinged, state_at
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from helpers.numeric.analytic_scores import RIGID, AnalyticScore, hinged, state_at
 from tracker_node.optimize.stepping import (
     DECIMATED_LOOPS,
     FIVE_LOOPS,

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
-from helpers.cameras.render_scenes import icosahedron, look_at, single_shape, tetrahedron
 
+from helpers.cameras.render_scenes import icosahedron, look_at, single_shape, tetrahedron
 from tracker_node.camera.model import CameraModel
 from tracker_node.geometry import se3, so3
 from tracker_node.model.articulated import ArticulatedModel, Shape

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.render_scenes import icosahedron, single_shape
 
+from helpers.cameras.render_scenes import icosahedron, single_shape
 from tracker_node.geometry import se3
 from tracker_node.model.shapes.primitives import Box, Ellipsoid
 from tracker_node.render.intersections import NO_HIT, mesh_hit, slab_interval, solid_hit, to_shape, triangle_hit

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.render_scenes import icosahedron, tetrahedron
 
+from helpers.cameras.render_scenes import icosahedron, tetrahedron
 from tracker_node.model.shapes.primitives import Box, Mesh
 from tracker_node.render import mesh_edges as ce
 from tracker_node.render.mesh_edges import BORDER, CREASE, OUTLINE, solid_of

@@ -4,8 +4,8 @@ import gc
 
 import numpy as np
 import pytest
-from helpers.cameras.render_scenes import LENSES
 
+from helpers.cameras.render_scenes import LENSES
 from tracker_node.camera.model import CameraModel
 from tracker_node.render.ray_table import MadeOnce, ray_table
 

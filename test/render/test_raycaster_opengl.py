@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.render_scenes import look_at, scattered_scene
 
+from helpers.cameras.render_scenes import look_at, scattered_scene
 from tracker_node.camera.model import CameraModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model

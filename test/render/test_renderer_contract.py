@@ -7,9 +7,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+
 from helpers.cameras.render_scenes import LENSES, LIGHTS, RENDERERS, colored_scene, colored_shapes, look_at, single_shape
 from helpers.numeric import naive
-
 from tracker_node.camera.light import Light
 from tracker_node.camera.model import CameraModel
 from tracker_node.errors import TrackerError

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+
 from helpers.bodies.bodies import crane
 from helpers.cameras.render_scenes import single_shape, tetrahedron
-
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.shapes.primitives import Box, Ellipsoid, TruncatedCone
 from tracker_node.render.shape_arrays import CONE, ELLIPSOID, OTHER, ShapeArrays

@@ -8,12 +8,12 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS is not installed")
 pytest.importorskip("tracker_msgs", reason="the interface package is not installed")
 
+from tracker_msgs.msg import TrackedState
+
 from helpers.ros.cameras import Cameras, options_of
 from helpers.ros.graph import NodeProcess, Probe, remove_left_segments, ros_context, shared_memory_files
 from helpers.ros.processes import start
 from helpers.ros.samples import write_recording
-from tracker_msgs.msg import TrackedState
-
 from tracker_node.ros.tracker.node import TrackerNode
 
 __all__ = ["start"]  # a fixture too

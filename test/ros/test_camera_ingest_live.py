@@ -9,14 +9,14 @@ import cv2
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from helpers.ros.graph import stamps
-from helpers.sources.mjpeg_server import HEIGHT, WIDTH, MjpegServer, number_of, numbered_jpeg
-from helpers.sources.v4l2_camera import V4l2Camera
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from sensor_msgs.srv import SetCameraInfo
 
+from helpers.ros.graph import stamps
+from helpers.sources.mjpeg_server import HEIGHT, WIDTH, MjpegServer, number_of, numbered_jpeg
+from helpers.sources.v4l2_camera import V4l2Camera
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.rig.camera_info_yaml import load_camera_info
 from tracker_node.loaders.rig.rig_yaml import load_rig

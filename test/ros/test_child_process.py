@@ -1,8 +1,8 @@
 """Verbs as child processes run what is installed, wherever they are called."""
 
 import pytest
-from helpers.ros.processes import wait_until
 
+from helpers.ros.processes import wait_until
 from tracker_node.ros.child_process import Child
 
 

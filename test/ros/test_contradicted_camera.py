@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from helpers.ros.samples import write_recording
 from tracker_msgs.msg import TrackedState
 
+from helpers.ros.samples import write_recording
 from tracker_node.geometry import so3
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 from tracker_node.ros.diagnostics import statuses_of

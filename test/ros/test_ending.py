@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from helpers.ros.graph import files_in_use, shared_memory_files
 from helpers.sources.bag_samples import START_NS, text
-
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.ros.ending import FINISH, PARENT_VARIABLE
 
@@ -118,7 +118,7 @@ def test_the_end_of_the_interpreter_is_not_disturbed(number):
 @pytest.mark.parametrize("moment", ["tracker compiling", "tracker looking for the body", "pipeline looking for the body"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_nodes_end_in_the_middle_of_their_work(ros, recording, tmp_path, moment, number):
-    from _stops import scene_in, stopped
+    from benchmark.ros._stops import scene_in, stopped
 
     with scene_in(tmp_path / "scene", recording, moment) as scene:
         stop = stopped(moment, number, scene)

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+
 from helpers.ros.samples import small_rig, some_estimate, tracked_arm
 
 pytest.importorskip("rclpy")

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from helpers.cameras.small_clip import Clip, make_clip
 from helpers.ros.processes import Process
 

@@ -7,11 +7,11 @@ import signal
 from pathlib import Path
 
 import pytest
-from helpers.ros.graph import NodeProcess
-from helpers.ros.samples import write_recording
 from sensor_msgs.msg import CameraInfo, Image
 from tracker_msgs.msg import TrackedState
 
+from helpers.ros.graph import NodeProcess
+from helpers.ros.samples import write_recording
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.runs.image_sets import SourceStream

@@ -5,8 +5,8 @@ import shutil
 
 import numpy as np
 import pytest
-from helpers.ros.samples import moving_state, tracked_arm
 
+from helpers.ros.samples import moving_state, tracked_arm
 from tracker_node.cli.main import main
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.model.configuration import Configuration

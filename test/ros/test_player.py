@@ -7,9 +7,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
 from helpers.ros.processes import wait_until
 from helpers.sources import bag_samples
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 rclpy = pytest.importorskip("rclpy", reason="ROS is not installed")
 

@@ -5,12 +5,12 @@ import threading
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from helpers.ros.held_tracker import HeldTracker
-from helpers.ros.samples import tracked_arm
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image
 from tracker_msgs.msg import TrackedState
 
+from helpers.ros.held_tracker import HeldTracker
+from helpers.ros.samples import tracked_arm
 from tracker_node.errors import ModelError, TrackerError
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.ros.conversions import image_message

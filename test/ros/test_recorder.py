@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from helpers.ros.processes import send, wait_until
 from helpers.sources.small_disk import small_disk
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers.ros.processes import wait_until
 from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.executors import SingleThreadedExecutor
@@ -10,6 +9,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
+from helpers.ros.processes import wait_until
 from tracker_node.ros.conversions import image_message
 from tracker_node.ros.diagnostics import Diagnostics
 from tracker_node.ros.executor import make_executor

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from helpers.ros.cameras import Cameras, files_of, image_set_of, options_of, tracker_of
 from lifecycle_msgs.msg import Transition, TransitionEvent
 from lifecycle_msgs.srv import ChangeState, GetAvailableStates, GetAvailableTransitions, GetState
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 from tracker_msgs.msg import TrackedState
+
+from helpers.ros.cameras import Cameras, files_of, image_set_of, options_of, tracker_of
 
 
 class Manager:

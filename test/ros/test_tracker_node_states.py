@@ -5,9 +5,9 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
+
 from helpers.ros.held_tracker import HeldTracker
 from helpers.ros.samples import small_rig, some_state, tracked_arm
-
 from tracker_node.ros.conversions import camera_info_message
 from tracker_node.ros.diagnostics import ERROR, OK, WARN
 from tracker_node.ros.tracker.image_inbox import InboxOptions

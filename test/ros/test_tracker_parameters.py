@@ -1,11 +1,12 @@
 """Parameters of a running tracker, changed from another process by the standard services."""
 
 import pytest
-from helpers.ros.cameras import Cameras, files_of, options_of
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 from tracker_msgs.msg import TrackedState
+
+from helpers.ros.cameras import Cameras, files_of, options_of
 
 
 class Client:

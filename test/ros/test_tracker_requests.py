@@ -8,9 +8,6 @@ import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistWithCovarianceStamped
-from helpers.ros.cameras import PERIOD_NS, Cameras, N, files_of, image_set_of, options_of, tracker_of
-from helpers.ros.graph import stamps
-from helpers.ros.samples import moving_state, placed
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 from rosgraph_msgs.msg import Clock
@@ -19,6 +16,9 @@ from std_srvs.srv import SetBool, Trigger
 from tracker_msgs.msg import TrackedState
 from tracker_msgs.srv import SetState
 
+from helpers.ros.cameras import PERIOD_NS, Cameras, N, files_of, image_set_of, options_of, tracker_of
+from helpers.ros.graph import stamps
+from helpers.ros.samples import moving_state, placed
 from tracker_node.model.configuration import State
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.ros.conversions import camera_info_message, estimate_of

@@ -4,10 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers.ros.held_tracker import HeldTracker
-from helpers.ros.samples import moving_state, small_rig, some_state, tracked_arm
 from rclpy.serialization import serialize_message
 
+from helpers.ros.held_tracker import HeldTracker
+from helpers.ros.samples import moving_state, small_rig, some_state, tracked_arm
 from tracker_node.errors import TrackerError
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.ros.conversions import image_message

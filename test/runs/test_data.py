@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.bodies.stick_person import Motion, motion, write_run, write_state_bag
 
+from helpers.bodies.stick_person import Motion, motion, write_run, write_state_bag
 from tracker_node.errors import FileFormatError, UnknownNameError
 from tracker_node.loaders.motion.motion_file import CovariancesWriter
 from tracker_node.runs.data import load_run

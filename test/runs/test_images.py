@@ -5,9 +5,9 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+
 from helpers.cameras.camera_rigs import circle_rig
 from helpers.sources.bag_samples import START_NS, image, tracked_state, write_bag
-
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.bag.reader import BagReader

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.ros.samples import arm, small_rig, some_estimate, tracked_arm
 
+from helpers.ros.samples import arm, small_rig, some_estimate, tracked_arm
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera
 from tracker_node.errors import CalibrationError

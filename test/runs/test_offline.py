@@ -10,8 +10,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from helpers.cameras.small_clip import Clip, make_clip
 
+from helpers.cameras.small_clip import Clip, make_clip
 from tracker_node.cli.main import main
 from tracker_node.errors import SourceError
 from tracker_node.loaders.bag.message_types import TRACKED_STATE

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+
 from helpers.cameras.camera_rigs import circle_rig
 from helpers.sources.bag_samples import PERIOD_NS, START_NS, header, image, tracked_state
-
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import SourceError
 from tracker_node.loaders.bag.message_types import typestore

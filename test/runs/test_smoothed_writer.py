@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.cameras.small_clip import RATE_HZ, Clip, make_clip
 
+from helpers.cameras.small_clip import RATE_HZ, Clip, make_clip
 from tracker_node.cli.main import main
 from tracker_node.loaders.motion.motion_file import read_covariances, read_velocities
 from tracker_node.loaders.motion.trajectory_file import read_joints, read_poses, read_states

@@ -7,10 +7,10 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
-from helpers.cameras.render_scenes import LENSES, look_at
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from helpers.cameras.render_scenes import LENSES, look_at
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.yaml_file import validate

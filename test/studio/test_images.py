@@ -5,8 +5,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from helpers.cameras.small_clip import RATE_HZ, make_clip
 
+from helpers.cameras.small_clip import RATE_HZ, make_clip
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import FileFormatError, SourceError, UnknownNameError
 from tracker_node.loaders.rig.rig_yaml import load_rig

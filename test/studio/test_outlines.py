@@ -3,9 +3,9 @@
 import cv2
 import numpy as np
 import pytest
+
 from helpers.cameras.render_scenes import LENSES, look_at
 from helpers.cameras.small_clip import body, motion
-
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import CameraRig
 from tracker_node.model.configuration import Configuration

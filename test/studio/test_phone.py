@@ -1,10 +1,10 @@
 """Every page of the studio on a phone: as wide as the screen, and large enough to touch."""
 
 import pytest
+
 from helpers.cameras.small_clip import make_clip
 from helpers.studio.browser import browser_tab
 from helpers.studio.studio_process import running_studio
-
 from tracker_node.cli.main import main
 
 pytestmark = pytest.mark.long  # a browser and a studio

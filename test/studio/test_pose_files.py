@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.small_clip import body, motion
 
+from helpers.cameras.small_clip import body, motion
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.studio.live.page import Desk, Errand

@@ -3,10 +3,10 @@
 import json
 
 import pytest
-from helpers.cameras.small_clip import make_clip
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from helpers.cameras.small_clip import make_clip
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.yaml_file import validate
 from tracker_node.studio.pose.page import Drag, Loaded, Pose, PoseDesk, PoseInSet, Saved

@@ -6,10 +6,10 @@ import json
 from urllib.parse import urlsplit
 
 import pytest
-from helpers.cameras.small_clip import make_clip
-from helpers.studio.studio_process import running_studio
 from starlette.websockets import WebSocket
 
+from helpers.cameras.small_clip import make_clip
+from helpers.studio.studio_process import running_studio
 from tracker_node.studio.endpoints import Answer
 from tracker_node.studio.security import Access, OnlyOwnPages
 

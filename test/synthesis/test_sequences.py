@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.bodies.bodies import crane, random_state
 
+from helpers.bodies.bodies import crane, random_state
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.synthesis.motions.procedural import swing
 from tracker_node.synthesis.sequences import digest, mannequin_sequence, model_sequence

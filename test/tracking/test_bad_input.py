@@ -5,8 +5,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers.studio.small_studio import RATE_HZ, Recording, recording
 
+from helpers.studio.small_studio import RATE_HZ, Recording, recording
 from tracker_node.cli.evaluate import _untold
 from tracker_node.errors import FileFormatError
 from tracker_node.geometry import se3, so3

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.ros.samples import arm, some_estimate
 
+from helpers.ros.samples import arm, some_estimate
 from tracker_node.tracking.camera_fault import DELAYED, TURNED, CameraFault
 from tracker_node.tracking.estimate import LimbStatus, Status
 

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from helpers.studio.small_studio import Recording, recording
 
+from helpers.studio.small_studio import Recording, recording
 from tracker_node.camera.rig import CameraRig
 from tracker_node.model.configuration import State
 from tracker_node.model.scaling import LinkScale, scaled_by_link

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+
 from helpers.bodies.stick_person import person
 from helpers.bodies.two_links import two_links
-
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.render_scenes import look_at
 
+from helpers.cameras.render_scenes import look_at
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import se3, so3

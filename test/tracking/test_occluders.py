@@ -4,8 +4,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers.studio.small_studio import RATE_HZ, Recording
 
+from helpers.studio.small_studio import RATE_HZ, Recording
 from tracker_node.geometry import se3
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State

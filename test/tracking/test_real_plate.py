@@ -1,9 +1,9 @@
 """The first sets of the recorded ChArUco plate, through the tracker as its benchmark runs it."""
 
 
-import color_plate as benchmark
 import numpy as np
 
+from benchmark.color import plate as benchmark
 from tracker_node.runs.config_file import load_config
 from tracker_node.tracking.estimate import Status
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from helpers.bodies.mesh_robot import folded, of_meshes
 from helpers.studio.small_studio import RATE_HZ, Recording
-
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State

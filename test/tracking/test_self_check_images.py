@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.cameras.small_clip import body
 
+from helpers.cameras.small_clip import body
 from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import se3, so3
 from tracker_node.model.configuration import Configuration, State

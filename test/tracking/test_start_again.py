@@ -3,8 +3,8 @@
 import gc
 
 import pytest
-from helpers.cameras.start_scenes import largest_error_m, scene, standing
 
+from helpers.cameras.start_scenes import largest_error_m, scene, standing
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.tracker import Tracker

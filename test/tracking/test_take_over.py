@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.studio.small_studio import Recording, recording
 
+from helpers.studio.small_studio import Recording, recording
 from tracker_node.errors import CalibrationError
 from tracker_node.tracking.config import TrackerConfig, from_dict
 from tracker_node.tracking.estimate import Status

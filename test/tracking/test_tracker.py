@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.studio.small_studio import Recording, assert_same_bits, changed, recording
 
+from helpers.studio.small_studio import Recording, assert_same_bits, changed, recording
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import CalibrationError
 from tracker_node.model.configuration import State

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.studio.small_studio import Recording, recording
 
+from helpers.studio.small_studio import Recording, recording
 from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import N_ROOT_DOF
 from tracker_node.tracking.config import from_dict

@@ -5,8 +5,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from helpers.ros.samples import tracked_arm, write_recording
 
+from helpers.ros.samples import tracked_arm, write_recording
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.tracking.config import from_dict

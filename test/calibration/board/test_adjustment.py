@@ -2,9 +2,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from helpers.cameras.board_scenes import CHARUCO, LENSES, board_pose, corners_seen, ring
 from helpers.numeric.finite_difference import assert_jacobian, numerical_jacobian
-
 from tracker_node.calibration.board.adjustment import BoardAdjustmentOptions, BoardState, _moved, _Problem, adjust_boards
 from tracker_node.calibration.board.refinement import rows_of
 from tracker_node.calibration.board.views import group_views, velocities

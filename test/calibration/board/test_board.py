@@ -1,8 +1,8 @@
 import cv2
 import numpy as np
 import pytest
-from helpers.cameras.board_scenes import CHARUCO, CHESSBOARD, picture, ring
 
+from helpers.cameras.board_scenes import CHARUCO, CHESSBOARD, picture, ring
 from tracker_node.calibration.board.board import Board, BoardDetector
 from tracker_node.calibration.board.detection import CameraViews, detect_boards, with_board, without_blur
 from tracker_node.camera.rig import Camera

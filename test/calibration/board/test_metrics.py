@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.cameras.board_scenes import CHARUCO, PERIOD_S, board_pose, corners_seen, ring
 
+from helpers.cameras.board_scenes import CHARUCO, PERIOD_S, board_pose, corners_seen, ring
 from tracker_node.calibration.board.adjustment import BoardAdjustment, BoardState
 from tracker_node.calibration.board.metrics import (
     CameraFigures,

@@ -3,8 +3,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from helpers.cameras.board_scenes import CHARUCO, CHESSBOARD, LENSES, corners_seen, ring
 
+from helpers.cameras.board_scenes import CHARUCO, CHESSBOARD, LENSES, corners_seen, ring
 from tracker_node.calibration.board.board import Board, BoardView
 from tracker_node.calibration.board.intrinsics import calibrate_lens
 from tracker_node.calibration.board.metrics import camera_figures, coverage_notes, covered, pair_figures, worst_views

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.board_scenes import CHARUCO, board_pose, corners_seen, ring
 
+from helpers.cameras.board_scenes import CHARUCO, board_pose, corners_seen, ring
 from tracker_node.calibration.board.board import BoardView
 from tracker_node.calibration.board.start import (
     board_poses,

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.camera_rigs import circle_rig, disturbed
 
+from helpers.cameras.camera_rigs import circle_rig, disturbed
 from tracker_node.calibration.points.bundle_adjustment import (
     AdjustmentOptions,
     PointObservations,

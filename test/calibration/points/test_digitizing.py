@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.bodies.wooden_cross import cross
 
+from helpers.bodies.wooden_cross import cross
 from tracker_node.calibration.points import digitizing
 from tracker_node.calibration.points.dlt import dlt_parameters
 from tracker_node.experiments.cross.throw import cross_rig, side_somersault

@@ -5,8 +5,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from helpers.cameras.camera_rigs import circle_rig
 
+from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.calibration.points import dlt
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera

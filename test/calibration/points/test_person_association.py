@@ -1,8 +1,8 @@
 """Who is who across cameras."""
 
 import numpy as np
-from helpers.cameras.camera_rigs import circle_rig, disturbed
 
+from helpers.cameras.camera_rigs import circle_rig, disturbed
 from tracker_node.calibration.points.person_association import associate_people
 
 RNG = np.random.default_rng(11)

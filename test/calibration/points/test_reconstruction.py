@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 import pytest
-from helpers.cameras.render_scenes import LENSES, look_at
 
+from helpers.cameras.render_scenes import LENSES, look_at
 from tracker_node.calibration.points.reconstruction import reconstruct_point, repeatability
 from tracker_node.errors import CalibrationError
 

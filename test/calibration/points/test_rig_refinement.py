@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.camera_rigs import circle_rig, disturbed
 
+from helpers.cameras.camera_rigs import circle_rig, disturbed
 from tracker_node.calibration.points.rig_refinement import collect_joints, refine_rig, rigid_alignment
 from tracker_node.errors import CalibrationError
 from tracker_node.geometry import se3

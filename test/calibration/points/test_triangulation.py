@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.camera_rigs import circle_rig
 
+from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.calibration.points.triangulation import reproject, triangulate
 from tracker_node.camera.model import CameraModel
 from tracker_node.geometry import se3, so3

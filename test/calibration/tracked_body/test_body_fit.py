@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-from helpers.bodies.person_pictures import CONFIG, GROUPS, pictures
 
+from helpers.bodies.person_pictures import CONFIG, GROUPS, pictures
 from tracker_node.calibration.tracked_body.body_fit import BodyFitOptions, fit_body
 from tracker_node.calibration.tracked_body.lines import SilhouetteEvidence, joined
 from tracker_node.calibration.tracked_body.region_lines import RegionEvidence

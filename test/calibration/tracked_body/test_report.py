@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from helpers.bodies.two_links import two_links
 from helpers.cameras.camera_rigs import circle_rig
-
 from tracker_node.calibration.tracked_body.body_fit import BodyFit, BodyFitReport, LineFigures, ParameterFigures
 from tracker_node.calibration.tracked_body.report import (
     Picture,

@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.bodies.person_pictures import CONFIG, LATE_CAMERA, RATE_HZ, pictures
 
+from helpers.bodies.person_pictures import CONFIG, LATE_CAMERA, RATE_HZ, pictures
 from tracker_node.calibration.tracked_body.body_fit import BodyFitOptions
 from tracker_node.calibration.tracked_body.lines import SilhouetteEvidence
 from tracker_node.calibration.tracked_body.rig_fit import RigFitOptions, fit_rig, world_of_most

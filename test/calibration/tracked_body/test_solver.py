@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from helpers.bodies.bodies import crane, random_state
 from helpers.cameras.camera_rigs import circle_rig
-
 from tracker_node.calibration.tracked_body.solver import (
     Estimate,
     Motion,

@@ -4,8 +4,8 @@ from argparse import ArgumentTypeError
 from dataclasses import replace
 
 import pytest
-from helpers.cameras.camera_rigs import circle_rig
 
+from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.camera.rig import CameraRig
 from tracker_node.cli.arguments.topics import camera_topic, with_topics
 from tracker_node.errors import FileFormatError, UnknownNameError

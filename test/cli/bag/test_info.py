@@ -1,7 +1,6 @@
 """``tracker_node bag info``."""
 
 from helpers.sources.bag_samples import PERIOD_NS, write_bag
-
 from tracker_node.cli.main import main
 from tracker_node.loaders.bag.writer import BagWriter
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+
 from helpers.cameras.cross_files import control_point_rows
 from helpers.cameras.cross_files import write_control_points as write
-
 from tracker_node.cli.calibrate.dlt import _common
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.cross_files import write_lit_cross
 
+from helpers.cameras.cross_files import write_lit_cross
 from tracker_node.cli.main import main
 from tracker_node.experiments.cross.throw import cross_rig
 from tracker_node.loaders.rig.rig_yaml import load_rig

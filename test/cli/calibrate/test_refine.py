@@ -5,9 +5,9 @@ import json
 import cv2
 import numpy as np
 import pytest
+
 from helpers.bodies.openpose_points import write_points
 from helpers.cameras.camera_rigs import circle_rig, disturbed
-
 from tracker_node.cli.main import main
 from tracker_node.loaders.rig.rig_yaml import load_rig, read_rig_file, rig_file_of, write_rig_file
 

@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from helpers.cameras.swinging_disc import LATE_S, write_swinging_disc
 
+from helpers.cameras.swinging_disc import LATE_S, write_swinging_disc
 from tracker_node.calibration.clocks.offsets import ClockFit, Clocks
 from tracker_node.cli.calibrate.time import _beginning, figures, print_table
 from tracker_node.cli.main import main

@@ -6,8 +6,8 @@ import shutil
 import cv2
 import numpy as np
 import pytest
-from helpers.cameras.moving_balls import write_balls
 
+from helpers.cameras.moving_balls import write_balls
 from tracker_node.cli.main import main
 from tracker_node.doctor.diagnosis import examine
 from tracker_node.doctor.input import record

@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from helpers.cameras.moving_balls import balls_rig
 
+from helpers.cameras.moving_balls import balls_rig
 from tracker_node.cli.main import main
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 

@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 import pytest
-from helpers.cameras.moving_balls import balls_rig
 
+from helpers.cameras.moving_balls import balls_rig
 from tracker_node.calibration.world_frame import WorldChange, onto_points, upright
 from tracker_node.camera.light import Light
 from tracker_node.camera.model import CameraModel

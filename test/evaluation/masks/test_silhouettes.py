@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers.cameras.camera_rigs import circle_rig
 
+from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.masks import silhouettes as module
 from tracker_node.evaluation.masks.silhouettes import Picture, contact_sheet, spread

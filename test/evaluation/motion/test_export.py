@@ -11,11 +11,11 @@ import bvhio
 import c3d
 import numpy as np
 import pytest
-from helpers.bodies.moving_person import moving
-from helpers.bodies.two_links import two_links
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from helpers.bodies.moving_person import moving
+from helpers.bodies.two_links import two_links
 from tracker_node.errors import FileFormatError, ModelError, UnknownNameError
 from tracker_node.evaluation.motion.coordinates import load_coordinates, model_coordinates, opensim_coordinates
 from tracker_node.evaluation.motion.export import FORMATS, markers_of

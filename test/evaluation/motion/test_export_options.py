@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.bodies.moving_person import moving
 
+from helpers.bodies.moving_person import moving
 from tracker_node.errors import FileFormatError, UnknownNameError
 from tracker_node.evaluation.motion.export_options import ExportOptions
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+
 from helpers.bodies.moving_person import moving
 from helpers.bodies.two_links import two_links
-
 from tracker_node.errors import ModelError
 from tracker_node.evaluation.motion.isb_angles import isb_angles
 from tracker_node.loaders.data_files import data_file

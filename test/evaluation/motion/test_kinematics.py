@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.bodies.moving_person import moving
-from helpers.bodies.two_links import two_links
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from helpers.bodies.moving_person import moving
+from helpers.bodies.two_links import two_links
 from tracker_node.evaluation.motion.kinematics import (
     SHORTEST,
     derivatives,

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pypdf
 import pytest
-from helpers.bodies.stick_person import Motion, motion, write_run, write_state_bag
-from helpers.studio.browser import browser_tab
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
+from helpers.bodies.stick_person import Motion, motion, write_run, write_state_bag
+from helpers.studio.browser import browser_tab
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.masks.silhouettes import Picture
 from tracker_node.evaluation.report.builder import ReportOptions, write_report

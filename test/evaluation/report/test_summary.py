@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.bodies.stick_person import PERIOD_NS, Motion, motion, write_run
 
+from helpers.bodies.stick_person import PERIOD_NS, Motion, motion, write_run
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.report.summary import (
     FIGURES,

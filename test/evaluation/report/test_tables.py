@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers.bodies.stick_person import PERIOD_NS, motion, write_run
 
+from helpers.bodies.stick_person import PERIOD_NS, motion, write_run
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.report import tables
 from tracker_node.evaluation.review import Review, Truth, review

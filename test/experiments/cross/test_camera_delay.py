@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.late_camera import MODEL, RIG, TRIAL
 
+from helpers.cameras.late_camera import MODEL, RIG, TRIAL
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import CalibrationError
 from tracker_node.experiments.cross.camera_delay import estimate_delay

@@ -1,8 +1,8 @@
 """The pictures show what they are made of."""
 
 import numpy as np
-from helpers.bodies.wooden_cross import cross
 
+from helpers.bodies.wooden_cross import cross
 from tracker_node.camera.rig import CameraRig
 from tracker_node.experiments.cross import plots as cross_plots
 from tracker_node.experiments.cross.throw import cross_rig, twisting_somersault

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.bodies.wooden_cross import cross as model_of_cross
 
+from helpers.bodies.wooden_cross import cross as model_of_cross
 from tracker_node.experiments.cross import throw as cross
 from tracker_node.experiments.cross.film import film
 from tracker_node.experiments.cross.video_faults import TapeFaults

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import yaml
 import zstandard
-from helpers.sources import bag_samples
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.opcode import Opcode
@@ -19,6 +18,7 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
+from helpers.sources import bag_samples
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError, TrackerError
 from tracker_node.loaders.bag.check import check_bag, figures_of

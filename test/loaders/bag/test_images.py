@@ -5,8 +5,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from helpers.sources import bag_samples
 
+from helpers.sources import bag_samples
 from tracker_node.errors import SourceError
 from tracker_node.loaders.bag.images import camera_images, image_topics
 from tracker_node.loaders.bag.message_types import typestore

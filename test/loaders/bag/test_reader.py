@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.sources import bag_samples
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag2 import StoragePlugin, Writer
 
+from helpers.sources import bag_samples
 from tracker_node.errors import FileFormatError, TrackerError, UnknownNameError
 from tracker_node.loaders.bag.message_types import typestore
 from tracker_node.loaders.bag.reader import BagReader

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pytest
-from helpers.sources import bag_samples
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
+from helpers.sources import bag_samples
 from tracker_node.cli.main import main
 from tracker_node.loaders.bag.message_types import typestore
 from tracker_node.loaders.bag.reader import BagReader

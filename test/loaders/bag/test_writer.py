@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 import yaml
-from helpers.sources import bag_samples
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
+from helpers.sources import bag_samples
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.bag.message_types import TRACKED_STATE, MessageType, UnknownMessageTypeError, message_type
 from tracker_node.loaders.bag.reader import BagReader

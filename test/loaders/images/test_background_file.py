@@ -6,8 +6,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from helpers.cameras.small_clip import CAMERAS
 
+from helpers.cameras.small_clip import CAMERAS
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import CalibrationError, SourceError

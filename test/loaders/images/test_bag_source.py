@@ -6,8 +6,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from helpers.sources import bag_samples
 
+from helpers.sources import bag_samples
 from tracker_node.camera.capture_settings import CaptureSettings
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera

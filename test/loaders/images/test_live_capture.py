@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from helpers.ros.processes import wait_until
 from helpers.sources.mjpeg_server import MjpegServer, number_of
 from helpers.sources.stream_servers import HEIGHT, WIDTH, RtspServer, UdpServer, write_stream
-
 from tracker_node.errors import SourceError
 from tracker_node.loaders.decoding import decode_jpeg
 from tracker_node.loaders.images.live_capture import StreamCapture

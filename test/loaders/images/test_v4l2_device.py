@@ -8,8 +8,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from helpers.sources.v4l2_camera import HEIGHT, WIDTH, V4l2Camera
 
+from helpers.sources.v4l2_camera import HEIGHT, WIDTH, V4l2Camera
 from tracker_node.camera.capture_settings import CaptureSettings
 from tracker_node.errors import SourceError
 from tracker_node.loaders.images.live_capture import check_live_settings

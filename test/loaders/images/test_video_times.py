@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+
 from helpers.cameras.camera_rigs import look_at
 from helpers.sources.variable_rate_video import set_times, write_video
-
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.doctor.diagnosis import examine

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from helpers.bodies.bodies import crane, random_state
-from helpers.numeric.rotations import directions, twists
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from helpers.bodies.bodies import crane, random_state
+from helpers.numeric.rotations import directions, twists
 from tracker_node.errors import FileFormatError
 from tracker_node.geometry import se3
 from tracker_node.loaders.model.model_yaml import dump_model, load_model, rpy_deg_of, transform_of

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
-from helpers.bodies.bodies import crane, random_state
 from hypothesis import given
 from hypothesis import strategies as st
 
+from helpers.bodies.bodies import crane, random_state
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.model.state_yaml import dump_state, load_state
 from tracker_node.model.configuration import State

@@ -6,10 +6,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from helpers.bodies.bodies import crane, gantry, random_state
-from helpers.bodies.robot_text import ROBOT
 from scipy.spatial.transform import Rotation
 
+from helpers.bodies.bodies import crane, gantry, random_state
+from helpers.bodies.robot_text import ROBOT
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.model.mesh_file import write_mesh
 from tracker_node.loaders.model.model_yaml import dump_model, load_model

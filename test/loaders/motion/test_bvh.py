@@ -6,8 +6,8 @@ from pathlib import Path
 import bvhio
 import numpy as np
 import pytest
-from helpers.bodies.moving_person import moving
 
+from helpers.bodies.moving_person import moving
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.motion.bvh import dump_bvh
 from tracker_node.model.humans.human import human_model

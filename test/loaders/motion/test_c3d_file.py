@@ -6,10 +6,10 @@ from pathlib import Path
 import c3d
 import numpy as np
 import pytest
-from helpers.sources.small_disk import limited_files
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from helpers.sources.small_disk import limited_files
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.motion.c3d_file import MOST_FRAMES, AnglesOverTime, dump_c3d, load_c3d
 from tracker_node.loaders.motion.trc import MarkerTrajectories

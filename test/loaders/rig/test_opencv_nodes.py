@@ -7,8 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from helpers.cameras.camera_rigs import circle_rig
 
+from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.errors import TrackerError
 from tracker_node.geometry import se3
 from tracker_node.loaders.rig.opencv_nodes import read_storage

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 import yaml
-from helpers.numeric.rotations import twists
 from hypothesis import given
 from hypothesis import strategies as st
 
+from helpers.numeric.rotations import twists
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import CalibrationError, FileFormatError

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.bodies.bodies import assert_same_body, mirrored_states
 
+from helpers.bodies.bodies import assert_same_body, mirrored_states
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.ellipsoids import ellipsoid_human, equivalent_ellipsoid

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.bodies.bodies import mirrored_states, random_state
 
+from helpers.bodies.bodies import mirrored_states, random_state
 from tracker_node.geometry import se3
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.configuration import Configuration, State

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+
 from helpers.bodies.bodies import assert_same_body, random_state
 from helpers.cameras.render_scenes import LENSES, look_at
-
 from tracker_node.camera.model import CameraModel
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.configuration import Configuration, State

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import trimesh
-from helpers.bodies.mesh_solids import ball, box, cone, is_inside, joined, outer_vertices, rod
 
+from helpers.bodies.mesh_solids import ball, box, cone, is_inside, joined, outer_vertices, rod
 from tracker_node.geometry import so3
 from tracker_node.model.humans.lofts import nurbs_human
 from tracker_node.model.shapes.mesh_capsules import capsules_in_mesh

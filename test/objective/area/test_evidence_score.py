@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 import pytest
-from helpers.cameras.render_scenes import look_at
 
+from helpers.cameras.render_scenes import look_at
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera
 from tracker_node.geometry import se3, so3

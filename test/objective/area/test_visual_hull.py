@@ -1,8 +1,8 @@
 """The grid that a start is looked for in: fine for a room, never more than a machine can hold."""
 
 import numpy as np
-from helpers.cameras.render_scenes import look_at
 
+from helpers.cameras.render_scenes import look_at
 from tracker_node.camera.model import CameraModel
 from tracker_node.objective.area.visual_hull import seen_volume
 

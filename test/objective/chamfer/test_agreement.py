@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.bodies.two_links import cameras, two_links
 
+from helpers.bodies.two_links import cameras, two_links
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.objective.chamfer.agreement import BOUNDARY, ON_BOUNDARY, ON_OUTLINE, OUTLINE

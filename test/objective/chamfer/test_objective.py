@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.bodies.two_links import cameras, two_links
 
+from helpers.bodies.two_links import cameras, two_links
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import State
 from tracker_node.objective.chamfer.agreement import ON_BOUNDARY

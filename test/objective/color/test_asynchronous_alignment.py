@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.late_camera import LATE, MODEL, RIG, STATE, VELOCITY, images
 
+from helpers.cameras.late_camera import LATE, MODEL, RIG, STATE, VELOCITY, images
 from tracker_node.objective.color.alignment import PhotometricObjective, PhotometricOptions
 from tracker_node.objective.color.asynchronous_alignment import StaggeredPhotometricObjective
 from tracker_node.optimize.alignment import AlignmentOptions, align

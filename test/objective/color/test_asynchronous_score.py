@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from helpers.cameras.late_camera import LATE, MODEL, RIG, STATE, VELOCITY, images
 
+from helpers.cameras.late_camera import LATE, MODEL, RIG, STATE, VELOCITY, images
 from tracker_node.objective.color.asynchronous_score import StaggeredObjective
 from tracker_node.objective.color.score import ColorObjective, ColorOptions, Verdict
 

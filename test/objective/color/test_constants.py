@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.bodies.two_links import cameras, two_links
 
+from helpers.bodies.two_links import cameras, two_links
 from tracker_node.camera.light import COS_OUTER, DIRECTIONAL, KIND, POINT, SPOT, Light
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.model.articulated import ArticulatedModel

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from helpers.bodies.bodies import gantry, random_state
-from helpers.numeric.finite_difference import assert_jacobian
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from helpers.bodies.bodies import gantry, random_state
+from helpers.numeric.finite_difference import assert_jacobian
 from tracker_node.geometry import se3
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import State

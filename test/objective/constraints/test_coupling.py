@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.numeric.finite_difference import assert_jacobian
 
+from helpers.numeric.finite_difference import assert_jacobian
 from tracker_node.errors import UnknownNameError
 from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import Axis, Following, Joint, KinematicChain

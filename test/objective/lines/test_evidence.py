@@ -1,8 +1,8 @@
 """The evidence of lines, counted by kernels, against sums written out in numpy."""
 
 import numpy as np
-from helpers.bodies.two_links import cameras, two_links
 
+from helpers.bodies.two_links import cameras, two_links
 from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State

@@ -5,10 +5,10 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+
 from helpers.bodies.two_links import cameras, two_links
 from helpers.numeric.finite_difference import numerical_jacobian
 from helpers.numeric.naive import render_color
-
 from tracker_node.camera.rig import CameraRig
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.objective.points.photometry import PhotometryOptions, SurfacePhotometry, features_of

@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 import pytest
-from helpers.bodies.textured_plate import HEIGHT, MODEL, TRUE, WIDTH, errors, film, moved, rig
 
+from helpers.bodies.textured_plate import HEIGHT, MODEL, TRUE, WIDTH, errors, film, moved, rig
 from tracker_node.errors import ModelError
 from tracker_node.geometry import se3
 from tracker_node.model.articulated import ArticulatedModel, Shape

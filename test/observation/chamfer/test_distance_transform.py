@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from helpers.numeric import naive
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from scipy import ndimage
 
+from helpers.numeric import naive
 from tracker_node.observation.chamfer.distance_transform import LARGEST_LIMIT, distance_to, signed_distance
 
 masks = arrays.arrays(np.bool_, st.tuples(st.integers(1, 24), st.integers(1, 90)), fill=st.just(False))

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.render_scenes import single_shape
 
+from helpers.cameras.render_scenes import single_shape
 from tracker_node.model.shapes.primitives import Box, TruncatedCone
 from tracker_node.render.contour.picks import N_PICK_COLUMNS, cap_rows, edge_rows, has_caps, pick_caps, pick_edges
 from tracker_node.render.shape_arrays import ShapeArrays

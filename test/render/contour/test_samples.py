@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.bodies.two_links import cameras
 
+from helpers.bodies.two_links import cameras
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera
 from tracker_node.geometry import se3, so3

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.render_scenes import single_shape
 
+from helpers.cameras.render_scenes import single_shape
 from tracker_node.geometry import se3
 from tracker_node.model.shapes.primitives import Box, TruncatedCone
 from tracker_node.render.contour.visibility import N_VIEW_COLUMNS, interval, nearby_shapes, ray_interval, view_shapes

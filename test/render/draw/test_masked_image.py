@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.render_scenes import LENSES, look_at, single_shape
 
+from helpers.cameras.render_scenes import LENSES, look_at, single_shape
 from tracker_node.model.shapes.primitives import Ellipsoid
 from tracker_node.render.draw.masked_image import target_through_mask
 

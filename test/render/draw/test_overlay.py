@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 import pytest
-from helpers.cameras.render_scenes import LENSES, look_at, scattered_scene, single_shape
 
+from helpers.cameras.render_scenes import LENSES, look_at, scattered_scene, single_shape
 from tracker_node.model.articulated import ArticulatedModel, Landmark, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.cameras.render_scenes import LENSES, LIGHTS, look_at, scattered_scene, single_shape
 
+from helpers.cameras.render_scenes import LENSES, LIGHTS, look_at, scattered_scene, single_shape
 from tracker_node.camera.light import Light
 from tracker_node.camera.model import CameraModel
 from tracker_node.errors import UnknownNameError

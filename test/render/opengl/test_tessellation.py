@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from helpers.cameras.render_scenes import tetrahedron
 
+from helpers.cameras.render_scenes import tetrahedron
 from tracker_node.model.shapes.primitives import BOX_FACES, Box, Ellipsoid, Mesh, TruncatedCone
 from tracker_node.render.opengl.tessellation import MESH_CELLS, tessellate
 

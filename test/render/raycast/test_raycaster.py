@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+
 from helpers.cameras.render_scenes import LENSES, look_at, scattered_scene, single_shape
 from helpers.numeric import naive
-
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera
 from tracker_node.model.articulated import ArticulatedModel, Shape

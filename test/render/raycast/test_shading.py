@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+
 from helpers.cameras.render_scenes import LIGHTS, colored_scene, icosahedron, look_at, picture, single_shape, tetrahedron
 from helpers.numeric import naive
-
 from tracker_node.camera.light import Light, pack_lights
 from tracker_node.camera.model import CameraModel
 from tracker_node.geometry import se3, so3

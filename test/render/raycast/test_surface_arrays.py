@@ -2,8 +2,8 @@
 
 import cv2
 import numpy as np
-from helpers.cameras.render_scenes import single_shape
 
+from helpers.cameras.render_scenes import single_shape
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 pytest.importorskip("rclpy")
-from helpers.ros.samples import arm, some_estimate, some_state
 from visualization_msgs.msg import Marker
 
+from helpers.ros.samples import arm, some_estimate, some_state
 from tracker_node.geometry import quaternion, se3, so3
 from tracker_node.model.configuration import Configuration
 from tracker_node.render.draw.palette import rgb_of

@@ -7,11 +7,11 @@ import pytest
 
 pytest.importorskip("rclpy")
 from geometry_msgs.msg import Pose, PoseWithCovarianceStamped
-from helpers.ros.samples import arm, some_estimate, some_state
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from tracker_msgs.msg import TrackedState
 
+from helpers.ros.samples import arm, some_estimate, some_state
 from tracker_node.errors import TrackerError, UnknownNameError
 from tracker_node.ros.conversions import (
     estimate_of,

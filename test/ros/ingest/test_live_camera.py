@@ -4,8 +4,8 @@ import queue
 import threading
 
 import numpy as np
-from helpers.ros.processes import wait_until
 
+from helpers.ros.processes import wait_until
 from tracker_node.camera.capture_settings import CaptureSettings
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera

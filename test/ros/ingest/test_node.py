@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from helpers.ros.graph import stamps
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
+from helpers.ros.graph import stamps
 from tracker_node.loaders.images.source import open_source
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.ros.conversions import bgr_of_compressed, camera_image_of, camera_model_of

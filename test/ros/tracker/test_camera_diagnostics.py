@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers.ros.samples import small_rig
 
+from helpers.ros.samples import small_rig
 from tracker_node.camera.model import CameraModel
 from tracker_node.ros.conversions import camera_info_message
 from tracker_node.ros.diagnostics import ERROR, OK, STALE, WARN

@@ -8,9 +8,6 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from helpers.ros.cameras import PERIOD_NS, N, image_set_of, options_of, tracker_of
-from helpers.ros.graph import stamps
-from helpers.ros.samples import moving_state, placed
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -18,6 +15,9 @@ from tracker_msgs.msg import TrackedState
 from tracker_msgs.srv import SetState
 from visualization_msgs.msg import MarkerArray
 
+from helpers.ros.cameras import PERIOD_NS, N, image_set_of, options_of, tracker_of
+from helpers.ros.graph import stamps
+from helpers.ros.samples import moving_state, placed
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import Configuration
 from tracker_node.render.raycast.raycaster import render_mask

@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import pytest
+
 from helpers.ros.held_tracker import HeldTracker
 from helpers.ros.samples import small_rig, some_state, tracked_arm
-
 from tracker_node.ros.tracker.options import TrackerMaker, TrackerOptions
 from tracker_node.tracking.config import TrackerConfig
 

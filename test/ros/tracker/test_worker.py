@@ -6,9 +6,6 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistWithCovarianceStamped
-from helpers.ros.graph import TIMEOUT_S, stamps
-from helpers.ros.held_tracker import HeldTracker
-from helpers.ros.samples import some_state, tracked_arm
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import Image, JointState
@@ -16,6 +13,9 @@ from std_srvs.srv import SetBool, Trigger
 from tracker_msgs.msg import TrackedState
 from tracker_msgs.srv import SetState
 
+from helpers.ros.graph import TIMEOUT_S, stamps
+from helpers.ros.held_tracker import HeldTracker
+from helpers.ros.samples import some_state, tracked_arm
 from tracker_node.camera.model import CameraModel
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import State

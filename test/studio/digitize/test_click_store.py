@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.render_scenes import LENSES, look_at
 
+from helpers.cameras.render_scenes import LENSES, look_at
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.truth.joints import load_truth

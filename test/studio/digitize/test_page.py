@@ -3,10 +3,10 @@
 import cv2
 import numpy as np
 import pytest
+
 from helpers.cameras.render_scenes import LENSES, look_at
 from helpers.studio.browser import browser_tab
 from helpers.studio.studio_process import running_studio
-
 from tracker_node.camera.rig import CameraRig
 from tracker_node.cli.main import main
 from tracker_node.evaluation.truth.joints import load_truth

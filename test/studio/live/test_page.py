@@ -16,10 +16,6 @@ pytest.importorskip("rclpy", reason="ROS is not installed")
 pytest.importorskip("tracker_msgs", reason="the interface package is not installed")
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from helpers.ros.graph import NodeProcess, ros_context
-from helpers.ros.samples import write_recording
-from helpers.studio.browser import browser_tab
-from helpers.studio.studio_process import running_studio
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage, Image
@@ -29,6 +25,10 @@ from tracker_msgs.srv import SetState
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
+from helpers.ros.graph import NodeProcess, ros_context
+from helpers.ros.samples import write_recording
+from helpers.studio.browser import browser_tab
+from helpers.studio.studio_process import running_studio
 from tracker_node.errors import TrackerError
 from tracker_node.ros.conversions import compressed_message, image_message, stamp_message
 from tracker_node.ros.qos import RESULT

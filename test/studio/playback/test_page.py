@@ -7,11 +7,11 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+
 from helpers.cameras.small_clip import RATE_HZ, make_clip
 from helpers.sources.bag_samples import image
 from helpers.studio.browser import browser_tab
 from helpers.studio.studio_process import running_studio
-
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError, TrackerError
 from tracker_node.loaders.bag.writer import BagWriter

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.small_clip import make_clip
 
+from helpers.cameras.small_clip import make_clip
 from tracker_node.errors import FileFormatError, TrackerError
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.studio import outlines

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from helpers.bodies.bodies import crane, random_state
 from helpers.cameras.render_scenes import LENSES, look_at
 from helpers.cameras.small_clip import body
 from helpers.numeric.finite_difference import assert_jacobian
-from hypothesis import given
-from hypothesis import strategies as st
-
 from tracker_node.geometry import se3, so3
 from tracker_node.loaders.data_files import data_file
 from tracker_node.loaders.model.model_yaml import load_model

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+
 from helpers.cameras.small_clip import make_clip
 from helpers.studio.browser import browser_tab
 from helpers.studio.studio_process import running_studio
-
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.model.configuration import Configuration
 

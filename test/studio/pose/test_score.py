@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 import pytest
-from helpers.cameras.small_clip import make_clip
 
+from helpers.cameras.small_clip import make_clip
 from tracker_node.loaders.images.background_file import load_plates
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import State

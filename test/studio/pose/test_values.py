@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from helpers.bodies.bodies import crane
-from helpers.bodies.robot_text import ROBOT
-from helpers.cameras.small_clip import body
 from hypothesis import given
 from hypothesis import strategies as st
 
+from helpers.bodies.bodies import crane
+from helpers.bodies.robot_text import ROBOT
+from helpers.cameras.small_clip import body
 from tracker_node.errors import FileFormatError
 from tracker_node.geometry import se3, so3
 from tracker_node.loaders.model.model_yaml import load_model

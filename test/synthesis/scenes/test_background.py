@@ -5,8 +5,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from helpers.cameras.camera_rigs import circle_rig
 
+from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.synthesis.scenes.background import cluttered_background
 from tracker_node.synthesis.scenes.clutter import meshes, patches
 

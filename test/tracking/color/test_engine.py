@@ -5,11 +5,11 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+
 from helpers.cameras.render_scenes import LENSES, look_at
 from helpers.cameras.small_clip import Clip, make_clip
 from helpers.numeric.naive import render_color
 from helpers.studio.small_studio import Recording, assert_same_bits, changed, recording
-
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import CalibrationError, ModelError
 from tracker_node.geometry import se3

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from helpers.bodies.two_links import cameras, two_links
 from helpers.numeric.naive import render_color
-
 from tracker_node.camera.light import Light
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import ModelError

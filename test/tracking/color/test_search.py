@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.ros.samples import arm
 
+from helpers.ros.samples import arm
 from tracker_node.model.configuration import State
 from tracker_node.tracking.color.hierarchy import limbs_of
 from tracker_node.tracking.color.search import ColorSearch, _own_links

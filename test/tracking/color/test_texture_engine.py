@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.bodies.textured_plate import MODEL, TRUE, errors, film, image_set, moved, rig
 
+from helpers.bodies.textured_plate import MODEL, TRUE, errors, film, image_set, moved, rig
 from tracker_node.errors import ModelError
 from tracker_node.model.humans.human import human_model
 from tracker_node.objective.points.texture import TextureObjective

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.bodies.bodies import crane
 
+from helpers.bodies.bodies import crane
 from tracker_node.model.configuration import State
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.optimize.levenberg_marquardt import OptimizerResult

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.studio.small_studio import Recording, recording
 
+from helpers.studio.small_studio import Recording, recording
 from tracker_node.errors import FileFormatError
 from tracker_node.objective.sum_objective import SumObjective
 from tracker_node.tracking.chamfer.engine import ContourEngine

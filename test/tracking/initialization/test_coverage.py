@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 import pytest
-from helpers.cameras.start_scenes import scene, standing
 
+from helpers.cameras.start_scenes import scene, standing
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.small_view import SmallView
 from tracker_node.render.raycast.raycaster import render_mask

@@ -4,8 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from helpers.cameras.start_scenes import largest_error_m, scene, standing
 
+from helpers.cameras.start_scenes import largest_error_m, scene, standing
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration
 from tracker_node.model.kinematic_chain import KinematicChain

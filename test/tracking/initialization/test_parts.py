@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.start_scenes import scene, standing
 
+from helpers.cameras.start_scenes import scene, standing
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.tracking.config import from_dict

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.bodies.bodies import crane
 
+from helpers.bodies.bodies import crane
 from tracker_node.geometry import so3
 from tracker_node.model.humans.human import human_model
 from tracker_node.tracking.initialization.search import Poses, StartSearch

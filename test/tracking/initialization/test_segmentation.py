@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+
 from helpers.cameras.camera_rigs import look_at
 from helpers.cameras.start_scenes import scene, standing
-
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera
 from tracker_node.model.configuration import Configuration

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from helpers.cameras.start_scenes import scene, standing
 
+from helpers.cameras.start_scenes import scene, standing
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.tracking.engine import Verdict
 from tracker_node.tracking.estimate import LimbReport, LimbStatus, Status, Timings, TrackEstimate

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
+
 from helpers.bodies.bodies import crane, random_state
 from helpers.bodies.two_links import two_links
 from helpers.numeric.finite_difference import assert_jacobian
-from scipy.linalg import expm
-
 from tracker_node.model.configuration import State
 from tracker_node.objective.constraints.prior import Prior
 from tracker_node.tracking.config import MotionConfig

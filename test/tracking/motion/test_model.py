@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+
 from helpers.bodies.bodies import random_state
 from helpers.bodies.two_links import two_links
-
 from tracker_node.geometry import so3
 from tracker_node.model.configuration import State
 from tracker_node.model.humans.human import human_model

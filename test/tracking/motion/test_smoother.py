@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import scipy.sparse as sparse
-from helpers.bodies.two_links import two_links
 from scipy.sparse.linalg import splu, spsolve
 from scipy.stats import chi2
 
+from helpers.bodies.two_links import two_links
 from tracker_node.geometry import so3
 from tracker_node.model.configuration import State
 from tracker_node.objective.constraints.prior import Prior

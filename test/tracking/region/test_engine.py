@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers.cameras.start_scenes import scene, standing
 
+from helpers.cameras.start_scenes import scene, standing
 from tracker_node.model.configuration import Configuration
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+
 from helpers.bodies.bodies import crane
 from helpers.cameras.camera_rigs import circle_rig
-
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.tracking.config import StatusConfig
 from tracker_node.tracking.region.line_errors import LineErrors

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.cameras.camera_rigs import circle_rig
 
+from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.geometry import se3, so3
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State

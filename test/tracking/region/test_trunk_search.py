@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.bodies.bodies import crane
 
+from helpers.bodies.bodies import crane
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import N_ROOT_DOF, Axis, Joint, KinematicChain

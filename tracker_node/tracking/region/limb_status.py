@@ -4,7 +4,7 @@ Whether a limb is where the state says is a hidden two-state process: from image
 small probabilities, and each set's evidence multiplies the odds. The evidence is how much of the limb's outline is found where it
 should be, and how surely, in shares of what it has been while all was well: a body that is not quite the model's, or of the color
 of its surroundings, is never found as a drawn one is. What such shares say of sound and lost limbs was learnt (a logistic
-regression, see `benchmark/contour_trust.py`).
+regression, see `benchmark/trust/trust.py`).
 """
 
 from __future__ import annotations

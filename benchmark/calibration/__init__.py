@@ -1,0 +1,1 @@
+"""Cameras, clocks and the doctor."""

@@ -1,0 +1,131 @@
+#!/usr/bin/env python3
+"""Whether the doctor names what is wrong with a rig, and is silent where nothing is.
+
+Twelve faults (`_planted_faults.py`) are planted, each alone, into a real recording (the Balancing sample, its refined rig)
+and into rendered ones (a mannequin dancing, four cameras; drawn by OpenGL, not by the tracker's own renderer). A fault is
+named where the doctor tells it, of the right cameras; ``doctor.named`` is of the clip on which the fewest are,
+``doctor.false_alarms`` counts whatever else it tells, of clean and of faulty clips of all kinds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+
+from tracker_node.camera.rig import CameraRig
+from tracker_node.cli.sample import prepare
+from tracker_node.cli.synthesize import Request, default_motions, produce
+from tracker_node.doctor.diagnosis import examine
+from tracker_node.doctor.finding import Finding
+from tracker_node.doctor.recording import CameraRecording
+from tracker_node.loaders.images.source import open_camera_source
+from tracker_node.loaders.rig.pose2sim_toml import load_pose2sim
+from tracker_node.loaders.rig.rig_yaml import load_rig
+from tracker_node.report.metrics_file import report_metrics
+from tracker_node.synthesis.scenes.scene import SceneConfig
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
+
+from benchmark.calibration._planted_faults import PLANTED, Clip
+
+OUTPUT = Path("out/doctor")
+FAULTY = ("balancing", "dance_b")  # the clips that faults are planted in
+CLEAN = ("balancing", "dance_b", "walk", "spinkick", "swing")
+IF_THERE = ("caliscope",)  # a real recording of four webcams, of a board waved by hand
+N_REAL, N_RENDERED = 100, 60  # images of each camera: 1.7 s at 60 Hz, 2 s at 30 Hz
+
+
+def load_clip(name: str) -> Clip:
+    """A clip by name: ``balancing``, ``caliscope`` (below TRACKER_SHARED_DATA), or a motion that is rendered, the spinkick by six
+    cameras."""
+    if name == "caliscope":
+        calibration = Path(os.environ["TRACKER_SHARED_DATA"]) / "caliscope_board" / "post_optimization" / "camera_array.toml"
+        sources = [replace(c, source=str(calibration.with_name(f"{c.name}.mp4"))) for c in load_pose2sim(calibration)]
+        rig, n_images = CameraRig(tuple(sources)), N_RENDERED
+    elif name == "balancing":
+        folder, n_images = OUTPUT / "sample", N_REAL
+        prepare(folder)
+        rig = load_rig(folder / "rig_refined.yaml")
+    else:
+        folder, n_images = OUTPUT / name, N_RENDERED
+        scene = SceneConfig(n_cameras=6 if name == "spinkick" else 4, seed=3 if name == "spinkick" else 1)
+        produce(Request(motion=name, n_images=n_images, scene=scene, motions=default_motions()), folder)
+        rig = load_rig(folder / "rig.yaml")
+    sources = {camera.name: open_camera_source(camera) for camera in rig}
+    images = {camera: [image for _, image in islice(source, n_images)] for camera, source in sources.items()}
+    return Clip(rig, images, {camera: source.rate_hz for camera, source in sources.items()})
+
+
+def findings(clip: Clip) -> tuple[Finding, ...]:
+    """What the doctor says of a clip."""
+    recordings = {}
+    for name in clip.rig.names:
+        rate_hz = clip.rates_hz[name]
+        recordings[name] = CameraRecording(name, len(clip.images[name]), rate_hz)
+        for i, image in enumerate(clip.images[name]):
+            recordings[name].add(round(i * 1e9 / rate_hz), image)
+    return examine(clip.rig, recordings).findings
+
+
+def judged(fault: str, clip: Clip) -> tuple[bool, int]:
+    """Whether a planted fault is named, and how much else is told."""
+    planted = PLANTED[fault]
+    told = findings(planted.plant(clip))
+    wanted = (planted.fault, tuple(clip.rig.names[i] for i in planted.cameras))
+    right = [finding for finding in told if (finding.fault, finding.cameras) == wanted]
+    _say(told, right)
+    return bool(right), len(told) - len(right)
+
+
+def _say(told: tuple[Finding, ...], right: list[Finding]) -> None:
+    for finding in told:
+        print(f"    {'' if finding in right else 'FALSE: '}{finding.sentence}", flush=True)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog="example: python benchmark/calibration/doctor.py --json out/doctor.json",
+    )  # fmt: skip
+    every = [*dict.fromkeys((*FAULTY, *CLEAN, *(IF_THERE if "TRACKER_SHARED_DATA" in os.environ else ())))]
+    parser.add_argument("--clips", nargs="+", default=every, metavar="NAME", help="only these")
+    parser.add_argument("--faults", nargs="+", default=list(PLANTED), choices=list(PLANTED), metavar="FAULT", help="only these")
+    parser.add_argument("--quick", action="store_true", help="one rendered clip and three faults: shows that it runs")
+    parser.add_argument("--json", metavar="FILE", help="write the figures as JSON")
+    args = parser.parse_args(arguments)
+    quick = ["swing"], ["wrong_resolution", "swapped_cameras", "clock_offset"]
+    clips, faults = quick if args.quick else (args.clips, args.faults)
+
+    metrics: dict[str, float] = {}
+    named: list[int] = []
+    false_alarms = 0
+    for name in clips:
+        clip = load_clip(name)
+        print(f"{name}, clean", flush=True)
+        told = findings(clip)
+        _say(told, [])
+        metrics[f"doctor.{name}.clean_false_alarms"] = len(told)
+        false_alarms += len(told)
+        if name not in FAULTY and not args.quick:
+            continue
+        count = 0
+        for fault in faults:
+            print(f"{name}, {fault}", flush=True)
+            right, others = judged(fault, clip)
+            count += right
+            false_alarms += others
+        metrics[f"doctor.{name}.named"] = count
+        named.append(count)
+    if named:
+        metrics["doctor.named"] = min(named)
+    metrics["doctor.false_alarms"] = false_alarms
+    report_metrics(metrics, args.json)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,54 @@
+"""The optimizers that the color benchmarks compare, each with the objectives that it looks at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmark.color._scene import ColorScene
+from tracker_node.model.configuration import State
+from tracker_node.objective.color.alignment import PhotometricObjective
+from tracker_node.objective.color.score import ColorObjective
+from tracker_node.optimize.alignment import align
+from tracker_node.optimize.registry import stepping_simplex
+from tracker_node.optimize.robust_fit import Fit, align_robustly
+from tracker_node.optimize.simplex import search_simplex
+from tracker_node.optimize.stepping import DECIMATED_LOOPS, FIVE_LOOPS, SEVEN_LOOPS, SteppingOptions, step_downhill
+
+
+@dataclass(frozen=True, eq=False)
+class Contestant:
+    """``show`` hands it an image set, ``fit`` finds the body in it from a start."""
+
+    show: Callable[[Sequence[np.ndarray]], None]
+    fit: Callable[[State], Fit]
+
+    def __call__(self, images: Sequence[np.ndarray], start: State) -> Fit:
+        self.show(images)
+        return self.fit(start)
+
+
+def contestants(scene: ColorScene, threads: int = 2) -> dict[str, Contestant]:
+    """Name -> optimizer; ``stepping`` is the decimated schedule, ``default`` what is shipped for rigid bodies."""
+    score = ColorObjective(scene.model, scene.rig, threads=threads)
+    pyramid = PhotometricObjective(scene.model, scene.rig, threads=threads)
+    chain = scene.model.chain
+
+    def stepping(loops) -> Callable[[State], Fit]:
+        return lambda start: step_downhill(score, start, chain, SteppingOptions(loops))
+
+    def show_both(images: Sequence[np.ndarray]) -> None:
+        score.set_images(images)
+        pyramid.set_images(images)
+
+    return {
+        "stepping": Contestant(score.set_images, stepping(DECIMATED_LOOPS)),
+        "stepping_published": Contestant(score.set_images, stepping(FIVE_LOOPS)),
+        "stepping_seven_loops": Contestant(score.set_images, stepping(SEVEN_LOOPS)),
+        "simplex": Contestant(score.set_images, lambda start: search_simplex(score, start, chain)),
+        "stepping_simplex": Contestant(score.set_images, lambda start: stepping_simplex(score, start, chain)),
+        "alignment": Contestant(pyramid.set_images, lambda start: align(pyramid, start, chain)),
+        "default": Contestant(show_both, lambda start: align_robustly(score, pyramid, start, chain)),
+    }

@@ -1,0 +1,136 @@
+#!/usr/bin/env python3
+"""How long one color score takes: 18 ellipsoids in three views of 768x576, about 50 000 pixels of mask.
+
+The score is fused: no image is written. Median and 95th percentile in milliseconds on one thread and on two, as a multiple of the
+fixed reference kernel; for each light and each way to compare; for many states at once; and what taking in the images costs.
+The body stands under an ambient and one directional light unless the name says otherwise.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from tracker_node.camera.light import Light
+from tracker_node.camera.rig import CameraRig
+from tracker_node.objective.color.alignment import PhotometricObjective
+from tracker_node.objective.color.score import ColorObjective, ColorOptions
+from tracker_node.report.metrics_file import cpu, report_metrics
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
+
+from benchmark._reference import reference_ms
+from benchmark.color._scene import ColorScene, make_scene
+
+MASK_PIXELS = 50_000
+TARGET_MS = {"avx512f": 0.15}  # with whole vectors of 512 bits; 0.25 with 256
+AMBIENT, SUN = Light("ambient", (0.35, 0.35, 0.35)), Light("directional", (0.6, 0.6, 0.6), direction=(-0.5, 0.3, -0.8))
+SPOT = Light("spot", (0.5, 0.5, 0.5), position=(3.0, -3.0, 4.0), direction=(-3.0, 3.0, -3.0), half_angle=0.6)
+BATCH = 64
+
+
+def zoomed(scene: ColorScene, pixels: int) -> CameraRig:
+    """The rig with focal lengths such that the mask of the first state has about so many pixels."""
+    rig = scene.rig
+    for _ in range(3):
+        count = mask_pixels(scene, rig)
+        factor = np.sqrt(pixels / count)
+        cameras = []
+        for camera in rig:
+            K = camera.model.K.copy()
+            K[0, 0], K[1, 1] = K[0, 0] * factor, K[1, 1] * factor
+            cameras.append(replace(camera, model=replace(camera.model, K=K)))
+        rig = replace(rig, cameras=tuple(cameras))
+    return rig
+
+
+def mask_pixels(scene: ColorScene, rig: CameraRig) -> int:
+    objective = ColorObjective(scene.model, rig, threads=1)
+    objective.set_images(scene.images[0])
+    return int(objective.evaluate(scene.truth[0]).camera_pixels.sum())
+
+
+def timed(work: Callable[[], object], repeats: int) -> np.ndarray:
+    """Milliseconds of each of ``repeats`` calls."""
+    work()
+    times = np.empty(repeats)
+    for i in range(repeats):
+        began = time.perf_counter()
+        work()
+        times[i] = 1e3 * (time.perf_counter() - began)
+    return times
+
+
+def measure(repeats: int) -> dict[str, float]:
+    """All figures."""
+    scene = make_scene(1)
+    rig = zoomed(scene, MASK_PIXELS)
+    state, images = scene.truth[0], scene.images[0]
+    reference = reference_ms()
+    metrics: dict[str, float] = {"score.reference_ms": reference}
+
+    def objective(lights: tuple[Light, ...], threads: int = 1, **options) -> ColorObjective:
+        made = ColorObjective(scene.model, replace(rig, lights=lights), ColorOptions(**options), threads=threads)
+        made.set_images(images)
+        return made
+
+    def report(name: str, work: Callable[[], object], share: int = 1) -> None:
+        times = timed(work, repeats) / share
+        metrics[f"score.{name}"], metrics[f"score.{name}_p95"] = np.percentile(times, [50, 95]).tolist()
+        metrics[f"score.{name}_per_reference"] = metrics[f"score.{name}"] / reference
+
+    lit = objective((AMBIENT, SUN))
+    metrics["score.mask_pixels"] = int(lit.evaluate(state).camera_pixels.sum())
+    metrics["score.segments"] = len(scene.model.shapes)
+    report("fused_ms_1t", lambda: lit.score(state))
+    two = objective((AMBIENT, SUN), 2)
+    report("fused_ms_2t", lambda: two.score(state))
+    states = [state] * BATCH
+    report("fused_batch_ms_1t", lambda: lit.scores(states), BATCH)
+    report("fused_batch_ms_2t", lambda: two.scores(states), BATCH)
+    for name, lights, options in (
+        ("ambient", (AMBIENT,), {}),
+        ("sun_and_spot", (AMBIENT, SUN, SPOT), {}),
+        ("normalized", (AMBIENT, SUN), {"representation": "normalized"}),
+        ("blend", (AMBIENT, SUN), {"representation": "blend"}),
+        ("every_4th_row", (AMBIENT, SUN), {"row_step": 4}),
+    ):
+        other = objective(lights, **options)
+        report(f"{name}_ms_1t", lambda other=other: other.score(state))
+
+    def take_in() -> None:
+        lit.set_images(images)
+        lit.score(state)
+
+    report("images_and_score_ms_1t", take_in)
+    pyramid = PhotometricObjective(scene.model, replace(rig, lights=(AMBIENT, SUN)), threads=1)
+    pyramid.set_images(images)
+    for level in range(pyramid.n_levels):
+        at = pyramid.at_level(level)
+        report(f"linearize_level{level}_ms_1t", lambda at=at: at.linearize(state))
+    return metrics
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__,
+        epilog="example:\n  benchmark/color/score.py --json out/benchmark/color_score.json",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--quick", action="store_true", help="fewer repetitions")
+    parser.add_argument("--json", metavar="FILE", help="also write the figures to FILE")
+    args = parser.parse_args()
+    metrics = measure(50 if args.quick else 1000)
+    report_metrics(metrics, args.json)
+    print(f"target of score.fused_ms_1t: {TARGET_MS.get(str(cpu()['simd']), 0.25)} ms ({cpu()['simd']})")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

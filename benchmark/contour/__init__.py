@@ -1,0 +1,1 @@
+"""Accuracy and speed by contours: figures, boxes, mannequins, the Balancing clip."""

@@ -1,0 +1,1 @@
+"""The graph: ingest, transport, live tracking, recording, starting, stopping."""

@@ -1,0 +1,1 @@
+"""The tests themselves: how long they take, and how many planted faults they notice."""
