@@ -112,10 +112,11 @@ NOT_RUN = (
         "test/test_packaging.py",
     ),
     NotRun(r"ros2 launch ", "launch is not on PyPI", launch_file_takes, "test/launch/test_launch_files.py"),
-    NotRun(r"plotjuggler ", "a program with windows, not on PyPI", names_files, "test/ros/test_layouts.py"),
-    NotRun(r"tracker_node reproduce ", "minutes; with --quick the tests run it", verb_parses, "test/cli/test_reproduce.py"),
+    NotRun(r"plotjuggler ", "a program with windows, not on PyPI", names_files, "test/ros/live/test_layouts.py"),
+    NotRun(r"tracker_node reproduce ", "minutes; with --quick the tests run it", verb_parses,
+           "test/cli/reproduce/test_experiments.py"),
     NotRun(r"python benchmark/ros/soak.py ", "an hour; two minutes of it are a test", program_parses, "test/faults/test_soak.py"),
-    NotRun(r"python benchmark/contour_\w+.py ", "an hour or more", program_parses, "test/synthesis/test_lost_events.py"),
+    NotRun(r"python benchmark/(contour|trust)/\w+.py ", "an hour or more", program_parses, "test/synthesis/test_lost_events.py"),
 )  # fmt: skip
 
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from test.camera_rigs import circle_rig
 
+from helpers.cameras.camera_rigs import circle_rig
 from test.objective.color.test_score import SUN, bent_state
 from tracker_node.camera.light import Light
 from tracker_node.camera.rig import CameraRig

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from test.render_scenes import LENSES, LIGHTS, colored_scene, look_at
 
+from helpers.cameras.render_scenes import LENSES, LIGHTS, colored_scene, look_at
 from tracker_node.camera.rig import CameraRig
 from tracker_node.objective.color.score import ColorObjective
 from tracker_node.render.raycast.raycaster import render_color, render_mask

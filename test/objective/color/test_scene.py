@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 import pytest
-from test.render_scenes import look_at, single_shape
 
+from helpers.cameras.render_scenes import look_at, single_shape
 from helpers.studio.small_studio import SCENE
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import CameraRig

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test.camera_rigs import circle_rig
-from test.render_scenes import LENSES, LIGHTS, colored_scene, look_at
 
-from test import naive
+from helpers.cameras.camera_rigs import circle_rig
+from helpers.cameras.render_scenes import LENSES, LIGHTS, colored_scene, look_at
+from helpers.numeric import naive
 from tracker_node.camera.light import Light
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import CameraRig
@@ -195,8 +195,7 @@ def test_wrong_images_are_refused_by_name():
 
 def test_camera_close_to_the_axis_of_a_cone_falls_back():
     """Seen from within the wedge of a cone the closed form of the fast kernel does not hold."""
-    from test.render_scenes import single_shape
-
+    from helpers.cameras.render_scenes import single_shape
     from tracker_node.model.shapes.primitives import TruncatedCone
 
     configuration = single_shape(TruncatedCone(0.3, 0.3, 0.4, 0.0, 0.5), color_rgb=(200, 40, 90))

@@ -20,7 +20,7 @@ from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.tracker import Tracker
 
-ROBOT = Path(__file__).resolve().parents[2] / "config" / "models" / "robot_arm.urdf"
+ROBOT = Path(__file__).resolve().parents[3] / "config" / "models" / "robot_arm.urdf"
 SCENE = SceneConfig(
     n_cameras=3, width=320, height=240, focal_px=270.0, radius=2.2, target_height=0.7, noise_levels=2.0, surroundings="clutter"
 )
