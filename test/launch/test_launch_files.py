@@ -235,7 +235,7 @@ def test_a_body_that_cannot_be_read_ends_the_launch(stand_ins, capsys):
 
 BARE = """
 import sys
-from launch_stand_ins import Arguments, description_of, launch_stand_ins
+from helpers.ros.launch_stand_ins import Arguments, description_of, launch_stand_ins
 for name in ("cv2", "llvmlite", "numba", "numpy", "pydantic", "scipy", "threadpoolctl", "yaml"):
     sys.modules[name] = None
 with launch_stand_ins():

@@ -16,7 +16,7 @@ from .recording import CameraRecording
 _MOVED_SHARE = 0.004  # of the image's longer side
 _EXPOSURE_CHANGE = 0.07
 _REPEATED_SHARE = 0.02
-_GROWTH, _STEP = 1.36, 0.0125  # of `doctor_motion.Speed`
+_GROWTH, _STEP = 1.36, 0.0125  # of `motion.Speed`
 _HARDLY_MORE = 1.15  # growth at which flow cannot follow and says little about the step
 _PRINCIPAL_POINT_OFF = 0.2  # of the image's width or height
 

@@ -2,7 +2,7 @@
 
 The outline of a body with flat faces is made of edges between a face that is turned to the camera and one that is not
 (silhouette); edges between two faces that are both seen are its creases. Which of them a camera sees is decided on the fly
-(`contour_picks`); what does not depend on the camera is made here, once per shape.
+(`contour.picks`); what does not depend on the camera is made here, once per shape.
 """
 
 from __future__ import annotations

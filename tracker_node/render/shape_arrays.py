@@ -28,8 +28,8 @@ class ShapeArrays:
     dims : (n, 5) cone (a, b, k, z1, z2), ellipsoid (rx, ry, rz, 0, 0), others zeros.
     links : (n,) index of the link that carries the shape.
     bounds : (n, 4) center (shape frame) and radius of a bounding sphere, metres.
-    surfaces : (ranges, edges, nodes, triangles) of boxes and meshes and which caps count: (n, .) of `contour_hits`, the
-        others of `contour_edges`, those of all shapes one after the other.
+    surfaces : (ranges, edges, nodes, triangles) of boxes and meshes and which caps count: (n, .) of `intersections`, the
+        others of `mesh_edges`, those of all shapes one after the other.
     """
 
     kinds: np.ndarray

@@ -5,7 +5,7 @@
 ``cam01/000000.jpg``   images of each camera (JPEG of quality 95 without chroma subsampling, or PNG)
 ``plates/cam01.png``   mean of the empty images; ``plates/cam01/00.jpg``...: those images, each with its own noise (optional)
 ``truth.csv``          joint centres, in the format of joints.csv
-``true_states.csv``    states, in the format of states.csv, of a subject that has them
+``evaluation.truth.states.csv``    states, in the format of states.csv, of a subject that has them
 ``static.trc``         joint centres in a T-pose, in landmark names (scales the tracker's model to the subject)
 ``synthetic.json``     how it was made; written last
 =====================  ==========================================================================================

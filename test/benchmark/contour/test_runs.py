@@ -160,9 +160,9 @@ def test_a_person_is_tracked_with_another_body(person):
     assert figures["mannequin_x.mpjpe_mm"] <= figures["mannequin_x.mpjpe_raw_mm"]
 
 
-@pytest.mark.parametrize("name", ["contour_mannequin", "contour_long_run"])
+@pytest.mark.parametrize("name", ["mannequin", "long_run"])
 def test_without_the_clips_it_says_so(name, monkeypatch, capsys):
-    program = importlib.import_module(name)
+    program = importlib.import_module(f"benchmark.contour.{name}")
     monkeypatch.setattr(program, "default_motions", lambda: None)
     assert program.main(["--quick"]) == 2
     assert "--motions or TRACKER_SHARED_DATA" in capsys.readouterr().err

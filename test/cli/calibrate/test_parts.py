@@ -111,7 +111,7 @@ def test_defaults_of_the_commands():
 def test_a_body_says_where_it_comes_from(arguments, comment):
     text = body._comment("p", parsed(body, *arguments))
     assert text.startswith(comment)
-    assert ("human_measures.py" in text) == ("--model" not in arguments)
+    assert ("humans/measures.py" in text) == ("--model" not in arguments)
 
 
 def test_lengths_are_told_in_millimetres(capsys):

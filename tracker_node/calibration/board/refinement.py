@@ -48,7 +48,7 @@ class BoardRigOptions:
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """What `refine` has found; see `board_rig.BoardRig`."""
+    """What `refine` has found; see `rig.BoardRig`."""
 
     instants: tuple[BoardInstant, ...]
     adjustment: BoardAdjustment

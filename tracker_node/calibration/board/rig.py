@@ -1,7 +1,7 @@
 """A rig from recordings of a board: lenses, places, and by how much clocks disagree.
 
 First each lens by itself; then the places along the tree of the pairs of cameras that saw the board together most often; then all
-at once, `board_adjustment`. Views that fit much worse than the others are left out and named.
+at once, `adjustment`. Views that fit much worse than the others are left out and named.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Clocks of free-running cameras from motion in their images: offset and drift, with their covariance.
 
-Profiles of motion (`time_offsets_motion`) of every pair of cameras are correlated over time, roughly first; the lags that agree
+Profiles of motion (`motion`) of every pair of cameras are correlated over time, roughly first; the lags that agree
 best over all pairs are refined below the image period, each pair together with its drift, as image registration in one dimension
 (Lucas and Kanade); and the clocks of the cameras are the weighted least-squares solution of all pairs.
 """

@@ -1,7 +1,7 @@
 """A person's body from images: segment lengths, girths and the like, together with the poses, so that contours agree everywhere.
 
 Lines are drawn at the contours of the present body in its present poses, all unknowns solved for at once with the lines held
-(`body_fit_solver`), and the lines drawn anew. What images do not tell is left to what people differ by
+(`solver`), and the lines drawn anew. What images do not tell is left to what people differ by
 (`model.shape_parameters`).
 """
 

@@ -1,6 +1,6 @@
 """A rig from the images of a tracked body: where the cameras stand, how late they are, and, if asked for, their focal lengths.
 
-The body is the calibration object: its size is known, its poses are not. All are sought together (`body_fit_solver`), so that
+The body is the calibration object: its size is known, its poses are not. All are sought together (`solver`), so that
 the contours in all cameras agree. Images do not tell where the world is, nor when now is: of all rigs that agree as well the one
 is taken that leaves most cameras where they were, and most clocks as they were.
 """

@@ -215,7 +215,7 @@ class BagWriter:
         Raises
         ------
         OSError : there is no room for the index. Everything before can be read, by this package at once, by others after
-            `bag_repair.repair_bag`.
+            `repair.repair_bag`.
         """
         if self._closed:
             return

@@ -25,7 +25,7 @@ def fill_maps(bgr, log_body, scene, room, darkest, step, clamp, region, maps):
     ``region`` (u0, v0, u1, v1); the rest stays as it is.
 
     Cells are ``bgr.shape[0] // h`` pixels high, or a little more, and of their pixels every ``step``-th is looked at.
-    ``log_body`` (n_colors, n_classes): log densities; ``scene``, ``room`` and ``darkest`` as in `line_colors.read_lines`.
+    ``log_body`` (n_colors, n_classes): log densities; ``scene``, ``room`` and ``darkest`` as in `lines.colors.read_lines`.
     """
     height, width, n_classes = maps.shape
     pixels, least_variance = room

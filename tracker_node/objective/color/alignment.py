@@ -1,6 +1,6 @@
 """Direct photometric alignment: the color score as a least-squares problem with analytic derivatives, on an image pyramid.
 
-The same residuals as `color_score`, summed over the mask; see `photometric_kernels` for how they change with the state. On coarse
+The same residuals as `color_score`, summed over the mask; see `alignment_kernels` for how they change with the state. On coarse
 levels colors reach further, so that a body a few pixels of that level off is found.
 """
 

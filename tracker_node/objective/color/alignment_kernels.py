@@ -59,7 +59,7 @@ def _row(gx, gy, x, y, w, sx, sy, sz):
 
 
 def form_of(n_directional: int, n_spots: int, raw: bool, normalized: bool, robust: bool) -> tuple:
-    """What the kernel is compiled for (see `color_score_kernels.form_of`).
+    """What the kernel is compiled for (see `score_kernels.form_of`).
 
     Parameters
     ----------

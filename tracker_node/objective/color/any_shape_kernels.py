@@ -79,7 +79,7 @@ def _turning_light(lights, channel, x, y, z, nx, ny, nz):
 
 @pixel_function
 def _add(sums, s, weight, e, j0, j1, j2, j3, j4, j5):
-    """Add one residual ``e`` with its row of the Jacobian to the sums of a shape, in the layout of `photometric_kernels`."""
+    """Add one residual ``e`` with its row of the Jacobian to the sums of a shape, in the layout of `alignment_kernels`."""
     sums[s, 0] += weight * j0 * j0
     sums[s, 1] += weight * j0 * j1
     sums[s, 2] += weight * j0 * j2
@@ -115,7 +115,7 @@ def linearize_any(
     buffer, numbers, column, xs, ys, u0, v0, u1, coefficients, frames, triangles, corners, levels, texels,
     lights, gain, power, planes, view, weights, sums,
 ):  # fmt: skip
-    """Sums (n_shapes, `photometric_kernels.N_SUMS`) over the pixels of a `raycaster.Cast`; see there for the derivatives."""
+    """Sums (n_shapes, `alignment_kernels.N_SUMS`) over the pixels of a `raycaster.Cast`; see there for the derivatives."""
     width, height = view[WIDTH], view[HEIGHT]
     size = width * height
     for i in range(buffer.shape[0]):

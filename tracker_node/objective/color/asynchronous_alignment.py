@@ -1,4 +1,4 @@
-"""Photometric alignment of cameras that do not expose at one instant; see `staggered_score`."""
+"""Photometric alignment of cameras that do not expose at one instant; see `asynchronous_score`."""
 
 from __future__ import annotations
 

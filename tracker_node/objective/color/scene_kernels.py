@@ -1,6 +1,6 @@
 """A body of smooth shapes drawn over the empty scene, and how much better it explains an image than the empty scene alone.
 
-Only labels are drawn (first pass of `color_kernels`); each part has one color per camera.
+Only labels are drawn (first pass of `drawing`); each part has one color per camera.
 """
 
 from __future__ import annotations

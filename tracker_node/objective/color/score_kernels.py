@@ -1,6 +1,6 @@
 """Smooth bodies scored against images without an image being written: second pass of the color kernels, and all of a score.
 
-The first pass has left, for every pixel, which shape is in front (see `color_kernels`). The second comes back to the pixels that
+The first pass has left, for every pixel, which shape is in front (see `drawing`). The second comes back to the pixels that
 each shape has kept, shades them and compares them with the image. One kernel is compiled for each number of lights and each way
 to compare, with the loops over lights unrolled: a pixel then is straight-line code, and sixteen go at a time. What it is compiled
 for comes as the lengths of tuples, which are part of their types.

@@ -45,8 +45,8 @@ def exp_negative(x):
 def other_density(color, mean, of_scene, most, darkest):
     """Density per bin of a pixel's color where the scene shows: ``of_scene``, or by the room where that is known.
 
-    ``color`` (blue lowest) and ``mean`` (of `empty_room.PackedRoom`) are uint32; ``most`` is half the precision of the pixels
-    that vary least.
+    ``color`` (blue lowest) and ``mean`` (of `observation.region.background.PackedRoom`) are uint32; ``most`` is half the
+    precision of the pixels that vary least.
     """
     b, g, r = np.float32(color & _BYTE), np.float32((color >> _8) & _BYTE), np.float32(color >> _16)
     mb, mg, mr = np.float32(mean & _BYTE), np.float32((mean >> _8) & _BYTE), np.float32((mean >> _16) & _BYTE)

@@ -133,8 +133,8 @@ def draw_lines(
     """Draw one line per contour sample and fit its distribution: fill ``lines`` (n, `N_LINE_COLUMNS`).
 
     ``colors``: (body (n_classes, n_colors), scene (n_colors,)) densities; ``classes`` (n_shapes,). ``rows``, ``pixels`` and
-    ``info`` are of `contour_samples.collect_samples`, ``spheres`` of `contour.world_spheres`. ``options[SCALE]``: pixels from one
-    place on the line to the next. ``room``: see `line_colors.read_lines`.
+    ``info`` are of `render.contour.samples.collect_samples`, ``spheres`` of `contour.world_spheres`. ``options[SCALE]``: pixels
+    from one place on the line to the next. ``room``: see `colors.read_lines`.
 
     The steps go over all lines one after another: an array that is handed from function to function for every line costs more
     than what is done with it.

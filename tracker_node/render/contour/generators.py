@@ -149,7 +149,7 @@ def draw_contour(shapes, shape, T, center, n_samples, anew, picks, n_picks, out)
     ----------
     shapes : `ShapeArrays.packed`. T : world from shape. center : of the camera, in the world.
     n_samples : samples of one generator line.
-    anew : whether ``picks`` are made now (see `contour_picks`), or used as they were made for a body nearby.
+    anew : whether ``picks`` are made now (see `picks`), or used as they were made for a body nearby.
     picks : (`SAMPLES` * n_samples, `N_PICK_COLUMNS`), of which the first ``n_picks[shape]`` are used.
     out : (`SAMPLES` * n_samples, `N_COLUMNS`); the number of filled rows is returned.
     """

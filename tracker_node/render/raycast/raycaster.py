@@ -110,12 +110,12 @@ class Cast:
 
     Attributes
     ----------
-    buffer : (h, w) int32, inverse depth and label of `ray_kernels`; 0 where nothing is.
+    buffer : (h, w) int32, inverse depth and label of `kernels`; 0 where nothing is.
     numbers : (h, w) int32, where a mesh is in front: the number of its triangle; (0, 0) when the body has no meshes.
     region : (u0, v0, u1, v1), the part of the image; the pixel (u0, v0) is ``buffer[0, column]``.
     column : see there; the columns before it, and those behind ``u1``, only fill up to whole groups of sixteen.
     table : the camera's rays.
-    coefficients : (n, .) float32 of the shapes, of `ray_coefficients`.
+    coefficients : (n, .) float32 of the shapes, of `coefficients`.
     frames : (n, .) float32, of `shading.fill_frames`; (0, .) unless asked for.
     triangles : (m, .) float32 of the meshes, of `mesh_kernels`.
     """

@@ -41,7 +41,7 @@ class PlayerOptions:
     ----------
     topics : only these; empty for all.
     exclude : but not these.
-    rate : speed; 2.0 plays twice as fast; from `bag_time.MIN_RATE` to `bag_time.MAX_RATE`.
+    rate : speed; 2.0 plays twice as fast; from `clock.MIN_RATE` to `clock.MAX_RATE`.
     start_s : seconds from the beginning of the bag to leave out.
     duration_s : seconds of the bag to play; None to its end.
     loop : begin again at the end, for ever.

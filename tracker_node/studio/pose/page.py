@@ -23,7 +23,7 @@ from .values import dof_groups, state_of, values_of
 
 
 class Pose(FileModel):
-    """Values of all degrees of freedom, as `pose_values` orders them."""
+    """Values of all degrees of freedom, as `values` orders them."""
 
     values: list[Number]
 

@@ -1,10 +1,10 @@
 """Where a body is in images that nobody has told anything about: a start without a hand-set pose.
 
 From coarse to fine, on images in which the body is some eighty pixels high: log-odds of body against scene for every pixel
-(`start_evidence`); from these a visual hull, and in it the places where a body may stand (`objective.area.visual_hull`);
+(`evidence`); from these a visual hull, and in it the places where a body may stand (`objective.area.visual_hull`);
 postures from a small library at these places, in all headings, by how much of the evidence they cover
-(`objective.area.evidence_score`); the best are drawn to the silhouettes and get other limbs tried (`start_fit`,
-`start_search`). What is left are a few starts for the engine.
+(`objective.area.evidence_score`); the best are drawn to the silhouettes and get other limbs tried (`fit`,
+`search`). What is left are a few starts for the engine.
 """
 
 from __future__ import annotations
