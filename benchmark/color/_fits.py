@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from benchmark.color._scene import ColorScene
 from tracker_node.model.configuration import State
+from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.objective.color.alignment import PhotometricObjective
 from tracker_node.objective.color.score import ColorObjective
 from tracker_node.optimize.alignment import align
-from tracker_node.optimize.registry import stepping_simplex
 from tracker_node.optimize.robust_fit import Fit, align_robustly
-from tracker_node.optimize.simplex import search_simplex
+from tracker_node.optimize.score_objective import ScoreObjective, SearchResult
+from tracker_node.optimize.simplex import polish, search_simplex
 from tracker_node.optimize.stepping import DECIMATED_LOOPS, FIVE_LOOPS, SEVEN_LOOPS, SteppingOptions, step_downhill
 
 
@@ -52,3 +53,15 @@ def contestants(scene: ColorScene, threads: int = 2) -> dict[str, Contestant]:
         "alignment": Contestant(pyramid.set_images, lambda start: align(pyramid, start, chain)),
         "default": Contestant(show_both, lambda start: align_robustly(score, pyramid, start, chain)),
     }
+
+
+def stepping_simplex(
+    objective: ScoreObjective, start: State, chain: KinematicChain, *, active: Sequence[int] | None = None
+) -> SearchResult:
+    """Decimated stepping, then a fine simplex: as far as the score itself goes."""
+    stepped = step_downhill(objective, start, chain, SteppingOptions(DECIMATED_LOOPS), active)
+    polished = polish(objective, stepped.state, chain, active=active)
+    return replace(
+        polished, evaluations=stepped.evaluations + polished.evaluations,
+        evaluations_per_variable=stepped.evaluations_per_variable + polished.evaluations_per_variable,
+    )  # fmt: skip

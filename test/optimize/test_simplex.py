@@ -1,4 +1,4 @@
-"""The simplex, its polish, the named optimizers and the search for a start, on scores whose minimum is known."""
+"""The simplex, its polish, what all optimizers have in common and the search for a start, on scores whose minimum is known."""
 
 import math
 
@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from benchmark.color._fits import stepping_simplex
 from helpers.numeric.analytic_scores import RIGID, AnalyticScore, hinged, state_at
-from tracker_node.errors import UnknownNameError
-from tracker_node.optimize.registry import OPTIMIZERS, optimizer
 from tracker_node.optimize.robust_start import RobustStartOptions, search
 from tracker_node.optimize.simplex import SimplexOptions, SimplexStage, polish, search_simplex
+from tracker_node.optimize.stepping import DECIMATED_LOOPS, SteppingOptions, step_downhill
 
+OPTIMIZERS = {"stepping": step_downhill, "simplex": search_simplex, "stepping_simplex": stepping_simplex}
 START = state_at(0, 0, 0, 0, 0, 0)
 
 
@@ -42,11 +43,11 @@ def test_every_optimizer_finds_a_correlated_minimum(name):
     """Six variables that depend on each other: one at a time is slower, and the simplex is where it should be."""
     tip = np.array([0.04, -0.05, 0.03, 0.06, -0.08, 0.05])
     objective = AnalyticScore(lambda x: correlated(x, tip))
-    result = optimizer(name)(objective, START, RIGID)
+    result = OPTIMIZERS[name](objective, START, RIGID)
     error = np.abs(result.variables - tip).max()
     assert error < (0.02 if name == "stepping" else 5e-4)
     assert result.score == pytest.approx(correlated(result.variables, tip))
-    again = optimizer(name)(AnalyticScore(objective.function), START, RIGID)
+    again = OPTIMIZERS[name](AnalyticScore(objective.function), START, RIGID)
     np.testing.assert_array_equal(again.variables, result.variables)
 
 
@@ -58,7 +59,7 @@ def test_no_optimizer_leaves_the_limits_or_moves_what_is_not_active(name):
         tip = np.concatenate([rng.uniform(-0.05, 0.05, 6), rng.uniform(-0.5, 0.5, 3)])
         objective = AnalyticScore(lambda x, tip=tip: float(((x - tip) ** 2).sum()))
         start = state_at(*np.zeros(6), *rng.normal(0, 0.4, 3))
-        result = optimizer(name)(objective, start, chain, active=[0, 1, 4, 6, 7, 8])
+        result = OPTIMIZERS[name](objective, start, chain, active=[0, 1, 4, 6, 7, 8])
         angles = np.array([x[6:] for x in objective.asked])
         assert (angles >= chain.lower).all() and (angles <= chain.upper).all()
         np.testing.assert_array_equal(result.variables[[2, 3, 5]], 0.0)
@@ -67,7 +68,7 @@ def test_no_optimizer_leaves_the_limits_or_moves_what_is_not_active(name):
 
 @pytest.mark.parametrize("name", sorted(OPTIMIZERS))
 def test_a_start_that_cannot_be_scored_is_said(name):
-    result = optimizer(name)(AnalyticScore(lambda x: math.inf), START, RIGID)
+    result = OPTIMIZERS[name](AnalyticScore(lambda x: math.inf), START, RIGID)
     assert not result.converged and result.score == math.inf
     np.testing.assert_array_equal(result.state.T_world_root, np.eye(4))
 
@@ -101,9 +102,22 @@ def test_polish_stays_where_it_was_put():
     np.testing.assert_allclose(result.variables, tip, atol=3e-4)
 
 
-def test_an_unknown_optimizer_names_the_known_ones():
-    with pytest.raises(UnknownNameError, match="simplex"):
-        optimizer("annealing")
+def test_stepping_and_simplex_in_a_row_are_counted_together():
+    chain, start = hinged((-1.0, 1.0)), state_at(0.05, 0.0, 0.0, 0.0, 0.0, 0.0, 0.1)
+    target = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.2])
+
+    def score() -> AnalyticScore:
+        return AnalyticScore(lambda x: float(np.abs(x - target).sum()))
+
+    counted = score()
+    both = stepping_simplex(counted, start, chain, active=(0, 6))
+    first = step_downhill(score(), start, chain, SteppingOptions(DECIMATED_LOOPS), (0, 6))
+    second = polish(score(), first.state, chain, active=(0, 6))
+    assert both.evaluations == len(counted.asked) == first.evaluations + second.evaluations
+    np.testing.assert_allclose(both.evaluations_per_variable, first.evaluations_per_variable + second.evaluations_per_variable)
+    np.testing.assert_array_equal(both.variables, second.variables)
+    assert both.score == second.score
+    np.testing.assert_array_equal(both.variables[1:6], np.zeros(5))  # what is not active stays
 
 
 class TestRobustStart:
