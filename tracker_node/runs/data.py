@@ -11,8 +11,9 @@ import numpy as np
 
 from ..camera.rig import CameraRig
 from ..errors import FileFormatError
+from ..loaders.bag.files import STORAGE_SUFFIXES
 from ..loaders.bag.message_types import TRACKED_STATE
-from ..loaders.bag.reader import STORAGE_SUFFIXES, BagReader
+from ..loaders.bag.reader import BagReader
 from ..loaders.json_values import read_json
 from ..loaders.motion.motion_file import CovarianceTrajectory, read_covariances
 from ..loaders.motion.trajectory_file import read_states

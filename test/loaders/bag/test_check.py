@@ -3,7 +3,7 @@
 import shutil
 import sqlite3
 import struct
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 import lz4.frame
@@ -192,7 +192,7 @@ def test_bags_of_others(tmp_path: Path, storage: StoragePlugin, mode: Compressio
 @pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
 @pytest.mark.parametrize("mode", [CompressionMode.NONE, CompressionMode.MESSAGE])
 def test_bags_of_others_without_metadata(tmp_path: Path, storage: StoragePlugin, mode: CompressionMode) -> None:
-    """Their recorder was killed as well."""
+    """Their recorder was killed as well; SQLite files are read if they are whole."""
     bag = theirs(tmp_path / "theirs", storage, mode)
     (bag / "metadata.yaml").unlink()
     (file,) = bag.iterdir()
@@ -205,20 +205,37 @@ def test_bags_of_others_without_metadata(tmp_path: Path, storage: StoragePlugin,
         assert [message.data for _, message in reader.decoded("/a")] == [f"{i} " * 400 for i in range(50)]
 
 
-def test_a_database_with_damaged_pages(tmp_path: Path) -> None:
+REINDEX = r"`ros2 bag reindex`, then `ros2 bag convert`"
+
+
+def refused(bag: Path, capsys: pytest.CaptureFixture) -> None:
+    """It cannot be opened, and one line of every command says what to use."""
+    with pytest.raises(FileFormatError, match=REINDEX):
+        BagReader(bag)
+    for verb in (["check"], ["repair", "--output", str(bag.with_name("new"))], ["info"]):
+        assert main(["bag", verb[0], str(bag), *verb[1:]]) == 2
+        said = capsys.readouterr().err
+        assert REINDEX in said and said.count("\n") == 1
+    assert not bag.with_name("new").exists()
+
+
+def test_a_database_with_damaged_pages_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     bag = theirs(tmp_path / "theirs", StoragePlugin.SQLITE3, n=400)
     (file,) = bag.glob("*.db3")
     size = file.stat().st_size
     change(file, size // 2 // 4096 * 4096, bytes(3 * 4096))
-    check = check_bag(bag)
-    assert "pages are damaged" in " ".join(check.problems)
-    assert 200 < check.message_count < 400
-    found = repaired(bag, tmp_path / "new")
-    assert len(found) == check.message_count
-    assert found[-1][1] == 399 * 10**8  # what is behind the damage too
+    refused(bag, capsys)
 
 
-def test_a_database_that_was_not_closed(tmp_path: Path) -> None:
+def test_a_database_cut_off_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    bag = theirs(tmp_path / "theirs", StoragePlugin.SQLITE3, n=10)
+    (file,) = bag.glob("*.db3")
+    file.write_bytes(file.read_bytes()[:6000])
+    refused(bag, capsys)
+
+
+@pytest.mark.parametrize("metadata", [True, False])
+def test_a_database_that_was_not_closed_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture, metadata: bool) -> None:
     """A write-ahead log beside it holds the last messages."""
     bag = theirs(tmp_path / "theirs", StoragePlugin.SQLITE3, n=10)
     (file,) = bag.glob("*.db3")
@@ -228,11 +245,23 @@ def test_a_database_that_was_not_closed(tmp_path: Path) -> None:
     writer.commit()
     killed = tmp_path / "killed"
     shutil.copytree(bag, killed)
-    (killed / "metadata.yaml").unlink()
+    if not metadata:
+        (killed / "metadata.yaml").unlink()
     writer.close()
     assert any(name.name.endswith("-wal") for name in killed.iterdir())
-    found = repaired(killed, tmp_path / "new")
-    assert sorted(stamp for _, stamp, _ in found) == sorted([77, *(i * 10**8 for i in range(10))])
+    refused(killed, capsys)
+
+
+def test_a_row_that_is_no_message_is_named(tmp_path: Path) -> None:
+    bag = theirs(tmp_path / "theirs", StoragePlugin.SQLITE3, n=3)
+    (file,) = bag.glob("*.db3")
+    with closing(sqlite3.connect(file)) as writer:
+        writer.execute("UPDATE messages SET data = 'text' WHERE id = 2")
+        writer.commit()
+    with BagReader(bag) as reader, pytest.raises(FileFormatError, match=rf"{REINDEX}.*a damaged message of /a"):
+        list(reader.messages())
+    check = check_bag(bag)
+    assert not check.sound and REINDEX in " ".join(check.problems) and REINDEX in check.advice
 
 
 @pytest.mark.parametrize("compression", ["lz4", "zstd"])

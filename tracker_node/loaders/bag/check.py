@@ -13,9 +13,9 @@ import numpy as np
 from ...errors import FileFormatError
 from ..yaml_file import read_mapping
 from .mcap.contents import LAST_NS, FileContents
-from .mcap.scan import SCANNERS, scan
+from .mcap.recovery import scan
 from .metadata import METADATA_FILE, OfferedQos
-from .reader import REPAIR, BagReader, BagTopic
+from .reader import BagReader, BagTopic
 
 GAP_PERIODS = 3.0
 _MOST_PROBLEMS = 20  # of one file
@@ -50,12 +50,14 @@ class BagCheck:
 
     Attributes
     ----------
+    remedy : what makes a sound bag of a damaged one of its kind.
     problems : what is wrong with the bag; empty for a sound one.
     notes : what is worth knowing of a sound one.
     seconds : from the first message to the last.
     """
 
     path: Path
+    remedy: str
     topics: list[TopicFigures] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -84,7 +86,7 @@ class BagCheck:
             return ""
         if not self.repairable:
             return "Nothing more can be read: take a copy from before the damage."
-        return f"Readable as far as it goes by this package; {REPAIR} to a bag that everybody can open."
+        return f"Readable as far as it goes by this package; {self.remedy} to a bag that everybody can open."
 
 
 def check_bag(path: str | Path, on_file: Callable[[Path], None] = lambda file: None) -> BagCheck:
@@ -95,7 +97,8 @@ def check_bag(path: str | Path, on_file: Callable[[Path], None] = lambda file: N
     FileFormatError : no bag, or nothing in it can be read.
     """
     with BagReader(path) as reader:
-        check = BagCheck(reader.path, files=len(reader.files), size=sum(file.stat().st_size for file in reader.files))
+        size = sum(file.stat().st_size for file in reader.files)
+        check = BagCheck(reader.path, reader.remedy, files=len(reader.files), size=size)
         if reader.recovered:
             check.problems.append(f"not finished: {reader.problem}")
         else:
@@ -134,11 +137,11 @@ def figures_of(topic: BagTopic, stamps_ns: np.ndarray) -> TopicFigures:
 def _read_all(
     reader: BagReader, check: BagCheck, on_file: Callable[[Path], None], topics: dict[str, BagTopic]
 ) -> Iterator[tuple[str, int]]:
-    """Topic and time of every message, from the files themselves where they are not compressed as a whole.
+    """Topic and time of every message, from the files themselves where they are MCAP and not compressed as a whole.
 
     Topics that only the files know, since they were renamed in one of the places, are added to ``topics``.
     """
-    if all(file.suffix in SCANNERS for file in reader.files):
+    if reader.scannable:
         for file in reader.files:
             on_file(file)
             contents = FileContents()

@@ -14,9 +14,12 @@ import zstandard
 from ...errors import FileFormatError
 from ..limited_file import MB, check_regular
 
-STORAGE_SUFFIXES = (".mcap", ".db3")
+SCANNED_SUFFIX = ".mcap"
+"""Of files that are read from their beginning, and so in whatever condition."""
+STORAGE_SUFFIXES = (SCANNED_SUFFIX, ".db3")
 _PIECE, _ZSTD = 1 << 20, b"\x28\xb5\x2f\xfd"
 PACKED = ".zstd"  # after the suffix, of files that are compressed as a whole
+_UNFINISHED = ("-wal", "-journal")  # what stands beside a SQLite file until its writer has closed it
 
 
 def storage_files(path: Path) -> list[Path]:
@@ -36,6 +39,12 @@ def storage_files(path: Path) -> list[Path]:
     if path.suffix not in STORAGE_SUFFIXES:
         raise FileFormatError(path, "(path)", f"a bag folder or a {' or '.join(STORAGE_SUFFIXES)} file", path.name)
     return [path]
+
+
+def unclosed(files: Iterable[Path]) -> list[str]:
+    """Names of open transactions beside SQLite ``files``: their last messages are not in the files themselves yet."""
+    beside = [Path(f"{file}{end}") for file in files for end in _UNFINISHED]
+    return [path.name for path in beside if path.is_file() and path.stat().st_size]
 
 
 def check_room(files: Iterable[Path]) -> None:

@@ -1,6 +1,7 @@
 """Bags read without ROS: rosbag2 folders or single MCAP files, ours or anybody's, finished or not.
 
-A bag whose recorder was killed has no ``metadata.yaml`` and no index; it is read as far as it goes, and says so.
+An MCAP bag whose recorder was killed has no ``metadata.yaml`` and no index; it is read as far as it goes, and says so. SQLite
+bags are read if they are finished and undamaged.
 """
 
 from __future__ import annotations
@@ -19,10 +20,9 @@ from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
 from rosbags.serde import SerdeError
 
 from ...errors import FileFormatError, UnknownNameError
-from .files import STORAGE_SUFFIXES, check_room, storage_files
+from .files import SCANNED_SUFFIX, check_room, storage_files, unclosed
 from .mcap.contents import FileContents, one_text
-from .mcap.recovery import ZSTD_MAGIC, unpacked, unpacked_zstd
-from .mcap.scan import scan, survey
+from .mcap.recovery import ZSTD_MAGIC, scan, survey, unpacked, unpacked_zstd
 from .message_types import typestore_of
 from .metadata import METADATA_FILE, OfferedQos
 from .qos import offered_by, offered_in
@@ -36,6 +36,7 @@ def _unpacked_chunk(compression: str, data: bytes, _size: int) -> bytes:
 DECOMPRESSORS.update({name: partial(_unpacked_chunk, name) for name in ("lz4", "zstd")})
 
 REPAIR = "`tracker_node bag repair` copies what can be read"
+REPAIR_SQLITE = "`ros2 bag reindex`, then `ros2 bag convert`, copies what can be read of a SQLite bag"
 
 
 @dataclass(frozen=True)
@@ -70,8 +71,8 @@ class BagReader:
     Parameters
     ----------
     path : bag folder, or a file of one.
-    scanned : read the files from their beginning even if they are finished, so that damage costs no more than what is damaged;
-        messages come in the order of writing.
+    scanned : read MCAP files from their beginning even if they are finished, so that damage costs no more than what is damaged;
+        messages come in the order of writing. Other files are read as ever.
 
     Attributes
     ----------
@@ -82,7 +83,7 @@ class BagReader:
 
     Raises
     ------
-    FileFormatError : no bag, or nothing in it can be read.
+    FileFormatError : no bag, nothing in it can be read, or a SQLite bag that is unfinished or damaged.
     """
 
     def __init__(self, path: str | Path, scanned: bool = False):
@@ -95,12 +96,24 @@ class BagReader:
         try:
             self._open_finished()
         except Exception as error:  # what rosbags raises for damaged files has no common base
+            if self._sqlite or not any(file.suffix == SCANNED_SUFFIX for file in self.files):
+                raise FileFormatError(self.path, "(content)", f"a finished, undamaged bag ({self.remedy})", str(error)) from None
             self._open_unfinished(f"{METADATA_FILE} is missing or wrong ({error})")
         else:
-            if scanned:
+            if scanned and self.scannable:
                 self.close()
                 self._open_unfinished("")
         self._store = typestore_of({t.type_name: t.definition for t in self.topics.values()})
+
+    @property
+    def scannable(self) -> bool:
+        """Whether all files can be read from their beginning, without an index."""
+        return all(file.suffix == SCANNED_SUFFIX for file in self.files)
+
+    @property
+    def remedy(self) -> str:
+        """What makes a sound bag of this one where it is damaged."""
+        return REPAIR_SQLITE if self._sqlite else REPAIR
 
     @property
     def recovered(self) -> bool:
@@ -166,10 +179,16 @@ class BagReader:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
 
+    @property
+    def _sqlite(self) -> bool:
+        return any(".db3" in file.suffixes for file in self.files)
+
     def _open_finished(self) -> None:
         has_metadata = self.path.is_dir() and (self.path / METADATA_FILE).exists()
         if self.path.is_dir() and not has_metadata and len(self.files) > 1:
             raise ValueError("no such file")
+        if names := unclosed(self.files):
+            raise ValueError(f"its writer has not closed it: {', '.join(names)}")
         reader = Reader(self.path if has_metadata or self.path.is_file() else self.files[0])
         if has_metadata:
             check_room(file for file in self.path.iterdir() if not file.is_dir())
@@ -190,12 +209,9 @@ class BagReader:
 
     def _open_unfinished(self, why: str) -> None:
         """``why`` stands in where nothing is wrong with the files themselves."""
-        files = [path for path in self.files if path.suffix in STORAGE_SUFFIXES]
-        if not files:
-            raise FileFormatError(self.path, "(content)", "a bag that can be read", why)
         self.topics = {}
         problems: list[str] = []
-        for path in files:
+        for path in (file for file in self.files if file.suffix == SCANNED_SUFFIX):
             contents = survey(path)
             self._unfinished.append((path, contents))
             problems += contents.problems or [why] * bool(why)
@@ -233,10 +249,12 @@ class BagReader:
         while True:
             try:
                 connection, stamp_ns, data = next(messages)
+                if not (isinstance(stamp_ns, int) and isinstance(data, (bytes, memoryview))):  # SQLite columns hold any type
+                    raise ValueError(f"a damaged message of {connection.topic}")
             except StopIteration:
                 return
             except Exception as error:  # of rosbags, SQLite and two decompressors, without a common base
-                raise FileFormatError(self.path, "(messages)", f"an undamaged bag ({REPAIR})", str(error)) from None
+                raise FileFormatError(self.path, "(messages)", f"an undamaged bag ({self.remedy})", str(error)) from None
             yield BagMessage(connection.topic, connection.msgtype, stamp_ns, self._unpacked(data))
 
     def _recovered(self, wanted: set[str], start_ns: int | None, stop_ns: int | None) -> Iterator[BagMessage]:

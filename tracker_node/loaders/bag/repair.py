@@ -7,7 +7,6 @@ from pathlib import Path
 
 from ...errors import FileFormatError
 from .mcap.contents import LAST_NS, one_text
-from .mcap.scan import SCANNERS
 from .message_types import MessageType
 from .reader import BagReader
 from .writer import BagWriter
@@ -39,8 +38,7 @@ def repair_bag(source: str | Path, destination: str | Path, compression: str = "
     """
     with BagReader(source) as reader:
         custom, problem = reader.custom, reader.problem
-        scannable = all(file.suffix in SCANNERS for file in reader.files)
-    with BagReader(source, scanned=scannable) as reader:
+    with BagReader(source, scanned=True) as reader:
         with BagWriter(destination, custom=custom, compression=compression) as writer:
             for topic in reader.topics.values():
                 definition = MessageType(topic.type_name, topic.definition, topic.type_hash)

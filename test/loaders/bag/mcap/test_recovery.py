@@ -10,7 +10,7 @@ from mcap.opcode import Opcode
 
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.bag.mcap.contents import FileContents
-from tracker_node.loaders.bag.mcap.recovery import MAGIC, scan_mcap, unpacked, unpacked_zstd
+from tracker_node.loaders.bag.mcap.recovery import MAGIC, scan, unpacked, unpacked_zstd
 from tracker_node.loaders.bag.mcap.writer import McapWriter
 
 N, SIZE = 6, 40
@@ -35,7 +35,7 @@ def written(path: Path, compression: str = "", finish: bool = True) -> list[int]
 
 def found(path: Path) -> tuple[list[int], FileContents]:
     contents = FileContents()
-    return [message.stamp_ns - 100 for message in scan_mcap(path, contents)], contents
+    return [message.stamp_ns - 100 for message in scan(path, contents)], contents
 
 
 def changed(path: Path, at: int, new: bytes) -> None:
@@ -53,7 +53,7 @@ def path(tmp_path: Path) -> Path:
 def test_a_whole_file(path, compression):
     written(path, compression)
     contents = FileContents()
-    messages = list(scan_mcap(path, contents))
+    messages = list(scan(path, contents))
     assert [(m.channel, m.stamp_ns, m.publish_ns, m.data) for m in messages] == [
         (1, 100 + i, 200 + i, bytes([i]) * SIZE) for i in range(N)
     ]
@@ -186,13 +186,13 @@ def test_messages_of_unknown_channels_and_damaged_schemas(path):
     short = record(Opcode.MESSAGE, bytes(21))
     path.write_bytes(MAGIC + schema + message(3) + channel + message(3) + message(4) + short)
     contents = FileContents()
-    (one,) = scan_mcap(path, contents)
+    (one,) = scan(path, contents)
     assert (one.channel, one.stamp_ns, one.publish_ns, one.data) == (3, 100, 200, b"")
     assert contents.schemas[1].name == "A" and contents.channels[3].topic == "a"
     assert len(contents.problems) == 1
     path.write_bytes(MAGIC + record(Opcode.SCHEMA, b"\1") + channel + message(3))
     contents = FileContents()
-    assert len(list(scan_mcap(path, contents))) == 1 and contents.problems[0] == "a damaged record was left out"
+    assert len(list(scan(path, contents))) == 1 and contents.problems[0] == "a damaged record was left out"
 
 
 def test_compressions():

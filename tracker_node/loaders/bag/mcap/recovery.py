@@ -35,13 +35,14 @@ _PIECE = 4 * 2**20
 _FIRST_PRIVATE = 0x80  # opcodes from here on are other programs' own
 
 
-def scan_mcap(path: Path, contents: FileContents) -> Iterator[RawMessage]:
+def scan(path: Path, contents: FileContents | None = None) -> Iterator[RawMessage]:
     """All messages in the order of the file; schemas, channels and the problems found go to ``contents`` as they come.
 
     Raises
     ------
     FileFormatError : not an MCAP file, or not readable.
     """
+    contents = FileContents() if contents is None else contents
     try:
         with path.open("rb") as stream:
             if stream.read(len(MAGIC)) != MAGIC:
@@ -49,6 +50,19 @@ def scan_mcap(path: Path, contents: FileContents) -> Iterator[RawMessage]:
             yield from _scan_records(stream, path.stat().st_size, contents)
     except OSError as error:
         raise FileFormatError(path, "(file)", "a readable MCAP file", str(error)) from None
+
+
+def survey(path: Path) -> FileContents:
+    """Topics and numbers of messages, found by reading the whole file.
+
+    Raises
+    ------
+    FileFormatError : not an MCAP file, or not readable.
+    """
+    contents = FileContents()
+    for message in scan(path, contents):
+        contents.count(message)
+    return contents
 
 
 def _scan_records(stream: BinaryIO, size: int, contents: FileContents) -> Iterator[RawMessage]:
