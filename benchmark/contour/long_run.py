@@ -30,7 +30,7 @@ from benchmark.contour._runs import (
     time_figures,
     track,
 )
-from benchmark.contour.mannequin import BODY_CLIP, PERSON_SCENE, person_figures
+from benchmark.contour.mannequins import BODY_CLIP, PERSON_SCENE, person_figures
 from tracker_node.cli.synthesize import Request, default_motions
 from tracker_node.errors import SourceError, TrackerError
 from tracker_node.loaders.images.background_file import load_plates

@@ -1,5 +1,6 @@
 """All benchmarks in one run: a failure does not stop the others, and a key has one program."""
 
+import importlib.util
 import json
 from pathlib import Path
 
@@ -44,3 +45,9 @@ def test_figures_of_an_earlier_run_do_not_count(tmp_path):
 def test_helpers_are_no_programs():
     names = set(_all.programs())
     assert {"core", "contour/figure"} <= names and not any(Path(name).name.startswith("_") for name in names)
+
+
+def test_no_program_hides_a_module_that_others_import():
+    """The folder of a program that is run comes first where Python looks for modules."""
+    hidden = [name for name, path in _all.programs().items() if importlib.util.find_spec(path.stem) is not None]
+    assert hidden == []

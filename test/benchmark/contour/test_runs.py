@@ -10,7 +10,7 @@ from benchmark import core
 from benchmark.contour import _fitted_body
 from benchmark.contour import _runs as _contour_runs
 from benchmark.contour import figure as contour_figure
-from benchmark.contour import mannequin as contour_mannequin
+from benchmark.contour import mannequins as contour_mannequin
 from benchmark.ros import live
 from tracker_node.cli.synthesize import Request, produce
 from tracker_node.errors import FileFormatError
@@ -160,7 +160,7 @@ def test_a_person_is_tracked_with_another_body(person):
     assert figures["mannequin_x.mpjpe_mm"] <= figures["mannequin_x.mpjpe_raw_mm"]
 
 
-@pytest.mark.parametrize("name", ["mannequin", "long_run"])
+@pytest.mark.parametrize("name", ["mannequins", "long_run"])
 def test_without_the_clips_it_says_so(name, monkeypatch, capsys):
     program = importlib.import_module(f"benchmark.contour.{name}")
     monkeypatch.setattr(program, "default_motions", lambda: None)

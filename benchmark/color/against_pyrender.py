@@ -132,7 +132,7 @@ def measure(rounds: int) -> dict[str, float]:
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="example: python benchmark/color/pyrender.py --json out/color_pyrender.json",
+        epilog="example: python benchmark/color/against_pyrender.py --json out/color_pyrender.json",
     )  # fmt: skip
     parser.add_argument("--quick", action="store_true", help="ten rounds instead of a hundred")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")

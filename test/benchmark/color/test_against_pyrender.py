@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from benchmark.color import pyrender as benchmark
+from benchmark.color import against_pyrender as benchmark
 from tracker_node.model.configuration import Configuration
 from tracker_node.render.opengl.context import RendererError
 from tracker_node.render.raycast import raycaster
