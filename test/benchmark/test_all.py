@@ -49,5 +49,5 @@ def test_helpers_are_no_programs():
 
 def test_no_program_hides_a_module_that_others_import():
     """The folder of a program that is run comes first where Python looks for modules."""
-    hidden = [name for name, path in _all.programs().items() if importlib.util.find_spec(path.stem) is not None]
-    assert hidden == []
+    found = {name: importlib.util.find_spec(path.stem) for name, path in _all.programs().items()}
+    assert [name for name, spec in found.items() if spec is not None and spec.origin is not None] == []
