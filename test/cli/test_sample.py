@@ -1,10 +1,10 @@
 """``sample`` and ``demo``: with no network, and with everything in the cache."""
 
-import io
 import os
 
 import pytest
 
+from helpers.sources.sample import sample_or_skip
 from tracker_node.cli.main import main
 from tracker_node.cli.sample import prepare, run_verb
 from tracker_node.loaders.data_files import data_file
@@ -12,9 +12,7 @@ from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.recording_yaml import load_recording
 from tracker_node.loaders.rig.rig_yaml import load_rig
-from tracker_node.loaders.samples import wheel_cache
-from tracker_node.loaders.samples.data import SAMPLES, fetch_sample
-from tracker_node.report.progress import ByteProgress
+from tracker_node.loaders.samples.data import fetch_sample
 
 
 @pytest.mark.parametrize("command", [["sample", "balancing", "--output"], ["demo", "--output"]])
@@ -26,19 +24,10 @@ def test_without_network_and_cache_it_is_said_in_one_line(no_index, tmp_path, ca
     assert not (tmp_path / "out").exists()
 
 
-@pytest.fixture
-def cached_or_network(monkeypatch):
-    """The user's own cache when it is full, else the network if TRACKER_NETWORK says so."""
-    cache = wheel_cache.cache_folder()
-    full = all(wheel_cache._is_good(wheel_cache._cached(cache, member), member) for member in SAMPLES["balancing"])
-    if not full and not os.environ.get("TRACKER_NETWORK"):
-        pytest.skip(f"the sample is not in {cache}, and TRACKER_NETWORK is not set")
-    if full:
-        monkeypatch.setenv("PIP_NO_INDEX", "1")
-
-
 @pytest.mark.long
-def test_the_whole_sample(cached_or_network, tmp_path, capsys):
+def test_the_whole_sample(tmp_path, capsys, monkeypatch):
+    sample_or_skip()
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
     folder = tmp_path / "balancing"
     assert main(["sample", "balancing", "--output", str(folder)]) == 0
     assert "calibrate body" in capsys.readouterr().out
@@ -57,22 +46,6 @@ def test_the_whole_sample(cached_or_network, tmp_path, capsys):
 def test_unknown_samples_are_named():
     with pytest.raises(Exception, match="unknown sample 'juggling'; valid: balancing"):
         fetch_sample("juggling")
-
-
-class Terminal(io.StringIO):
-    def isatty(self):
-        return True
-
-
-def test_progress_rewrites_a_line_on_a_terminal_only():
-    terminal, file = Terminal(), io.StringIO()
-    for output in (terminal, file):
-        progress = ByteProgress(output)
-        for done in range(0, 101, 2):
-            progress("clip==1.0", done * 10**6, 10**8)
-    assert terminal.getvalue().count("\r") == 51 and terminal.getvalue().count("\n") == 1
-    assert file.getvalue().count("\n") == 11 and "\r" not in file.getvalue()
-    assert "100.0 of 100.0 MB (100 %)" in file.getvalue().splitlines()[-1]
 
 
 # What is fetched and refined takes minutes: these steps are put down here as they are called, and leave their files.
@@ -112,7 +85,7 @@ def steps(monkeypatch):
             arguments[arguments.index("-o") + 1].write_text("made")
         return status
 
-    monkeypatch.setattr(sample_data, "fetch_sample", lambda name, progress: {"from": name, "by": type(progress).__name__})
+    monkeypatch.setattr(sample_data, "fetch_sample", lambda name: {"from": name})
     monkeypatch.setattr(balancing, "copy_files", copy_files)
     monkeypatch.setattr(balancing, "write_rigs", write_rigs)
     monkeypatch.setattr(balancing, "has_plates", lambda folder: (folder / "plates.made").exists())
@@ -126,7 +99,7 @@ def steps(monkeypatch):
 def all_steps(folder, *force):
     person = str(folder / "person.yaml")
     return [
-        ("copy", {"from": "balancing", "by": "ByteProgress"}, folder),
+        ("copy", {"from": "balancing"}, folder),
         ("rigs", folder),
         ("table", "refinement"),
         ("plates", folder),

@@ -3,7 +3,6 @@
 The tutorial and the README run on the first images of the sample, with the edits that they ask for.
 """
 
-import os
 import re
 import shutil
 import sys
@@ -20,8 +19,7 @@ from helpers.docs.given import GIVEN, shipped_files
 from helpers.docs.pages import PAGES, Block, Command, blocks_of, commands_of, mentions_of
 from helpers.docs.place import Place, Shelf
 from helpers.docs.walkthrough import Walkthrough
-from tracker_node.loaders.samples import wheel_cache
-from tracker_node.loaders.samples.data import SAMPLES, fetch_sample
+from helpers.sources.sample import sample_or_skip
 
 N_IMAGES = 6
 CAMERAS = ("cam01", "cam02", "cam03", "cam04")
@@ -117,11 +115,7 @@ def test_only_shell_blocks_have_commands(page):
 @pytest.fixture(scope="module")
 def sample() -> dict[str, Path]:
     """Files of the sample, if they are on this machine."""
-    cache = wheel_cache.cache_folder()
-    full = all(wheel_cache._is_good(wheel_cache._cached(cache, member), member) for member in SAMPLES["balancing"])
-    if not full and not os.environ.get("TRACKER_NETWORK"):
-        pytest.skip(f"the sample is not in {cache}, and TRACKER_NETWORK is not set")
-    return fetch_sample("balancing")
+    return sample_or_skip()
 
 
 def write_start_of(video: Path, target: Path, size: tuple[int, int] | None = None) -> None:

