@@ -207,7 +207,8 @@ def test_a_mirrored_dlt_is_refused():
         camera_of_parameters("a", parameters, (640, 480))
 
 
-LENS = "image_width: 640\nimage_height: 480\nK: [500., 0., 320., 0., 500., 240., 0., 0., 1.]\nD: [0., 0., 0., 0., 0.]\n"
+LENS = "image_width: 640\nimage_height: 480\ncamera_matrix: [500., 0., 320., 0., 500., 240., 0., 0., 1.]\n"
+LENS += "distortion_coefficients: [0., 0., 0., 0., 0.]\n"
 ENTRY = "   - { name: a, " + LENS.strip().replace("\n", ", ") + ", R: [0., 0., 0.], T: [0., 0., 1.] }\n"
 
 
@@ -228,9 +229,12 @@ def test_matrices_may_be_plain_sequences(tmp_path):
 @pytest.mark.parametrize(
     ("content", "field"),
     [
-        (LENS.replace("K:", "unused:") + "camera_matrix: 3\n", "camera_matrix"),
-        (LENS.replace("500.", "wide"), "K"),
-        (LENS.replace("K: [500., 0.,", "K: ["), "K"),
+        (LENS.replace("camera_matrix:", "unused:") + "camera_matrix: 3\n", "camera_matrix"),
+        (LENS.replace("camera_matrix:", "K:"), "camera_matrix"),
+        (LENS.replace("distortion_coefficients:", "D:"), "distortion_coefficients"),
+        (LENS.replace("500.", "wide"), "camera_matrix"),
+        (LENS.replace("camera_matrix: [500., 0.,", "camera_matrix: ["), "camera_matrix"),
+        ("M1: [500., 0., 320., 0., 500., 240., 0., 0., 1.]\nD1: [0., 0., 0., 0.]\nimage_width: 640\nimage_height: 480\n", "M2"),
         ("cameras: [1, 2]\n", "cameras[]"),
         ("cameras: []\n", "cameras"),
         ("cameras:\n" + ENTRY + ENTRY, "cameras"),

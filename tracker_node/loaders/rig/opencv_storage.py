@@ -1,9 +1,10 @@
 """Calibrations in OpenCV's FileStorage (YAML, XML or JSON): single cameras, stereo pairs, and whole rigs of our own.
 
-Nodes are taken under the names that OpenCV's samples and tools write: ``camera_matrix``, ``cameraMatrix`` or ``K`` with
-``distortion_coefficients``, ``distCoeffs`` or ``D``, ``image_width`` and ``image_height`` or ``image_size``; of a pair
-``M1 D1 M2 D2`` (or ``cameraMatrix1``...) with ``R`` and ``T`` from the first camera to the second, wherever these are: pairs are
-often kept in two files. A rig is a sequence ``cameras`` of maps with ``name``, and ``R`` and ``T`` from the world to the camera.
+Three layouts are read, under the names of OpenCV's own samples:
+
+- one camera: ``camera_matrix``, ``distortion_coefficients``, ``image_width``, ``image_height`` (``calibration``);
+- a stereo pair: ``M1 D1 M2 D2``, and ``R``, ``T`` from the first camera to the second, in one file or two (``stereo_calib``);
+- a rig: a sequence ``cameras`` of maps with ``name``, a camera's nodes, and ``R``, ``T`` from the world to the camera.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from .opencv_nodes import LARGEST, Node, is_number, numbers_of, read_storage
 
 Nodes = Callable[[str], Node]  # the node of a name, or None
 
-_K = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "K", "M")
-_D = ("distortion_coefficients", "distCoeffs", "Distortion_Coefficients", "distortion", "D")
+_LENS = ("camera_matrix", "distortion_coefficients")
+_PAIR = (("M1", "D1"), ("M2", "D2"))
 _KINDS = {0: "none", 4: "plumb_bob", 5: "plumb_bob", 8: "rational_polynomial"}
 
 
@@ -57,12 +58,12 @@ def load_opencv(paths: Sequence[str | Path], image_size: tuple[int, int] | None 
     cameras = storage.node("cameras")
     if isinstance(cameras, list):
         return _rig(storage, cameras, image_size)
-    suffixes = ("1", "2") if any(storage.node(f"{key}1") is not None for key in _K) else ("",)
-    lenses = [_lens(storage, storage.node, suffix, image_size) for suffix in suffixes]
-    if len(lenses) == 1:
-        return CameraRig((Camera(identifier(Path(paths[0]).stem), lenses[0], np.eye(4)),))
+    if storage.node("M1") is None:
+        lens = _lens(storage, storage.node, _LENS, image_size)
+        return CameraRig((Camera(identifier(Path(paths[0]).stem), lens, np.eye(4)),))
+    left, right = (_lens(storage, storage.node, names, image_size) for names in _PAIR)
     second_from_first = _pose(storage, storage.node)
-    return CameraRig((Camera("left", lenses[0], np.eye(4)), Camera("right", lenses[1], se3.inverse(second_from_first))))
+    return CameraRig((Camera("left", left, np.eye(4)), Camera("right", right, se3.inverse(second_from_first))))
 
 
 def dump_opencv(rig: CameraRig, path: str | Path) -> None:
@@ -108,12 +109,14 @@ def _of_rig(storage: _Storage, entry: Node, image_size: tuple[int, int] | None) 
     name = entry.get("name")
     if not isinstance(name, str):
         raise FileFormatError(storage.path, "cameras[].name", "a camera's name", "none")
-    lens = _lens(storage, entry.get, "", image_size)
+    lens = _lens(storage, entry.get, _LENS, image_size)
     return Camera(identifier(name), lens, se3.inverse(_pose(storage, entry.get)))
 
 
-def _lens(storage: _Storage, node: Nodes, suffix: str, image_size: tuple[int, int] | None) -> CameraModel:
-    K, field = _first(storage, node, _K, suffix)
+def _lens(storage: _Storage, node: Nodes, names: tuple[str, str], image_size: tuple[int, int] | None) -> CameraModel:
+    """The lens of the matrix and the coefficients of these names."""
+    field, coefficients_field = names
+    K = _matrix(storage, node, field)
     if K.size != 9:
         raise FileFormatError(storage.path, field, "a 3 x 3 matrix", K.tolist())
     K = K.reshape(3, 3)
@@ -121,65 +124,52 @@ def _lens(storage: _Storage, node: Nodes, suffix: str, image_size: tuple[int, in
         raise CalibrationError(field, f"uncalibrated: focal length 0 in {storage.path}")
     if K[1, 0] or K[2, 0] or K[2, 1] or K[2, 2] != 1.0:
         raise FileFormatError(storage.path, field, "[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]", K.tolist())
-    coefficients, field = _first(storage, node, _D, suffix)
-    coefficients = coefficients.ravel()
+    coefficients = _matrix(storage, node, coefficients_field).ravel()
     fisheye = _integer(node("fisheye_model")) == 1 or node("camera_model") == "fisheye"
     if coefficients.size > 8 and not coefficients[8:].any():
         coefficients = coefficients[:8]  # thin prism and tilt that are not used
     if (coefficients.size != 4) if fisheye else (coefficients.size not in _KINDS):
         expected = "4 coefficients of a fisheye lens" if fisheye else "0, 4, 5 or 8 coefficients"
-        raise FileFormatError(storage.path, field, expected, coefficients.tolist())
+        raise FileFormatError(storage.path, coefficients_field, expected, coefficients.tolist())
     kind = "equidistant" if fisheye else _KINDS[coefficients.size]
     width, height = _image_size(storage, node, image_size)
     try:
         straight = not (fisheye or coefficients.any())
         return plausible(CameraModel(width, height, K) if straight else CameraModel(width, height, K, kind, coefficients))
     except ValueError as error:
-        raise FileFormatError(storage.path, field, "a lens that can be built", str(error)) from error
+        raise FileFormatError(storage.path, coefficients_field, "a lens that can be built", str(error)) from error
 
 
 def _pose(storage: _Storage, node: Nodes) -> np.ndarray:
-    rotation, field = _first(storage, node, ("R", "rotation_matrix"), "")
-    translation, _ = _first(storage, node, ("T", "t", "translation_vector"), "")
+    rotation, translation = _matrix(storage, node, "R"), _matrix(storage, node, "T")
     if rotation.size == 3:
         rotation = cv2.Rodrigues(rotation)[0]
     elif rotation.size == 9:
         rotation = rotation.reshape(3, 3)
     if rotation.shape != (3, 3) or translation.size != 3:
-        raise FileFormatError(storage.path, field, "a rotation (3 x 3 or Rodrigues) and a translation of 3", rotation.tolist())
+        raise FileFormatError(storage.path, "R", "a rotation (3 x 3 or Rodrigues) and a translation of 3", rotation.tolist())
     pose = se3.from_rotation_translation(rotation, translation.ravel())
     if not se3.is_rigid(pose, tolerance=1e-5):
-        raise FileFormatError(storage.path, field, "a proper rotation", rotation.tolist())
+        raise FileFormatError(storage.path, "R", "a proper rotation", rotation.tolist())
     return se3.nearest_rigid(pose)
 
 
-def _first(storage: _Storage, node: Nodes, names: tuple[str, ...], suffix: str) -> tuple[np.ndarray, str]:
-    """The first matrix that is there under one of several names, and its name."""
-    for name in names:
-        found = node(name + suffix)
-        if found is not None:
-            values = _numbers(found)
-            if values is None:
-                raise FileFormatError(storage.path, name + suffix, "a matrix, or a sequence of its numbers", "something else")
-            if not np.all(np.abs(values) <= 1e9):  # nor not-a-number
-                raise FileFormatError(storage.path, name + suffix, "finite numbers", values.tolist())
-            return values, name + suffix
-    raise FileFormatError(storage.path, names[0] + suffix, "a matrix of that name", "none")
-
-
-def _numbers(node: Node) -> np.ndarray | None:
-    """Of a matrix in its own shape, of a sequence (n,); None for anything else."""
-    if isinstance(node, list) and all(map(is_number, node)):
-        return numbers_of(node)
-    return node if isinstance(node, np.ndarray) else None
+def _matrix(storage: _Storage, node: Nodes, name: str) -> np.ndarray:
+    """The matrix of a name, or the numbers (n,) of a sequence of that name."""
+    found = node(name)
+    if found is None:
+        raise FileFormatError(storage.path, name, "a matrix of that name", "none")
+    if isinstance(found, list) and all(map(is_number, found)):
+        found = numbers_of(found)
+    if not isinstance(found, np.ndarray):
+        raise FileFormatError(storage.path, name, "a matrix, or a sequence of its numbers", "something else")
+    if not np.all(np.abs(found) <= LARGEST):  # nor not-a-number
+        raise FileFormatError(storage.path, name, "finite numbers", found.tolist())
+    return found
 
 
 def _image_size(storage: _Storage, node: Nodes, given: tuple[int, int] | None) -> tuple[int, int]:
     width, height = _integer(node("image_width")), _integer(node("image_height"))
-    if not (width and height):
-        size = node("image_size") if node("image_size") is not None else node("imageSize")
-        if isinstance(size, list) and len(size) == 2:
-            width, height = _integer(size[0]), _integer(size[1])
     if not (width and height):
         if given is None:
             raise FileFormatError(storage.path, "image_width", "the size of the images, here or with --size", "none")
