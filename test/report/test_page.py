@@ -1,6 +1,9 @@
-"""The page of an experiment."""
+"""The page of an experiment or a calibration."""
 
 import base64
+
+import cv2
+import numpy as np
 
 from tracker_node.report.page import Section, write_page
 
@@ -30,3 +33,19 @@ def test_what_is_empty_is_left_out(tmp_path):
     write_page(tmp_path / "page.html", "Another", [])
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "Another" in text and "Alone" not in text
+
+
+def test_pixels_are_a_picture_and_a_section_needs_no_heading(tmp_path):
+    pixels = np.random.default_rng(0).integers(0, 256, (4, 6, 3), dtype=np.uint8)
+    write_page(tmp_path / "page.html", "Arm & hand", [Section(text="seen <here>", picture=pixels)])
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "<title>Arm &amp; hand</title>" in text and "seen &lt;here&gt;" in text and "<h2></h2>" not in text
+    png = base64.b64decode(text.split("data:image/png;base64,")[1].split('"')[0])
+    np.testing.assert_array_equal(cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR), pixels)
+
+
+def test_headings_and_cells_are_escaped(tmp_path):
+    write_page(tmp_path / "page.html", "A", [Section("A & B", table=[("x", "<y>"), ("1", "2")])])
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    for part in ("<h2>A &amp; B</h2>", "<th>&lt;y&gt;</th>", "<td>1</td><td>2</td>"):
+        assert part in text

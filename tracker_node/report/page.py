@@ -1,4 +1,4 @@
-"""A page of tables and pictures that needs nothing beside it: what an experiment leaves for its reader."""
+"""A page of tables and pictures that needs nothing beside it: what an experiment or a calibration leaves for its reader."""
 
 from __future__ import annotations
 
@@ -9,25 +9,33 @@ from datetime import UTC, datetime
 from importlib.resources import files
 from pathlib import Path
 
+import cv2
 import jinja2
+import numpy as np
 
 from .metrics_file import command_line, cpu, versions
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Section:
-    """A heading with a sentence, then a table (first row: headings), a picture (PNG), or plain text; empty ones are left out."""
+    """A heading with a sentence, then a table, a picture, or plain text; what is empty is left out.
 
-    title: str
+    Parameters
+    ----------
+    table : rows of texts, the first of them the headings.
+    picture : a PNG file, or pixels (h, w, 3) BGR.
+    """
+
+    title: str = ""
     text: str = ""
     table: Sequence[Sequence[str]] = ()
-    picture: Path | None = None
+    picture: Path | np.ndarray | None = None
     preformatted: str = ""
 
 
 def write_page(path: str | Path, title: str, sections: Sequence[Section]) -> None:
     """Write the page as HTML; folders are made."""
-    source = files(__package__).joinpath("templates/experiment.html.j2").read_text(encoding="utf-8")
+    source = files(__package__).joinpath("templates/page.html.j2").read_text(encoding="utf-8")
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined)
     page = environment.from_string(source).render(
         title=title, sections=[(section, _data_uri(section.picture)) for section in sections], command=command_line(),
@@ -37,5 +45,8 @@ def write_page(path: str | Path, title: str, sections: Sequence[Section]) -> Non
     Path(path).write_text(page, encoding="utf-8")
 
 
-def _data_uri(picture: Path | None) -> str:
-    return "" if picture is None else f"data:image/png;base64,{base64.b64encode(picture.read_bytes()).decode()}"
+def _data_uri(picture: Path | np.ndarray | None) -> str:
+    if picture is None:
+        return ""
+    png = picture.read_bytes() if isinstance(picture, Path) else cv2.imencode(".png", picture)[1].tobytes()
+    return f"data:image/png;base64,{base64.b64encode(png).decode()}"

@@ -14,8 +14,8 @@ from tracker_node.calibration.board.report import (
     outlier_table,
     write_pictures,
 )
-from tracker_node.calibration.tracked_body.report import Table
 from tracker_node.camera.model import CameraModel
+from tracker_node.report.page import Section
 
 LENS = CameraModel(
     1280, 960, np.array([[1000.126, 0.0, 639.5], [0.0, 1001.0, 479.5], [0.0, 0.0, 1.0]]), "plumb_bob",
@@ -29,20 +29,21 @@ def seen(picture=None, size=(1280, 960)):
 
 def test_lenses_have_two_digits_in_pixels_and_five_of_coefficients():
     table = lens_table("a", LENS, np.array([0.126, 0.2, 0.3, 0.4, 0.0012345, 1e-3, 1e-4, 1e-4, 0.0]))
-    assert table.caption == "Lens of a (plumb_bob)"
-    assert table.rows[0] == ("fx", "1000.13", "0.13")
-    assert table.rows[3] == ("cy", "479.50", "0.40")
-    assert table.rows[4][1:] == ("-0.12346", "0.00123")
-    assert len(table.rows) == 9
+    assert table.title == "Lens of a (plumb_bob)"
+    rows = table.table[1:]
+    assert rows[0] == ("fx", "1000.13", "0.13")
+    assert rows[3] == ("cy", "479.50", "0.40")
+    assert rows[4][1:] == ("-0.12346", "0.00123")
+    assert len(rows) == 9
 
 
 def test_views_left_out_are_told_by_camera_image_and_corners():
     view = BoardView(0, np.arange(3), np.zeros((3, 2)), 2.0, 17)
-    assert outlier_table([("a", view)]).rows == (("a", "17", "3"),)
+    assert outlier_table([("a", view)]).table[1:] == (("a", "17", "3"),)
 
 
 def test_columns_of_a_table_are_aligned():
-    table = Table("T", ("camera", "n"), (("a", "100"), ("long name", "2")))
+    table = Section("T", table=(("camera", "n"), ("a", "100"), ("long name", "2")))
     assert format_table(table).split("\n") == ["camera       n", "a          100", "long name    2"]
 
 
@@ -74,7 +75,7 @@ def test_captions_count_corners_and_the_share_of_the_image(tmp_path):
     views = tuple(BoardView(i, np.arange(2), np.array([[10.0, 10.0], [20.0, 20.0]]) + 500.0 * i, 2.0, i) for i in range(2))
     found = {"a": LensCalibration(LENS, np.zeros(9), views, (), (np.zeros((2, 2)),) * 2)}
     pictures = lens_pictures(found, {"a": seen()})
-    assert pictures[0].caption.startswith("a: 4 corners, 4 % of the image covered")
+    assert pictures[0].text.startswith("a: 4 corners, 4 % of the image covered")
     (path,) = write_pictures(tmp_path / "new", ["a"], pictures)
     assert path == tmp_path / "new/coverage_a.png"
     assert path.exists()

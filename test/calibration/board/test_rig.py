@@ -69,7 +69,7 @@ def test_pairs_agree_to_the_noise(exact, tmp_path):
     pairs = pair_figures(found)
     assert len(pairs) >= 6 and all(0.1 < error < 0.45 for n, error in pairs.values() if n > 5)
     cameras, table, *_ = rig_tables(found, seen)
-    assert [row[0] for row in cameras.rows] == list(seen) and len(table.rows) == len(pairs)
+    assert [row[0] for row in cameras.table[1:]] == list(seen) and len(table.table[1:]) == len(pairs)
     assert len(worst_views(found)) == 5
     write_rig_page(tmp_path / "rig.html", found, seen)
     page = (tmp_path / "rig.html").read_text()

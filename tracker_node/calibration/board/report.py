@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 
 from ...camera.model import CameraModel
+from ...report.page import Section, write_page
 from ..lens_parameters import COEFFICIENTS, lens_vector
-from ..tracked_body.report import Picture, Table, write_page
 from .board import BoardView
 from .detection import CameraViews
 from .intrinsics import LensCalibration
@@ -22,7 +22,7 @@ _GOOD, _BAD = (90, 220, 90), (60, 60, 255)  # BGR
 _BAD_PX = 1.0
 
 
-def rig_tables(found: BoardRig, seen: Mapping[str, CameraViews]) -> list[Table]:
+def rig_tables(found: BoardRig, seen: Mapping[str, CameraViews]) -> list[Section]:
     """Cameras, pairs, lenses and outliers."""
     figures = camera_figures(found)
     cameras = [
@@ -35,36 +35,35 @@ def rig_tables(found: BoardRig, seen: Mapping[str, CameraViews]) -> list[Table]:
         for name, c in figures.items()
     ]  # fmt: skip
     measured = ("images", "corners", "rms px", "median px", "covered %", "place ± mm", "turn ± deg", "later ms", "jitter ms")
-    tables = [Table("Cameras", ("camera", *measured), tuple(cameras))]
+    tables = [Section("Cameras", table=(("camera", *measured), *cameras))]
     pairs = [(f"{a} {b}", str(n), f"{error:.2f}") for (a, b), (n, error) in pair_figures(found).items()]
-    tables.append(Table("Pairs", ("cameras", "images", "rms px"), tuple(pairs)))
+    tables.append(Section("Pairs", table=(("cameras", "images", "rms px"), *pairs)))
     for camera in found.rig:
         tables.append(lens_table(camera.name, camera.model, figures[camera.name].lens_sigma))
     return [*tables, outlier_table(found.outliers)]
 
 
-def lens_table(name: str, lens: CameraModel, sigma: np.ndarray) -> Table:
+def lens_table(name: str, lens: CameraModel, sigma: np.ndarray) -> Section:
     """A lens with its sigmas; in pixels, and coefficients without a unit."""
     labels = ("fx", "fy", "cx", "cy", *COEFFICIENTS[lens.distortion_model])
     rows = [
         (label, f"{value:.{2 if i < 4 else 5}f}", f"{s:.{2 if i < 4 else 5}f}")
         for i, (label, value, s) in enumerate(zip(labels, lens_vector(lens), sigma, strict=True))
     ]
-    return Table(f"Lens of {name} ({lens.distortion_model})", ("parameter", "value", "±"), tuple(rows))
+    return Section(f"Lens of {name} ({lens.distortion_model})", table=(("parameter", "value", "±"), *rows))
 
 
-def outlier_table(outliers: Sequence[tuple[str, BoardView]]) -> Table:
+def outlier_table(outliers: Sequence[tuple[str, BoardView]]) -> Section:
     """Views that were left out."""
-    rows = tuple((name, str(view.image), str(len(view.ids))) for name, view in outliers)
-    return Table("Views left out, since they fit much worse than the others", ("camera", "image", "corners"), rows)
+    rows = [(name, str(view.image), str(len(view.ids))) for name, view in outliers]
+    return Section("Views left out, since they fit much worse than the others", table=(("camera", "image", "corners"), *rows))
 
 
-def format_table(table: Table) -> str:
+def format_table(table: Section) -> str:
     """As text for a terminal, columns aligned."""
-    rows = [table.header, *table.rows]
-    widths = [max(len(row[i]) for row in rows) for i in range(len(table.header))]
+    widths = [max(map(len, column)) for column in zip(*table.table, strict=True)]
     lines = []
-    for row in rows:
+    for row in table.table:
         first, *others = (cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True)))
         lines.append("  ".join([first, *others]))
     return "\n".join(lines)
@@ -86,7 +85,7 @@ def coverage_picture(seen: CameraViews, pixels: np.ndarray, residuals_px: np.nda
     return picture
 
 
-def lens_pictures(found: Mapping[str, LensCalibration], seen: Mapping[str, CameraViews]) -> list[Picture]:
+def lens_pictures(found: Mapping[str, LensCalibration], seen: Mapping[str, CameraViews]) -> list[Section]:
     """Coverage of single cameras."""
     return [
         _picture(name, seen[name], np.concatenate([view.pixels for view in c.views]), np.concatenate(c.residuals_px))
@@ -94,23 +93,24 @@ def lens_pictures(found: Mapping[str, LensCalibration], seen: Mapping[str, Camer
     ]
 
 
-def rig_pictures(found: BoardRig, seen: Mapping[str, CameraViews]) -> list[Picture]:
+def rig_pictures(found: BoardRig, seen: Mapping[str, CameraViews]) -> list[Section]:
     """Coverage of all cameras of a rig."""
     return [_picture(name, seen[name], c.pixels, c.residuals_px) for name, c in camera_figures(found).items()]
 
 
-def _picture(name: str, seen: CameraViews, pixels: np.ndarray, residuals_px: np.ndarray) -> Picture:
+def _picture(name: str, seen: CameraViews, pixels: np.ndarray, residuals_px: np.ndarray) -> Section:
     share = 100 * covered(pixels, seen.image_size)
     caption = f"{name}: {len(pixels)} corners, {share:.0f} % of the image covered; green fits, red is a pixel off or more"
-    return Picture(caption, coverage_picture(seen, pixels, residuals_px))
+    return Section(text=caption, picture=coverage_picture(seen, pixels, residuals_px))
 
 
-def write_pictures(folder: Path, names: Sequence[str], pictures: Sequence[Picture]) -> list[Path]:
+def write_pictures(folder: Path, names: Sequence[str], pictures: Sequence[Section]) -> list[Path]:
     """``coverage_<camera>.png`` files."""
     folder.mkdir(parents=True, exist_ok=True)
     files = [folder / f"coverage_{name}.png" for name in names]
-    for file, picture in zip(files, pictures, strict=True):
-        cv2.imwrite(str(file), picture.bgr)
+    for file, section in zip(files, pictures, strict=True):
+        assert isinstance(section.picture, np.ndarray)
+        cv2.imwrite(str(file), section.picture)
     return files
 
 
@@ -124,4 +124,5 @@ def write_rig_page(path: str | Path, found: BoardRig, seen: Mapping[str, CameraV
         " say, beside the first camera; 'jitter' what single images differ by. A pair's error is that of corners triangulated by"
         " these two.",
     ] + [f"{name}: {problem}" for name, camera in seen.items() for problem in camera.problems]
-    write_page(path, "Rig from a board", notes, rig_tables(found, seen), rig_pictures(found, seen))
+    sections = [*(Section(text=note) for note in notes), *rig_tables(found, seen), *rig_pictures(found, seen)]
+    write_page(path, "Rig from a board", sections)

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import base64
-import html
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -18,49 +15,11 @@ from ...model.shape_parameters import half_extents
 from ...observation.image_set import ImageSet
 from ...render.draw.overlay import draw_overlay
 from ...render.raycast.extent import body_extent
+from ...report.page import Section, write_page
 from .body_fit import BodyFit, BodyFitReport, LineFigures
 from .rig_fit import RigFit
 
 _PICTURE_HEIGHT = 420  # pixels
-_STYLE = """body{font-family:sans-serif;max-width:1200px;margin:2em auto;color:#222}table{border-collapse:collapse;margin:1em 0}
-td,th{padding:.2em .8em;text-align:right;border-bottom:1px solid #ddd}td:first-child,th:first-child{text-align:left}
-figure{display:inline-block;margin:.5em}img{max-width:100%}figcaption{font-size:.9em;color:#555}caption{text-align:left;
-font-weight:bold;padding:.4em 0}.note{color:#555}"""
-
-
-@dataclass(frozen=True)
-class Table:
-    """Rows of texts under a header."""
-
-    caption: str
-    header: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Picture:
-    """A picture (h, w, 3) BGR with its caption."""
-
-    caption: str
-    bgr: np.ndarray
-
-
-def write_page(path: str | Path, title: str, notes: Sequence[str], tables: Sequence[Table], pictures: Sequence[Picture]) -> None:
-    """One HTML file that needs nothing beside it."""
-    parts = [f"<!DOCTYPE html><html lang='en'><meta charset='utf-8'><title>{html.escape(title)}</title><style>{_STYLE}</style>"]
-    parts.append(f"<h1>{html.escape(title)}</h1>")
-    parts += [f"<p class='note'>{html.escape(note)}</p>" for note in notes]
-    for table in tables:
-        rows = "".join(f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>" for row in table.rows)
-        header = "".join(f"<th>{html.escape(cell)}</th>" for cell in table.header)
-        parts.append(f"<table><caption>{html.escape(table.caption)}</caption><tr>{header}</tr>{rows}</table>")
-    for picture in pictures:
-        data = base64.b64encode(cv2.imencode(".png", picture.bgr)[1].tobytes()).decode()
-        caption = html.escape(picture.caption)
-        parts.append(
-            f"<figure><img src='data:image/png;base64,{data}' alt='{caption}'><figcaption>{caption}</figcaption></figure>"
-        )
-    Path(path).write_text("\n".join(parts) + "\n")
 
 
 def before_and_after(
@@ -68,7 +27,7 @@ def before_and_after(
     before: tuple[ArticulatedModel, CameraRig, Sequence[State]],
     after: tuple[ArticulatedModel, CameraRig, Sequence[State]],
     instants: int = 2,
-) -> list[Picture]:
+) -> list[Section]:
     """Both bodies over the images of some sets, before to the left, cut out around them; all cameras."""
     pictures = []
     for k in np.unique(np.linspace(0, len(image_sets) - 1, min(instants, len(image_sets)) + 2).round().astype(int)[1:-1]):
@@ -82,7 +41,8 @@ def before_and_after(
                 sides.append(draw_overlay(image.bgr, configuration, rig.cameras[i], alpha=0.15, skeleton=True))
                 bounds.append(body_extent(configuration, camera, (0, 0, camera.model.width, camera.model.height)))
             pair = np.hstack([_cut(side, bounds) for side in sides])
-            pictures.append(Picture(f"{camera.name}, image set {k + 1} of {len(image_sets)}: before and after", pair))
+            caption = f"{camera.name}, image set {k + 1} of {len(image_sets)}: before and after"
+            pictures.append(Section(text=caption, picture=pair))
     return pictures
 
 
@@ -97,27 +57,27 @@ def _cut(image: np.ndarray, bounds: Sequence[tuple[int, int, int, int] | None], 
     return cv2.resize(image, (max(1, round(scale * image.shape[1])), _PICTURE_HEIGHT), interpolation=cv2.INTER_AREA)
 
 
-def line_table(caption: str, name: str, figures: Mapping[str, tuple[LineFigures, LineFigures]]) -> Table:
+def line_table(caption: str, name: str, figures: Mapping[str, tuple[LineFigures, LineFigures]]) -> Section:
     """Distances of contour lines before and after."""
     rows = [
         (key, str(b.count), f"{a.rms_px:.2f}", f"{b.rms_px:.2f}", f"{a.median_px:.2f}", f"{b.median_px:.2f}")
         for key, (a, b) in figures.items()
     ]
     header = (name, "lines", "rms before, px", "after", "median before, px", "after")
-    return Table(caption, header, tuple(rows))
+    return Section(caption, table=(header, *rows))
 
 
-def parameter_table(report: BodyFitReport) -> Table:
+def parameter_table(report: BodyFitReport) -> Section:
     """Shape parameters in percent, most of them logarithms of scales."""
     rows = []
     for p in report.parameters:
         relative = f"{p.value / p.prior_sigma:+.1f}" if p.prior_sigma else "held"
         rows.append((p.name, f"{100 * p.value:+.1f}", f"{100 * p.sigma:.1f}", f"{100 * p.prior_sigma:.0f}", relative))
     header = ("parameter", "value, %", "sigma, %", "prior sigma, %", "value in prior sigmas")
-    return Table("Shape parameters", header, tuple(rows))
+    return Section("Shape parameters", table=(header, *rows))
 
 
-def measure_table(before: ArticulatedModel, fit: BodyFit) -> Table:
+def measure_table(before: ArticulatedModel, fit: BodyFit) -> Section:
     """Sizes of all parts before and after, millimetres."""
     rows = []
     for shape, fitted in zip(before.shapes, fit.model.shapes, strict=True):
@@ -126,10 +86,10 @@ def measure_table(before: ArticulatedModel, fit: BodyFit) -> Table:
     for joint, fitted_joint in zip(before.chain.joints, fit.model.chain.joints, strict=True):
         lengths = [1e3 * float(np.linalg.norm(j.T_parent_joint[:3, 3])) for j in (joint, fitted_joint)]
         rows.append((f"{joint.parent} to joint {joint.name}", *(f"{length:.0f}" for length in lengths)))
-    return Table("Sizes of shapes and distances of joints, mm", ("part", "before", "after"), tuple(rows))
+    return Section("Sizes of shapes and distances of joints, mm", table=(("part", "before", "after"), *rows))
 
 
-def camera_table(fit: RigFit) -> Table:
+def camera_table(fit: RigFit) -> Section:
     """What has been found about each camera."""
     rows = []
     for name, c in fit.cameras.items():
@@ -142,7 +102,8 @@ def camera_table(fit: RigFit) -> Table:
                 f"{100 * (c.focal_scale - 1):+.2f} ± {100 * c.focal_sigma:.2f}",
             )
         )
-    return Table("Cameras", ("camera", "moved, mm", "turned, deg", "later, ms", "focal length, %"), tuple(rows))
+    header = ("camera", "moved, mm", "turned, deg", "later, ms", "focal length, %")
+    return Section("Cameras", table=(header, *rows))
 
 
 def write_body_report(
@@ -151,17 +112,17 @@ def write_body_report(
     """The page of a fitted body."""
     report = fit.report
     first, last = report.overall
-    notes = [
-        f"{report.n_sets} image sets, {last.count} contour lines: rms {first.rms_px:.2f} px with the body as given and its poses"
-        f" fitted, {last.rms_px:.2f} px with the fitted body. Sigmas hold if the errors of the lines are independent beyond a few"
-        " neighbors; what the shapes cannot represent is the same in every image, so take them as lower bounds."
-    ]
+    note = Section(
+        text=f"{report.n_sets} image sets, {last.count} contour lines: rms {first.rms_px:.2f} px with the body as given and its"
+        f" poses fitted, {last.rms_px:.2f} px with the fitted body. Sigmas hold if the errors of the lines are independent beyond"
+        " a few neighbors; what the shapes cannot represent is the same in every image, so take them as lower bounds."
+    )
     tables = [
         line_table("Cameras", "camera", report.cameras), line_table("Parts", "part", report.parts), parameter_table(report),
         measure_table(before, fit),
     ]  # fmt: skip
     pictures = before_and_after(image_sets, (before, rig, report.states_before), (fit.model, rig, fit.states))
-    write_page(path, f"Body of {before.name} from images", notes, tables, pictures)
+    write_page(path, f"Body of {before.name} from images", [note, *tables, *pictures])
 
 
 def write_rig_report(
@@ -169,16 +130,16 @@ def write_rig_report(
 ) -> None:
     """The page of a fitted rig."""
     first, last = fit.overall
-    notes = [
-        f"{fit.n_sets} image sets, {last.count} contour lines: rms {first.rms_px:.2f} px with the rig as given (poses fitted),"
-        f" {last.rms_px:.2f} px with the fitted rig. The world and the common time are those in which most cameras stay what"
-        " they were. 'Later' is by how much a camera's images are later than their stamps say; it is in time_offset_s of the"
+    note = Section(
+        text=f"{fit.n_sets} image sets, {last.count} contour lines: rms {first.rms_px:.2f} px with the rig as given (poses"
+        f" fitted), {last.rms_px:.2f} px with the fitted rig. The world and the common time are those in which most cameras stay"
+        " what they were. 'Later' is by how much a camera's images are later than their stamps say; it is in time_offset_s of the"
         " rig, and a delay of less than three sigmas is taken for none."
-    ]
+    )
     cameras = {name: (c.before, c.after) for name, c in fit.cameras.items()}
     pictures = before_and_after(image_sets, (given, rig, fit.states_before), (fit.model, fit.rig, fit.states))
     tables = [camera_table(fit), line_table("Contour lines", "camera", cameras)]
-    write_page(path, "Rig from the images of a body", notes, tables, pictures)
+    write_page(path, "Rig from the images of a body", [note, *tables, *pictures])
 
 
 def body_figures(fit: BodyFit) -> dict[str, float | int]:

@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
         print(format_table(table))
     for name, image, error in worst_views(found, 3):
         print(f"worst view: image {image} of {name}, {error:.2f} px")
-    for row in outliers.rows:
+    for row in outliers.table[1:]:
         print(f"left out: image {row[1]} of {row[0]}")
     if not args.keep_lenses:
         pixels = {name: figure.pixels for name, figure in camera_figures(found).items()}
