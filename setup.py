@@ -23,13 +23,14 @@ RUNTIME_REQUIREMENTS = [
     "pyyaml>=6.0",
     "rosbags>=0.11,<0.12",
     "scipy>=1.11",
-    "starlette>=0.40",
     "threadpoolctl>=3.1",
     "trimesh>=4.0",
-    "uvicorn>=0.30",
-    "websockets>=13.0",
     "zstandard>=0.20",
 ]
+# Extras: what only one part needs, which says so where it is missing (`errors.extra_module`).
+STUDIO_REQUIREMENTS = ["starlette>=0.40", "uvicorn>=0.30", "websockets>=13.0"]
+DATA_REQUIREMENTS = ["pandas>=2.2", "xarray>=2024.1"]
+DOCS_REQUIREMENTS = ["pdoc"]
 # Only where ROS does not come from apt.
 ROS_REQUIREMENTS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"]
 TEST_REQUIREMENTS = [
@@ -40,15 +41,29 @@ TEST_REQUIREMENTS = [
     "geomdl",
     "hypothesis",
     "import-linter",
+    "ipykernel",
     "kinpy",
     "mypy",
+    "nbclient",
     "opensim",
-    "pdoc",
     "playwright",
     "pypdf",
     "pytest",
     "pytest-xdist",
     "ruff",
+]
+
+CLASSIFIERS = [
+    "Development Status :: 4 - Beta",
+    "Environment :: Console",
+    "Intended Audience :: Science/Research",
+    "License :: OSI Approved :: Apache Software License",
+    "Operating System :: POSIX :: Linux",
+    "Programming Language :: Python :: 3",
+    "Programming Language :: Python :: 3.11",
+    "Programming Language :: Python :: 3.12",
+    "Topic :: Scientific/Engineering :: Image Recognition",
+    "Typing :: Typed",
 ]
 
 DATA_SUFFIXES = ["css", "html", "j2", "js", "json", "msg", "svg", "xml", "yaml"]
@@ -71,11 +86,13 @@ setup(
     long_description=(ROOT / "README.md").read_text() if (ROOT / "README.md").exists() else "",
     long_description_content_type="text/markdown",
     license="Apache-2.0",
+    keywords=["motion capture", "markerless", "pose tracking", "multi-camera", "biomechanics", "ROS 2"],
+    classifiers=CLASSIFIERS,
     maintainer="tracker_node maintainers",
     maintainer_email="tracker_node@example.org",
     python_requires=">=3.11,<3.13",
     packages=find_packages(include=[f"{PACKAGE}*"]),
-    package_data={PACKAGE: [f"**/*.{suffix}" for suffix in DATA_SUFFIXES]},
+    package_data={PACKAGE: ["py.typed", *(f"**/*.{suffix}" for suffix in DATA_SUFFIXES)]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
@@ -86,7 +103,13 @@ setup(
         *installed_tree("launch"),
     ],
     install_requires=["setuptools", *RUNTIME_REQUIREMENTS],
-    extras_require={"ros": ROS_REQUIREMENTS, "test": TEST_REQUIREMENTS},
+    extras_require={
+        "ros": ROS_REQUIREMENTS,
+        "studio": STUDIO_REQUIREMENTS,
+        "data": DATA_REQUIREMENTS,
+        "docs": DOCS_REQUIREMENTS,
+        "test": [*TEST_REQUIREMENTS, *STUDIO_REQUIREMENTS, *DATA_REQUIREMENTS, *DOCS_REQUIREMENTS],
+    },
     entry_points={"console_scripts": [f"{PACKAGE} = {PACKAGE}.cli.main:main"]},
     zip_safe=True,
 )

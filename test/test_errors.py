@@ -4,7 +4,16 @@ import pickle
 
 import pytest
 
-from tracker_node.errors import CalibrationError, FileFormatError, ModelError, SourceError, TrackerError, UnknownNameError
+from tracker_node.errors import (
+    CalibrationError,
+    FileFormatError,
+    MissingExtraError,
+    ModelError,
+    SourceError,
+    TrackerError,
+    UnknownNameError,
+    extra_module,
+)
 
 ERRORS = [
     TrackerError("too short"),
@@ -13,6 +22,7 @@ ERRORS = [
     ModelError("a cycle"),
     CalibrationError("cam01", "no lens"),
     SourceError("cam01.mp4", "no images"),
+    MissingExtraError("pandas", "data"),
 ]
 
 
@@ -21,3 +31,9 @@ def test_an_error_comes_out_of_another_process_as_it_went_in(error):
     again = pickle.loads(pickle.dumps(error))
     assert type(again) is type(error)
     assert str(again) == str(error) and vars(again) == vars(error)
+
+
+def test_a_missing_package_of_an_extra_is_named_with_the_line_that_installs_it():
+    assert extra_module("json", "data").loads("1") == 1
+    with pytest.raises(MissingExtraError, match=r"no_such_package is not installed; pip install 'tracker_node\[data\]'"):
+        extra_module("no_such_package", "data")

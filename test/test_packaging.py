@@ -2,6 +2,7 @@
 
 import ast
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -115,6 +116,40 @@ def test_what_is_installed_beside_a_ros_from_apt_is_whole_and_has_nothing_of_ros
     ros_modules = next(c for c in contracts if c["type"] == "forbidden")["forbidden_modules"]
     providers = {canonicalize_name(name) for module in ros_modules for name in packages_distributions().get(module, [])}
     assert not providers & listed and not [name for name in listed if name.startswith("ros-")]
+
+
+def imported_packages(file: Path) -> set[str]:
+    """Packages that a module imports when it runs, at its top or in a function; not those for annotations alone."""
+    found: set[str] = set()
+    tree = ast.parse(file.read_text())
+    typing = [node for node in ast.walk(tree) if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"]
+    left_out = {id(inner) for block in typing for inner in ast.walk(block)}
+    for node in ast.walk(tree):
+        if id(node) not in left_out and isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+        elif id(node) not in left_out and isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            found.add(node.module.partition(".")[0])
+    return found
+
+
+def test_packages_of_extras_are_imported_by_their_part_alone(repository: Path) -> None:
+    """So that all others run without them; where they are needed, `errors.extra_module` says what installs them."""
+    parts = {"starlette": "studio", "uvicorn": "studio", "websockets": "studio", "pandas": "", "xarray": ""}
+    for file in (repository / "tracker_node").rglob("*.py"):
+        part = file.relative_to(repository / "tracker_node").parts[0]
+        wrong = {name for name in imported_packages(file) & parts.keys() if parts[name] != part}
+        assert not wrong, (file, wrong)
+
+
+def test_extras_are_those_that_the_messages_name(repository: Path) -> None:
+    extras = set(distribution("tracker_node").metadata.get_all("Provides-Extra") or ())
+    assert extras == {"ros", "studio", "data", "docs", "test"}
+    named = {
+        match
+        for file in (repository / "tracker_node").rglob("*.py")
+        for match in re.findall(r'extra_module\([^()]*, "(\w+)"\)', file.read_text())
+    }
+    assert named == {"studio", "data"}
 
 
 def test_command_line_does_not_import_ros() -> None:

@@ -4,9 +4,9 @@ Run it with the Python of an environment that works, after changing a direct req
 
     .venv/bin/python tools/lock_requirements.py
 
-requirements/runtime.txt gets what the package needs to run, and on top of it ros.txt gets ROS itself (not
-wanted where ROS comes from apt), build.txt what building the two packages needs and test.txt what the checks
-need. The direct requirements are in setup.py and msgs/pyproject.toml.
+requirements/runtime.txt gets what the package needs to run, the studio included, and on top of it ros.txt gets ROS
+itself (not wanted where ROS comes from apt), build.txt what building the two packages needs and test.txt what the checks
+need, with the extras for tables and pages. The direct requirements are in setup.py and msgs/pyproject.toml.
 """
 
 import ast
@@ -17,6 +17,12 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 HEADER = "# Written by tools/lock_requirements.py from setup.py and msgs/pyproject.toml.\n"
+KINDS = {  # file -> lists of setup.py, without _REQUIREMENTS
+    "runtime": ("RUNTIME", "STUDIO"),
+    "ros": ("ROS",),
+    "build": ("BUILD",),
+    "test": ("TEST", "DATA", "DOCS"),
+}
 OWN = {"tracker-node", "tracker-msgs"}
 NAME = re.compile(r"^([A-Za-z0-9._-]+)(?:\[([^\]]*)\])?")
 
@@ -71,9 +77,10 @@ def main() -> None:
     build_system = tomllib.loads((ROOT / "msgs" / "pyproject.toml").read_text())["build-system"]
     direct["BUILD_REQUIREMENTS"] = ["setuptools", "wheel", *build_system["requires"]]
     files: dict[str, set[str]] = {}
-    for kind in ("runtime", "ros", "build", "test"):
+    for kind, lists in KINDS.items():
         listed = set().union(*files.values())
-        files[f"{kind}.txt"] = closure(direct[f"{kind.upper()}_REQUIREMENTS"], available) - listed
+        needed = [requirement for name in lists for requirement in direct[f"{name}_REQUIREMENTS"]]
+        files[f"{kind}.txt"] = closure(needed, available) - listed
     for file, names in files.items():
         lines = [f"{name}=={available[name].version}\n" for name in sorted(names)]
         (ROOT / "requirements" / file).write_text(HEADER + "".join(lines))

@@ -1,10 +1,82 @@
-"""Markerless model-based 3D motion tracking for ROS 2."""
+"""Markerless model-based 3D motion tracking for ROS 2.
 
+`__all__` is what is kept stable from version to version; each name is imported when it is first used. Begin with `api`.
+"""
+
+import importlib
 import importlib.util
 import os
 import sys
+from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from .version import __version__
+
+if TYPE_CHECKING:
+    from .api.functions import evaluate, export, track
+    from .api.recording import Recording, open_recording
+    from .api.run import Run, load_run
+    from .errors import TrackerError
+    from .loaders.model.model_yaml import load_model
+    from .loaders.model.state_yaml import load_state
+    from .loaders.rig.rig_yaml import load_rig
+    from .model.configuration import State
+    from .observation.image_set import CameraImage, ImageSet
+    from .runs.config_file import load_config
+    from .tracking.config import TrackerConfig
+    from .tracking.tracker import Tracker
+
+__all__ = [
+    "CameraImage",
+    "ImageSet",
+    "Recording",
+    "Run",
+    "State",
+    "Tracker",
+    "TrackerConfig",
+    "TrackerError",
+    "__version__",
+    "evaluate",
+    "export",
+    "load_config",
+    "load_model",
+    "load_rig",
+    "load_run",
+    "load_state",
+    "open_recording",
+    "track",
+]
+_MODULES = {  # name -> module that has it
+    "CameraImage": "observation.image_set",
+    "ImageSet": "observation.image_set",
+    "Recording": "api.recording",
+    "Run": "api.run",
+    "State": "model.configuration",
+    "Tracker": "tracking.tracker",
+    "TrackerConfig": "tracking.config",
+    "TrackerError": "errors",
+    "evaluate": "api.functions",
+    "export": "api.functions",
+    "load_config": "runs.config_file",
+    "load_model": "loaders.model.model_yaml",
+    "load_rig": "loaders.rig.rig_yaml",
+    "load_run": "api.run",
+    "load_state": "loaders.model.state_yaml",
+    "open_recording": "api.recording",
+    "track": "api.functions",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """A name of `__all__`, from its module (PEP 562)."""
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"{__name__}.{_MODULES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
 
 
 def _use_whole_vectors() -> None:

@@ -6,9 +6,11 @@ raises a `TrackerError` subclass that carries its data. Not converging is a fiel
 
 from __future__ import annotations
 
+import importlib
 import re
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 _LONGEST_VALUE, _LONGEST_TEXT = 120, 300  # of a value in a message, of text: its end is often the cause
 
@@ -78,6 +80,38 @@ class SourceError(TrackerError):
     def __init__(self, source: str | Path, problem: str):
         self.source, self.problem = without_password(str(source)), problem
         super().__init__(f"image source '{self.source}': {problem}")
+
+
+class MissingExtraError(TrackerError):
+    """A package that an optional part needs is not installed; the message names the line that installs it."""
+
+    def __init__(self, package: str, extra: str):
+        self.package, self.extra = package, extra
+        super().__init__(f"{package} is not installed; pip install 'tracker_node[{extra}]' brings it")
+
+
+def extra_module(package: str, extra: str) -> Any:
+    """The module of a package that only an extra of this package requires.
+
+    Parameters
+    ----------
+    package : name to import.
+    extra : key of ``extras_require`` in setup.py.
+
+    Returns
+    -------
+    The imported module.
+
+    Raises
+    ------
+    MissingExtraError : it is not installed.
+    """
+    try:
+        return importlib.import_module(package)
+    except ModuleNotFoundError as missing:
+        if missing.name != package:
+            raise
+        raise MissingExtraError(package, extra) from None
 
 
 def without_password(text: str) -> str:

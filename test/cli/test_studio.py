@@ -34,6 +34,14 @@ def test_mistakes_are_one_line(tmp_path, capsys):
         assert said in error and error.count("\n") == 1
 
 
+@pytest.mark.parametrize("package", ["starlette", "uvicorn", "websockets"])
+def test_without_the_packages_of_its_extra_it_says_what_installs_them(package, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, package, None)
+    assert main(["studio", "--no-browser"]) == 2
+    error = capsys.readouterr().err
+    assert f"{package} is not installed; pip install 'tracker_node[studio]'" in error and error.count("\n") == 1
+
+
 def test_a_port_that_is_taken_is_named(capsys):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))

@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import Any
 
-from .arguments.review import check_numbers, lag_of, names_of, one_each, output_folder, targets_of, truth_of
+from .arguments.review import check_numbers, lag_of, names_of, one_each, output_folder, targets_of
 
 SUMMARY = "report on one run or several, against truth and each other: report.json, report.html and report.pdf"
 EXAMPLE = (
@@ -74,12 +74,14 @@ def _review(args: argparse.Namespace, path: str, name: str, model_path: str | No
     from ..errors import TrackerError
     from ..evaluation.evaluate import EvaluationOptions
     from ..evaluation.review import review
+    from ..evaluation.truth_files import truth_of
     from ..loaders.model.model_yaml import load_model
     from ..runs.data import load_run
+    from ..runs.images import file_of, first_image_of
 
     tracked = load_run(path, args.topic)
-    first_image = _first_image(tracked.info) if args.first_image is None else args.first_image
-    model_path, rig_path = model_path or _named(tracked.info, "model"), rig_path or _named(tracked.info, "rig")
+    first_image = first_image_of(tracked.info) if args.first_image is None else args.first_image
+    model_path, rig_path = model_path or file_of(tracked.info, "model"), rig_path or file_of(tracked.info, "rig")
     if not model_path:
         raise TrackerError(f"{path} does not name its body model; give --model FILE")
     model = load_model(model_path)
@@ -99,21 +101,14 @@ def _look_at_images(args: argparse.Namespace, tracked: Any, model: Any, rig_path
     from ..evaluation.masks.reference import load_reference_masks
     from ..evaluation.masks.silhouettes import ImageReview, ReviewOptions, review_images
     from ..loaders.rig.rig_yaml import load_rig
-    from ..runs.images import rig_of_run
+    from ..runs.images import file_of, rig_of_run
 
     if not rig_path:
         return ImageReview(problems=["Without a rig there are no silhouettes and no pictures (--rig FILE)."])
     masks = load_reference_masks(args.masks) if args.masks else {}
     options = ReviewOptions(pictures=args.pictures, first_image=first_image)
-    rig = rig_of_run(load_rig(rig_path), tracked.info, other_file=rig_path != _named(tracked.info, "rig"))
+    rig = rig_of_run(load_rig(rig_path), tracked.info, other_file=rig_path != file_of(tracked.info, "rig"))
     return review_images(tracked, model, rig, masks, period_ns, options, _say)
-
-
-def _first_image(info: Any) -> int:
-    """The image that an offline run of the rig's sources began with."""
-    options = info.get("options")
-    start = options.get("start") if isinstance(options, dict) and not options.get("bag") else None
-    return start if isinstance(start, int) else 0
 
 
 def _contradicted(info: Any) -> list[str]:
@@ -134,14 +129,6 @@ def _untold(info: Any) -> list[str]:
     more = len(found) - len(shown)
     others = "one other degree of freedom" if more == 1 else f"{more} other degrees of freedom"
     return [*said, *([f"The images of some sets do not tell {others}."] if more else [])]
-
-
-def _named(info: Any, key: str) -> str | None:
-    """A file that run.json names, at its top or among its options."""
-    for place in (info, info.get("options"), info.get("files")):
-        if isinstance(place, dict) and isinstance(place.get(key), str):
-            return place[key]
-    return None
 
 
 def _say(text: str) -> None:

@@ -10,28 +10,17 @@ from typing import TYPE_CHECKING
 from .arguments.run_images import named_file, refuse_to_overwrite
 
 if TYPE_CHECKING:
-    from ..evaluation.motion.export_options import ExportOptions
-    from ..evaluation.motion.kinematics import StateKinematics
-    from ..runs.motion import RunMotion
+    from ..errors import FileFormatError
+    from ..evaluation.motion.run_export import Exported
 
 SUMMARY = "write a run as TRC, MOT, STO, C3D, BVH, TUM or CSV for other programs"
 EXAMPLE = (
     "tracker_node export out/run --to trc --output run.trc\n"
     "  tracker_node export out/run --to csv --filter auto --isb-angles --output run_tables"
 )
-FORMATS = ("trc", "mot", "sto", "c3d", "bvh", "tum", "csv")
-_Y_UP = ("trc", "mot", "sto", "bvh")  # formats whose readers expect y up
-_MILLIMETRES = ("c3d",)
-_USED_BY = {  # option -> formats that it says something about
-    "landmarks": ("trc", "c3d", "bvh", "csv"),
-    "marker_names": ("trc", "c3d", "csv"),
-    "coordinates": ("mot", "sto", "csv"),
-    "isb_angles": ("c3d", "csv"),
-    "link": ("tum",),
-    "length": ("trc", "c3d", "bvh", "csv"),
-    "angle": ("mot", "sto", "c3d", "csv"),
-}
-_LIMB_GAPS = ("trc", "c3d", "csv")  # formats that can leave out a single landmark
+FORMATS = ("trc", "mot", "sto", "c3d", "bvh", "tum", "csv")  # of `evaluation.motion.run_export`, which takes long to import
+_ANGLES = ("mot", "sto", "c3d", "csv", "bvh")  # formats that hold angles
+_OPTIONS = {"rate_hz": "--rate", "filter_hz": "--filter"}  # the others are named as the fields are
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -77,124 +66,63 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    from ..errors import FileFormatError
+    from ..evaluation.motion.run_export import WHERE, ExportRequest, export_run, format_of
     from ..loaders.model.model_yaml import load_model
     from ..runs.data import load_run
-    from ..runs.motion import motion_of_run
 
     output = Path(args.output)
-    args.to = _format_of(args.to, output)
-    options = _options(args)
-    if output.is_dir() and args.to == "csv":
-        if any(output.iterdir()) and not args.force:
-            raise _wrong("--output", "a folder that is empty or not there yet, or --force", args.output)
-    else:
-        refuse_to_overwrite(args, output)
-    tracked = load_run(args.run, args.topic)
-    model_path = named_file(args, tracked.info, "model")
-    model = load_model(model_path)
-    tracked.check_model(model, model_path)
-    motion, notes = _prepared(args, motion_of_run(tracked, model, args.lost))
-    kinematics = None
-    if args.cutoff is not None:
-        kinematics = _filtered(args.cutoff, motion)
-        motion = kinematics.motion
-        cutoffs = kinematics.cutoffs_hz
-        notes.append(f"states filtered at {cutoffs.min():.3g} to {cutoffs.max():.3g} Hz")
-    output.parent.mkdir(parents=True, exist_ok=True)
-    notes += _write(args.to, motion, output, options, kinematics)
-    _say(args, motion, options, notes)
+    try:
+        to = format_of(args.to, output)
+        request = ExportRequest(
+            landmarks=tuple(args.landmarks or ()),
+            marker_names=args.marker_names,
+            coordinates=args.coordinates,
+            isb_angles=args.isb_angles,
+            link=args.link,
+            lost=args.lost,
+            up=args.up,
+            length=args.length,
+            angle=args.angle,
+            rate_hz=args.rate,
+            filter_hz=args.cutoff,
+        )
+        request.options(to)
+        if output.is_dir() and to == "csv":
+            if any(output.iterdir()) and not args.force:
+                expected = "a folder that is empty or not there yet, or --force"
+                raise FileFormatError("command line", "--output", expected, args.output)
+        else:
+            refuse_to_overwrite(args, output)
+        tracked = load_run(args.run, args.topic)
+        model_path = named_file(args, tracked.info, "model")
+        model = load_model(model_path)
+        tracked.check_model(model, model_path)
+        _say(args.output, to, export_run(tracked, model, output, to, request))
+    except FileFormatError as error:
+        raise _on_the_command_line(error, args) if error.file == WHERE else error from None
     return 0
 
 
-def _format_of(to: str | None, output: Path) -> str:
-    """The format that is asked for by name, by the output's suffix, or by both alike.
+def _on_the_command_line(error: FileFormatError, args: argparse.Namespace) -> FileFormatError:
+    """The same error, with the option under the name that it has here."""
+    from ..errors import FileFormatError
 
-    Raises
-    ------
-    FileFormatError : they contradict each other, or neither says one.
-    """
-    named = output.suffix.lower().removeprefix(".")
-    if to is None and named not in FORMATS:
-        raise _wrong("--to", f"one of {', '.join(FORMATS)}, or an output with such a suffix", f"-o {output}")
-    if to is not None and named in FORMATS and to != named:
-        raise _wrong("--to", f"the format that the output's suffix names, {named}, or another output", f"--to {to} -o {output}")
-    return to or named
+    option = _OPTIONS.get(error.field, f"--{error.field.replace('_', '-')}")
+    got = error.got
+    if option == "--to":
+        got = f"--to {args.to} -o {args.output}" if args.to else f"-o {args.output}"
+    return FileFormatError("command line", option, error.expected, got)
 
 
-def _options(args: argparse.Namespace) -> ExportOptions:
-    from ..evaluation.motion.export_options import ExportOptions
-
-    y_up = (args.up or ("y" if args.to in _Y_UP or args.coordinates == "opensim" else "z")) == "y"
-    for name, formats in _USED_BY.items():
-        if getattr(args, name) and args.to not in formats:
-            raise _wrong(f"--{name.replace('_', '-')}", f"{' or '.join(formats)} where it is given", f"--to {args.to}")
-    if args.lost == "limbs" and args.to not in _LIMB_GAPS:
-        raise _wrong("--lost", f"{' or '.join(_LIMB_GAPS)} where it is 'limbs'", f"--to {args.to}")
-    if args.coordinates == "opensim" and not y_up:
-        raise _wrong("--up", "y, as OpenSim's coordinates have it", "z")
-    return ExportOptions(
-        y_up=y_up,
-        unit=args.length or ("mm" if args.to in _MILLIMETRES else "m"),
-        degrees=args.angle != "rad",
-        landmarks=tuple(args.landmarks or ()),
-        openpose_names=args.marker_names == "openpose",
-        link=args.link or "",
-        opensim=args.coordinates == "opensim",
-        isb_angles=args.isb_angles,
-    )
-
-
-def _prepared(args: argparse.Namespace, motion: RunMotion) -> tuple[RunMotion, list[str]]:
-    """At a constant rate where the format, the filter or the user wants one; and what was done for that."""
-    from ..evaluation.motion.export import AT_CONSTANT_RATE
-    from ..runs.motion import at_constant_rate
-
-    if args.rate is not None and not 0.0 < args.rate <= 1e6:
-        raise _wrong("--rate", "a rate above 0 Hz", args.rate)
-    if args.rate is None and args.cutoff is None and args.to not in AT_CONSTANT_RATE:
-        return motion, []
-    motion, done = at_constant_rate(motion, args.rate)
-    return motion, [done]
-
-
-def _filtered(cutoff: str, motion: RunMotion) -> StateKinematics:
-    from ..evaluation.motion.kinematics import SHORTEST, state_kinematics
-
-    try:
-        found = state_kinematics(motion, None if cutoff == "auto" else float(cutoff))
-    except ValueError as error:
-        raise _wrong("--filter", "'auto' or a cutoff in Hz", f"{cutoff} ({error})") from None
-    if not found.motion.valid.any():
-        raise _wrong("--filter", f"a run with at least {SHORTEST} sets without a gap", f"shorter stretches ({len(motion)} sets)")
-    return found
-
-
-def _write(
-    to: str, motion: RunMotion, output: Path, options: ExportOptions, kinematics: StateKinematics | None
-) -> list[str]:
-    from ..evaluation.motion.export import FORMATS as WRITERS
-    from ..evaluation.motion.export_csv import tables, write_tables
-
-    if to != "csv":
-        return WRITERS[to](motion, output, options)
-    found = tables(motion, options, kinematics)
-    write_tables(motion, output, found)
-    return ["tables: " + ", ".join(f"{table.name}.csv" for table in found)]
-
-
-def _say(args: argparse.Namespace, motion: RunMotion, options: ExportOptions, notes: list[str]) -> None:
+def _say(output: str, to: str, written: Exported) -> None:
+    motion, options, notes = written.motion, written.options, written.notes
     missing = int((~motion.valid).sum())
     up, gaps = "y" if options.y_up else "z", f"{missing} of them without a state" if missing else "none without a state"
-    units = [options.unit, *([options.angle_unit] if args.to in (*_USED_BY["angle"], "bvh") else [])]
-    print(f"wrote {args.output}: {len(motion)} instant{'s' * (len(motion) != 1)}, {gaps}; {up} up, {', '.join(units)}")
+    units = [options.unit, *([options.angle_unit] if to in _ANGLES else [])]
+    print(f"wrote {output}: {len(motion)} instant{'s' * (len(motion) != 1)}, {gaps}; {up} up, {', '.join(units)}")
     if motion.unknown_links is not None:
         limbs = motion.landmarks_valid()[motion.valid][:, options.columns(motion.model)]
         notes = [*notes, f"{int((~limbs).sum())} of {limbs.size} landmarks are gaps, since their limbs are lost or not seen"]
     for note in notes:
         print(f"  {note}", file=sys.stderr)
-
-
-def _wrong(option: str, expected: str, got: object):
-    from ..errors import FileFormatError
-
-    return FileFormatError("command line", option, expected, got)

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import without_password
+from ..loaders.source_address import sources_by_name
 from .arguments.run_images import refuse_to_overwrite
 from .arguments.sizes import size_option
-from .arguments.sources import add_sources_argument, sources_by_name
+from .arguments.sources import add_sources_argument
 
 SUMMARY = "turn calibrations of other programs (Pose2Sim, aniposelib, Caliscope, ROS, OpenCV, Qualisys, DLT) into a rig.yaml"
 EXAMPLE = (

@@ -92,7 +92,7 @@ def _guarded(argv: list[str]) -> int:
 
 def _overviewed(argv: list[str]) -> int:
     if argv and argv[0] == "--version":
-        from .. import __version__
+        from ..version import __version__
 
         print(f"tracker_node {__version__}")
         return 0

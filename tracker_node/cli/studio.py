@@ -37,9 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    import uvicorn
+    from ..errors import FileFormatError, extra_module
 
-    from ..errors import FileFormatError
+    uvicorn, *_ = (extra_module(package, "studio") for package in ("uvicorn", "starlette", "websockets"))
     from ..studio.server import all_pages, listening_socket, make_app
     from ..studio.session import StudioFiles, open_session
 

@@ -6,7 +6,6 @@ import argparse
 import math
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +16,6 @@ from .arguments.sizes import image_size
 from .nodes.camera_ingest import named_source
 
 if TYPE_CHECKING:
-    from ..camera.rig import CameraRig
     from ..loaders.images.source import SourceOptions
 
 SUMMARY = "track recorded images (videos, folders or a bag) without ROS; write a bag, CSV files and run.json"
@@ -80,6 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    from ..api.recording import with_sources
     from ..errors import TrackerError
     from ..loaders.model.model_yaml import load_model
     from ..loaders.model.state_yaml import load_state
@@ -93,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
         raise TrackerError("where the results go: give --output FOLDER")
     if args.from_run_bag is not None:
         _as_that_run(args)
-    rig, model = _with_sources(load_rig(args.rig), args.source), load_model(args.model)
+    rig, model = with_sources(load_rig(args.rig), dict(args.source)), load_model(args.model)
     told: list[str] = []
 
     def tell(sentence: str) -> None:
@@ -140,19 +139,6 @@ def _as_that_run(args: argparse.Namespace) -> None:
             setattr(args, name, options[name])
     args.resize = args.resize and (int(args.resize[0]), int(args.resize[1]))
     args.source = [(camera, source) for camera, source in args.source]
-
-
-def _with_sources(rig: CameraRig, sources: list[tuple[str, str]]) -> CameraRig:
-    """The rig with other sources for the cameras that are named.
-
-    Raises
-    ------
-    UnknownNameError : a camera that the rig does not have.
-    """
-    from ..camera.rig import CameraRig
-
-    named = {name: replace(rig[name], source=source) for name, source in sources}
-    return CameraRig(tuple(named.get(camera.name, camera) for camera in rig), rig.world_frame, rig.lights)
 
 
 def _source_options(args: argparse.Namespace) -> SourceOptions:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -14,7 +15,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from ..errors import FileFormatError, SourceError
 from .file_kind import RECORDING
 from .rig.rig_yaml import ImageSize
-from .source_address import filled, parse_source, relocated
+from .source_address import filled, parse_source, relocated, sources_by_name
 from .yaml_file import FileModel, PositiveNumber, is_number, problem, read_mapping, validate
 
 MOST_LAG_IMAGES = 1000
@@ -158,6 +159,12 @@ class RecordingFile(FileModel):
         if self.loop and self.evaluate is not None:
             raise problem("no loop where the run is evaluated when it is over", self.loop, "loop")
         return self
+
+    def sources_of(self, cameras: Iterable[str]) -> dict[str, str]:
+        """Camera -> source, of the cameras whose sources are named here; a pattern is filled for each of ``cameras``."""
+        if isinstance(self.sources, str):
+            return {name: str(source) for name, source in sources_by_name(self.sources, cameras).items()}
+        return dict(self.sources)
 
 
 def load_recording(path: str | Path) -> RecordingFile:

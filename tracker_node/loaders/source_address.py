@@ -15,7 +15,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -112,3 +112,29 @@ def filled(pattern: str, name: str, number: int) -> str:
     if not _PATTERN.fullmatch(pattern):
         raise SourceError(pattern, "expected a pattern with {name} or {number}, e.g. 'videos/cam{number:02}.mp4'")
     return pattern.format(name=name, number=number)
+
+
+def sources_by_name(pattern: str | None, names: Iterable[str]) -> dict[str, str | None]:
+    """The source of each camera by a pattern, numbered from 1; None for all without a pattern.
+
+    Parameters
+    ----------
+    pattern : such as ``videos/{name}.mp4`` or ``cam{number:02}``.
+    names : of the cameras, in the order of the rig.
+
+    Returns
+    -------
+    Camera name -> source.
+
+    Raises
+    ------
+    SourceError : a pattern with other fields than {name} and {number}, or of a kind of source that is not known.
+    """
+    sources: dict[str, str | None] = dict.fromkeys(names)
+    if pattern is None:
+        return sources
+    for number, name in enumerate(sources, start=1):
+        source = filled(pattern, name, number)
+        parse_source(source)
+        sources[name] = source
+    return sources

@@ -18,10 +18,10 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import __version__
 from ..errors import without_password
 from ..loaders.json_values import finite
 from ..loaders.whole_file import write_whole
+from ..version import __version__
 
 PACKAGES = {"numpy": "numpy", "numba": "numba", "scipy": "scipy", "opencv": "opencv-python-headless"}
 SIMD_LEVELS = ("avx512f", "avx2", "avx", "sse4_2", "sse2", "asimd", "neon")  # widest first

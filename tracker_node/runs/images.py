@@ -28,6 +28,31 @@ def options_of(info: Info) -> Mapping[str, Any]:
     return options if isinstance(options, dict) else {}
 
 
+def file_of(info: Info, key: str) -> str | None:
+    """Path of a file of a run, from the top of its ``run.json`` or from its options.
+
+    Parameters
+    ----------
+    info : content of ``run.json``.
+    key : ``rig`` or ``model``.
+
+    Returns
+    -------
+    None where the run does not name the file.
+    """
+    for place in (info, info.get("options"), info.get("files")):
+        if isinstance(place, dict) and isinstance(place.get(key), str):
+            return place[key]
+    return None
+
+
+def first_image_of(info: Info) -> int:
+    """Number of the image of the rig's sources that an offline run began with; 0 where its ``run.json`` does not tell."""
+    options = options_of(info)
+    start = options.get("start") if not options.get("bag") else None
+    return start if isinstance(start, int) else 0
+
+
 def source_options_of(info: Info, path: str | Path = "run") -> SourceOptions:
     """Which images of the sources a run took, with their rate, stamps and size.
 

@@ -23,13 +23,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from .. import __version__
 from ..camera.rig import CameraRig
 from ..errors import SourceError
 from ..loaders.motion.trajectory_file import JointsWriter, StateRow, StateTrajectory, write_states
 from ..loaders.motion.trc import MarkerTrajectories, dump_trc
 from ..loaders.rig.rig_yaml import rig_file_of, write_rig_file
 from ..model.configuration import State
+from ..version import __version__
 from .scenes.rasterizer import ColoredMesh
 from .scenes.scene import SceneConfig, Studio, make_rig
 

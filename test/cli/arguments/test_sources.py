@@ -4,8 +4,9 @@ import argparse
 
 import pytest
 
-from tracker_node.cli.arguments.sources import add_sources_argument, sources_by_name
+from tracker_node.cli.arguments.sources import add_sources_argument
 from tracker_node.errors import SourceError
+from tracker_node.loaders.source_address import sources_by_name
 
 
 def test_each_camera_by_its_name_or_its_number_from_one():

@@ -56,8 +56,8 @@ def _check_evaluation(args: argparse.Namespace, entry: EvaluateEntry) -> None:
     from ...errors import FileFormatError
     from ...evaluation.masks.reference import load_reference_masks
     from ...evaluation.report.summary import parse_target
+    from ...evaluation.truth_files import truth_of
     from ...loaders.model.model_yaml import load_model
-    from .review import truth_of
 
     for target in entry.targets:
         try:
@@ -94,11 +94,9 @@ def _values(recording: RecordingFile) -> dict[str, Any]:
 def _sources(recording: RecordingFile) -> list[tuple[str, str]]:
     """(camera, source) of the sources that a recording names."""
     from ...loaders.rig.rig_yaml import load_rig
-    from .sources import sources_by_name
 
-    if isinstance(recording.sources, str):
-        return [(name, str(source)) for name, source in sources_by_name(recording.sources, load_rig(recording.rig).names).items()]
-    return list(recording.sources.items())
+    cameras = load_rig(recording.rig).names if isinstance(recording.sources, str) else ()
+    return list(recording.sources_of(cameras).items())
 
 
 def evaluate_recording(recording: RecordingFile, args: argparse.Namespace, run: Path, output: Path) -> int:

@@ -7,35 +7,10 @@ import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from ...evaluation.report.summary import Target
-    from ...evaluation.review import Truth
-
-
-def truth_of(paths: Sequence[str], y_up: bool | None, model: Any) -> Truth:
-    """What a run is held against: joints, states, both or nothing.
-
-    Raises
-    ------
-    TrackerError : two files of one kind.
-    """
-    from ...errors import TrackerError
-    from ...evaluation.review import Truth
-    from ...evaluation.truth.joints import OWN_TIME, load_truth
-    from ...evaluation.truth.states import holds_states, load_true_states
-
-    states = [path for path in paths if holds_states(path)]
-    joints = [path for path in paths if path not in states]
-    for of, what in ((states, "states"), (joints, "joints")):
-        if len(of) > 1:
-            raise TrackerError(f"--truth: expected one file with {what}, got {', '.join(of)}")
-    return Truth(
-        load_truth(joints[0], y_up) if joints else None,
-        load_true_states(states[0], model, y_up) if states else None,
-        *(bool(of) and Path(of[0]).suffix.lower() in OWN_TIME for of in (joints, states)),
-    )
 
 
 def names_of(runs: Sequence[str], given: Sequence[str]) -> list[str]:

@@ -170,12 +170,11 @@ def _images(run: Any, rig: CameraRig, stamps_ns: list[int]) -> tuple[CameraRig, 
 
 def named_file(args: argparse.Namespace, info: Any, key: str) -> str:
     """A file that the command line names, or else the run."""
-    given = getattr(args, key)
-    if given:
-        return given
-    for place in (info, info.get("options"), info.get("files")):
-        if isinstance(place, dict) and isinstance(place.get(key), str):
-            return place[key]
+    from ...runs.images import file_of
+
+    found = getattr(args, key) or file_of(info, key)
+    if found:
+        return found
     raise FileFormatError("command line", f"--{key}", f"a {key} file, since the run does not name it", "nothing")
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 
+from ...loaders.source_address import sources_by_name
 from ..arguments.run_images import refuse_to_overwrite
 from ..arguments.sizes import size_option
-from ..arguments.sources import add_sources_argument, sources_by_name
+from ..arguments.sources import add_sources_argument
 
 SUMMARY = "make a rig from control points of known place, clicked on in one image of every camera (DLT)"
 EXAMPLE = (

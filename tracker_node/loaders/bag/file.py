@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from ... import __version__
+from ...version import __version__
 from .mcap.writer import McapWriter
 from .mcap.written_pages import WrittenPages
 from .metadata import TimeSpan, TopicRecord
