@@ -1,20 +1,28 @@
-"""The images of a finished run, taken again as the run took them: its ``run.json`` names bag, cameras, sources and sizes."""
+"""The images of a finished run with its states, taken again as the run took them: its ``run.json`` names bag, cameras, sources
+and sizes."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ..camera.rig import Camera, CameraRig
 from ..errors import FileFormatError
 from ..loaders.bag.images import image_topics
 from ..loaders.bag.reader import BagReader
+from ..loaders.images.background_file import load_plates, resized_plates
 from ..loaders.images.source import SourceOptions
 from ..loaders.rig.capture_yaml import changed_settings, split_change
+from ..model.articulated import ArticulatedModel
+from ..model.configuration import State
+from ..observation.image_set import ImageSet
 from ..tracking.config import TrackerConfig, flatten, from_dict
-from .data import INFO_FILE
+from ..tracking.estimate import Status
+from .data import INFO_FILE, RunData
 from .image_sets import resampled_rig, rig_of_bag
 from .recorded_sets import RecordedRunStream
 
@@ -149,3 +157,79 @@ def config_of_run(info: Info) -> TrackerConfig:
         return TrackerConfig()
     return from_dict({name: value for name, value in parameters.items() if name in known}, "run.json: parameters")
 
+
+@dataclass(frozen=True, eq=False)
+class RunImages:
+    """Chosen image sets of a run, with states and velocities (tangent a second), in the order of time.
+
+    ``begins_s`` is the stamp of the run's first set, ``first_image`` the number of its images in their sources.
+    """
+
+    rig: CameraRig
+    model: ArticulatedModel
+    config: TrackerConfig
+    plates: dict[str, np.ndarray]
+    sets: tuple[ImageSet, ...]
+    states: tuple[State, ...]
+    velocities: tuple[np.ndarray, ...]
+    begins_s: float
+    first_image: int
+
+    def subset(self, rows: np.ndarray) -> RunImages:
+        """Only some of the image sets."""
+        sets, states, velocities = (tuple(x[i] for i in rows) for x in (self.sets, self.states, self.velocities))
+        return replace(self, sets=sets, states=states, velocities=velocities)
+
+
+def images_of_run(run: RunData, given: CameraRig, model: ArticulatedModel, n_sets: int, config: TrackerConfig) -> RunImages:
+    """At most ``n_sets`` image sets spread over a run in which the body was tracked, see `chosen_rows`.
+
+    Parameters
+    ----------
+    given : cameras of the run, see `rig_of_run`.
+    model : of the run.
+
+    Raises
+    ------
+    TrackerError : a run without states or without a bag, or whose images are not there.
+    """
+    if run.bag is None:
+        raise FileFormatError(run.path, "(bag)", "the bag of the run, which lists the images of every state", "none")
+    chosen = chosen_rows(run, n_sets)
+    wanted, images = {int(run.stamps_ns[i]) for i in chosen}, {}
+    with BagReader(run.bag) as reader:
+        rig, stream = run_stream(given, reader, run.info)
+        for image_set in stream:
+            if image_set.stamp_ns in wanted:
+                images[image_set.stamp_ns] = image_set
+                if len(images) == len(wanted):
+                    break
+    found = [i for i in chosen if int(run.stamps_ns[i]) in images]
+    if not found:
+        raise FileFormatError(run.path, "(images)", "images of the tracked sets, in its bag or the rig's sources", "none")
+    return RunImages(
+        rig, model, config, resized_plates(load_plates(given), rig),
+        tuple(images[int(run.stamps_ns[i])] for i in found),
+        tuple(State.from_values(run.values[i]) for i in found),
+        tuple(velocity_at(run, i) for i in found),
+        1e-9 * float(run.stamps_ns[0]), int(options_of(run.info).get("start") or 0),
+    )  # fmt: skip
+
+
+def chosen_rows(run: RunData, n: int) -> list[int]:
+    """Rows of a run spread over its time, of each stretch the one whose residual is least; lost ones only if all are."""
+    good = np.flatnonzero(run.status == int(Status.TRACKING))
+    if len(good) < min(n, len(run)):
+        good = np.flatnonzero(run.believed)
+    if not len(good):
+        raise FileFormatError(run.path, "(states)", "image sets in which the body was tracked", run.status_text)
+    parts = np.array_split(good, min(n, len(good)))
+    return [int(part[np.argmin(run.residual_px[part])]) for part in parts]
+
+
+def velocity_at(run: RunData, row: int) -> np.ndarray:
+    """(n_dof,) tangent a second at a row of a run, from the rows around it in which the body was tracked."""
+    first, last = (beside if 0 <= beside < len(run) and run.believed[beside] else row for beside in (row - 1, row + 1))
+    seconds = 1e-9 * float(run.stamps_ns[last] - run.stamps_ns[first])
+    tangent = State.from_values(run.values[last]).difference(State.from_values(run.values[first]))
+    return tangent / seconds if seconds > 0.0 else np.zeros_like(tangent)

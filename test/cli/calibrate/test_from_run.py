@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from helpers.cameras.small_clip import RATE_HZ, make_clip
-from tracker_node.cli.arguments.run_images import chosen_rows, load_run_images, velocity_at
+from tracker_node.cli.arguments.run_images import load_run_images
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.bag.writer import BagWriter
@@ -18,6 +18,7 @@ from tracker_node.loaders.model.model_yaml import dump_model, load_model
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.shape_parameters import ShapeSpace
 from tracker_node.runs.data import load_run
+from tracker_node.runs.images import chosen_rows, velocity_at
 from tracker_node.runs.messages import image_message
 from tracker_node.studio.playback.run import open_run
 from tracker_node.studio.session import StudioFiles, open_session

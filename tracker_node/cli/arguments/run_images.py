@@ -1,61 +1,20 @@
-"""Image sets of an earlier run with the states that were tracked in them: what calibration from a run starts with."""
+"""Arguments of calibrations from the images of an earlier run, and of every verb that must not overwrite."""
 
 from __future__ import annotations
 
 import argparse
 import sys
 import time
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from ...errors import FileFormatError, TrackerError
 
 if TYPE_CHECKING:
     from ...calibration.tracked_body.lines import LineEvidence
-    from ...camera.rig import CameraRig
-    from ...model.articulated import ArticulatedModel
-    from ...model.configuration import State
-    from ...observation.image_set import ImageSet
-    from ...tracking.config import TrackerConfig
+    from ...runs.images import RunImages
 
 EVIDENCE = ("region", "silhouette")
-
-
-@dataclass(frozen=True, eq=False)
-class RunImages:
-    """Chosen image sets of a run, with states and velocities (tangent a second), in the order of time.
-
-    ``begins_s`` is the stamp of the run's first set, ``first_image`` the number of its images in their sources.
-    """
-
-    rig: CameraRig
-    model: ArticulatedModel
-    rig_path: str
-    model_path: str
-    config: TrackerConfig
-    plates: dict[str, np.ndarray]
-    sets: tuple[ImageSet, ...]
-    states: tuple[State, ...]
-    velocities: tuple[np.ndarray, ...]
-    begins_s: float
-    first_image: int
-
-    def subset(self, rows: np.ndarray) -> RunImages:
-        """Only some of the image sets."""
-        sets, states, velocities = (tuple(x[i] for i in rows) for x in (self.sets, self.states, self.velocities))
-        return replace(self, sets=sets, states=states, velocities=velocities)
-
-    def evidence(self, kind: str) -> LineEvidence:
-        """Of a kind of `EVIDENCE`."""
-        from ...calibration.tracked_body.lines import SilhouetteEvidence
-        from ...calibration.tracked_body.region_lines import RegionEvidence
-
-        if kind == "silhouette":
-            return SilhouetteEvidence(self.sets, self.config, self.plates)
-        return RegionEvidence(self.sets, self.config, self.plates)
 
 
 def add_run_arguments(parser: argparse.ArgumentParser, n_sets: int) -> None:
@@ -95,77 +54,30 @@ def load_run_images(args: argparse.Namespace) -> RunImages:
     ------
     TrackerError : a run without states, or that does not say its rig or model, or whose images are not there.
     """
-    from ...loaders.images.background_file import load_plates, resized_plates
     from ...loaders.model.model_yaml import load_model
     from ...loaders.rig.rig_yaml import load_rig
     from ...runs.config_file import load_config
     from ...runs.data import load_run
-    from ...runs.images import config_of_run, rig_of_run
+    from ...runs.images import config_of_run, images_of_run, rig_of_run
 
     if args.sets < 1:
         raise FileFormatError("command line", "--sets", "a number of at least 1", args.sets)
     run = load_run(args.from_run)
     rig_path, model_path = named_file(args, run.info, "rig"), named_file(args, run.info, "model")
-    model, given = load_model(model_path), rig_of_run(load_rig(rig_path), run.info, other_file=args.rig is not None)
+    model = load_model(model_path)
     run.check_model(model, model_path)
+    rig = rig_of_run(load_rig(rig_path), run.info, other_file=args.rig is not None)
     config = load_config(args.config) if args.config else config_of_run(run.info)
-    chosen = chosen_rows(run, args.sets)
-    rig, images = _images(run, given, [int(run.stamps_ns[i]) for i in chosen])
-    found = [i for i in chosen if int(run.stamps_ns[i]) in images]
-    if not found:
-        raise FileFormatError(args.from_run, "(images)", "images of the tracked sets, in its bag or the rig's sources", "none")
-    return RunImages(
-        rig, model, str(rig_path), str(model_path), config, resized_plates(load_plates(given), rig),
-        tuple(images[int(run.stamps_ns[i])] for i in found),
-        tuple(_state(run, i) for i in found),
-        tuple(velocity_at(run, i) for i in found),
-        1e-9 * float(run.stamps_ns[0]), int((run.info.get("options") or {}).get("start") or 0),
-    )  # fmt: skip
+    return images_of_run(run, rig, model, args.sets, config)
 
 
-def chosen_rows(run: Any, n: int) -> list[int]:
-    """Rows of a run spread over its time, of each stretch the one whose residual is least; lost ones only if all are."""
-    from ...tracking.estimate import Status
+def evidence_of(kind: str, images: RunImages) -> LineEvidence:
+    """Of a kind of `EVIDENCE`."""
+    from ...calibration.tracked_body.lines import SilhouetteEvidence
+    from ...calibration.tracked_body.region_lines import RegionEvidence
 
-    good = np.flatnonzero(run.status == int(Status.TRACKING))
-    if len(good) < min(n, len(run)):
-        good = np.flatnonzero(run.believed)
-    if not len(good):
-        raise FileFormatError(run.path, "(states)", "image sets in which the body was tracked", run.status_text)
-    parts = np.array_split(good, min(n, len(good)))
-    return [int(part[np.argmin(run.residual_px[part])]) for part in parts]
-
-
-def velocity_at(run: Any, row: int) -> np.ndarray:
-    """(n_dof,) tangent a second at a row of a run, from the rows around it in which the body was tracked."""
-    first, last = (beside if 0 <= beside < len(run) and run.believed[beside] else row for beside in (row - 1, row + 1))
-    seconds = 1e-9 * float(run.stamps_ns[last] - run.stamps_ns[first])
-    tangent = _state(run, last).difference(_state(run, first))
-    return tangent / seconds if seconds > 0.0 else np.zeros_like(tangent)
-
-
-def _state(run: Any, row: int) -> State:
-    from ...model.configuration import State
-
-    return State.from_values(run.values[row])
-
-
-def _images(run: Any, rig: CameraRig, stamps_ns: list[int]) -> tuple[CameraRig, dict[int, ImageSet]]:
-    """The rig for the images of a run, and its image sets by stamp."""
-    from ...loaders.bag.reader import BagReader
-    from ...runs.images import run_stream
-
-    if run.bag is None:
-        raise FileFormatError(run.path, "(bag)", "the bag of the run, which lists the images of every state", "none")
-    wanted, images = set(stamps_ns), {}
-    with BagReader(run.bag) as reader:
-        rig, stream = run_stream(rig, reader, run.info)
-        for image_set in stream:
-            if image_set.stamp_ns in wanted:
-                images[image_set.stamp_ns] = image_set
-                if len(images) == len(wanted):
-                    break
-    return rig, images
+    make = SilhouetteEvidence if kind == "silhouette" else RegionEvidence
+    return make(images.sets, images.config, images.plates)
 
 
 def named_file(args: argparse.Namespace, info: Any, key: str) -> str:

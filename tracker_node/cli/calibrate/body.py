@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from ...errors import FileFormatError, TrackerError
-from ..arguments.run_images import FitProgress, add_run_arguments, load_run_images, refuse_to_overwrite
+from ..arguments.run_images import FitProgress, add_run_arguments, evidence_of, load_run_images, refuse_to_overwrite
 
 GROUPS = ("size", "length", "breadth", "girth", "section", "taper", "shift")
 
@@ -105,7 +105,7 @@ def _fit_to_images(args: argparse.Namespace) -> int:
     run = load_run_images(args)
     options = BodyFitOptions(symmetric=not args.asymmetric, groups=tuple(args.only), config=run.config)
     progress = None if args.quiet else FitProgress("calibrate body")
-    evidence = run.evidence(args.evidence)
+    evidence = evidence_of(args.evidence, run)
     fit = fit_body(
         run.model, run.rig, run.sets, run.states, options, progress, evidence=evidence, velocities=run.velocities
     )

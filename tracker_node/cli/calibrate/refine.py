@@ -7,7 +7,14 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-from ..arguments.run_images import FitProgress, add_run_arguments, load_run_images, refuse_to_overwrite
+from ..arguments.run_images import (
+    FitProgress,
+    add_run_arguments,
+    evidence_of,
+    load_run_images,
+    named_file,
+    refuse_to_overwrite,
+)
 from .body import check
 
 SUMMARY = "refine the places of the cameras from 2D joints that OpenPose found, or places and clocks from the images of a run"
@@ -67,6 +74,7 @@ def _from_run(args: argparse.Namespace) -> int:
     from ...calibration.tracked_body.rig_fit import RigFitOptions, fit_rig
     from ...loaders.rig.rig_yaml import read_rig_file, write_rig_file
     from ...report.metrics_file import write_metrics
+    from ...runs.data import run_info
 
     check(not args.points2d, "--from-run", "no --points2d beside it", args.points2d)
     check(0.0 < args.center_sigma_mm < 1e4, "--center-sigma-mm", "a positive number of millimetres", args.center_sigma_mm)
@@ -84,11 +92,12 @@ def _from_run(args: argparse.Namespace) -> int:
         body=BodyFitOptions(groups=(), config=images.config),
     )  # fmt: skip
     progress = None if args.quiet else FitProgress("calibrate refine")
-    evidence = images.evidence(args.evidence)
+    evidence = evidence_of(args.evidence, images)
     fit = fit_rig(images.model, images.rig, images.sets, images.states, images.velocities, options, progress, evidence=evidence)
     clocks = _drift(args, images, fit, options, progress) if args.drift else {}
-    rig_file = with_drift(changed(read_rig_file(images.rig_path), images.rig, fit), fit, clocks, images.begins_s)
-    write_rig_file(rig_file, args.output, base_dir=Path(images.rig_path).parent)
+    rig_path = named_file(args, run_info(args.from_run), "rig")
+    rig_file = with_drift(changed(read_rig_file(rig_path), images.rig, fit), fit, clocks, images.begins_s)
+    write_rig_file(rig_file, args.output, base_dir=Path(rig_path).parent)
     write_rig_report(page, images.model, images.rig, images.sets, fit)
     write_metrics(report, rig_figures(fit) | drift_figures(clocks))
     print_cameras(fit)
@@ -109,7 +118,7 @@ def _drift(args: argparse.Namespace, images, fit, options, progress):
 
     def fit_stretch(rows):
         part = images.subset(rows)
-        evidence = part.evidence(args.evidence)
+        evidence = evidence_of(args.evidence, part)
         return fit_rig(part.model, fit.rig, part.sets, part.states, part.velocities, options, progress, evidence=evidence)
 
     return fit_drift(stamps_s, stretches(stamps_s), fit_stretch)
