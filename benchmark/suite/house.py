@@ -3,10 +3,11 @@
 
 ``house.modules`` and ``house.lines``: ``.py`` in `tracker_node`, lines of all of them, ``__init__`` not counted as modules.
 ``house.largest_folder``: most ``.py`` files directly in one folder of `tracker_node`, `test` or `benchmark`.
-``house.documented_public``: fraction of the public functions and methods of two or more arguments whose docstring has Parameters and,
-where something is returned, Returns. ``docs.pages``, ``docs.words``: ``docs/*.md`` and the README without generated pages.
-``api.script_lines``: lines of the script in the README, blank ones left out. ``start.import_s``: median of fresh processes from their
-start to their end; ``start.import_in_numpy`` is that over the median of ``import numpy``. ``--quick`` starts fewer processes.
+``house.documented_public``: fraction of the public functions and methods of two or more arguments whose docstring has
+Parameters and, where something is returned, Returns. ``docs.pages``, ``docs.words``: ``docs/*.md`` and the README without
+generated pages. ``api.script_lines``: lines of the script in the README, blank ones left out. ``start.import_s``: median of
+fresh processes from their start to their end; ``start.import_in_numpy`` is that over the median of ``import numpy``. ``--quick``
+starts fewer processes.
 """
 
 from __future__ import annotations
@@ -72,7 +73,7 @@ def largest_folder(root: Path) -> tuple[Path, int]:
 
 
 def public_functions(file: Path) -> Iterator[Function]:
-    """Functions, and methods of public classes, of two or more arguments beside ``self`` and ``cls``; without a leading underscore."""
+    """Functions, and methods of public classes, without a leading underscore, of two or more arguments beside ``self``."""
     yield from _public(ast.parse(file.read_text()).body, in_class=False)
 
 
