@@ -32,7 +32,7 @@ from tracker_node.observation.synchronizer import ImageSynchronizer
 from tracker_node.render.draw.overlay import draw_overlay
 from tracker_node.render.raycast.raycaster import render_mask, render_view
 from tracker_node.report.metrics_file import report_metrics
-from tracker_node.tracking.config import EvidenceConfig
+from tracker_node.tracking.config import BackgroundConfig, ChamferConfig
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the repository
 
@@ -94,8 +94,8 @@ def make_cases(scene: Scene) -> dict[str, Callable[[], object]]:
     u0, v0, u1, v1 = region
     part = slice(v0, v1), slice(u0, u1)
     portrait = make_camera(1080, 1920, 2000.0)
-    evidence = EvidenceConfig()
-    observer = Observer("camera", camera.model.width, camera.model.height, evidence, scene.plate)
+    background, chamfer = BackgroundConfig(), ChamferConfig()
+    observer = Observer("camera", (camera.model.width, camera.model.height), chamfer, background, scene.plate)
     labels = np.minimum(scene.mask[part], 1)
     observer.begin(image, region, labels, 12)
     observation = observer.observe(image, region, labels)
@@ -113,7 +113,7 @@ def make_cases(scene: Scene) -> dict[str, Callable[[], object]]:
         "appearance_log_odds": lambda: body_log_odds(image, region, model, colors),
         "appearance_update_scene": lambda: model.update(image, near, 0.05, region),
         "appearance_learn_colors": lambda: colors.learn(image[part], scene.mask[part] // 255, near == 0, 0.05),
-        "edge_distance": lambda: edge_distance(gray, silhouette, evidence.canny_low, evidence.canny_high, evidence.truncation_px),
+        "edge_distance": lambda: edge_distance(gray, silhouette, chamfer.canny_low, chamfer.canny_high, chamfer.truncation_px),
         "distance_to_16px": lambda: distance_to(edges, 16.0),
         "distance_to_40px": lambda: distance_to(edges, 40.0),
         "distance_to_cv2_exact": lambda: cv2.distanceTransform(255 - edges, cv2.DIST_L2, cv2.DIST_MASK_PRECISE),

@@ -126,7 +126,7 @@ def recording(clip: str, motions: str | None, cache: Path, n_images: int | None 
 def track(folder: Path, name: str, color: dict, max_sets: int | None = None, pictures: Path | None = None) -> Run:
     """Track a recording from its first pose, and hold the states against its truth."""
     rig, model = load_rig(folder / "rig.yaml"), load_model(folder / "person.yaml")
-    config = from_dict({"engine": "color", "color": {**COLOR, **color}})
+    config = from_dict({"modalities": ["color"], "color": {**COLOR, **color}})
     tracker = Tracker(rig, model, config, None, load_state(folder / "state.yaml", model))
     stream = SourceStream(rig, config.synchronizer, SourceOptions())
     truth = load_truth(folder / "truth.csv")

@@ -35,7 +35,7 @@ def fitted_body(clip: Clip, config: TrackerConfig, file: Path | None = None, ref
     run = track(clip, config, sets)
     chosen = np.unique(np.linspace(0, len(sets) - 1, N_SETS).round().astype(int))
     used, states = [sets[i] for i in chosen], [run.estimates[i].state for i in chosen]
-    plain = config.evidence.kind == "chamfer"
+    plain = config.modalities == ("chamfer",)
     evidence = SilhouetteEvidence(used, config) if plain else RegionEvidence(used, config)
     fit = fit_body(clip.model, clip.rig, used, states, BodyFitOptions(config=config), evidence=evidence)
     dump_model(fit.model, clip.folder / FITTED_FILE, comment="Fitted to images of this recording.")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import gc
+import json
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -12,7 +13,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import yaml
 
 from benchmark._reference import reference_ms
 from tracker_node.camera.rig import CameraRig
@@ -31,7 +31,7 @@ from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.report.metrics_file import cpu
 from tracker_node.runs.data import RunData
 from tracker_node.synthesis.scenes.scene import SceneConfig
-from tracker_node.tracking.config import TrackerConfig, from_dict
+from tracker_node.tracking.config import TrackerConfig, from_dict, updated
 from tracker_node.tracking.estimate import TrackEstimate
 from tracker_node.tracking.tracker import Tracker
 
@@ -179,12 +179,20 @@ def add_common_arguments(parser: argparse.ArgumentParser, names: Sequence[str] =
 def configured(changes: Sequence[str], **values) -> TrackerConfig:
     """Default configuration with ``values`` (dots as two underscores), then with ``changes`` of the command line."""
     settings = {key.replace("__", "."): value for key, value in values.items()}
-    for change in changes:
-        key, equals, text = change.partition("=")
-        if not equals:
-            raise FileFormatError("command line", "--set", "KEY=VALUE", change)
-        settings[key] = yaml.safe_load(text)
-    return from_dict(settings, "command line")
+    return updated(from_dict(settings, "command line"), dict(map(setting, changes)), "command line")
+
+
+def setting(change: str) -> tuple[str, object]:
+    """Name and value of a ``KEY=VALUE`` of the command line; modalities are separated by commas."""
+    key, equals, text = change.partition("=")
+    if not equals:
+        raise FileFormatError("command line", "--set", "KEY=VALUE", change)
+    if key == "modalities":
+        return key, text.split(",")
+    try:
+        return key, json.loads(text)  # a number, true or false
+    except ValueError:
+        return key, text
 
 
 def print_circumstances() -> None:

@@ -128,8 +128,8 @@ def _sliding_figures(folder: Path, config: TrackerConfig) -> dict[str, float | i
     """
     figures: dict[str, float | int] = {}
     for sliding, name in ((True, "with"), (False, "without")):
-        evidence = replace(config.evidence, kind="chamfer")
-        result = track(folder, f"sliding {name}", until_converged(replace(config, evidence=evidence), sliding))
+        config = replace(config, modalities=("chamfer",))
+        result = track(folder, f"sliding {name}", until_converged(config, sliding))
         figures[f"sliding.iterations_{name}"] = float(result.iterations.mean())
         figures[f"sliding.error_{name}_mm"] = result.raw.mean_mm
     return dict(sorted(figures.items()))

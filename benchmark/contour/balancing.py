@@ -33,6 +33,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmark._reference import reference_ms
 from benchmark.contour._balancing_clip import Clip, Run, judge, load_clip, silhouettes, track
+from benchmark.contour._runs import setting
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.evaluate import ErrorSeries, Evaluation
 from tracker_node.evaluation.metrics import LOST_JOINT_M
@@ -43,7 +44,7 @@ from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.render.draw.overlay import draw_overlay
 from tracker_node.report.metrics_file import print_metrics, write_metrics
 from tracker_node.runs.config_file import load_config
-from tracker_node.tracking.config import TrackerConfig, flatten, from_dict
+from tracker_node.tracking.config import TrackerConfig, updated
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.tracker import Tracker
 
@@ -81,24 +82,7 @@ def main() -> int:
 
 def configured(path: Path, changes: Sequence[str]) -> TrackerConfig:
     """The configuration of a file, with ``group.name=value`` on top."""
-    values = flatten(load_config(path))
-    for change in changes:
-        key, equals, text = change.partition("=")
-        if not equals:
-            raise TrackerError(f"--set: expected KEY=VALUE, got {change!r}")
-        values[key] = _scalar(text)
-    return from_dict(values, "--set")
-
-
-def _scalar(text: str) -> bool | int | float | str:
-    if text in ("true", "false"):
-        return text == "true"
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
+    return updated(load_config(path), dict(map(setting, changes)), "--set")
 
 
 def _clip_of(args: argparse.Namespace) -> Clip:
@@ -301,14 +285,14 @@ def _show_details(result: Evaluation) -> None:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         description=__doc__,
-        epilog="example:\n  python benchmark/contour/balancing.py --only balancing --set evidence.kind=region --details",
+        epilog="example:\n  python benchmark/contour/balancing.py --only balancing --set modalities=region --details",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add("--quick", action="store_true", help="20 image sets, 5 starts")
     add("--only", nargs="+", choices=PARTS, metavar="PART", help=f"only these of {' '.join(PARTS)}")
     add("--sets", type=int, metavar="N", help="only the first N image sets")
-    add("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="parameters, e.g. optimizer.max_iterations=8")
+    add("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="parameters, e.g. chamfer.max_iterations=8")
     add("--config", type=Path, default=CONFIG, metavar="FILE", help="parameters of the tracker (default: %(default)s)")
     add("--plates", action="store_true", help="use the pictures of the empty scene")
     add("--rig", type=Path, metavar="FILE", help="another rig than the sample's refined one")

@@ -46,7 +46,7 @@ LIGHTS = (Light("ambient", (0.5, 0.5, 0.5)), Light("directional", (0.45, 0.45, 0
 SETS = {"quick": 20, "full": 150}
 START_OFF_M, START_OFF_RAD = 0.005, np.radians(2.0)
 LOST_M, LOST_RAD = 0.100, np.radians(30.0)
-CONFIGURATION = {"evidence__kind": "region", "region__scales": "3 1", "region__learn_room": False}
+CONFIGURATION = {"region__scales": "3 1", "region__learn_background": False}
 CAMERAS = {"box_3cams": (0, 1, 2), "box_1cam": (0,)}
 
 

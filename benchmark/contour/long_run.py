@@ -74,7 +74,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/contour/long_run.py --set evidence.kind=region --json out/benchmark/long_run.json",
+        epilog="example:\n  python benchmark/contour/long_run.py --set modalities=region --json out/benchmark/long_run.json",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_common_arguments(parser, [LONG_RUN])

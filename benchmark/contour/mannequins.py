@@ -75,7 +75,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/contour/mannequins.py --only walk --set evidence.kind=region",
+        epilog="example:\n  python benchmark/contour/mannequins.py --only walk --set modalities=region",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_common_arguments(parser, CLIPS)

@@ -96,7 +96,7 @@ def measure(clip: Clip, name: str, args: argparse.Namespace) -> dict[str, float 
 
 def run(clip: Clip, sets: Iterable[ImageSet], args: argparse.Namespace) -> list[tuple]:
     """Faults after each set."""
-    values: dict[str, object] = {"evidence.kind": "region"}
+    values: dict[str, object] = {}
     for change in args.set:
         key, _, text = change.partition("=")
         values[key] = type_of(text)

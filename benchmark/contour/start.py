@@ -81,7 +81,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/contour/start.py --only balancing --set evidence.kind=region",
+        epilog="example:\n  python benchmark/contour/start.py --only balancing --set modalities=region",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_common_arguments(parser, CLIPS)
@@ -123,7 +123,7 @@ class Trial:
 def start_figures(name: str, config: TrackerConfig, args: argparse.Namespace) -> dict[str, float | int]:
     """Trials of the recording ``name``."""
     n, recording = args.trials or TRIALS["quick" if args.quick else "full"], prepare_stage(name, config, args).recording
-    last = len(recording.sets) - 2 * SETS_AFTER - (0 if recording.plates else config.start.watch)
+    last = len(recording.sets) - 2 * SETS_AFTER - (0 if recording.plates else config.initialization.watch_sets)
     firsts = sorted(int(i) for i in np.random.default_rng(args.seed).choice(last, n, replace=n > last))
     trials = []
     for first, trial in zip(firsts, run_trials(name, firsts, config, args), strict=True):

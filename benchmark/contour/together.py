@@ -25,7 +25,7 @@ from tracker_node.loaders.images.background_file import load_plates
 from tracker_node.report.metrics_file import print_metrics, write_metrics
 from tracker_node.tracking.config import from_dict
 
-ENGINES = {"contour": "contour", "color": "color", "together": "color_and_contour"}
+ENGINES = {"contour": (False, True), "color": (True, False), "together": (True, True)}  # by colors, by contours
 
 
 def main() -> int:
@@ -52,8 +52,9 @@ def main() -> int:
 def measure(clip: Clip, name: str, args: argparse.Namespace) -> dict[str, float | int]:
     figures: dict[str, float | int] = {}
     sigmas: dict[str, np.ndarray] = {}
-    for key, engine in ENGINES.items():
-        config = from_dict({"engine": engine, "evidence": {"kind": args.evidence}, "color": {"learn_colors": True}})
+    for key, (colors, contours) in ENGINES.items():
+        modalities = [*(["color"] if colors else []), *([args.contours] if contours else [])]
+        config = from_dict({"modalities": modalities, **({"color": {"learn_colors": True}} if colors else {})})
         run = track(clip, config, clip.sets(limit=args.sets), plates=load_plates(clip.rig) if args.plates else None)
         result = judged(clip, run, name)
         figures[f"together_{name}.{key}_error_mm"] = result.offset_free.mean_mm
@@ -71,7 +72,7 @@ def _arguments() -> argparse.Namespace:
     add("--quick", action="store_true", help="the walk alone")
     add("--only", nargs="+", metavar="CLIP", help="only these clips, e.g. walk dance_a")
     add("--sets", type=int, metavar="N", help="only the first N image sets")
-    add("--evidence", choices=("chamfer", "region"), default="region", help="of the contours (default: %(default)s)")
+    add("--contours", choices=("chamfer", "region"), default="region", help="their modality (default: %(default)s)")
     add("--plates", action="store_true", help="use the pictures of the empty scene")
     add("--cache", type=Path, default=DEFAULT_CACHE, metavar="FOLDER", help="recordings (default: %(default)s)")
     add("--motions", default=default_motions(), metavar="FOLDER", help="captured clips (default: %(default)s)")

@@ -62,7 +62,7 @@ def main(arguments: list[str] | None = None) -> int:
     except TrackerError as error:
         print(f"live: error: {error}", file=sys.stderr)
         return 2
-    print(f"evidence: {config.evidence.kind}, threads: {config.threads}")
+    print(f"modalities: {', '.join(config.modalities)}, threads: {config.threads}")
     print_circumstances()
     report_metrics(figures, args.json)
     return 0

@@ -59,13 +59,13 @@ def main(arguments: list[str] | None = None) -> int:
 def changes(cameras: tuple[str, ...]) -> list[dict[str, object]]:
     """What is set, one after the other; the last ones bring back what was."""
     return [
-        {"optimizer.robust_scale_px": 5.0},
+        {"status.limb_degraded": 0.3},
         {"cameras": list(cameras[:-1])},
         {"region.scales": "6 3"},
         {"cameras": list(cameras)},
-        {"evidence.kind": "chamfer"},
-        {"status.limb_lost": 0.4, "region.scales": TrackerConfig().region.scales},
-        {"evidence.kind": "region", "optimizer.robust_scale_px": TrackerConfig().optimizer.robust_scale_px},
+        {"modalities": ["chamfer"]},
+        {"chamfer.robust_scale_px": 5.0},
+        {"modalities": ["region"], "status.limb_lost": 0.4},
     ]
 
 

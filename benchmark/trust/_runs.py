@@ -64,10 +64,10 @@ class Run:
         return (sets >= self.begins) & (sets < self.ends)
 
 
-def config_of(kind: str) -> TrackerConfig:
-    """As the tracker is by default, but for the kind of evidence; one thread, since clips run side by side."""
+def config_of(modalities: Sequence[str]) -> TrackerConfig:
+    """As the tracker is by default, but for its modalities; one thread, since clips run side by side."""
     config = TrackerConfig(threads=1)
-    return replace(config, evidence=replace(config.evidence, kind=kind), start=replace(config.start, enabled=False))
+    return replace(config, modalities=tuple(modalities), initialization=replace(config.initialization, enabled=False))
 
 
 def track(recorded: Recorded, rig: CameraRig, config: TrackerConfig) -> Run:

@@ -46,7 +46,7 @@ def main() -> int:
     args = _arguments()
     size = "quick" if args.quick else "full"
     try:
-        config = config_of(args.evidence)
+        config = config_of(args.modalities)
         if args.fit:
             return fit(config, size, args)
         rig, clips = record("judge", size, args.cache)
@@ -71,7 +71,7 @@ def _arguments() -> argparse.Namespace:
     )
     parser.add_argument("--quick", action="store_true", help="fewer clips: too few for the definitions")
     parser.add_argument("--json", metavar="FILE", help="write the figures there")
-    parser.add_argument("--evidence", default="region", choices=("chamfer", "region", "both"), help="default: %(default)s")
+    parser.add_argument("--modalities", nargs="+", default=["region"], choices=("chamfer", "region"), help="default: region")
     add = parser.add_argument
     add("--fit", action="store_true", help="print what limb_status.py and the configuration hold, from the other clips")
     add("--cache", type=Path, default=Path("out/synthetic/trust"), help="where clips are kept, 3 GB (default: %(default)s)")

@@ -31,7 +31,7 @@ N, N_WITHOUT = 10, 2
 CONFIG = """/**:
   ros__parameters:
     threads: 2
-    start: {watch: 3, hypotheses: 6, keep: 1, repair: 0, hold: 1, size_px: 56}
+    initialization: {watch_sets: 3, hypotheses: 6, candidates: 1, repaired_candidates: 0, tracked_candidates: 1, size_px: 56}
 """
 NO_STATE = [True] * N_WITHOUT + [False] * (N - N_WITHOUT)
 

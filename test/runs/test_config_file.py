@@ -11,13 +11,13 @@ def load(tmp_path, text):
 
 
 def test_plain_dotted_and_ros_files_say_the_same(tmp_path):
-    plain = load(tmp_path, "threads: 1\nevidence: {canny_high: 120}\n")
-    assert (plain.threads, plain.evidence.canny_high) == (1, 120.0)
-    assert plain.optimizer == TrackerConfig().optimizer
-    assert load(tmp_path, "threads: 1\nevidence.canny_high: 120\n") == plain
+    plain = load(tmp_path, "threads: 1\nmodalities: [chamfer]\nchamfer: {canny_high: 120}\n")
+    assert (plain.threads, plain.chamfer.canny_high) == (1, 120.0)
+    assert plain.region == TrackerConfig().region
+    assert load(tmp_path, "threads: 1\nmodalities: [chamfer]\nchamfer.canny_high: 120\n") == plain
     ros = """
 /**:
-  ros__parameters: {threads: 4, use_sim_time: true, evidence: {canny_high: 120.0}}
+  ros__parameters: {threads: 4, use_sim_time: true, modalities: [chamfer], chamfer: {canny_high: 120.0}}
 camera_ingest:
   ros__parameters: {rate_hz: 30}
 tracker:
@@ -36,11 +36,14 @@ def test_everything_comes_back(tmp_path):
     ("thread: 1", "thread"),
     ("threads: 0", "threads"),
     ("threads: many", "threads"),
-    ("evidence: 3", "evidence"),
-    ("evidence: {canny_high: -1}", "evidence.canny_high"),
-    ("evidence: {canny_high: .nan}", "evidence.canny_high"),
-    ("evidence: {canny: 1}", "evidence.canny"),
-    ("evidence: 3\nevidence.canny_high: 5", "evidence"),
+    ("chamfer: 3", "chamfer"),
+    ("chamfer: {canny_high: -1}", "chamfer.canny_high"),
+    ("chamfer: {canny_high: .nan}", "chamfer.canny_high"),
+    ("chamfer: {canny: 1}", "chamfer.canny"),
+    ("chamfer: 3\nchamfer.canny_high: 5", "chamfer"),
+    ("chamfer: {canny_high: 5}", "chamfer.canny_high"),
+    ("evidence: {canny_high: 5}", "evidence.canny_high"),
+    ("engine: color", "engine"),
     ("/**: {ros__parameters: {threads: 0}}", "threads"),
     ("/**: {ros__parameters: 3}", "/**.ros__parameters"),
     ("/**: {ros__parameters: {}}\nthreads: 3", "threads"),

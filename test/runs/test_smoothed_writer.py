@@ -82,7 +82,7 @@ def test_what_cannot_be_smoothed_is_said(clip, tmp_path, capsys):
     assert tracked(clip, tmp_path / "run", "--smooth", "0") == 2
     assert "--smooth" in capsys.readouterr().err
     config = tmp_path / "color.yaml"
-    config.write_text("/**:\n  ros__parameters:\n    engine: color\n")
+    config.write_text("/**:\n  ros__parameters:\n    modalities: [color]\n")
     assert tracked(clip, tmp_path / "run", "--smooth", "--config", str(config)) == 2
-    assert "'contour'" in capsys.readouterr().err
+    assert "takes contours" in capsys.readouterr().err
     assert not (tmp_path / "run").exists()

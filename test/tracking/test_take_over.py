@@ -27,7 +27,7 @@ def old(clip: Recording) -> Tracker:
     return tracker
 
 
-@pytest.mark.parametrize("changes", [{"optimizer.robust_scale_px": 5.0}, {"evidence.kind": "chamfer"}, {"cameras": 2}], ids=str)
+@pytest.mark.parametrize("changes", [{"region.robust_sigmas": 2.0}, {"modalities": ["chamfer"]}, {"cameras": 2}], ids=str)
 def test_the_body_is_followed_without_a_break(clip, old, changes):
     """In the first image set already, by a fit as of any other image set: nothing is looked for."""
     changes = dict(changes)

@@ -54,12 +54,12 @@ def test_a_body_off_its_predicted_place_is_caught(clip):
     assert errors[-1] < 12.0
 
 
-WAYS = ({"evidence.silhouette": "plate"}, {"evidence.distances": "sum"}, {"optimizer.sliding": False})
+WAYS = ({"chamfer.silhouette": "background"}, {"chamfer.distances": "sum"}, {"chamfer.sliding": False})
 
 
 @pytest.mark.parametrize("options", WAYS)
 def test_other_ways_of_tracking_follow_too(clip, options):
-    errors = clip.errors_mm(track(clip, config=from_dict(options)))
+    errors = clip.errors_mm(track(clip, config=from_dict({"modalities": ["chamfer"]} | options)))
     assert errors.mean() < 20.0
 
 
@@ -98,7 +98,7 @@ def test_gray_images_are_tracked(clip):
     sets = [replace(s, images=tuple(gray(i) for i in s.images)) for s in clip.sets[:6]]
     plates = {name: plate.mean(axis=2).astype(np.uint8) for name, plate in clip.plates.items()}
     plates = {name: np.repeat(plate[:, :, None], 3, axis=2) for name, plate in plates.items()}
-    tracker = Tracker(clip.rig, clip.model, from_dict({"evidence.kind": "chamfer"}), plates, clip.states[0])
+    tracker = Tracker(clip.rig, clip.model, from_dict({"modalities": ["chamfer"]}), plates, clip.states[0])
     found = [tracker.step(s) for s in sets]
     assert np.median(clip.errors_mm(found)) < 60.0  # clothes and walls of equal brightness look the same
     assert Status.LOST not in {e.status for e in found}
@@ -113,7 +113,7 @@ def test_reset_starts_all_over(clip, tracked):
 
 
 def test_without_a_state_and_a_search_it_waits_and_learns_nothing(clip, tracked):
-    tracker = Tracker(clip.rig, clip.model, from_dict({"start.enabled": False}), clip.plates)
+    tracker = Tracker(clip.rig, clip.model, from_dict({"initialization.enabled": False}), clip.plates)
     for image_set in clip.sets[:3]:
         estimate = tracker.step(image_set)
         assert estimate.status is Status.INITIALISING
@@ -167,7 +167,7 @@ def test_a_covered_camera_is_named_and_the_others_go_on(clip):
 def test_when_all_cameras_are_covered_it_is_lost_and_stays_near(clip):
     sets = [*clip.sets[:4], *(changed(s, clip.rig.names, np.zeros_like) for s in clip.sets[4:])]
     sets += [replace(sets[-1], stamp_ns=sets[-1].stamp_ns + (i + 1) * 33_333_333) for i in range(12)]
-    found = track(clip, sets, config=from_dict({"start.enabled": False}))  # which would look everywhere
+    found = track(clip, sets, config=from_dict({"initialization.enabled": False}))  # which would look everywhere
     assert [e.status for e in found[4:]] == [Status.LOST] * (len(sets) - 4)
     assert all(e.status_reason for e in found[4:])
     assert np.linalg.norm(found[-1].state.T_world_root[:3, 3] - found[3].state.T_world_root[:3, 3]) < 0.5
@@ -211,7 +211,7 @@ def test_an_image_of_another_size_contradicts_the_calibration(clip):
 
 def test_plates_must_be_there_and_fit(clip):
     with pytest.raises(CalibrationError, match=r"camera 'cam01'.*empty scene"):
-        tracker_of(clip, config=from_dict({"evidence.kind": "chamfer", "evidence.silhouette": "plate"}), plates=False)
+        tracker_of(clip, config=from_dict({"modalities": ["chamfer"], "chamfer.silhouette": "background"}), plates=False)
     with pytest.raises(CalibrationError, match="camera 'cam02': expected a plate of 320x240, got 100x50"):
         Tracker(clip.rig, clip.model, None, {"cam02": np.zeros((50, 100, 3), np.uint8)})
 

@@ -14,7 +14,7 @@ from tracker_node.tracking.limbs import limbs_of
 from tracker_node.tracking.tracker import Tracker
 
 # The images are small: the first lines need not be as long as in large ones
-CONFIG = from_dict({"evidence.kind": "region", "start.enabled": False, "region.first_scales": "5 4 3 2 2 1 1"})
+CONFIG = from_dict({"modalities": ["region"], "initialization.enabled": False, "region.first_scales": "5 4 3 2 2 1 1"})
 
 
 @pytest.fixture(scope="module")

@@ -20,8 +20,9 @@ from ..loaders.rig.capture_yaml import changed_settings, split_change
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..observation.image_set import ImageSet
-from ..tracking.config import TrackerConfig, flatten, from_dict
+from ..tracking.config import TrackerConfig, from_dict
 from ..tracking.estimate import Status
+from ..tracking.renamed import migrated
 from .data import INFO_FILE, RunData
 from .image_sets import resampled_rig, rig_of_bag
 from .recorded_sets import RecordedRunStream
@@ -151,11 +152,11 @@ def run_stream(
 
 
 def config_of_run(info: Info) -> TrackerConfig:
-    """The parameters that a run was made with, as far as its ``run.json`` tells and this version still knows them."""
-    parameters, known = info.get("parameters"), flatten(TrackerConfig())
+    """The parameters that a run was made with, as far as its ``run.json`` tells; also of version 0.1, under other names."""
+    parameters = info.get("parameters")
     if not isinstance(parameters, dict):
         return TrackerConfig()
-    return from_dict({name: value for name, value in parameters.items() if name in known}, "run.json: parameters")
+    return from_dict(migrated(parameters)[0], "run.json: parameters")
 
 
 @dataclass(frozen=True, eq=False)

@@ -89,7 +89,7 @@ def run_offline(
         plates = resized_plates(load_plates(run.rig), rig)
         tracker = Tracker(rig, run.model, run.config, plates, run.initial_state, run.occluders)
         if run.smooth_s is not None and not tracker.in_information_units:
-            raise TrackerError(f"to smooth takes an engine that says how sure it is ('contour'), got '{run.config.engine}'")
+            raise TrackerError(f"to smooth takes contours (region, chamfer), got the modality {run.config.colors} alone")
         writer = stack.enter_context(RunWriter(output, rig, run.model, masks=run.masks, through_masks=run.through_masks))
         writers = [writer.append]
         if run.smooth_s is not None:

@@ -1,20 +1,25 @@
 """Every parameter of the tracker, once: default, unit, range and meaning.
 
-The same frozen dataclasses drive the node (parameters are declared from them), the offline run and the tests. Nested
-dataclasses become dotted names: ``evidence.canny_high``.
+The same frozen dataclasses drive the node (parameters are declared from them), the offline run and the tests. What the images are
+compared by is chosen with `TrackerConfig.modalities`; parameters of modalities that are not in use are none.
 """
 
 from __future__ import annotations
 
-from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ..errors import FileFormatError
+from .parameters import built, named, nested, parameter, value_of
+from .renamed import refuse_renamed
 
-
-def parameter(default: Any, doc: str, unit: str = "", low: float | None = None, high: float | None = None, choices: tuple = ()):
-    """A dataclass field that carries what a parameter declaration needs."""
-    return field(default=default, metadata={"doc": doc, "unit": unit, "low": low, "high": high, "choices": choices})
+REGION, CHAMFER, COLOR, TEXTURE, COLOR_OVER_BACKGROUND = MODALITIES = (
+    "region", "chamfer", "color", "texture", "color_over_background",
+)  # fmt: skip
+CONTOURS, COLORS = (REGION, CHAMFER), (COLOR, TEXTURE, COLOR_OVER_BACKGROUND)
+# Tags of parameters that belong to no single modality.
+ALONE, MIXED, JOINT = "colors alone", "colors with contours", "colors with contours in one problem"
 
 
 @dataclass(frozen=True)
@@ -30,64 +35,39 @@ class SynchronizerConfig:
 
 
 @dataclass(frozen=True)
-class EvidenceConfig:
-    """From images to silhouettes, edges and distances."""
+class BackgroundConfig:
+    """What each pixel shows when the body is not there: given as images, or learnt."""
 
-    kind: str = parameter(
-        "region",
-        "chamfer: distances to silhouettes and edges; region: where the colors change along the contour's normals; both: the sum",
-        choices=("chamfer", "region", "both"),
-    )  # fmt: skip
-    silhouette: str = parameter(
-        "both", "plate: the images of the empty scene alone; both: them (or what shows around the body) and colors",
-        choices=("plate", "both"),
-    )  # fmt: skip
-    distances: str = parameter(
-        "split",
-        "split: outline against the signed silhouette distance, inner contours against edges; sum: the paper's sum of both;"
-        " silhouette, edges: one of the two alone, to compare",
-        choices=("split", "sum", "silhouette", "edges"),
-    )  # fmt: skip
-    scene_sigma: float = parameter(4.0, "least standard deviation of a scene pixel", "grey levels", 0.5, 100)
+    sigma: float = parameter(4.0, "least standard deviation of a background pixel", "grey levels", 0.5, 100)
     shadow: float = parameter(
-        0.4, "darkest shadow, as a fraction of the scene's brightness; 1 switches shadows off", "1", 0.1, 1.0
+        0.4, "darkest shadow, as a fraction of the background's brightness; 1 switches shadows off", "1", 0.1, 1.0
     )
-    threshold: float = parameter(0.0, "log-odds above which a pixel is body", "1", -20, 20)
-    smoothing_px: int = parameter(1, "width of the median filter of the silhouette (odd; 1: none)", "px", 1, 31)
-    scene_rate: float = parameter(
-        0.05, "share of the newest image in the scene model, where the body is not; 0 keeps plates fixed", "1", 0, 1
+    learning_rate: float = parameter(
+        0.05,
+        "fraction of the newest image in the background model, where the body is not; 0 keeps given backgrounds as they are",
+        "1",
+        0,
+        1,
     )
-    color_rate: float = parameter(0.05, "share of the newest image in the color histograms", "1", 0, 1)
-    learn_every: int = parameter(3, "image sets between two lessons of a camera; the cameras take turns", "", 1, 1000)
-    body_margin_px: int = parameter(12, "width around the fitted body that is not learnt as scene", "px", 1, 200)
-    reach_px: int = parameter(40, "silhouettes farther than this from the predicted body are not looked at", "px", 4, 1000)
-    truncation_px: float = parameter(40.0, "distances to the silhouette are truncated here", "px", 2, 1000)
-    edge_truncation_px: float = parameter(16.0, "distances to edges are truncated here", "px", 2, 1000)
-    boundary_step_px: int = parameter(4, "distance between the points taken from the silhouette's boundary", "px", 1, 100)
-    refine_boundary: bool = parameter(True, "find the silhouette's boundary to a fraction of a pixel")
-    canny_low: float = parameter(40.0, "lower hysteresis threshold of the edge detector", "grey levels", 0, 1000)
-    canny_high: float = parameter(100.0, "upper hysteresis threshold of the edge detector", "grey levels", 0, 1000)
-    margin_px: int = parameter(24, "border around the predicted body that is looked at", "px", 4, 1000)
+    body_margin_px: int = parameter(12, "width around the fitted body that is not learnt as background", "px", 1, 200)
 
 
 @dataclass(frozen=True)
 class RegionConfig:
-    """Correspondence lines, and the colors they go by (`evidence.kind: region` or `both`)."""
+    """Correspondence lines along contour normals, and the colors on either side."""
 
     samples_per_line: int = parameter(12, "contour samples per generator line", "", 2, 1000)
     half_length: int = parameter(10, "places on either side of the contour where it may be, per scale", "", 2, 20)
     scales: str = parameter(
         "6 2 1", "pixels from place to place on the lines, from coarse to fine; less on small bodies", "px", 0.25, 100
     )
-    first_scales: str = parameter(
-        "6 4 3 2 2 1 1", "the same on the first image set after a start or a reset", "px", 0.25, 100
-    )
+    first_scales: str = parameter("6 4 3 2 2 1 1", "the same on the first image set after a start or a reset", "px", 0.25, 100)
     wide_scales: str = parameter(
         "10 10 8 8 6 6 4 4 3 2 1", "then tried as well, and kept where more of the outline is found", "px", 0.25, 100
     )
     repeats: int = parameter(2, "steps more on the finest scale, at most, while the body still moves", "", 0, 100)
-    clamp: float = parameter(2.0, "log-likelihood ratio of a pixel's color is not believed beyond this", "1", 0.1, 20)
-    sharpness: float = parameter(1.0, "share of a line's pixels that are independent of their neighbours", "1", 0.01, 10)
+    max_log_ratio: float = parameter(2.0, "log-likelihood ratio of a pixel's color is not believed beyond this", "1", 0.1, 20)
+    pixel_independence: float = parameter(1.0, "share of a line's pixels that are independent of their neighbours", "1", 0.01, 10)
     model_sigma_px: float = parameter(
         2.0, "how far the body's contour may be from the model's, at first and at most", "px", 0.0, 100
     )
@@ -100,18 +80,50 @@ class RegionConfig:
         0.3, "share of the model's stated color in a part's, where the images bear it out; 0: learnt colors only", "1", 0, 1
     )
     learn_every: int = parameter(4, "image sets between two lessons of a camera; the cameras take turns", "", 1, 1000)
-    learn_room: bool = parameter(True, "learn what each pixel shows when the body is not there: for cameras that stand still")
-    guard_px: int = parameter(4, "width around the fitted body that is not learnt as surroundings", "px", 0, 200)
-    around_px: int = parameter(40, "surroundings are what lies within this of the body", "px", 4, 1000)
-    close_px: float = parameter(
+    learn_background: bool = parameter(
+        True, "learn what each pixel shows when the body is not there: for cameras that stand still"
+    )
+    margin_px: int = parameter(4, "width around the fitted body that is not learnt as surroundings", "px", 0, 200)
+    background_ring_px: int = parameter(40, "surroundings are what lies within this of the body", "px", 4, 1000)
+    inlier_px: float = parameter(
         2.5, "a contour found within this bears out a body of up to 450 pixels; a larger one in proportion", "px", 0.1, 1000
+    )
+    covariance_scale: float = parameter(
+        0.21, "times region.correlation: how much of the spread of correspondence lines (its square) is an error of the state",
+        "1", 1e-3, 1e3,
+    )  # fmt: skip
+    line_correlation_px: float = parameter(4.0, "how far along a contour the errors of lines are alike", "px", 0.01, 1000)
+    body_shift_px: float = parameter(
+        0.05, "by how much all contours are off alike, in all images (light falls from one side)", "px", 0, 100
     )
 
 
 @dataclass(frozen=True)
-class OptimizerConfig:
-    """Levenberg-Marquardt on the contour residuals."""
+class ChamferConfig:
+    """Distances of contour samples to silhouettes and edges (Knossow et al.), fitted by Levenberg-Marquardt."""
 
+    silhouette: str = parameter(
+        "both", "background: the images of the background alone; both: them (or what shows around the body) and colors",
+        choices=("background", "both"),
+    )  # fmt: skip
+    distances: str = parameter(
+        "split",
+        "split: outline against the signed silhouette distance, inner contours against edges; sum: the paper's sum of both;"
+        " silhouette, edges: one of the two alone, to compare",
+        choices=("split", "sum", "silhouette", "edges"),
+    )  # fmt: skip
+    threshold: float = parameter(0.0, "log-odds above which a pixel is body", "1", -20, 20)
+    smoothing_px: int = parameter(1, "width of the median filter of the silhouette (odd; 1: none)", "px", 1, 31)
+    color_rate: float = parameter(0.05, "share of the newest image in the color histograms", "1", 0, 1)
+    learn_every: int = parameter(3, "image sets between two lessons of a camera; the cameras take turns", "", 1, 1000)
+    reach_px: int = parameter(40, "silhouettes farther than this from the predicted body are not looked at", "px", 4, 1000)
+    truncation_px: float = parameter(40.0, "distances to the silhouette are truncated here", "px", 2, 1000)
+    edge_truncation_px: float = parameter(16.0, "distances to edges are truncated here", "px", 2, 1000)
+    boundary_step_px: int = parameter(4, "distance between the points taken from the silhouette's boundary", "px", 1, 100)
+    refine_boundary: bool = parameter(True, "find the silhouette's boundary to a fraction of a pixel")
+    canny_low: float = parameter(40.0, "lower hysteresis threshold of the edge detector", "grey levels", 0, 1000)
+    canny_high: float = parameter(100.0, "upper hysteresis threshold of the edge detector", "grey levels", 0, 1000)
+    margin_px: int = parameter(24, "border around the predicted body that is looked at", "px", 4, 1000)
     max_iterations: int = parameter(6, "iterations per image set", "", 1, 200)
     first_iterations: int = parameter(30, "iterations on the first image set after a start or a reset", "", 1, 1000)
     tolerance: float = parameter(2e-2, "stop when the cost falls by less than this fraction", "1", 0, 1)
@@ -120,12 +132,26 @@ class OptimizerConfig:
     samples_per_line: int = parameter(25, "contour samples per generator line", "", 2, 1000)
     sliding: bool = parameter(True, "include the sliding of the contour generator in the Jacobian")
     inner_weight: float = parameter(0.5, "weight of contours within the body's outline", "1", 0, 10)
-    alignment: float = parameter(0.6, "least cosine between an image boundary's normal and the contour's", "1", 0, 1)
+    min_alignment: float = parameter(0.6, "least cosine between an image boundary's normal and the contour's", "1", 0, 1)
     boundary_weight: float = parameter(
         1.0, "weight of the pull of boundary points on the nearest outline, in the coarse iterations", "1", 0, 10
     )
     boundary_scale_px: float = parameter(30.0, "scale of the robust kernel of that pull", "px", 0.1, 1000)
     coarse_iterations: int = parameter(3, "how many of max_iterations are coarse (far pull of the boundary)", "", 0, 200)
+    degraded_residual_px: float = parameter(6.0, "rms residual above which the status is DEGRADED", "px", 0, 1000)
+    lost_residual_px: float = parameter(15.0, "rms residual above which the status is LOST", "px", 0, 1000)
+    agreement_px: float = parameter(1.5, "outline and silhouette agree where they are closer than this", "px", 0.0, 1000)
+    agreement_m: float = parameter(0.03, "and than what this is in pixels, at the body, added to it", "m", 0.0, 10)
+    degraded_agreement: float = parameter(
+        0.62, "share of outline and silhouette that agree in the median camera, below which the status is DEGRADED", "1", 0, 1
+    )
+    lost_agreement: float = parameter(
+        0.4, "the same for LOST; a single camera below it is named, and the status DEGRADED", "1", 0, 1
+    )
+    residual_sigma_px: float = parameter(
+        1.5, "least standard deviation of one contour sample, for the covariance", "px", 0.01, 100
+    )
+    correlation: float = parameter(8.0, "how many neighbouring samples share one error, for the covariance", "samples", 1, 1000)
 
 
 @dataclass(frozen=True)
@@ -135,26 +161,34 @@ class MotionConfig:
     The noise is that of a white acceleration, the memory how long a velocity lasts: see `tracking.motion.dynamics`.
     """
 
-    root_position_noise: float = parameter(4.0, "white acceleration of the root", "m/s^1.5", 1e-6, 1e6)
-    root_angle_noise: float = parameter(16.0, "white angular acceleration of the root", "rad/s^1.5", 1e-6, 1e6)
-    joint_noise: float = parameter(25.0, "white acceleration of joint angles", "rad/s^1.5", 1e-6, 1e6)
-    root_position_memory_s: float = parameter(0.5, "how long a velocity of the root lasts", "s", 1e-3, 1e3)
-    root_angle_memory_s: float = parameter(0.3, "how long an angular velocity of the root lasts", "s", 1e-3, 1e3)
-    joint_memory_s: float = parameter(0.2, "how long a velocity of a joint angle lasts", "s", 1e-3, 1e3)
+    root_position_noise: float = parameter(4.0, "white acceleration of the root", "m/s^1.5", 1e-6, 1e6, of=CONTOURS)
+    root_angle_noise: float = parameter(16.0, "white angular acceleration of the root", "rad/s^1.5", 1e-6, 1e6, of=CONTOURS)
+    joint_noise: float = parameter(25.0, "white acceleration of joint angles", "rad/s^1.5", 1e-6, 1e6, of=CONTOURS)
+    root_position_time_constant_s: float = parameter(0.5, "how long a velocity of the root lasts", "s", 1e-3, 1e3, of=CONTOURS)
+    root_angle_time_constant_s: float = parameter(
+        0.3, "how long an angular velocity of the root lasts", "s", 1e-3, 1e3, of=CONTOURS
+    )
+    joint_time_constant_s: float = parameter(0.2, "how long a velocity of a joint angle lasts", "s", 1e-3, 1e3, of=CONTOURS)
     smoother_noise: float = parameter(
         0.4, "share of the noise that motions have; the rest is there so that kicks are not held back, and left out in smoothing",
-        "1", 1e-3, 1e3,
-    )  # fmt: skip
+        "1", 1e-3, 1e3, of=CONTOURS)  # fmt: skip
     velocity_gain: float = parameter(
-        0.8, "how fast the velocity follows the measured one, in engines that do not tell how sure they are", "1", 0.0, 1.0
+        0.8,
+        "how fast the velocity follows the measured one, in engines that do not tell how sure they are",
+        "1",
+        0.0,
+        1.0,
+        of=(ALONE,),
     )
     velocity_decay: float = parameter(
         0.9, "share of a joint velocity kept in the prediction by such engines; of any velocity, by a lost body", "1", 0.0, 1.0
     )
-    stay_position: float = parameter(0.0, "pull to the root position given, on the first image set", "px^2/m^2", 0.0, 1e12)
-    stay_angle: float = parameter(200.0, "pull to the angles given, on the first image set", "px^2/rad^2", 0.0, 1e12)
+    stay_position: float = parameter(
+        0.0, "pull to the root position given, on the first image set", "px^2/m^2", 0.0, 1e12, of=CONTOURS
+    )
+    stay_angle: float = parameter(200.0, "pull to the angles given, on the first image set", "px^2/rad^2", 0.0, 1e12, of=CONTOURS)
     neutral_angle: float = parameter(
-        1.0, "multiplies the stiffness of the model's axes (pull to their neutral angles)", "px^2", 0.0, 1e12
+        1.0, "multiplies the stiffness of the model's axes (pull to their neutral angles)", "px^2", 0.0, 1e12, of=CONTOURS
     )
 
 
@@ -168,74 +202,56 @@ class CollisionConfig:
 
 @dataclass(frozen=True)
 class StatusConfig:
-    """When an estimate is trusted."""
+    """When a limb is LOST, by the outline that the images show of it."""
 
-    degraded_residual_px: float = parameter(6.0, "rms residual above which the status is DEGRADED", "px", 0, 1000)
-    lost_residual_px: float = parameter(15.0, "rms residual above which the status is LOST", "px", 0, 1000)
-    agreement_px: float = parameter(1.5, "outline and silhouette agree where they are closer than this", "px", 0.0, 1000)
-    agreement_m: float = parameter(0.03, "and than what this is in pixels, at the body, added to it", "m", 0.0, 10)
-    degraded_agreement: float = parameter(
-        0.62, "share of outline and silhouette that agree in the middle camera, below which the status is DEGRADED", "1", 0, 1
-    )
-    lost_agreement: float = parameter(
-        0.4, "the same for LOST; a single camera below it is named, and the status DEGRADED", "1", 0, 1
-    )
-    residual_sigma_px: float = parameter(
-        1.5, "least standard deviation of one contour sample, for the covariance", "px", 0.01, 100
-    )
-    correlation: float = parameter(8.0, "how many neighbouring samples share one error, for the covariance", "samples", 1, 1000)
-    covariance_scale: float = parameter(
-        0.21, "times region.correlation: how much of the spread of correspondence lines (its square) is an error of the state",
-        "1", 1e-3, 1e3,
-    )  # fmt: skip
-    line_correlation_px: float = parameter(4.0, "how far along a contour the errors of lines are alike", "px", 0.01, 1000)
-    body_shift_px: float = parameter(
-        0.05, "by how much all contours are off alike, in all images (light falls from one side)", "px", 0, 100
-    )
     limb_lost: float = parameter(0.5, "a limb that is elsewhere with this probability is LOST", "1", 0, 1)
     limb_degraded: float = parameter(0.2, "and DEGRADED with this one", "1", 0, 1)
     limb_loss: float = parameter(0.01, "probability that a limb gets lost between two image sets", "1", 1e-6, 1)
     limb_recovery: float = parameter(0.1, "and that a lost one gets where it belongs", "1", 0, 1)
-    limb_tries: int = parameter(
-        400, "poses in which a lost limb is looked for, in one image set; 0: it is not", "", 0, 100000
-    )
-    limb_fits: int = parameter(2, "and how many of them are fitted", "", 1, 100)
-    limb_pause: int = parameter(
-        4, "image sets from one search for a limb or a body to the next, once it has been sought in vain twice; 1: none left out",
-        "", 1, 10**6,
-    )  # fmt: skip
-    limb_seed: int = parameter(0, "of the random ones", "", 0, 2**31 - 1)
     evidence_limit: float = parameter(5.0, "one image set cannot change the log odds of lost by more than this", "1", 0.1, 100)
 
 
 @dataclass(frozen=True)
-class StartConfig:
-    """How a body is found where no initial state is given, or after it has been lost altogether."""
+class LimbSearchConfig:
+    """How a lost limb is searched for."""
+
+    poses: int = parameter(400, "poses in which a lost limb is looked for, in one image set; 0: it is not", "", 0, 100000)
+    fits: int = parameter(2, "and how many of them are fitted", "", 1, 100)
+    interval_sets: int = parameter(
+        4, "image sets from one search for a limb or a body to the next, once it has been sought in vain twice; 1: none left out",
+        "", 1, 10**6,
+    )  # fmt: skip
+    seed: int = parameter(0, "of the random ones", "", 0, 2**31 - 1)
+
+
+@dataclass(frozen=True)
+class InitializationConfig:
+    """How a body is detected where no initial state is given, or after it has been lost altogether."""
 
     min_cameras: int = parameter(
         2, "smallest number of cameras with an image to look for a start in; of a smaller rig, all", "", 1, 64
     )
     enabled: bool = parameter(True, "look for the body; without, an initial state is waited for")
-    after_lost: int = parameter(
+    after_lost_sets: int = parameter(
         15, "image sets, LOST or with a limb lost since the start, after which all images are searched", "", 1, 10**9
     )
-    every: int = parameter(12, "image sets between two searches, as long as nothing is found", "", 0, 100000)
-    watch: int = parameter(
+    interval_sets: int = parameter(12, "image sets between two searches, as long as nothing is found", "", 0, 100000)
+    watch_sets: int = parameter(
         18, "image sets to watch what moves in, where there are no pictures of the empty scene", "", 2, 1000
     )
     size_px: int = parameter(80, "height of the body in the small images that a start is looked for in", "px", 16, 1000)
     hypotheses: int = parameter(48, "postures, of all that are tried, that are fitted to the silhouettes", "", 4, 1000)
-    keep: int = parameter(8, "starts that the engine tries", "", 1, 64)
-    repair: int = parameter(4, "of these, whose doubtful limbs are looked for elsewhere", "", 0, 64)
-    hold: int = parameter(4, "starts that are tracked side by side, where none is clearly the best", "", 1, 16)
-    hold_sets: int = parameter(6, "image sets after which the best of these is taken", "", 1, 1000)
+    candidates: int = parameter(8, "starts that the engine tries", "", 1, 64)
+    repaired_candidates: int = parameter(4, "of these, whose doubtful limbs are looked for elsewhere", "", 0, 64)
+    tracked_candidates: int = parameter(4, "starts that are tracked side by side, where none is clearly the best", "", 1, 16)
+    tracked_sets: int = parameter(6, "image sets after which the best of these is taken", "", 1, 1000)
     min_score: float = parameter(0.35, "least share of what stands out from the scene that a start covers", "1", 0.0, 1.0)
     seed: int = parameter(0, "of the random postures; the same seed, the same start", "", 0, 2**31 - 1)
 
 
 @dataclass(frozen=True)
-class TogetherConfig:
-    """Colors and contours in one least-squares problem (`engine: color_and_contour`)."""
+class JointConfig:
+    """Colors and contours in one least-squares problem (`combination: joint`)."""
 
     passes: int = parameter(2, "times that the points are chosen anew whose colors are compared", "", 1, 100)
     iterations: int = parameter(3, "iterations in each pass", "", 1, 1000)
@@ -256,16 +272,56 @@ class SelfCheckConfig:
 
 
 @dataclass(frozen=True)
-class ColorConfig:
-    """The engine that compares colors: what is compared, how it is searched, and when it is believed."""
+class _ByColors:
+    """What all that goes by colors has in common: when it is trusted, and how a lost body is searched for."""
+
+    degraded_agreement: float = parameter(
+        0.5, "share of the difference from the surroundings that the fit explains, below which the status is DEGRADED", "1", 0, 1
+    )
+    lost_agreement: float = parameter(
+        0.4, "the same for LOST; a single camera or part below it is named, and the status DEGRADED", "1", 0, 1
+    )
+    search_angle_deg: float = parameter(35.0, "and turned by up to this; a lost limb, in each of its joints", "deg", 0, 180)
+    search_states: int = parameter(1000, "states tried a round of that search; 0: a lost body is not looked for", "", 0, 10**6)
+    seed: int = parameter(0, "of that search", "", 0, 2**31 - 1)
+    residual_sigma: float = parameter(3.0, "least standard deviation of a color, for the covariance", "grey levels", 0.01, 255)
+    correlation: float = parameter(30.0, "how many neighbouring pixels share one error, for the covariance", "pixels", 1, 10000)
+
+
+@dataclass(frozen=True)
+class TextureConfig(_ByColors):
+    """Textures on the faces of boxes, in each camera's own brightness and contrast."""
+
+    search_radius: float = parameter(0.35, "a lost body is looked for this far around where it is expected", "m", 0, 10)
+
+
+@dataclass(frozen=True)
+class ColorOverBackgroundConfig(_ByColors):
+    """Parts of one color over images of the background: the whole image is explained."""
+
+    normalized_weight: float = parameter(0.5, "share of the normalized part in a blend", "1", 0, 1)
+    levels: int = parameter(4, "levels of the image pyramid", "", 1, 8)
+    robust_scale: float = parameter(50.0, "scale of the robust kernel on the finest level", "grey levels", 0.1, 1000)
+    reach_px: int = parameter(64, "images farther than this from the predicted body are not looked at", "px", 4, 10000)
+    learn_colors: bool = parameter(False, "take the parts' colors from the first image set instead of the model")
+    color_rate: float = parameter(0.0, "share of the newest image in the parts' colors; 0 keeps them fixed", "1", 0, 1)
+    stay_position: float = parameter(0.0, "pull to the predicted root position", "grey levels^2/m^2", 0.0, 1e15)
+    stay_angle: float = parameter(1e7, "pull to the predicted angles", "grey levels^2/rad^2", 0.0, 1e15)
+    neutral_angle: float = parameter(
+        1e3, "multiplies the stiffness of the model's axes (pull to their neutral angles)", "grey levels^2", 0.0, 1e15
+    )
+    min_pixels: int = parameter(200, "a body that covers less of the images, of all cameras, is LOST", "pixels", 1, 10**9)
+    few_pixels: int = parameter(1000, "and one that covers less than this is DEGRADED", "pixels", 1, 10**9)
+
+
+@dataclass(frozen=True)
+class ColorConfig(ColorOverBackgroundConfig):
+    """Colors of the parts, pixel by pixel (Trewartha, Yeadon & Knight): what is compared, and how it is searched."""
 
     representation: str = parameter(
-        "blend",
-        "raw: RGB; normalized: each pixel divided by its intensity, so that white light cancels; blend: both, weighted; affine:"
-        " pictures on the faces of boxes, in each camera's brightness and contrast; scene: parts of one color over the plates",
-        choices=("raw", "normalized", "blend", "affine", "scene"),
-    )
-    normalized_weight: float = parameter(0.5, "share of the normalized part in a blend", "1", 0, 1)
+        "blend", "raw: RGB; normalized: each pixel divided by its intensity, so that white light cancels; blend: both, weighted",
+        choices=("raw", "normalized", "blend"),
+    )  # fmt: skip
     optimizer: str = parameter(
         "alignment",
         "alignment: Levenberg-Marquardt on an image pyramid; stepping: downhill, with the V-algorithm; simplex: Nelder-Mead",
@@ -283,90 +339,95 @@ class ColorConfig:
     )
     first_passes: int = parameter(6, "the same on the first image set after a start or a reset", "", 1, 1000)
     iterations: int = parameter(2, "iterations of the alignment in each pass", "", 1, 1000)
-    levels: int = parameter(4, "levels of the image pyramid", "", 1, 8)
-    robust_scale: float = parameter(50.0, "scale of the robust kernel on the finest level", "grey levels", 0.1, 1000)
-    reach_px: int = parameter(64, "images farther than this from the predicted body are not looked at", "px", 4, 10000)
-    learn_colors: bool = parameter(False, "take the parts' colors from the first image set instead of the model")
-    color_rate: float = parameter(0.0, "share of the newest image in the parts' colors; 0 keeps them fixed", "1", 0, 1)
-    stay_position: float = parameter(0.0, "pull to the predicted root position", "grey levels^2/m^2", 0.0, 1e15)
-    stay_angle: float = parameter(1e7, "pull to the predicted angles", "grey levels^2/rad^2", 0.0, 1e15)
-    neutral_angle: float = parameter(
-        1e3, "multiplies the stiffness of the model's axes (pull to their neutral angles)", "grey levels^2", 0.0, 1e15
-    )
-    min_pixels: int = parameter(200, "a body that covers less of the images, of all cameras, is LOST", "pixels", 1, 10**9)
-    few_pixels: int = parameter(1000, "and one that covers less than this is DEGRADED", "pixels", 1, 10**9)
-    degraded_agreement: float = parameter(
-        0.5, "share of the difference from the surroundings that the fit explains, below which the status is DEGRADED", "1", 0, 1
-    )
-    lost_agreement: float = parameter(
-        0.4, "the same for LOST; a single camera or part below it is named, and the status DEGRADED", "1", 0, 1
-    )
     search_radius: float = parameter(0.35, "a lost body is looked for this far around where it is expected", "m", 0, 10)
-    search_angle_deg: float = parameter(35.0, "and turned by up to this; a lost limb, in each of its joints", "deg", 0, 180)
-    search_states: int = parameter(1000, "states tried a round of that search; 0: a lost body is not looked for", "", 0, 10**6)
-    seed: int = parameter(0, "of that search", "", 0, 2**31 - 1)
-    residual_sigma: float = parameter(3.0, "least standard deviation of a color, for the covariance", "grey levels", 0.01, 255)
-    correlation: float = parameter(30.0, "how many neighbouring pixels share one error, for the covariance", "pixels", 1, 10000)
 
 
 @dataclass(frozen=True)
 class TrackerConfig:
-    """The tracker's parameters."""
+    """The tracker's parameters.
 
-    engine: str = parameter(
-        "contour",
-        "contour: see evidence.kind; color: the colors of the parts; color_then_contour: contours, where colors have led;"
-        " color_and_contour: then both at once, weighted by their covariances",
-        choices=("contour", "color", "color_then_contour", "color_and_contour"),
+    Attributes
+    ----------
+    modalities : what images are compared by; those of `CONTOURS` may be added to each other, and to one of `COLORS`.
+    """
+
+    modalities: tuple[str, ...] = parameter(
+        (REGION,),
+        "what images are compared by. region: where colors change along the contour's normals; chamfer: distances to silhouettes"
+        " and edges; color: the colors of the parts; texture: textures on the faces of boxes; color_over_background: parts of one"
+        " color over images of the background",
+        choices=MODALITIES,
     )
+    combination: str = parameter(
+        "joint", "colors and contours. joint: in one least-squares problem; sequential: contours from where colors have led",
+        choices=("joint", "sequential"), of=(MIXED,),
+    )  # fmt: skip
     synchronizer: SynchronizerConfig = field(default_factory=SynchronizerConfig)
-    evidence: EvidenceConfig = field(default_factory=EvidenceConfig)
-    region: RegionConfig = field(default_factory=RegionConfig)
-    optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
+    background: BackgroundConfig = field(default_factory=BackgroundConfig, metadata={"of": CONTOURS})
+    region: RegionConfig = field(default_factory=RegionConfig, metadata={"of": (REGION,)})
+    chamfer: ChamferConfig = field(default_factory=ChamferConfig, metadata={"of": (CHAMFER,)})
+    color: ColorConfig = field(default_factory=ColorConfig, metadata={"of": (COLOR,)})
+    texture: TextureConfig = field(default_factory=TextureConfig, metadata={"of": (TEXTURE,)})
+    color_over_background: ColorOverBackgroundConfig = field(
+        default_factory=ColorOverBackgroundConfig, metadata={"of": (COLOR_OVER_BACKGROUND,)}
+    )
+    joint: JointConfig = field(default_factory=JointConfig, metadata={"of": (JOINT,)})
     motion: MotionConfig = field(default_factory=MotionConfig)
-    collision: CollisionConfig = field(default_factory=CollisionConfig)
-    status: StatusConfig = field(default_factory=StatusConfig)
-    start: StartConfig = field(default_factory=StartConfig)
-    together: TogetherConfig = field(default_factory=TogetherConfig)
-    self_check: SelfCheckConfig = field(default_factory=SelfCheckConfig)
-    color: ColorConfig = field(default_factory=ColorConfig)
+    collision: CollisionConfig = field(default_factory=CollisionConfig, metadata={"of": CONTOURS})
+    status: StatusConfig = field(default_factory=StatusConfig, metadata={"of": (REGION,)})
+    limb_search: LimbSearchConfig = field(default_factory=LimbSearchConfig, metadata={"of": (REGION,)})
+    initialization: InitializationConfig = field(default_factory=InitializationConfig)
+    self_check: SelfCheckConfig = field(default_factory=SelfCheckConfig, metadata={"of": CONTOURS})
     threads: int = parameter(2, "worker threads; sums are in fixed order whatever their number", "", 1, 64)
 
+    @property
+    def contours(self) -> tuple[str, ...]:
+        """The modalities in use that go by contours."""
+        return tuple(name for name in CONTOURS if name in self.modalities)
 
-def numbers(text: str) -> tuple[float, ...]:
-    """Of a parameter that lists some, separated by spaces."""
-    return tuple(float(part) for part in text.split())
+    @property
+    def colors(self) -> str | None:
+        """The modality in use that goes by colors, if any."""
+        return next((name for name in COLORS if name in self.modalities), None)
 
-
-def _are_numbers(text: str, low: float, high: float) -> bool:
-    try:
-        values = numbers(text)
-    except ValueError:
-        return False
-    return len(values) > 0 and all(low <= value <= high for value in values)
-
-
-def flatten(config: Any, prefix: str = "") -> dict[str, Any]:
-    """``{"evidence.canny_low": 40.0, ...}`` of a config."""
-    result: dict[str, Any] = {}
-    for f in fields(config):
-        value = getattr(config, f.name)
-        if is_dataclass(value):
-            result.update(flatten(value, f"{prefix}{f.name}."))
-        else:
-            result[prefix + f.name] = value
-    return result
+    @property
+    def tags(self) -> frozenset[str]:
+        """What parameters may belong to (`parameters.in_use`) and holds here."""
+        mixed = bool(self.contours) and self.colors is not None
+        more = {MIXED} if mixed else {ALONE} if self.colors else set()
+        return frozenset(self.modalities) | more | ({JOINT} if mixed and self.combination == "joint" else set())
 
 
-def describe(cls: type = TrackerConfig, prefix: str = "") -> dict[str, dict[str, Any]]:
-    """Dotted name -> {default, doc, unit, low, high, choices} of every parameter."""
-    result: dict[str, dict[str, Any]] = {}
-    for f in fields(cls):
-        if f.default_factory is not MISSING:
-            result.update(describe(f.default_factory, f"{prefix}{f.name}."))  # type: ignore[arg-type]
-        else:
-            result[prefix + f.name] = {"default": f.default, **f.metadata}
-    return result
+def checked_combination(config: TrackerConfig, source: str) -> TrackerConfig:
+    """The configuration itself.
+
+    Raises
+    ------
+    FileFormatError : its modalities do not go together.
+    """
+    names, expected = config.modalities, f"one or more of {', '.join(MODALITIES)}, each once"
+    if not names or len(set(names)) != len(names):
+        raise FileFormatError(source, "modalities", expected, list(names))
+    if sum(name in COLORS for name in names) > 1:
+        raise FileFormatError(source, "modalities", f"at most one of {', '.join(COLORS)}", list(names))
+    if JOINT in config.tags and config.colors != COLOR:
+        expected = f"sequential with the modality {config.colors}: only color is fitted jointly with contours"
+        raise FileFormatError(source, "combination", expected, config.combination)
+    return config
+
+
+def flatten(config: TrackerConfig) -> dict[str, Any]:
+    """``{"region.repeats": 2, ...}`` of the parameters in use, lists for tuples, as files and ROS have them."""
+    values = {name: value_of(config, name) for name in describe(config)}
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
+
+
+def describe(config: TrackerConfig | None = None) -> dict[str, dict[str, Any]]:
+    """Dotted name -> {default, doc, unit, low, high, choices, of} of every parameter; of those in use in ``config``."""
+    found = {name: {"default": f.default, **f.metadata, "of": of} for name, f, of in named(TrackerConfig)}
+    if config is None:
+        return found
+    return {name: entry for name, entry in found.items() if not entry["of"] or config.tags & set(entry["of"])}
 
 
 def from_dict(values: dict[str, Any], source: str = "tracker config") -> TrackerConfig:
@@ -374,62 +435,59 @@ def from_dict(values: dict[str, Any], source: str = "tracker config") -> Tracker
 
     Raises
     ------
-    FileFormatError : naming ``source`` and the field.
+    FileFormatError : naming ``source`` and the field; for a parameter that has no effect the modalities that it belongs to, for
+        one of an earlier version its present name.
     """
-    return _build(TrackerConfig, _nested(values, source), source, "")
+    refuse_renamed(values, source)
+    tree = nested(values, source)
+    config = checked_combination(built(TrackerConfig, tree, source), source)
+    for name in _given(tree):
+        refuse_unused(config, name, value_of(config, name), source)
+    return config
 
 
-def _nested(values: dict[str, Any], source: str) -> dict[str, Any]:
-    result: dict[str, Any] = {}
-    for key, value in values.items():
-        *path, last = str(key).split(".")
-        here = result
-        for i, part in enumerate(path):
-            here = _group(here, part, source, ".".join(path[: i + 1]))
+def refuse_unused(config: TrackerConfig, name: str, value: Any, source: str) -> None:
+    """Refuse a parameter of another modality than those in use.
+
+    Raises
+    ------
+    FileFormatError : naming what it belongs to.
+    """
+    of = describe()[name]["of"]
+    if of and not config.tags & set(of):
+        expected = f"modalities with {' or '.join(of)}, to which it belongs, instead of [{', '.join(config.modalities)}]"
+        raise FileFormatError(source, name, expected, value)
+
+
+def chosen(config: TrackerConfig, values: Mapping[str, Any], source: str) -> TrackerConfig:
+    """``config`` with the modalities among ``values`` (dotted names), and how they are combined.
+
+    Raises
+    ------
+    FileFormatError : there are no such modalities, or they do not go together.
+    """
+    given = {name: values.get(name, getattr(config, name)) for name in ("modalities", "combination")}
+    made = built(TrackerConfig, given, source)
+    if MIXED not in made.tags:
+        made = replace(made, combination=TrackerConfig().combination)
+    return checked_combination(replace(config, modalities=made.modalities, combination=made.combination), source)
+
+
+def updated(config: TrackerConfig, values: Mapping[str, Any], source: str) -> TrackerConfig:
+    """``config`` with other ``values`` (dotted names); what belongs to modalities no longer in use has its default again.
+
+    Raises
+    ------
+    FileFormatError : as from `from_dict`.
+    """
+    refuse_renamed(values, source)
+    base = chosen(config, values, source)
+    return from_dict({**flatten(base), **values}, source)
+
+
+def _given(tree: dict[str, Any], prefix: str = "") -> Iterable[str]:
+    for key, value in tree.items():
         if isinstance(value, dict):
-            _group(here, last, source, str(key)).update(_nested(value, source))
-        elif isinstance(here.get(last), dict):
-            raise FileFormatError(source, str(key), "a mapping", value)
+            yield from _given(value, f"{prefix}{key}.")
         else:
-            here[last] = value
-    return result
-
-
-def _group(values: dict[str, Any], name: str, source: str, field: str) -> dict[str, Any]:
-    group = values.setdefault(name, {})
-    if not isinstance(group, dict):
-        raise FileFormatError(source, field, "a mapping", group)
-    return group
-
-
-def _build(cls: type, values: dict[str, Any], source: str, prefix: str):
-    known = {f.name: f for f in fields(cls)}
-    for key in values:
-        if key not in known:
-            raise FileFormatError(source, prefix + key, f"one of {sorted(known)}", key)
-    arguments: dict[str, Any] = {}
-    for name, value in values.items():
-        f = known[name]
-        if f.default_factory is not MISSING:
-            if not isinstance(value, dict):
-                raise FileFormatError(source, prefix + name, "a mapping", value)
-            arguments[name] = _build(f.default_factory, value, source, f"{prefix}{name}.")  # type: ignore[arg-type]
-        else:
-            arguments[name] = _checked(value, f, source, prefix + name)
-    return cls(**arguments)
-
-
-def _checked(value: Any, f, source: str, name: str):
-    kind = type(f.default)
-    if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value)
-    if type(value) is not kind:
-        raise FileFormatError(source, name, f"a {kind.__name__}", value)
-    low, high, choices = f.metadata["low"], f.metadata["high"], f.metadata["choices"]
-    if kind in (int, float) and not ((low is None or value >= low) and (high is None or value <= high)):
-        raise FileFormatError(source, name, f"a number in [{low}, {high}] {f.metadata['unit']}".rstrip(), value)
-    if kind is str and low is not None and not _are_numbers(value, low, high):
-        raise FileFormatError(source, name, f"numbers in [{low}, {high}] {f.metadata['unit']}, separated by spaces", value)
-    if choices and value not in choices:
-        raise FileFormatError(source, name, f"one of {sorted(choices)}", value)
-    return value
+            yield prefix + key

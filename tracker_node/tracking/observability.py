@@ -73,4 +73,3 @@ def _direction(tangent: np.ndarray, lever: np.ndarray, names: tuple[str, ...]) -
     order = [falling[0], *(i for i in falling[1:] if moved[i] > _NOTABLE)]  # of many small ones the largest is named
     others = (f"{tangent[i] / tangent[order[0]]:+.2f} {names[i]}" for i in order[1:])
     return " ".join([names[order[0]], *others])
-

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..camera.rig import CameraRig
 from ..camera.rig_unit import check_metres
-from ..errors import CalibrationError, FileFormatError
+from ..errors import CalibrationError
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..objective.constraints.prior import Prior
@@ -21,7 +21,7 @@ from ..parallel import Workers
 from ..render.occluders import Occluders
 from .camera_fault import CameraFault
 from .chamfer.engine import ContourEngine
-from .config import TrackerConfig
+from .config import CHAMFER, COLOR_OVER_BACKGROUND, JOINT, REGION, TEXTURE, TrackerConfig, checked_combination
 from .covariance import ImageEvidence, fit_covariance
 from .engine import Engine, Images, Report, Verdict
 from .estimate import LimbStatus, Status, Timings, TrackEstimate
@@ -67,16 +67,16 @@ class Tracker:
     ):
         check_metres(rig.cameras, body_size(model))
         self.rig, self.model = rig, model
-        self.config = config or TrackerConfig()
+        self.config = checked_combination(config or TrackerConfig(), "tracker config")
         self._initial_state = initial_state
         self._make_engine = lambda: _make_engine(rig, model, self.config, plates or {}, Occluders(occluders, rig))
         self._engine = self._make_engine()
         self._starter: Starter | None = None
-        if self.config.start.enabled:
-            follower = replace(self.config, start=replace(self.config.start, enabled=False))
+        if self.config.initialization.enabled:
+            follower = replace(self.config, initialization=replace(self.config.initialization, enabled=False))
             parallel = Workers(self.config.threads).map
             self._starter = Starter(
-                rig, model, self.config.start, plates or {}, parallel, self._make_engine,
+                rig, model, self.config.initialization, plates or {}, parallel, self._make_engine,
                 lambda: Tracker(rig, model, follower, plates, None, occluders),
             )  # fmt: skip
         self._check = SelfCheck(rig, model, _check_options(self.config))
@@ -132,7 +132,7 @@ class Tracker:
         Looked for is a body that is not known yet, that is LOST for long, or of which a limb has been lost ever since the start;
         this once, and another place has to be clearly better.
         """
-        if self._start is not None and max(self._lost, self._unproven or 0) < self.config.start.after_lost:
+        if self._start is not None and max(self._lost, self._unproven or 0) < self.config.initialization.after_lost_sets:
             starter.stop()
             if self._lost or self._unproven:
                 starter.watch(images)
@@ -230,8 +230,9 @@ class Tracker:
                 raise CalibrationError(
                     camera.name, f"expected images of {model.width}x{model.height} as calibrated, got {got[1]}x{got[0]}"
                 )
-            if image is not None and image.encoding == "mono8" and self.config.engine != "contour":
-                raise CalibrationError(camera.name, f"expected color images for the engine '{self.config.engine}', got mono8")
+            if image is not None and image.encoding == "mono8" and self.config.colors is not None:
+                expected = f"expected color images for the modality {self.config.colors}"
+                raise CalibrationError(camera.name, f"{expected}, got mono8")
             result.append(None if image is None else image.bgr)
         return result
 
@@ -316,36 +317,31 @@ def _make_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig,
     parallel = Workers(config.threads).map
 
     def contours() -> ContourEngine | RegionEngine:
-        distances = None
-        if config.evidence.kind != "region":
-            distances = ContourEngine(rig, model, config, plates, parallel, occluders)
-            if config.evidence.kind == "chamfer":
-                return distances
+        distances = ContourEngine(rig, model, config, plates, parallel, occluders) if CHAMFER in config.modalities else None
+        if distances is not None and REGION not in config.modalities:
+            return distances
         return RegionEngine(rig, model, config, parallel, occluders, plates, distances)
 
-    if config.engine == "contour":
+    if config.colors is None:
         return contours()
-    if config.color.representation == "affine":
+    if config.colors == TEXTURE:
         from .color.texture_engine import TextureEngine
 
         colors: Engine = TextureEngine(rig, model, config)
-    elif config.color.representation == "scene":
+    elif config.colors == COLOR_OVER_BACKGROUND:
         from .color.scene_engine import SceneEngine
 
         colors = SceneEngine(rig, model, config, plates, parallel)
     else:
         from .color.engine import ColorEngine
 
-        colors = ColorEngine(rig, model, config, parallel)
-        if config.engine == "color_and_contour":
+        colors = ColorEngine(rig, model, config.color, config.threads, parallel)
+        if JOINT in config.tags:
             from .combined.color_with_contour import ColorWithContourEngine
 
             return ColorWithContourEngine(colors, contours(), model.chain, config)
-    if config.engine == "color":
+    if not config.contours:
         return colors
-    if config.engine == "color_and_contour":
-        expected = "raw, normalized or blend for the engine 'color_and_contour'"
-        raise FileFormatError("tracker config", "color.representation", expected, config.color.representation)
     from .combined.color_then_contour import ColorThenContourEngine
 
     return ColorThenContourEngine(colors, contours())

@@ -13,7 +13,7 @@ from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..observation.image_set import CameraImage, ImageSet
 from ..render.raycast.raycaster import render_view
-from .config import StartConfig, TrackerConfig
+from .config import InitializationConfig, TrackerConfig
 from .tracker import Tracker
 
 _WIDTH_PX = 160
@@ -44,8 +44,8 @@ def warm_up(
     configuration = Configuration(model, state or _in_the_middle(rig, model))
     brief = _brief(config)
     _track(Tracker(small, model, brief, _plates(small), configuration.state, occluders), configuration, writeable)
-    if state is None and config.start.enabled:
-        searching = replace(brief, start=_brief_search(config.start))
+    if state is None and config.initialization.enabled:
+        searching = replace(brief, initialization=_brief_search(config.initialization))
         _track(Tracker(small, model, searching, _plates(small), None, occluders), configuration, writeable)
 
 
@@ -70,7 +70,7 @@ class SmallTrackers:
         TrackerError : the configuration does not suit the body.
         """
         plates = {name: plate for name, plate in self._plates.items() if name in cameras}
-        without_search = replace(config, start=replace(config.start, enabled=False))
+        without_search = replace(config, initialization=replace(config.initialization, enabled=False))
         Tracker(self._rig.subset(tuple(cameras)), self._model, without_search, plates)
 
 
@@ -85,13 +85,20 @@ def _track(tracker: Tracker, configuration: Configuration, writeable: bool) -> N
 
 def _brief(config: TrackerConfig) -> TrackerConfig:
     region = replace(config.region, first_scales="1", wide_scales="1", scales="1", samples_per_line=2)
-    status = replace(config.status, limb_tries=min(config.status.limb_tries, 1))
+    limb_search = replace(config.limb_search, poses=min(config.limb_search.poses, 1))
     color = replace(config.color, first_passes=1, levels=min(config.color.levels, 2), search_states=0)
-    return replace(config, region=region, status=status, color=color, start=replace(config.start, enabled=False))
+    over = replace(config.color_over_background, levels=min(config.color_over_background.levels, 2), search_states=0)
+    return replace(
+        config, region=region, limb_search=limb_search, color=color, texture=replace(config.texture, search_states=0),
+        color_over_background=over, initialization=replace(config.initialization, enabled=False),
+    )  # fmt: skip
 
 
-def _brief_search(start: StartConfig) -> StartConfig:
-    return replace(start, size_px=32, hypotheses=4, keep=1, repair=0, hold=1, hold_sets=1, every=0, min_score=0.0)
+def _brief_search(start: InitializationConfig) -> InitializationConfig:
+    return replace(
+        start, size_px=32, hypotheses=4, candidates=1, repaired_candidates=0, tracked_candidates=1, tracked_sets=1,
+        interval_sets=0, min_score=0.0,
+    )  # fmt: skip
 
 
 def _small_rig(rig: CameraRig) -> CameraRig:

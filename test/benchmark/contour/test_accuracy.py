@@ -13,7 +13,7 @@ from tracker_node.tracking.config import from_dict
 def test_a_recording_is_tracked_and_judged(tmp_path):
     scene = SceneConfig(n_cameras=3, width=320, height=240, focal_px=290.0)
     produce(Request(subject="model", motion="waves", n_images=3, scene=scene), tmp_path)
-    config = from_dict({"evidence": {"kind": "chamfer"}})  # limbs are a few pixels wide here
+    config = from_dict({"modalities": ["chamfer"]})  # limbs are a few pixels wide here
     result = benchmark.track(tmp_path, "cones", config)
     figures = benchmark._cone_figures(result) | benchmark._sliding_figures(tmp_path, config)
     assert figures["cones.sets"] == 3 and figures["cones.lost_sets"] == 0

@@ -1,6 +1,5 @@
 """What the benchmark of the Balancing clip is made of; the clip itself takes minutes."""
 
-
 import numpy as np
 import pytest
 
@@ -24,14 +23,15 @@ def test_disturbed_starts_are_off_in_every_degree_of_freedom():
 
 
 def test_parameters_on_the_command_line_win_over_the_file():
-    changes = ["evidence.kind=region", "threads=1", "optimizer.sliding=false", "region.clamp=1e0"]
+    changes = ["modalities=region,chamfer", "threads=1", "chamfer.sliding=false", "region.max_log_ratio=1e0"]
     config = benchmark.configured(benchmark.CONFIG, changes)
-    assert (config.evidence.kind, config.threads, config.optimizer.sliding, config.region.clamp) == ("region", 1, False, 1.0)
+    assert config.modalities == ("region", "chamfer") and config.threads == 1
+    assert not config.chamfer.sliding and config.region.max_log_ratio == 1.0
     assert config.synchronizer.image_period_s == pytest.approx(1 / 60, rel=1e-3)  # of the file
     with pytest.raises(TrackerError, match="KEY=VALUE"):
-        benchmark.configured(benchmark.CONFIG, ["evidence.kind"])
-    with pytest.raises(FileFormatError, match="one of"):
-        benchmark.configured(benchmark.CONFIG, ["evidence.kind=magic"])
+        benchmark.configured(benchmark.CONFIG, ["modalities"])
+    with pytest.raises(FileFormatError, match="some of"):
+        benchmark.configured(benchmark.CONFIG, ["modalities=magic"])
 
 
 def test_time_is_turned_round_about_an_instant():

@@ -91,9 +91,9 @@ def test_strides_and_cameras_are_those_asked_for(figure):
 def test_figure_tracks_and_judges(figure):
     program = contour_figure
     clip = _contour_runs.Clip.load(figure)
-    figures = program.sequence_figures(clip, "stride2", ["evidence.kind=region", "threads=1"], None)
+    figures = program.sequence_figures(clip, "stride2", ["modalities=region", "threads=1"], None)
     assert figures["figure_stride2.sets"] == 3 and np.isfinite(figures["figure_stride2.joint_error_mm"])
-    figures = program.sequence_figures(clip, "figure", ["evidence.kind=region", "threads=1"], None)
+    figures = program.sequence_figures(clip, "figure", ["modalities=region", "threads=1"], None)
     assert figures["figure.sets"] == N_IMAGES and figures["figure.threads"] == 1
     assert 0.0 < figures["figure.joint_error_mm"] < 20.0
     assert figures["figure.set_ms_p5"] <= figures["figure.set_ms"] <= figures["figure.set_ms_p95"]
@@ -133,13 +133,13 @@ def test_basin_counts_trials_that_arrive(figure, monkeypatch):
 
 def test_parameters_of_the_command_line():
     configured = _contour_runs.configured
-    config = configured(["evidence.kind=region", "optimizer.tolerance=0.5"], threads=1, synchronizer__image_period_s=0.1)
-    assert (config.evidence.kind, config.optimizer.tolerance, config.threads) == ("region", 0.5, 1)
+    config = configured(["modalities=chamfer", "chamfer.tolerance=0.5"], threads=1, synchronizer__image_period_s=0.1)
+    assert (config.modalities, config.chamfer.tolerance, config.threads) == (("chamfer",), 0.5, 1)
     assert config.synchronizer.image_period_s == 0.1
     with pytest.raises(FileFormatError, match="KEY=VALUE"):
         configured(["threads"])
-    with pytest.raises(FileFormatError, match="evidence"):
-        configured(["evidence.kinds=region"])
+    with pytest.raises(FileFormatError, match="chamfer"):
+        configured(["chamfer.kinds=region"])
 
 
 @pytest.mark.long
@@ -154,7 +154,7 @@ def test_a_person_is_tracked_with_another_body(person):
     truth = read_joints(person / "truth.csv")
     off = [np.linalg.norm(points[n] - p) for n, p in zip(truth.names, truth.positions_m[0], strict=True) if n in points]
     assert len(off) == 14 and np.mean(off) < 0.05
-    run = runs.track(clip, runs.configured(["evidence.kind=region"]), clip.sets())
+    run = runs.track(clip, runs.configured(["modalities=region"]), clip.sets())
     figures = program.person_figures(runs.judged(clip, run, "mannequin_x"))
     assert figures["mannequin_x.sets"] == 2
     assert figures["mannequin_x.mpjpe_mm"] <= figures["mannequin_x.mpjpe_raw_mm"]
@@ -171,13 +171,13 @@ def test_without_the_clips_it_says_so(name, monkeypatch, capsys):
 @pytest.mark.long
 def test_core_times_image_sets_after_the_first_ones(figure):
     program = core
-    config = program.configuration(1, ["evidence.kind=region"])
+    config = program.configuration(1, ["modalities=region"])
     times, stages, counts = program.measure(figure, config, rounds=2)
     assert len(times) == 2 * (N_IMAGES - program.WARM_UP) and times.max() > stages[1] > 0.0
     assert counts[0] > 0 and counts[1] > 100
     figures = program.timing_figures("roi_", "_one_thread", times, stages, counts, 2.0)
     assert figures["core.roi_set_in_references_p50_one_thread"] == pytest.approx(np.median(times) / 2.0)
-    assert program.full_images(config).evidence.reach_px > 640
+    assert program.full_images(config).chamfer.reach_px > 640
 
 
 def test_live_figures_compare_what_was_sent_with_what_came():

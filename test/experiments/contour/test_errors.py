@@ -97,30 +97,30 @@ def test_the_valley_of_a_known_curve():
 
 def test_a_picture_shows_what_was_seen(camera, image):
     body = Configuration(cylinder(), State.neutral(cylinder()))
-    evidence = by_method(TrackerConfig(), "sum").evidence
-    shot = shoot(camera, image, body, body, np.full_like(image, WALL), evidence, 20)
+    config = by_method(TrackerConfig(), "sum")
+    shot = shoot(camera, image, body, body, np.full_like(image, WALL), config, 20)
     assert np.mean(shot.silhouette == (image[:, :, 0] == BODY)) > 0.98
     columns = np.flatnonzero(shot.edges[10:-10].any(axis=0))
     np.testing.assert_allclose(np.abs(columns - 100.0), HALF_WIDTH_PX, atol=1.6)
     row = shot.distance[60]
     assert np.isnan(row[0]) and np.nanmin(row) < 0.6
-    assert row[100] == pytest.approx(min(HALF_WIDTH_PX, evidence.edge_truncation_px), abs=1.6)
+    assert row[100] == pytest.approx(min(HALF_WIDTH_PX, config.chamfer.edge_truncation_px), abs=1.6)
     behind = State.neutral(cylinder())
     behind.T_world_root[:3, 3] = (3.0 * DISTANCE_M, 0.0, 0.0)
     away = Configuration(cylinder(), behind)
-    assert shoot(camera, image, away, body, np.full_like(image, WALL), evidence, 20) is None
+    assert shoot(camera, image, away, body, np.full_like(image, WALL), config, 20) is None
 
 
 def test_methods_are_what_they_are_called():
     assert set(METHODS) == set(TITLES)
     for method in METHODS:
         config = by_method(TrackerConfig(), method)
-        assert config.evidence.kind == ("region" if method == "region" else "chamfer")
-        assert not config.start.enabled
+        assert config.modalities == (("region",) if method == "region" else ("chamfer",))
+        assert not config.initialization.enabled
         if method in PUBLISHED:
-            assert config.evidence.distances == method
+            assert config.chamfer.distances == method
     ablated = until_converged(TrackerConfig(), False)
-    assert not ablated.optimizer.sliding and ablated.optimizer.max_iterations > TrackerConfig().optimizer.max_iterations
+    assert not ablated.chamfer.sliding and ablated.chamfer.max_iterations > TrackerConfig().chamfer.max_iterations
 
 
 def test_a_direction_moves_one_degree_of_freedom_only():

@@ -25,7 +25,7 @@ LATE_CAMERA = 2
 _DEFAULT = TrackerConfig()
 CONFIG = replace(  # fewer samples: quicker
     _DEFAULT,
-    optimizer=replace(_DEFAULT.optimizer, samples_per_line=14),
+    chamfer=replace(_DEFAULT.chamfer, samples_per_line=14),
     region=replace(_DEFAULT.region, samples_per_line=14),
 )
 

@@ -108,7 +108,7 @@ def make_clip(folder: Path, n_images: int = 10, with_plates: bool = True) -> Cli
     write_rig_file(rig_file_of(CameraRig(tuple(cameras))), folder / "rig.yaml")
     dump_model(model, folder / "model.yaml")
     dump_state(states[0], model, folder / "start.yaml")
-    (folder / "config.yaml").write_text("/**:\n  ros__parameters:\n    optimizer:\n      max_iterations: 5\n    threads: 2\n")
+    (folder / "config.yaml").write_text("/**:\n  ros__parameters:\n    threads: 2\n")
     return Clip(folder, model, CameraRig(tuple(cameras)), states)
 
 

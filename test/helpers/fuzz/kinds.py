@@ -195,7 +195,7 @@ def core_kinds(folder: Path) -> list[Kind]:
     dump_state(State.neutral(model), model, folder / "state.yaml")
     dump_config(TrackerConfig(), folder / "config.yaml")
     write_picture(np.zeros((2, 3, 3), np.uint8), folder / "a.png")
-    plain = {"engine": "contour", "threads": 2, "optimizer": {"max_iterations": 5}, "region.scales": "6 3 1"}
+    plain = {"modalities": ["region", "chamfer"], "threads": 2, "chamfer": {"max_iterations": 5}, "region.scales": "6 3 1"}
     return [
         yaml_kind("rig", RIG.encode(), load_rig, _check_rig, _dump_rig),
         yaml_kind("rig_file", RIG.encode(), read_rig_file, lambda value: None, write_rig_file),

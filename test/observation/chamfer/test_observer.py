@@ -7,9 +7,10 @@ import pytest
 
 from tracker_node.errors import CalibrationError
 from tracker_node.observation.chamfer.observer import Observer
-from tracker_node.tracking.config import EvidenceConfig
+from tracker_node.tracking.config import BackgroundConfig, ChamferConfig
 
 WIDTH, HEIGHT, REGION = 120, 90, (10, 5, 110, 85)
+SIZE = (WIDTH, HEIGHT)
 BODY = (slice(25, 70), slice(45, 70))
 
 
@@ -39,9 +40,9 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(2)
 
 
-@pytest.mark.parametrize(("kind", "has_plate"), [("plate", True), ("both", True), ("both", False)])
+@pytest.mark.parametrize(("kind", "has_plate"), [("background", True), ("both", True), ("both", False)])
 def test_the_body_is_found_where_it_has_moved_to(rng, kind, has_plate):
-    observer = Observer("c", WIDTH, HEIGHT, EvidenceConfig(silhouette=kind), empty(rng) if has_plate else None)
+    observer = Observer("c", SIZE, ChamferConfig(silhouette=kind), BackgroundConfig(), empty(rng) if has_plate else None)
     observer.begin(with_body(rng), REGION, labels(), 12)
     seen = observer.observe(with_body(rng, 8), REGION, labels())
     assert (seen.camera, seen.region, seen.empty) == ("c", REGION, False)
@@ -56,15 +57,15 @@ def test_the_body_is_found_where_it_has_moved_to(rng, kind, has_plate):
 
 
 def test_an_empty_scene_is_said_to_be_empty(rng):
-    observer = Observer("c", WIDTH, HEIGHT, EvidenceConfig(), [empty(rng) for _ in range(4)])
+    observer = Observer("c", SIZE, ChamferConfig(), BackgroundConfig(), [empty(rng) for _ in range(4)])
     observer.begin(with_body(rng), REGION, labels(), 12)
     seen = observer.observe(empty(rng), REGION, labels())
     assert seen.empty and len(seen.boundary) == 0
-    assert (seen.silhouette_distance >= EvidenceConfig().truncation_px - 1e-3).all()
+    assert (seen.silhouette_distance >= ChamferConfig().truncation_px - 1e-3).all()
 
 
 def test_what_is_beyond_the_reach_is_not_looked_at(rng):
-    observer = Observer("c", WIDTH, HEIGHT, EvidenceConfig(reach_px=8), empty(rng))
+    observer = Observer("c", SIZE, ChamferConfig(reach_px=8), BackgroundConfig(), empty(rng))
     observer.begin(with_body(rng), REGION, labels(), 12)
     image = with_body(rng)
     image[25:70, 95:105] = (40, 50, 190)  # somebody else in the same shirt
@@ -84,7 +85,7 @@ def test_the_refined_boundary_is_nearer_than_the_pixels_are(rng):
     image = image.astype(np.uint8)
     zero = []
     for refine in (True, False):
-        observer = Observer("c", WIDTH, HEIGHT, replace(EvidenceConfig(), refine_boundary=refine), plate)
+        observer = Observer("c", SIZE, replace(ChamferConfig(), refine_boundary=refine), BackgroundConfig(), plate)
         observer.begin(image, REGION, labels(), 12)
         row = observer.observe(image, REGION, labels()).silhouette_distance[30:50].mean(axis=0)
         right = int(np.flatnonzero(row[45:] > 0)[0]) + 45
@@ -94,7 +95,7 @@ def test_the_refined_boundary_is_nearer_than_the_pixels_are(rng):
 
 
 def test_lessons_do_not_take_the_body_into_the_scene(rng):
-    observer = Observer("c", WIDTH, HEIGHT, EvidenceConfig(scene_rate=0.3, color_rate=0.3), empty(rng))
+    observer = Observer("c", SIZE, ChamferConfig(color_rate=0.3), BackgroundConfig(learning_rate=0.3), empty(rng))
     observer.begin(with_body(rng), REGION, labels(), 12)
     for _ in range(40):  # a body that stands still
         observer.learn(with_body(rng), REGION, labels())
@@ -103,6 +104,6 @@ def test_lessons_do_not_take_the_body_into_the_scene(rng):
 
 def test_mistakes_are_named():
     with pytest.raises(CalibrationError, match="camera 'c': expected a plate of 120x90, got 60x45"):
-        Observer("c", WIDTH, HEIGHT, EvidenceConfig(), np.zeros((45, 60, 3), np.uint8))
+        Observer("c", SIZE, ChamferConfig(), BackgroundConfig(), np.zeros((45, 60, 3), np.uint8))
     with pytest.raises(CalibrationError, match="needs an image of the empty scene"):
-        Observer("c", WIDTH, HEIGHT, EvidenceConfig(silhouette="plate"))
+        Observer("c", SIZE, ChamferConfig(silhouette="background"), BackgroundConfig())

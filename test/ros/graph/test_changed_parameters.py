@@ -66,7 +66,7 @@ def test_everything_is_described_and_wrong_values_are_refused_with_the_reason(pr
     client, _, _ = running
     descriptors = client.describe(client.names())
     own = {name: d for name, d in descriptors.items() if not name.startswith("qos_overrides.") and name not in ROS_OWN}
-    assert len(own) > 100 and all(d.description for d in own.values())
+    assert len(own) > 60 and all(d.description for d in own.values())
     for name, descriptor in own.items():
         if descriptor.type in NUMBERS:
             assert descriptor.floating_point_range or descriptor.integer_range, name
@@ -74,24 +74,26 @@ def test_everything_is_described_and_wrong_values_are_refused_with_the_reason(pr
             assert descriptor.description.endswith("]"), f"{name} has no unit"
     reasons = [(names, said, client.set(**names)) for names, said in REFUSED]
     assert not [(names, said, reason) for names, said, reason in reasons if said not in reason]
-    assert client.get("engine", "optimizer.max_iterations", "cameras") == ["contour", 6, ["cam1", "cam2", "cam3"]]
+    assert client.get("modalities", "region.repeats", "cameras") == [["region"], 2, ["cam1", "cam2", "cam3"]]
 
 
 ROS_OWN = ("use_sim_time", "start_type_description_service")
 REFUSED = [
-    ({"optimizer__nonsense": 1}, "optimizer.nonsense"),  # not declared
-    ({"optimizer__max_iterations": 0}, "optimizer.max_iterations"),  # out of range
-    ({"optimizer__max_iterations": "six"}, "expected 'Type.INTEGER'"),  # of another type
-    ({"optimizer__robust_scale_px": float("nan")}, "optimizer.robust_scale_px"),
+    ({"region__nonsense": 1}, "region.nonsense"),  # not declared
+    ({"region__repeats": -1}, "region.repeats"),  # out of range
+    ({"region__repeats": "six"}, "expected 'Type.INTEGER'"),  # of another type
+    ({"region__robust_sigmas": float("nan")}, "region.robust_sigmas"),
     ({"region__scales": "wide"}, "region.scales"),
-    ({"engine": "guess"}, "color_then_contour"),  # the valid ones
-    ({"engine": "color_and_contour", "color__representation": "affine"}, "no box with a picture"),  # does not suit the body
+    ({"modalities": ["guess"]}, "color_over_background"),  # the valid ones
+    ({"engine": "color"}, "modalities"),  # an earlier version's
+    ({"chamfer__max_iterations": 3}, "chamfer"),  # of a modality that is not in use
+    ({"modalities": ["texture"]}, "no box with a picture"),  # does not suit the body
     ({"cameras": ["cam1", "cam9"]}, "cam9"),
     ({"cameras": ["cam1", "cam1"]}, "each once"),
     ({"lossless": False}, "read-only"),
     ({"calibration": "camera_info"}, "read-only"),
     ({"autostart": False}, "read-only"),
-    ({"optimizer__max_iterations": 5, "engine": "guess"}, "engine"),  # nothing of it is taken
+    ({"region__repeats": 5, "modalities": ["guess"]}, "modalities"),  # nothing of it is taken
 ]
 
 
@@ -136,10 +138,12 @@ def test_the_engine_changes_while_it_runs(probe, running):
     client, states, cameras = running
     cameras.send(0)
     probe.spin_until(lambda: len(states) == 1, "a state by contours")
-    assert client.set(engine="color") == ""
+    assert client.set(modalities=["color"]) == ""
+    assert "color.levels" in client.names() and "region.repeats" not in client.names()
     cameras.send(1)
     probe.spin_until(lambda: len(states) == 2, "a state by colors")
-    assert client.set(engine="contour", status__limb_lost=0.4) == ""
+    assert client.set(modalities=["region"], status__limb_lost=0.4) == ""
+    assert "region.repeats" in client.names() and "color.levels" not in client.names()
     cameras.send(2)
     probe.spin_until(lambda: len(states) == 3, "a state by contours again")
     pixels = [sum(state.camera_samples) for state in states]

@@ -89,7 +89,7 @@ def test_what_is_not_possible_is_refused_and_nothing_breaks(probe, launch, recor
     assert "is not possible while unconfigured" in tracker.err and "Traceback" not in tracker.err
 
 
-UNSUITABLE = ("-p", "engine:=color_and_contour", "-p", "color.representation:=affine")
+UNSUITABLE = ("-p", "modalities:=[texture]")
 
 
 def test_a_failed_configure_says_why_and_can_be_mended(probe, launch, recording, manager):
@@ -99,7 +99,7 @@ def test_a_failed_configure_says_why_and_can_be_mended(probe, launch, recording,
     probe.spin_until(lambda: name in status and status[name].level == DiagnosticStatus.ERROR, "the reason")
     assert "configure has failed" in status[name].message and "no box with a picture" in status[name].message
     assert manager.state() == "unconfigured" and "no box with a picture" in tracker.err and "Traceback" not in tracker.err
-    change = SetParameters.Request(parameters=[Parameter("engine", value="contour").to_parameter_msg()])
+    change = SetParameters.Request(parameters=[Parameter("modalities", value=["region"]).to_parameter_msg()])
     assert probe.ask(SetParameters, "tracker/set_parameters", change).results[0].successful
     assert manager.change(Transition.TRANSITION_CONFIGURE) and manager.change(Transition.TRANSITION_ACTIVATE)
     probe.spin_until(lambda: status[name].level == DiagnosticStatus.OK and status[name].message == "active", "recovery")

@@ -121,7 +121,7 @@ def test_the_engine_of_colors_is_reproduced_bit_for_bit(clip: Clip, tmp_path: Pa
     """With colors learnt from the first images, and a limb looked for; what the mask shows of the images is the same too."""
     color = {"learn_colors": "true", "color_rate": 0.1, "degraded_agreement": 0.95, "search_states": 60, "levels": 3}
     config = tmp_path / "config.yaml"
-    config.write_text("engine: color\n" + "".join(f"color.{name}: {value}\n" for name, value in color.items()))
+    config.write_text("modalities: [color]\n" + "".join(f"color.{name}: {value}\n" for name, value in color.items()))
     colored = replace_option(clip.arguments(), "--config", config)
     pipeline = start("pipeline", *colored, "--bag", str(tmp_path / "live"), "--images", "--through-masks")
     assert pipeline.process.wait(120) == 0, pipeline.text

@@ -85,7 +85,7 @@ def bench(probe, recording):
 
 def test_images_are_received_and_tracked_while_the_new_tracker_is_made(bench):
     bench.track()
-    assert bench.set("optimizer.robust_scale_px", 5.0)
+    assert bench.set("region.robust_sigmas", 2.0)
     assert bench.maker.asked.acquire(timeout=TIMEOUT_S)
     for _ in range(3):
         bench.track()
@@ -111,7 +111,7 @@ def test_what_cannot_be_made_after_all_is_said_and_the_old_tracker_goes_on(bench
     bench.track()
     bench.maker.problem = ModelError("too many arms")
     bench.maker.may.set()
-    assert bench.set("optimizer.robust_scale_px", 5.0)
+    assert bench.set("region.robust_sigmas", 2.0)
     bench.probe.spin_until(lambda: bench.said()[0] == DiagnosticStatus.ERROR, "said so")
     assert "too many arms" in bench.said()[1] and "goes on" in bench.said()[1]
     bench.track()
@@ -149,11 +149,12 @@ def test_a_small_tracker_says_what_does_not_suit(recording):
 
     rig, config = load_rig(recording / "rig.yaml"), TrackerConfig()
     small = SmallTrackers(rig, tracked_arm(), rig.names[:1])
-    for engine in ("contour", "color", "color_and_contour", "color_then_contour"):
-        small.check(rig.names, replace(config, engine=engine))
-    affine = replace(config, engine="color", color=replace(config.color, representation="affine"))
+    for modalities in (("region",), ("color",), ("color", "region")):
+        for combination in ("joint", "sequential"):
+            small.check(rig.names, replace(config, modalities=modalities, combination=combination))
+    affine = replace(config, modalities=("texture",))
     with pytest.raises(ModelError, match="no box with a picture"):
         small.check(rig.names, affine)
-    scene = replace(config, engine="color", color=replace(config.color, representation="scene"))
-    with pytest.raises(ModelError, match="empty scene"):
+    scene = replace(config, modalities=("color_over_background",))
+    with pytest.raises(ModelError, match="background"):
         small.check(rig.names[1:], scene)

@@ -63,7 +63,9 @@ def test_paused_images_are_counted_and_not_used(probe, start_tracker):
 def test_the_body_is_looked_for_anew(probe, recording, start_tracker):
     """Put far away, it is found without a word about where it is."""
     options = options_of(recording)
-    _, states, cameras = start_tracker(config=replace(options.config, start=replace(options.config.start, after_lost=10**6)))
+    _, states, cameras = start_tracker(
+        config=replace(options.config, initialization=replace(options.config.initialization, after_lost_sets=10**6))
+    )
     far = State(placed(0.05, 3.0, 0.2), np.zeros(options.model.chain.n_axes)).to_values()
     names = list(options.model.chain.dof_names)
     assert probe.ask(SetState, "tracker/set_state", SetState.Request(dof_names=names, values=far.tolist())).success
@@ -80,9 +82,9 @@ def test_the_body_is_looked_for_anew(probe, recording, start_tracker):
 
 def test_looking_anew_is_refused_where_the_body_is_not_looked_for(probe, recording, start_tracker):
     config = options_of(recording).config
-    start_tracker(config=replace(config, start=replace(config.start, enabled=False)))
+    start_tracker(config=replace(config, initialization=replace(config.initialization, enabled=False)))
     answer = probe.ask(Trigger, "tracker/reinitialize", Trigger.Request())
-    assert not answer.success and "start.enabled" in answer.message
+    assert not answer.success and "initialization.enabled" in answer.message
 
 
 def test_limbs_times_and_spread_are_told(probe, start_tracker):

@@ -207,12 +207,12 @@ def test_parameters_change_at_run_time(probe, recording, start_tracker):
     cameras.send(2)
     probe.spin_until(lambda: len(states) == 3, "states")
     assert states[2].iterations <= 1
-    wrong = {"optimizer.max_iterations": 0, "evidence.silhouette": "nonsense", "region.scales": "wide", "optimizer.nonsense": 1}
+    wrong = {"region.repeats": -1, "region.scales": "wide", "region.nonsense": 1, "chamfer.max_iterations": 3}
     for name, value in wrong.items():
         request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
         (result,) = probe.ask(SetParameters, "tracker/set_parameters", request).results
         assert not result.successful and result.reason
-    request = DescribeParameters.Request(names=["optimizer.robust_scale_px"])
+    request = DescribeParameters.Request(names=["region.inlier_px"])
     (descriptor,) = probe.ask(DescribeParameters, "tracker/describe_parameters", request).descriptors
     assert "[px]" in descriptor.description and descriptor.floating_point_range[0].to_value == 1000.0
 
@@ -231,9 +231,9 @@ def test_mistakes_are_one_line(launch, recording, tmp_path):
     broken = tmp_path / "broken"
     shutil.copytree(recording, broken)
     (broken / "rig.yaml").write_text((broken / "rig.yaml").read_text().replace("cam1_plate.png", "absent.png"))
-    unknown = launch("tracker", *files, "--ros-args", "-p", "optimizer.nonsense:=1")
-    out_of_range = launch("tracker", *files, "--ros-args", "-p", "optimizer.robust_scale_px:=-1.0")
+    unknown = launch("tracker", *files, "--ros-args", "-p", "region.nonsense:=1")
+    out_of_range = launch("tracker", *files, "--ros-args", "-p", "region.inlier_px:=-1.0")
     no_plate = launch("tracker", "--rig", broken / "rig.yaml", *files[2:])
-    for process, said in ((unknown, "nonsense"), (out_of_range, "robust_scale_px"), (no_plate, "absent.png")):
+    for process, said in ((unknown, "nonsense"), (out_of_range, "inlier_px"), (no_plate, "absent.png")):
         assert process.wait() == 2
         assert said in process.err and "Traceback" not in process.err, process.err

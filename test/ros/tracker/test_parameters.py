@@ -36,21 +36,21 @@ def test_every_field_is_a_parameter_with_its_description(make):
 
 def test_overrides_win_over_a_file_and_a_file_over_the_built_in(make):
     defaults = replace(TrackerConfig(), threads=1)
-    _, parameters = make({"optimizer.max_iterations": 9, "optimizer.robust_scale_px": 7}, defaults)  # 7 means 7.0
+    _, parameters = make({"region.repeats": 9, "region.robust_sigmas": 7}, defaults)  # 7 means 7.0
     assert parameters.config.threads == 1
-    assert parameters.config.optimizer.max_iterations == 9
-    assert parameters.config.optimizer.robust_scale_px == 7.0
-    assert parameters.config.evidence == TrackerConfig().evidence
+    assert parameters.config.region.repeats == 9
+    assert parameters.config.region.robust_sigmas == 7.0
+    assert parameters.config.background == TrackerConfig().background
 
 
 def test_unknown_override_is_refused_with_the_valid_ones(make):
-    with pytest.raises(UnknownNameError, match=r"max_iteration'.*optimizer\.max_iterations"):
-        make({"optimizer.max_iteration": 9})
+    with pytest.raises(UnknownNameError, match=r"repeat'.*region\.repeats"):
+        make({"region.repeat": 9})
 
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("optimizer.max_iterations", 0), ("optimizer.max_iterations", 2.5), ("evidence.silhouette", "nonsense"), ("threads", "two")],
+    [("region.repeats", -1), ("region.repeats", 2.5), ("modalities", ["nonsense"]), ("threads", "two"), ("color.levels", 2)],
 )
 def test_bad_override_is_named(make, name, value):
     with pytest.raises(FileFormatError, match=name):
@@ -60,11 +60,11 @@ def test_bad_override_is_named(make, name, value):
 def test_a_change_arrives_as_a_whole_or_not_at_all(make):
     changes = []
     node, parameters = make(on_change=changes.append)
-    good = [Parameter("optimizer.max_iterations", value=3), Parameter("threads", value=1)]
+    good = [Parameter("region.repeats", value=3), Parameter("threads", value=1)]
     assert node.set_parameters_atomically(good).successful
-    assert (changes[-1].optimizer.max_iterations, changes[-1].threads) == (3, 1)
-    bad = [Parameter("optimizer.max_iterations", value=4), Parameter("evidence.silhouette", value="nonsense")]
+    assert (changes[-1].region.repeats, changes[-1].threads) == (3, 1)
+    bad = [Parameter("region.repeats", value=4), Parameter("region.scales", value="nonsense")]
     result = node.set_parameters_atomically(bad)
-    assert not result.successful and "silhouette" in result.reason
-    assert len(changes) == 1 and parameters.config.optimizer.max_iterations == 3
+    assert not result.successful and "scales" in result.reason
+    assert len(changes) == 1 and parameters.config.region.repeats == 3
     assert node.set_parameters([Parameter("use_sim_time", value=True)])[0].successful and len(changes) == 1

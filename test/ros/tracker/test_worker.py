@@ -57,7 +57,7 @@ class Bench:
 
     def change_parameters(self, scale: float) -> None:
         """A new tracker is made; it is this one again."""
-        (result,) = self.node.set_parameters([Parameter("optimizer.robust_scale_px", value=scale)])
+        (result,) = self.node.set_parameters([Parameter("region.robust_sigmas", value=scale)])
         assert result.successful
         self.probe.spin_until(lambda: not self.node._builder.busy, "the new tracker")
 

@@ -27,9 +27,9 @@ def off_mm(clip, state, truth):
     return 1e3 * np.linalg.norm(found, axis=1).max()
 
 
-@pytest.mark.parametrize(("engine", "score"), [("contour", "outline found"), ("color", "colors agree")])
-def test_the_engine_of_the_parameters_scores_and_fits(clip, engine, score):
-    bench, truth = bench_of(clip, f"engine: {engine}\n"), clip.states[2]
+@pytest.mark.parametrize(("modality", "score"), [("region", "outline found"), ("color", "colors agree")])
+def test_the_engine_of_the_parameters_scores_and_fits(clip, modality, score):
+    bench, truth = bench_of(clip, f"modalities: [{modality}]\n"), clip.states[2]
     assert bench.scorer.name == score
     start = State(truth.T_world_root, truth.joint_positions + np.array([0.15, -0.25, 0.25]))
     fitted = bench.fit(start, 2)

@@ -24,7 +24,7 @@ ROBOT = Path(__file__).resolve().parents[3] / "config" / "models" / "robot_arm.u
 SCENE = SceneConfig(
     n_cameras=3, width=320, height=240, focal_px=270.0, radius=2.2, target_height=0.7, noise_levels=2.0, surroundings="clutter"
 )
-SMALL = from_dict({"evidence.kind": "region", "region.first_scales": "8 5 3 2 1"})  # images, and a start nearby
+SMALL = from_dict({"modalities": ["region"], "region.first_scales": "8 5 3 2 1"})  # images, and a start nearby
 
 
 @cache

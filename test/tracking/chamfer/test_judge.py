@@ -10,10 +10,10 @@ from tracker_node.objective.chamfer.agreement import BOUNDARY, N_AGREEMENT, ON_B
 from tracker_node.objective.normal_equations import NormalEquations
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.tracking.chamfer.judge import NOTHING, Recovery, covariance_of, judge, reports_of
-from tracker_node.tracking.config import StatusConfig
+from tracker_node.tracking.config import ChamferConfig
 from tracker_node.tracking.estimate import CameraReport, Status
 
-CONFIG = StatusConfig(degraded_agreement=0.6, lost_agreement=0.4, degraded_residual_px=5.0, lost_residual_px=12.0)
+CONFIG = ChamferConfig(degraded_agreement=0.6, lost_agreement=0.4, degraded_residual_px=5.0, lost_residual_px=12.0)
 ABSENT, ELSEWHERE, EMPTY = "absent", "elsewhere", "empty"
 
 
@@ -152,7 +152,7 @@ def test_reports_have_what_each_camera_saw_and_the_sum_of_all():
 
 @pytest.mark.parametrize(("rms_px", "factor"), [(0.5, 1.0), (1.5, 1.0), (4.5, 9.0)])
 def test_the_covariance_grows_with_residuals_beyond_those_expected(rms_px, factor):
-    config = StatusConfig(residual_sigma_px=1.5)
+    config = ChamferConfig(residual_sigma_px=1.5)
     root = np.random.default_rng(3).normal(size=(4, 4))
     H = root @ root.T + 3.0 * np.eye(4)
     equations = NormalEquations(H, np.zeros(4), 1.0, 10)
@@ -164,7 +164,7 @@ def test_the_covariance_grows_with_residuals_beyond_those_expected(rms_px, facto
 
 def test_what_nothing_is_known_of_has_a_large_variance():
     H = np.diag([1e4, 0.0])
-    found = covariance_of(NormalEquations(H, np.zeros(2), 1.0, 10), [slot()], [seen("a")], StatusConfig())
+    found = covariance_of(NormalEquations(H, np.zeros(2), 1.0, 10), [slot()], [seen("a")], ChamferConfig())
     np.testing.assert_allclose(np.diag(found), [1e-4, 100.0], rtol=1e-5)
-    tiny = covariance_of(NormalEquations(0.0 * H, np.zeros(2), 1.0, 0), [slot()], [seen("a")], StatusConfig())
+    tiny = covariance_of(NormalEquations(0.0 * H, np.zeros(2), 1.0, 0), [slot()], [seen("a")], ChamferConfig())
     np.testing.assert_allclose(np.diag(tiny), 1e6)

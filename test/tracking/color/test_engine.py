@@ -22,7 +22,7 @@ from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status, TrackEstimate
 from tracker_node.tracking.tracker import Tracker
 
-LEARNT = {"engine": "color", "color.learn_colors": True, "color.first_passes": 2}
+LEARNT = {"modalities": ["color"], "color.learn_colors": True, "color.first_passes": 2}
 N_SETS = 4
 
 
@@ -52,7 +52,7 @@ def test_the_body_is_followed(clip, tracked):
 
 
 def test_contours_take_over_from_colors(clip, tracked):
-    found = track(clip, engine="color_then_contour")
+    found = track(clip, modalities=["color", "chamfer"], combination="sequential")
     assert clip.errors_mm(found).mean() < 8.0
     assert [e.status for e in found] == [Status.TRACKING] * N_SETS
     assert max(e.residual_px for e in found) < 1.0  # in pixels, as of contours
@@ -78,7 +78,9 @@ def test_every_optimizer_finds_the_state_from_one_that_is_off(arm, optimizer, hi
     """3 cm and 6 degrees; a pixel is 10 mm wide."""
     made, sets = arm
     start = made.states[0].retract(np.array([0.02, -0.02, 0.01, 0.05, -0.05, 0.05, 0.1, -0.1, 0.1]))
-    config = from_dict({"engine": "color", "color.optimizer": optimizer, "color.hierarchical": hierarchical, "color.levels": 3})
+    config = from_dict(
+        {"modalities": ["color"], "color.optimizer": optimizer, "color.hierarchical": hierarchical, "color.levels": 3}
+    )
     tracker = Tracker(made.rig, made.model, config, None, start)
     estimate = [tracker.step(s) for s in sets][-1]
     tips = [Configuration(made.model, s).landmarks_world for s in (estimate.state, made.states[2])]
@@ -98,7 +100,7 @@ def test_a_lost_limb_is_found_again_the_same_way_with_the_same_seed(arm):
     start = made.states[0].retract(np.append(np.zeros(6), [0.0, 1.3, 0.3]))
     runs = []
     for options in ({"color.search_states": 0}, {}, {}):
-        tracker = Tracker(made.rig, made.model, from_dict({"engine": "color"} | options), None, start)
+        tracker = Tracker(made.rig, made.model, from_dict({"modalities": ["color"]} | options), None, start)
         runs.append([tracker.step(s) for s in sets])
     wrist = made.model.landmark_index("wrist")
     wrists = [Configuration(made.model, run[-1].state).landmarks_world[wrist] for run in runs]
@@ -147,8 +149,8 @@ def test_a_small_mask_lowers_the_status(clip):
 
 def test_without_a_state_it_waits(clip):
     tracker = Tracker(clip.rig, clip.model, from_dict(LEARNT))
-    for engine in ("color", "color_then_contour"):
-        tracker = Tracker(clip.rig, clip.model, from_dict(LEARNT | {"engine": engine, "start.enabled": False}))
+    for more in ({}, {"modalities": ["color", "region"], "combination": "sequential"}):
+        tracker = Tracker(clip.rig, clip.model, from_dict(LEARNT | more | {"initialization.enabled": False}))
         estimate = tracker.step(clip.sets[0])
         assert (estimate.status, estimate.status_reason) == (Status.INITIALISING, "no initial state has been given")
         assert estimate.covariance[0, 0] > 1.0  # m^2: anywhere
@@ -176,14 +178,14 @@ def test_a_model_without_colors_is_refused_unless_they_are_learnt(clip):
     assert estimate.status is not Status.LOST
 
 
-@pytest.mark.parametrize("engine", ["color", "color_then_contour"])
-def test_a_grey_image_among_colored_ones_is_refused_by_the_name_of_its_camera(clip, engine):
+@pytest.mark.parametrize("modalities", [["color"], ["color", "region"]])
+def test_a_grey_image_among_colored_ones_is_refused_by_the_name_of_its_camera(clip, modalities):
     def gray(image: CameraImage) -> CameraImage:
         return replace(image, pixels=image.pixels.mean(axis=2).astype(np.uint8), encoding="mono8")
 
     images = tuple(gray(i) if i.camera == "cam02" else i for i in clip.sets[0].images)
-    with pytest.raises(CalibrationError, match=f"camera 'cam02': expected color images for the engine '{engine}', got mono8"):
-        track(clip, [replace(clip.sets[0], images=images)], engine=engine)
+    with pytest.raises(CalibrationError, match="camera 'cam02': expected color images for the modality color, got mono8"):
+        track(clip, [replace(clip.sets[0], images=images)], modalities=modalities)
 
 
 def test_a_rigid_body_is_found_from_far_off():
@@ -203,7 +205,7 @@ def test_a_rigid_body_is_found_from_far_off():
         pixels = np.rint(np.where(labels[:, :, None] > 0, rgb, (120.0, 115.0, 110.0))[:, :, ::-1]).astype(np.uint8)
         images.append(CameraImage(camera.name, 5, pixels))
     start = truth.retract(np.concatenate([[0.12, -0.12, 0.106], np.deg2rad(20.0) * np.array([0.6, 0.0, 0.8])]))
-    estimate = Tracker(rig, model, from_dict({"engine": "color"}), None, start).step(ImageSet(5, tuple(images)))
+    estimate = Tracker(rig, model, from_dict({"modalities": ["color"]}), None, start).step(ImageSet(5, tuple(images)))
     off = estimate.state.difference(truth)
     assert np.linalg.norm(off[:3]) < 0.005 and np.linalg.norm(off[3:]) < np.deg2rad(1.0)
     assert estimate.status is Status.TRACKING, estimate.status_reason

@@ -11,7 +11,9 @@ from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status, TrackEstimate
 from tracker_node.tracking.tracker import Tracker
 
-CONFIG = from_dict({"engine": "color", "color.learn_colors": True, "color.representation": "scene", "color.search_states": 80})
+CONFIG = from_dict(
+    {"modalities": ["color_over_background"], "color_over_background": {"learn_colors": True, "search_states": 80}}
+)
 N_SETS = 3
 
 
@@ -56,5 +58,5 @@ def test_colors_learnt_beside_the_body_do_not_deceive(clip):
 
 
 def test_without_plates_it_says_what_it_needs(clip):
-    with pytest.raises(ModelError, match="empty scene"):
+    with pytest.raises(ModelError, match="images of the background"):
         Tracker(clip.rig, clip.model, CONFIG, {}, clip.states[0])

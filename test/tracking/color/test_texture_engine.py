@@ -14,11 +14,11 @@ from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.tracker import Tracker
 
 CONFIG = from_dict({
-    "engine": "color",
-    "color": {"representation": "affine", "search_states": 1000},
+    "modalities": ["texture"],
+    "texture": {"search_states": 1000},
     "motion.velocity_gain": 1.0,
 })  # fmt: skip
-FEW = from_dict({"engine": "color", "color": {"representation": "affine", "search_states": 20}})
+FEW = from_dict({"modalities": ["texture"], "texture": {"search_states": 20}})
 PERIOD_NS = 10**8
 
 
@@ -82,7 +82,7 @@ def test_it_waits_for_a_state_without_looking(searches):
 
 
 def test_the_search_can_be_switched_off(searches):
-    config = from_dict({"engine": "color", "color": {"representation": "affine", "search_states": 0}})
+    config = from_dict({"modalities": ["texture"], "texture": {"search_states": 0}})
     tracker = Tracker(rig(), MODEL, config, initial_state=TRUE)
     estimate = tracker.step(image_set(0, film(None)))
     assert estimate.status is Status.LOST
@@ -119,7 +119,7 @@ def test_a_body_without_pictures_is_refused():
 
 
 def test_a_search_in_vain_counts_too():
-    none = from_dict({"engine": "color", "color": {"representation": "affine", "search_states": 0}})
+    none = from_dict({"modalities": ["texture"], "texture": {"search_states": 0}})
     counts = [
         Tracker(rig(), MODEL, config, initial_state=TRUE).step(image_set(0, film(None))).evaluations for config in (none, FEW)
     ]

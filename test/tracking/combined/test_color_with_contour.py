@@ -16,8 +16,14 @@ N = 6
 ENGINES = ("contour", "color", "color_and_contour")
 
 
-def configured(engine: str, kind: str = "chamfer", **color) -> TrackerConfig:
-    return from_dict({"engine": engine, "evidence": {"kind": kind}, "color": {"learn_colors": True, **color}})
+def configured(engine: str, contours: str = "chamfer", **color) -> TrackerConfig:
+    if engine == "contour":
+        return from_dict({"modalities": [contours]})
+    colors = {"learn_colors": True, **color}
+    if engine == "color":
+        return from_dict({"modalities": ["color"], "color": colors})
+    combination = "joint" if engine == "color_and_contour" else "sequential"
+    return from_dict({"modalities": ["color", contours], "combination": combination, "color": colors})
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +52,7 @@ def test_the_covariance_shrinks_in_every_direction(clip):
     config = configured("color_and_contour")
     images = [image.bgr for image in clip.sets[0].images]
     contours = ContourEngine(clip.rig, clip.model, config, clip.plates, lambda f, items: [f(item) for item in items])
-    colors = ColorEngine(clip.rig, clip.model, config, lambda f, items: [f(item) for item in items])
+    colors = ColorEngine(clip.rig, clip.model, config.color, 2, lambda f, items: [f(item) for item in items])
     start = contours.begin(images, colors.begin(images, clip.states[0]))
     for engine in (colors, contours):
         engine.observe(images, start)
@@ -79,7 +85,10 @@ def test_a_body_that_colors_do_not_find_is_left_to_the_contours(clip):
     assert all(np.array_equal(a.state.to_values(), b.state.to_values()) for a, b in zip(together, led, strict=True))
 
 
-def test_other_representations_are_refused(clip):
-    config = configured("color_and_contour", representation="scene", learn_colors=False)
-    with pytest.raises(FileFormatError, match="raw, normalized or blend"):
+@pytest.mark.parametrize("colors", ["texture", "color_over_background"])
+def test_other_colors_are_refused(clip, colors):
+    with pytest.raises(FileFormatError, match="only color is fitted jointly with contours"):
+        from_dict({"modalities": [colors, "region"]})
+    config = TrackerConfig(modalities=(colors, "region"))
+    with pytest.raises(FileFormatError, match="only color is fitted jointly with contours"):
         Tracker(clip.rig, clip.model, config, clip.plates, clip.states[0])

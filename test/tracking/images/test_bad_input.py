@@ -26,7 +26,7 @@ from tracker_node.tracking.tracker import Tracker
 ONE_CAMERA = SceneConfig(
     n_cameras=1, width=320, height=240, focal_px=290.0, radius=1.5, target_height=0.3, noise_levels=2.0, surroundings="clutter"
 )
-REGION = from_dict({"evidence.kind": "region", "region.first_scales": "8 5 3 2 1"})  # for small images
+REGION = from_dict({"modalities": ["region"], "region.first_scales": "8 5 3 2 1"})  # for small images
 
 
 @cache

@@ -13,7 +13,7 @@ from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.tracker import Tracker
 
-CONFIG = from_dict({"evidence.kind": "region", "start.enabled": False})
+CONFIG = from_dict({"modalities": ["region"], "initialization.enabled": False})
 FACTOR = 8  # the body then is a thousand pixels high
 
 

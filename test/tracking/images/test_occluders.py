@@ -66,7 +66,7 @@ def tracked(kind: str, room: ArticulatedModel | None):
     tracker = Tracker(
         clip.rig,
         clip.model,
-        from_dict({"evidence.kind": kind, "region.first_scales": "8 5 3 2 1"}),
+        from_dict({"modalities": [kind], **({"region.first_scales": "8 5 3 2 1"} if kind == "region" else {})}),
         clip.plates,
         clip.states[0],
         room,

@@ -49,7 +49,7 @@ def film(rig) -> tuple[list[ImageSet], dict[str, np.ndarray]]:
 
 
 def tracked(rig: CameraRig, sets: list[ImageSet], plates: dict) -> list[TrackEstimate]:
-    config = from_dict({"evidence": {"kind": "chamfer"}})  # small pictures, with the empty scene
+    config = from_dict({"modalities": ["chamfer"]})  # small pictures, with the empty scene
     tracker = Tracker(rig, MODEL, config, plates, state_at(0.0))
     return [tracker.step(image_set) for image_set in sets]
 

@@ -64,7 +64,7 @@ def sets_of(film: Film, tolerance: float) -> list[ImageSet]:
 def errors_mm(film: Film, sets: list[ImageSet], kind: str) -> np.ndarray:
     """(n,) mean distance of the landmarks from where they are at each set's stamp."""
     model = figure_model()
-    config = from_dict({"evidence.kind": kind, "synchronizer.tolerance": 0.7})
+    config = from_dict({"modalities": [kind], "synchronizer.tolerance": 0.7})
     tracker = Tracker(make_rig(SCENE), model, config, film.plates, film.states[0])
     result = []
     for image_set in sets:

@@ -16,7 +16,13 @@ from tracker_node.tracking.initialization.detector import StartFinder, body_size
 from tracker_node.tracking.initialization.pose_library import limbs, other_side, postures
 from tracker_node.tracking.tracker import Tracker
 
-SMALL = {"start.size_px": 56, "start.hypotheses": 24, "start.keep": 2, "start.watch": 6, "evidence.kind": "chamfer"}
+SMALL = {
+    "initialization.size_px": 56,
+    "initialization.hypotheses": 24,
+    "initialization.candidates": 2,
+    "initialization.watch_sets": 6,
+    "modalities": ["chamfer"],
+}
 CONFIG = from_dict(SMALL)
 SCENE = scene()
 WALKING = standing(
@@ -26,7 +32,7 @@ WALKING = standing(
 
 
 def finder(plates=SCENE.plates, rig=SCENE.rig, model=SCENE.model) -> StartFinder:
-    return StartFinder(rig, model, CONFIG.start, plates, lambda function, items: [function(item) for item in items])
+    return StartFinder(rig, model, CONFIG.initialization, plates, lambda function, items: [function(item) for item in items])
 
 
 def test_a_person_is_found_with_plates_twice_the_same():
@@ -35,7 +41,7 @@ def test_a_person_is_found_with_plates_twice_the_same():
     assert largest_error_m(SCENE.model, starts[0].state, WALKING) < 0.2
     assert starts[0].score > 0.7
     assert all(a.score >= b.score for a, b in pairwise(starts))
-    again = find_start(SCENE.rig, SCENE.model, images, SCENE.plates, CONFIG.start)
+    again = find_start(SCENE.rig, SCENE.model, images, SCENE.plates, CONFIG.initialization)
     np.testing.assert_array_equal(again[0].joint_positions, starts[0].state.joint_positions)
 
 
@@ -51,7 +57,7 @@ def test_a_tracker_without_an_initial_state_finds_the_person_and_follows():
 
 
 def test_a_body_lost_for_long_is_looked_for_everywhere():
-    config = from_dict(SMALL | {"start.after_lost": 2})
+    config = from_dict(SMALL | {"initialization.after_lost_sets": 2})
     tracker = Tracker(SCENE.rig, SCENE.model, config, SCENE.plates, WALKING)
     elsewhere = standing(SCENE.model, -0.8, 0.6, 0.4, left_hip_flexion=30, right_shoulder_elevation_front=80)
     there = [WALKING] * 2 + [elsewhere] * 5
@@ -64,11 +70,11 @@ def test_a_body_lost_for_long_is_looked_for_everywhere():
 
 def test_without_plates_it_watches_first_then_finds_what_moves():
     look = finder({})
-    for number in range(CONFIG.start.watch):
+    for number in range(CONFIG.initialization.watch_sets):
         state = WALKING.retract(np.concatenate([[0.03 * number, 0.02 * number, 0.0], np.zeros(SCENE.model.n_dof - 3)]))
         starts = look.find(SCENE.images(state, number))
-        assert bool(starts) == (number == CONFIG.start.watch - 1)
-        assert starts or look.problem == f"watching what moves ({number + 1} of {CONFIG.start.watch} image sets)"
+        assert bool(starts) == (number == CONFIG.initialization.watch_sets - 1)
+        assert starts or look.problem == f"watching what moves ({number + 1} of {CONFIG.initialization.watch_sets} image sets)"
     middle = Configuration(SCENE.model, state).Ts_world_shape[:, :3, 3].mean(axis=0)
     found = Configuration(SCENE.model, starts[0].state).Ts_world_shape[:, :3, 3].mean(axis=0)
     assert np.linalg.norm(found - middle) < 0.2  # the middle of the body, within the reach of an engine
@@ -76,7 +82,7 @@ def test_without_plates_it_watches_first_then_finds_what_moves():
 
 def test_a_still_scene_without_plates_is_no_person():
     look = finder({})
-    for number in range(CONFIG.start.watch):
+    for number in range(CONFIG.initialization.watch_sets):
         assert look.find(SCENE.images(WALKING, number)) == []
     assert "nothing of the size of a body moves" in look.problem
 
@@ -98,7 +104,7 @@ def test_one_camera_finds_the_person_where_it_looks():
 
 
 def test_an_initial_state_is_waited_for_where_the_search_is_off():
-    tracker = Tracker(SCENE.rig, SCENE.model, from_dict({"start": {"enabled": False}}), SCENE.plates)
+    tracker = Tracker(SCENE.rig, SCENE.model, from_dict({"initialization": {"enabled": False}}), SCENE.plates)
     estimate = tracker.step(SCENE.image_set(0, SCENE.images(WALKING)))
     assert (estimate.status, estimate.status_reason) == (Status.INITIALISING, "no initial state has been given")
 
@@ -135,8 +141,6 @@ def test_a_body_without_joints_has_one_posture():
 def test_the_size_of_a_body_is_its_longest_side(radii):
     ball = ArticulatedModel("ball", KinematicChain(("ball",), ()), (Shape("ball", "ball", Ellipsoid(radii)),))
     assert body_size(ball) == pytest.approx(1.0)
-
-
 
 
 def test_a_person_whom_some_cameras_see_in_part_is_found():

@@ -16,11 +16,12 @@ from tracker_node.tracking.limbs import limbs_of
 SCENE = scene()
 POSED = standing(SCENE.model, 0.1, -0.1, 0.7, left_shoulder_elevation_front=85, right_shoulder_elevation_front=-20)
 ARM = next(limb for limb in limbs_of(SCENE.model) if limb.name == "left_hand")
-CONFIG = from_dict({"start.size_px": 80})
+CONFIG = from_dict({"initialization.size_px": 80})
 
 
 def finder(images: list[np.ndarray], plates: dict) -> StartFinder:
-    look = StartFinder(SCENE.rig, SCENE.model, CONFIG.start, plates, lambda function, items: [function(item) for item in items])
+    config = CONFIG.initialization
+    look = StartFinder(SCENE.rig, SCENE.model, config, plates, lambda function, items: [function(item) for item in items])
     look.watch(SCENE.images(None, 1))
     look.watch(images)
     return look

@@ -12,8 +12,9 @@ from tracker_node.tracking.tracker import Tracker
 SCENE = scene()
 SMALL = from_dict(
     {
-        "start.size_px": 56, "start.hypotheses": 24, "start.keep": 2, "start.repair": 1, "start.hold_sets": 2,
-        "start.after_lost": 3,
+        "initialization.size_px": 56, "initialization.hypotheses": 24, "initialization.candidates": 2,
+        "initialization.repaired_candidates": 1, "initialization.tracked_sets": 2,
+        "initialization.after_lost_sets": 3,
     }
 )  # fmt: skip
 WRONG = standing(SCENE.model, -0.6, 0.5, -2.5, left_shoulder_elevation_front=60)

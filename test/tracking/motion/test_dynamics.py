@@ -44,7 +44,7 @@ def van_loan(noise: float, memory_s: float, elapsed_s: float) -> tuple[np.ndarra
 @pytest.mark.parametrize("memory_s", [0.05, 0.3, 40.0])
 @pytest.mark.parametrize("elapsed_s", [1e-4, 1 / 30, 0.4])
 def test_the_discretization_is_exact(memory_s, elapsed_s):
-    model = dynamics(joint_noise=7.0, joint_memory_s=memory_s)
+    model = dynamics(joint_noise=7.0, joint_time_constant_s=memory_s)
     rng = np.random.default_rng(0)
     before = belief(rng)
     after = model.propagate(before, elapsed_s)
@@ -137,7 +137,7 @@ def test_the_correction_is_the_posterior_on_the_manifold():
 
 def test_two_exact_states_give_the_velocity():
     """With hardly any acceleration it is their difference."""
-    model = dynamics(joint_noise=1e-3, joint_memory_s=1e3)
+    model = dynamics(joint_noise=1e-3, joint_time_constant_s=1e3)
     start = random_state(two_links(), np.random.default_rng(0))
     tight = 1e12 * np.eye(N)
     first = model.start(start, tight)

@@ -109,7 +109,7 @@ def informed(times_s, information=SURE, config: MotionConfig | None = None) -> M
 
 @pytest.mark.parametrize("step_s", [1 / 30, 1 / 15, 1 / 7.5])
 def test_with_information_the_velocity_is_found_at_any_rate(step_s):
-    lasting = MotionConfig(root_position_memory_s=50, root_angle_memory_s=50, joint_memory_s=50)
+    lasting = MotionConfig(root_position_time_constant_s=50, root_angle_time_constant_s=50, joint_time_constant_s=50)
     model = informed(np.arange(40) * step_s, config=lasting)
     sigma = np.sqrt(np.diag(model.velocity_covariance))
     assert (np.abs(model.velocity - VELOCITY) < 0.5 * sigma).all()

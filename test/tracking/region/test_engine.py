@@ -186,7 +186,7 @@ def test_a_body_where_it_is_is_not_lost(begun):
     verdict = made.judge(result, SCENE.image_set(0, images))
     assert verdict.status is not Status.LOST
     assert not verdict.noise
-    evidence = made._part_evidence(result.state, made._config.region.close_px)
+    evidence = made._part_evidence(result.state, made._config.region.inlier_px)
     assert verdict.surety == pytest.approx(float((evidence.log_ratio - 3.0 * evidence.expected).sum()))
 
 

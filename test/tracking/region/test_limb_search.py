@@ -7,7 +7,7 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.objective.lines.objective import PartEvidence
 from tracker_node.objective.normal_equations import NormalEquations
 from tracker_node.synthesis.subjects.figure import figure_model
-from tracker_node.tracking.config import StatusConfig
+from tracker_node.tracking.config import LimbSearchConfig, StatusConfig
 from tracker_node.tracking.estimate import LimbReport, LimbStatus
 from tracker_node.tracking.region.limb_search import LimbSearch, Lines
 from tracker_node.tracking.region.limb_status import LimbJudge
@@ -61,12 +61,12 @@ def bent(side: str, flexion_deg: float, elbow_deg: float) -> State:
     return State(REST.T_world_root, angles)
 
 
-def prepared(config: StatusConfig | None = None) -> tuple[LimbJudge, LimbSearch]:
+def prepared(config: LimbSearchConfig | None = None) -> tuple[LimbJudge, LimbSearch]:
     """A judge that has seen the body well."""
-    judge = LimbJudge(MODEL, config or StatusConfig())
+    judge = LimbJudge(MODEL, StatusConfig())
     for _ in range(5):
         judge.update(Felt(REST).part_evidence(REST, 2.0), REST)
-    return judge, LimbSearch(MODEL, judge, config or StatusConfig(), 2.0)
+    return judge, LimbSearch(MODEL, judge, config or LimbSearchConfig(), 2.0)
 
 
 def index(judge: LimbJudge, name: str) -> int:
@@ -86,11 +86,11 @@ def test_a_limb_is_found_and_nothing_else_is_moved(truth):
     assert found is not None and wrist_error(lost, truth) > 0.4 and wrist_error(found, truth) < 0.02
     own = judge.limbs[index(judge, "left_forearm")].dofs
     assert not np.any(found.difference(lost)[~own])
-    assert felt.tried <= 1.1 * StatusConfig().limb_tries and felt.drawn <= 3 * StatusConfig().limb_fits
+    assert felt.tried <= 1.1 * LimbSearchConfig().poses and felt.drawn <= 3 * LimbSearchConfig().fits
 
 
 def test_a_limb_is_looked_for_where_it_was_last_sound():
-    judge, search = prepared(StatusConfig(limb_tries=1))
+    judge, search = prepared(LimbSearchConfig(poses=1))
     sound = bent("left", 70.0, 20.0)
     i = index(judge, "left_forearm")
     assert search.recover({i: 3.0}, REST, REST, Felt(sound).lines()) is None
@@ -107,7 +107,7 @@ def test_where_nothing_is_found_nothing_is_changed():
 
 
 def test_a_limb_that_was_looked_for_in_vain_pauses():
-    judge, search = prepared(StatusConfig(limb_pause=4))
+    judge, search = prepared(LimbSearchConfig(interval_sets=4))
     lost = bent("left", 110.0, -60.0)
     far = Felt(REST.retract(np.append([3.0, 0.0, 0.0], np.zeros(MODEL.n_dof - 3))))
     evidence, reports = Felt(REST).part_evidence(lost, 2.0), [LimbReport(x.name, LimbStatus.LOST, "", 0.9) for x in judge.limbs]
@@ -121,7 +121,7 @@ def test_a_limb_that_was_looked_for_in_vain_pauses():
 
 
 def test_a_lost_limb_that_was_looked_over_in_vain_pauses_too():
-    judge, search = prepared(StatusConfig(limb_pause=4))
+    judge, search = prepared(LimbSearchConfig(interval_sets=4))
     lost = bent("left", 110.0, -60.0)
     far = Felt(REST.retract(np.append([3.0, 0.0, 0.0], np.zeros(MODEL.n_dof - 3))))
     i, reports = index(judge, "left_forearm"), [LimbReport(x.name, LimbStatus.LOST, "", 0.9) for x in judge.limbs]

@@ -6,12 +6,12 @@ import pytest
 from helpers.bodies.bodies import crane
 from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.tracking.config import StatusConfig
+from tracker_node.tracking.config import RegionConfig
 from tracker_node.tracking.region.line_errors import LineErrors
 
 MODEL = crane()
 RIG = circle_rig(3, distortion=(0.0, 0.0, 0.0, 0.0))
-ERRORS = LineErrors(RIG, MODEL, StatusConfig(), 0.5)
+ERRORS = LineErrors(RIG, MODEL, RegionConfig(least_sigma_px=0.5))
 
 
 def middle_of(body, link):

@@ -83,8 +83,11 @@ class SilhouetteEvidence:
         self._maps: list[list[_Maps | None]] = []
 
     def look(self, model: ArticulatedModel, rig: CameraRig, states: Sequence[Sequence[State]], robust_px: float) -> None:
-        evidence = self._config.evidence
-        observers = [Observer(c.name, c.model.width, c.model.height, evidence, self._plates.get(c.name)) for c in rig]
+        config = self._config
+        observers = [
+            Observer(c.name, (c.model.width, c.model.height), config.chamfer, config.background, self._plates.get(c.name))
+            for c in rig
+        ]
 
         def look(i: int) -> list[_Maps | None]:
             return [self._look(observers[i], k, model, rig.cameras[i], states[k][i]) for k in range(len(self._sets))]
@@ -93,32 +96,32 @@ class SilhouetteEvidence:
         self._maps = [[maps[k] for maps in by_camera] for k in range(len(self._sets))]
 
     def _look(self, observer: Observer, k: int, model: ArticulatedModel, camera: Camera, state: State) -> _Maps | None:
-        image, evidence = self._sets[k].get(camera.name), self._config.evidence
+        image, config = self._sets[k].get(camera.name), self._config
         if image is None:
             return None
-        found = render_labels(Configuration(model, state), camera, evidence.margin_px)
+        found = render_labels(Configuration(model, state), camera, config.chamfer.margin_px)
         if found is None or min(found[1].shape) < _LEAST_REGION_PX:
             return None
         region, labels = found
-        observer.begin(image.bgr, region, labels, evidence.body_margin_px)
+        observer.begin(image.bgr, region, labels, config.background.body_margin_px)
         seen = observer.observe(image.bgr, region, labels)
         return None if seen.empty else _Maps(region[:2], seen.silhouette_distance, seen.edge_distance)
 
     def lines(self, index: int, model: ArticulatedModel, rig: CameraRig, states: Sequence[State]) -> ContourLines:
-        arrays, optimizer = ShapeArrays.from_model(model, caps=False), self._config.optimizer
+        arrays, chamfer = ShapeArrays.from_model(model, caps=False), self._config.chamfer
 
         def draw(i: int) -> ContourLines | None:
             maps = self._maps[index][i]
             if maps is None:
                 return None
-            samples = visible_samples(Configuration(model, states[i]), arrays, rig.cameras[i], optimizer.samples_per_line)
+            samples = visible_samples(Configuration(model, states[i]), arrays, rig.cameras[i], chamfer.samples_per_line)
             return self._read(i, samples, maps)
 
         drawn = [lines for lines in self._parallel(draw, list(range(len(rig)))) if lines is not None]
         return joined(drawn)
 
     def _read(self, camera: int, samples: VisibleSamples, maps: _Maps) -> ContourLines:
-        optimizer, status = self._config.optimizer, self._config.status
+        chamfer = self._config.chamfer
         at, outer = samples.pixels[:, :2] - maps.origin, samples.info[:, cs.CLASS] == cs.OUTER
         value, slope = np.zeros(len(at)), np.zeros((len(at), 2))
         ok = np.zeros(len(at), dtype=bool)
@@ -130,10 +133,10 @@ class SilhouetteEvidence:
         along = np.sum(normals * samples.pixels[:, cs.NU : cs.NV + 1], axis=1)
         flip = ~outer & (along < 0.0)
         normals[flip], value[flip], along[flip] = -normals[flip], -value[flip], -along[flip]
-        ok &= along > optimizer.alignment
-        variance = np.full(len(at), status.residual_sigma_px**2)
-        variance[~outer] /= max(optimizer.inner_weight, 1e-6)
-        keep = np.flatnonzero(ok & (outer | (optimizer.inner_weight > 0.0)))
+        ok &= along > chamfer.min_alignment
+        variance = np.full(len(at), chamfer.residual_sigma_px**2)
+        variance[~outer] /= max(chamfer.inner_weight, 1e-6)
+        keep = np.flatnonzero(ok & (outer | (chamfer.inner_weight > 0.0)))
         return ContourLines(
             np.full(len(keep), camera), samples.info[keep, cs.SHAPE].astype(np.int64), samples.points[keep],
             samples.pixels[keep, :2], normals[keep], -value[keep], variance[keep],

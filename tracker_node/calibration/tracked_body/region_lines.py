@@ -58,20 +58,24 @@ class RegionEvidence:
             room = self._empty_room(camera.name)
             for k, images in enumerate(self._sets):
                 image = images.get(camera.name)
-                found = None if image is None else render_labels(Configuration(model, states[k][i]), camera, region.around_px)
+                found = (
+                    None
+                    if image is None
+                    else render_labels(Configuration(model, states[k][i]), camera, region.background_ring_px)
+                )
                 if image is not None and found is not None and min(found[1].shape) >= _LEAST_REGION_PX:
                     seen += 1
-                    colors.learn(image.bgr, *found, 1.0 / seen, region.guard_px, region.around_px)
-                    if self._region.learn_room and len(self._sets) > 1:
+                    colors.learn(image.bgr, *found, 1.0 / seen, region.margin_px, region.background_ring_px)
+                    if self._region.learn_background and len(self._sets) > 1:
                         room.learn(image.bgr, *found)
             return colors, room
 
         self._seen = self._parallel(learn, list(range(len(rig))))
 
     def _empty_room(self, camera: str) -> EmptyRoom:
-        plate, evidence = self._plates.get(camera), self._config.evidence
+        plate, background = self._plates.get(camera), self._config.background
         plates = [] if plate is None else [plate] if isinstance(plate, np.ndarray) else list(plate)
-        return EmptyRoom(plates, evidence.scene_sigma, evidence.scene_rate, evidence.body_margin_px)
+        return EmptyRoom(plates, background.sigma, background.learning_rate, background.body_margin_px)
 
     def lines(self, index: int, model: ArticulatedModel, rig: CameraRig, states: Sequence[State]) -> ContourLines:
         if self._objective is None or self._objective[0] is not model or self._objective[1] is not rig:

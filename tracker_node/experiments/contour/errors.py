@@ -34,15 +34,15 @@ _PLAIN_SQUARES_PX = 1000.0  # scale of a robust kernel that changes nothing
 
 def by_method(config: TrackerConfig, method: str) -> TrackerConfig:
     """Parameters to track by one of `METHODS`; what is lost stays lost."""
-    evidence = replace(config.evidence, kind="region" if method == "region" else "chamfer")
-    if method != "region":
-        evidence = replace(evidence, distances=method)
-    return replace(config, evidence=evidence, start=replace(config.start, enabled=False))
+    config = replace(config, initialization=replace(config.initialization, enabled=False))
+    if method == "region":
+        return replace(config, modalities=("region",))
+    return replace(config, modalities=("chamfer",), chamfer=replace(config.chamfer, distances=method))
 
 
 def until_converged(config: TrackerConfig, sliding: bool) -> TrackerConfig:
     """With or without the sliding of the contour generator in the Jacobian, and iterations enough for their number to differ."""
-    return replace(config, optimizer=replace(config.optimizer, sliding=sliding, max_iterations=ABLATION_ITERATIONS))
+    return replace(config, chamfer=replace(config.chamfer, sliding=sliding, max_iterations=ABLATION_ITERATIONS))
 
 
 def run_figures(result: Evaluation) -> dict[str, float | int]:
@@ -92,11 +92,11 @@ class ContourError:
 
 def far_sighted(config: TrackerConfig) -> TrackerConfig:
     """Distances are not cut off nearby, every residual counts by its square, and silhouettes come from plates alone."""
-    evidence = replace(
-        config.evidence, silhouette="plate", reach_px=REACH_PX, margin_px=REACH_PX, truncation_px=float(REACH_PX),
-        edge_truncation_px=float(REACH_PX),
+    chamfer = replace(
+        config.chamfer, silhouette="background", reach_px=REACH_PX, margin_px=REACH_PX, truncation_px=float(REACH_PX),
+        edge_truncation_px=float(REACH_PX), fine_robust_scale_px=_PLAIN_SQUARES_PX,
     )  # fmt: skip
-    return replace(config, evidence=evidence, optimizer=replace(config.optimizer, fine_robust_scale_px=_PLAIN_SQUARES_PX))
+    return replace(config, chamfer=chamfer)
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ def part_row() -> RowPicture:
     direction[:3] = camera.T_world_cam[:3, 0] * se3.apply(camera.T_cam_world, middle)[2] / camera.model.K[0, 0]
     image_set = ImageSet(0, (CameraImage(camera.name, 0, image),))
     errors = _errors_along(rig, {camera.name: plates}, image_set, state, direction)
-    shot = shoot(camera, image, body, body, plates, far_sighted(by_method(TrackerConfig(), "sum")).evidence, REACH_PX)
+    shot = shoot(camera, image, body, body, plates, far_sighted(by_method(TrackerConfig(), "sum")), REACH_PX)
     assert shot is not None, "the part is in the middle of the image"
     row = round(float(v))
     distances = {key: distance_to(mask, REACH_PX)[row] for key, mask in (("silhouette", shot.silhouette), ("edges", shot.edges))}

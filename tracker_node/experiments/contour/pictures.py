@@ -12,12 +12,13 @@ from matplotlib.figure import Figure
 from ...camera.rig import Camera
 from ...model.configuration import Configuration
 from ...objective.visible_samples import samples_seen
-from ...observation.chamfer.observer import EvidenceOptions, Observer
+from ...observation.chamfer.observer import Observer
 from ...render.contour.samples import CLASS, OUTER, U, V
 from ...render.draw.overlay import draw_overlay
 from ...render.raycast.raycaster import render_labels
 from ...render.shape_arrays import ShapeArrays
 from ...report.palette import ORANGE
+from ...tracking.config import TrackerConfig
 from ..plots import body_box
 
 _SAMPLES = 40  # on a generator line
@@ -48,17 +49,17 @@ class Shot:
 
 def shoot(
     camera: Camera, bgr: np.ndarray, before: Configuration, found: Configuration, plate: np.ndarray | list,
-    options: EvidenceOptions, margin_px: int,
+    config: TrackerConfig, margin_px: int,
 ) -> Shot | None:  # fmt: skip
     """Look at an image as the tracker does, up to ``margin_px`` around where the body was in the image ``before``;
     None where it was out of the image. What body and scene look like is learnt in the very image."""
     seen = render_labels(before, camera, margin_px)
     if seen is None:
         return None
-    observer = Observer(camera.name, camera.model.width, camera.model.height, options, plate)
+    observer = Observer(camera.name, (camera.model.width, camera.model.height), config.chamfer, config.background, plate)
     there = render_labels(found, camera, margin_px)
     if there is not None:
-        observer.begin(bgr, *there, options.body_margin_px)
+        observer.begin(bgr, *there, config.background.body_margin_px)
     observation = observer.observe(bgr, *seen)
     silhouette, edges = (np.zeros(bgr.shape[:2], dtype=bool) for _ in range(2))
     distance = np.full(bgr.shape[:2], np.nan, dtype=np.float32)

@@ -64,5 +64,5 @@ def _shot(clip: Clip, run: TrackedClip, camera: Camera, number: int, image_set: 
     if image is None or plate is None:
         return None
     before, found = (Configuration(clip.model, run.estimates[i].state) for i in (max(number - 1, 0), number))
-    evidence = by_method(clip.config, PICTURED).evidence
-    return shoot(camera, image.bgr, before, found, plate, evidence, evidence.margin_px)
+    config = by_method(clip.config, PICTURED)
+    return shoot(camera, image.bgr, before, found, plate, config, config.chamfer.margin_px)

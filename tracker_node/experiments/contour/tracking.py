@@ -134,8 +134,8 @@ def displaced_figures(clip: Clip, n_starts: int) -> dict[str, float | int]:
     states, sets = _true_sets(clip, n_starts)
 
     def measure(config: TrackerConfig) -> tuple[float, float]:
-        optimizer = replace(config.optimizer, first_iterations=config.optimizer.max_iterations)
-        config = replace(config, optimizer=optimizer, evidence=replace(config.evidence, silhouette="plate"))
+        chamfer = replace(config.chamfer, first_iterations=config.chamfer.max_iterations, silhouette="background")
+        config = replace(config, chamfer=chamfer)
         engine = ContourEngine(clip.rig, clip.model, config, clip.plates, Workers(config.threads).map)
         rng, found, errors_m = np.random.default_rng(1), [], []
         for state, image_set in zip(states, sets, strict=True):

@@ -16,25 +16,30 @@ from .distance_transform import signed_distance
 from .silhouette_maps import boundary_points, edge_distance
 
 
-class EvidenceOptions(Protocol):
-    """The fields of the tracker's evidence configuration that are read here (their meaning is stated there)."""
+class BackgroundOptions(Protocol):
+    """The fields of the tracker's background configuration that are read here (their meaning is stated there)."""
+
+    @property
+    def sigma(self) -> float: ...
+    @property
+    def shadow(self) -> float: ...
+    @property
+    def learning_rate(self) -> float: ...
+    @property
+    def body_margin_px(self) -> int: ...
+
+
+class ObserverOptions(Protocol):
+    """The fields of the tracker's chamfer configuration that are read here."""
 
     @property
     def silhouette(self) -> str: ...
-    @property
-    def scene_sigma(self) -> float: ...
-    @property
-    def shadow(self) -> float: ...
     @property
     def threshold(self) -> float: ...
     @property
     def smoothing_px(self) -> int: ...
     @property
-    def scene_rate(self) -> float: ...
-    @property
     def color_rate(self) -> float: ...
-    @property
-    def body_margin_px(self) -> int: ...
     @property
     def reach_px(self) -> int: ...
     @property
@@ -92,7 +97,7 @@ class Observer:
     Parameters
     ----------
     camera : its name.
-    width, height : image size, pixels.
+    size : width and height of the images, pixels.
     plate : BGR image of the empty scene, or a list of them, or None.
 
     Raises
@@ -100,18 +105,28 @@ class Observer:
     CalibrationError : a plate of another size, or none where the options ask for one.
     """
 
-    def __init__(self, camera: str, width: int, height: int, options: EvidenceOptions, plate: np.ndarray | list | None = None):
-        self.camera, self._options = camera, options
+    def __init__(
+        self,
+        camera: str,
+        size: tuple[int, int],
+        options: ObserverOptions,
+        background: BackgroundOptions,
+        plate: np.ndarray | list | None = None,
+    ):
+        self.camera, self._options, self._background = camera, options, background
+        width, height = size
         plates = checked_plates(camera, width, height, plate)
-        if options.silhouette == "plate" and not plates:
-            raise CalibrationError(camera, "evidence.silhouette 'plate' needs an image of the empty scene; the rig names none")
+        if options.silhouette == "background" and not plates:
+            raise CalibrationError(
+                camera, "chamfer.silhouette 'background' needs an image of the empty scene; the rig names none"
+            )
         self.learns = options.silhouette == "both"
         self._size, self._plates = (height, width), plates
         self._colors, self._scene = ColorModel(), self._empty_scene()
 
     def _empty_scene(self) -> SceneModel:
         """What the plates say, or nothing."""
-        sigma = self._options.scene_sigma
+        sigma = self._background.sigma
         return SceneModel.from_images(self._plates, sigma) if self._plates else SceneModel(*self._size, sigma)
 
     def begin(self, bgr: np.ndarray, region: Region, body: np.ndarray, margin_px: int) -> None:
@@ -132,20 +147,20 @@ class Observer:
 
     def learn(self, bgr: np.ndarray, region: Region, body: np.ndarray) -> None:
         """Mix in an image whose ``body`` labels (uint8, 0 outside, on ``region``) are taken as known."""
-        options = self._options
+        options, background = self._options, self._background
         if not self.learns:
             return
         u0, v0, u1, v1 = region
-        near = grown(body, options.body_margin_px)
+        near = grown(body, background.body_margin_px)
         self._colors.learn(bgr[v0:v1, u0:u1], shrunk(body, 2), near == 0, options.color_rate)
-        if options.scene_rate > 0:
-            self._scene.update(bgr, near, options.scene_rate, region)
+        if background.learning_rate > 0:
+            self._scene.update(bgr, near, background.learning_rate, region)
 
     def observe(self, bgr: np.ndarray, region: Region, predicted: np.ndarray) -> Observation:
         """Evidence on ``region`` given the ``predicted`` part labels there (uint8, 0 outside the body)."""
         options = self._options
         u0, v0, u1, v1 = region
-        odds = body_log_odds(bgr, region, self._scene, self._colors, options.shadow)
+        odds = body_log_odds(bgr, region, self._scene, self._colors, self._background.shadow)
         silhouette = (odds > options.threshold).view(np.uint8)
         if options.smoothing_px > 1:
             silhouette = np.asarray(cv2.medianBlur(silhouette, options.smoothing_px), dtype=np.uint8)

@@ -73,7 +73,7 @@ class TrackerNode(ManagedNode):
         self._builder = SetupBuilder(self.get_logger().error)
         self._again_s = 0.0  # steady time from which on a tracker that could not be made is tried again
         self._services_of_node = TrackerServices(
-            self, options, lambda: self._worker, lambda: self._parameters_of_node.config.start.enabled
+            self, options, lambda: self._worker, lambda: self._parameters_of_node.config.initialization.enabled
         )
         threshold = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=False)
         self._jump = self.get_clock().create_jump_callback(threshold, post_callback=self._on_jump)

@@ -11,7 +11,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from ...errors import FileFormatError, TrackerError, UnknownNameError
-from ...tracking.config import TrackerConfig, describe, flatten, from_dict
+from ...tracking.config import TrackerConfig, chosen, describe, flatten, from_dict, refuse_unused, updated
+from ...tracking.renamed import refuse_renamed
 from ..parameter_overrides import check_qos_overrides, integers_as_doubles, one_of, overrides_of, refuse_unknown
 
 _INT_MAX = 2**63 - 1
@@ -57,16 +58,27 @@ class ConfigParameters:
     ):
         self._node, self._on_change, self._check = node, on_change, check
         self._source = f"parameters of {node.get_name()}"
-        self._described, self._all_cameras = describe(), tuple(cameras)
-        fixed = fixed or {}
+        self._all_cameras, self._known = tuple(cameras), describe()
+        fixed, given = fixed or {}, {name: one.value for name, one in overrides_of(node).items()}
+        start = chosen(defaults or TrackerConfig(), given, self._source)
+        self._refuse_others(start, given)
+        self._described = describe(start)
         refuse_unknown(node, {*self._described, *fixed, *([_CAMERAS] if cameras else [])})
         check_qos_overrides(node)
-        values = {name: self._declare_field(name, default) for name, default in flatten(defaults or TrackerConfig()).items()}
+        values = {name: self._declare_field(name, default) for name, default in flatten(start).items()}
         self.config = from_dict(values, self._source)
         self.cameras = self._declare_cameras() if cameras else ()
         self.fixed = {name: self._declare_fixed(name, parameter) for name, parameter in fixed.items()}
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._apply)
+
+    def _refuse_others(self, config: TrackerConfig, given: Mapping[str, Any]) -> None:
+        """Parameters of other modalities than those in use, and of earlier versions."""
+        everything = describe()
+        refuse_renamed({name: value for name, value in given.items() if name not in everything}, self._source)
+        for name, value in given.items():
+            if name in everything:
+                refuse_unused(config, name, value, self._source)
 
     def _declare_field(self, name: str, default: Any) -> Any:
         if isinstance(default, float):
@@ -107,9 +119,9 @@ class ConfigParameters:
         return tuple(name for name in self._all_cameras if name in names)
 
     def _merged(self, parameters: list[Parameter]) -> tuple[TrackerConfig, tuple[str, ...]]:
-        own = {p.name: p.value for p in parameters if p.name in self._described}
+        own = {p.name: p.value for p in parameters if p.name in self._known}
         cameras = [self._in_use(p.value) for p in parameters if p.name == _CAMERAS and self._all_cameras]
-        return from_dict({**flatten(self.config), **own}, self._source), cameras[-1] if cameras else self.cameras
+        return updated(self.config, own, self._source), cameras[-1] if cameras else self.cameras
 
     def _validate(self, parameters: list[Parameter]) -> SetParametersResult:
         try:
@@ -124,7 +136,17 @@ class ConfigParameters:
         before = self.config, self.cameras
         self.config, self.cameras = self._merged(parameters)
         if (self.config, self.cameras) != before:
+            self._redeclare()
             self._on_change(self.config)
+
+    def _redeclare(self) -> None:
+        """There are the parameters of the modalities in use, and no others."""
+        now = flatten(self.config)
+        for name in self._described.keys() - now.keys():
+            self._node.undeclare_parameter(name)
+        new, self._described = now.keys() - self._described.keys(), describe(self.config)
+        for name in sorted(new):
+            self._node.declare_parameter(name, now[name], descriptor_of(name, self._described[name]))
 
 
 def descriptor_of(name: str, description: Mapping[str, Any]) -> ParameterDescriptor:

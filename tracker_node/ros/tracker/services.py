@@ -23,7 +23,7 @@ class TrackerServices:
     Parameters
     ----------
     worker : what tracks, or None while the node is not configured: requests are refused then.
-    looks_for_body : whether a body is looked for at all (the parameter ``start.enabled``).
+    looks_for_body : whether a body is looked for at all (the parameter ``initialization.enabled``).
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class TrackerServices:
 
     def _on_reinitialize(self, worker: TrackingWorker, _request: Trigger.Request) -> str:
         if not self._looks_for_body():
-            raise TrackerError("the body is not looked for: the parameter start.enabled is false")
+            raise TrackerError("the body is not looked for: the parameter initialization.enabled is false")
         worker.look_anew()
         return ""
 

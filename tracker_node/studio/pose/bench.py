@@ -37,13 +37,13 @@ class PoseBench:
         self.rig, self.factor = working_rig(rig)
         self._plates = resized_plates(load_plates(rig), self.rig)
         # A pose that is given is fitted to, not looked for
-        self._config = replace(session.config, start=replace(session.config.start, enabled=False))
+        self._config = replace(session.config, initialization=replace(session.config.initialization, enabled=False))
         self.scorer = self._make_scorer(self._config)
         self._scoring, self._fitting = threading.Lock(), threading.Lock()
         self._small: dict[int, ImageSet] = {}
 
     def _make_scorer(self, config: TrackerConfig) -> PoseScorer:
-        if config.engine == "color" and self._model.has_colors:
+        if config.colors is not None and not config.contours and self._model.has_colors:
             return ColorScore(self.rig, self._model, config)
         return ContourScore(self.rig, self._model, config, self._plates)
 

@@ -38,7 +38,6 @@ class ContourScore:
     meaning = "share of the body's outline that lies on a change of colors, as the engine of contours looks for it"
 
     def __init__(self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, plates: Mapping[str, np.ndarray]):
-        evidence = config.evidence
         self._rig, self._model, self._config = rig, model, config
         self._classes = color_classes(model)
         self._stated = stated_densities(model, self._classes)
@@ -46,14 +45,14 @@ class ContourScore:
         self._objective = RegionObjective(
             rig, model, ShapeArrays.from_model(model), self._classes, region_options(config), self._parallel
         )
-        self._rooms = []
+        self._rooms, background = [], config.background
         for camera in rig:
             known = checked_plates(camera.name, camera.model.width, camera.model.height, plates.get(camera.name))
-            self._rooms.append(EmptyRoom(known, evidence.scene_sigma, evidence.scene_rate, evidence.body_margin_px))
+            self._rooms.append(EmptyRoom(known, background.sigma, background.learning_rate, background.body_margin_px))
 
     def score(self, state: State, images: Mapping[str, np.ndarray]) -> PoseScore:
         """Of a state in images (h, w, 3) uint8 BGR by camera; cameras without one say nothing."""
-        close_px = self._config.region.close_px
+        close_px = self._config.region.inlier_px
         self._objective.set_views(self._views(state, images))
         self._objective.correspond(state, 1.0)
         return self._scored(self._objective.part_evidence(state, close_px))
@@ -63,10 +62,10 @@ class ContourScore:
 
         def learn(i: int) -> RegionColors | None:
             colors, camera = RegionColors(self._classes, self._stated, region.color_prior), self._rig.cameras[i]
-            found = render_labels(body, camera, region.around_px)
+            found = render_labels(body, camera, region.background_ring_px)
             if found is None or camera.name not in images:
                 return None
-            colors.learn(images[camera.name], *found, 1.0, region.guard_px, region.around_px)
+            colors.learn(images[camera.name], *found, 1.0, region.margin_px, region.background_ring_px)
             return colors
 
         learnt = self._parallel(learn, list(range(len(self._rig))))

@@ -55,30 +55,30 @@ class ContourEngine:
     ):
         self._rig, self._model, self._config, self._plates, self._parallel = rig, model, config, dict(plates), parallel
         self._occluders = occluders or Occluders(None, rig)
-        optimizer, evidence = config.optimizer, config.evidence
+        chamfer = config.chamfer
         self._arrays = ShapeArrays.from_model(model, caps=False)
         self._constraints = constraints_of(model, config)
-        self._slots = [CameraSlot(camera, model, optimizer.samples_per_line) for camera in rig]
+        self._slots = [CameraSlot(camera, model, chamfer.samples_per_line) for camera in rig]
         self._options = ContourOptions(
-            robust_scale_px=optimizer.robust_scale_px,
-            samples_per_line=optimizer.samples_per_line,
-            sliding=optimizer.sliding,
-            distances=evidence.distances,
-            inner_weight=optimizer.inner_weight,
-            alignment=optimizer.alignment,
-            boundary_weight=optimizer.boundary_weight,
-            boundary_scale_px=optimizer.boundary_scale_px,
-            reach_px=float(evidence.reach_px),
-            variance_px2=config.status.residual_sigma_px**2 * config.status.correlation,
+            robust_scale_px=chamfer.robust_scale_px,
+            samples_per_line=chamfer.samples_per_line,
+            sliding=chamfer.sliding,
+            distances=chamfer.distances,
+            inner_weight=chamfer.inner_weight,
+            alignment=chamfer.min_alignment,
+            boundary_weight=chamfer.boundary_weight,
+            boundary_scale_px=chamfer.boundary_scale_px,
+            reach_px=float(chamfer.reach_px),
+            variance_px2=config.chamfer.residual_sigma_px**2 * config.chamfer.correlation,
         )
-        self._fine = replace(self._options, boundary_weight=0.0, robust_scale_px=optimizer.fine_robust_scale_px)
+        self._fine = replace(self._options, boundary_weight=0.0, robust_scale_px=chamfer.fine_robust_scale_px)
         self.reset()
 
     def reset(self) -> None:
         """Nothing but the plates is known."""
-        evidence = self._config.evidence
+        chamfer, background = self._config.chamfer, self._config.background
         self._observers = [
-            Observer(camera.name, camera.model.width, camera.model.height, evidence, self._plates.get(camera.name))
+            Observer(camera.name, (camera.model.width, camera.model.height), chamfer, background, self._plates.get(camera.name))
             for camera in self._rig
         ]
         self._observations: list[Observation | None] = [None] * len(self._rig)
@@ -89,7 +89,7 @@ class ContourEngine:
 
     def begin(self, images: Images, start: State, *, known: bool = False) -> State:
         """Learn what body and scene look like, fit, and learn again: the first pose given is rarely exact."""
-        self._passage, margin, self._recovery = None, self._config.evidence.body_margin_px, Recovery()
+        self._passage, margin, self._recovery = None, self._config.background.body_margin_px, Recovery()
         for margin_px in (margin,) if known else (_FIRST_MARGIN * margin, margin):
             sights = self._look(start, images)
             self._learn_anew(images, sights, margin_px)
@@ -106,9 +106,9 @@ class ContourEngine:
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> OptimizerResult:
         """Coarse iterations, in which far boundaries pull, then fine ones."""
         self._objective = objective = self._objective_around(start, prior)
-        optimizer = self._config.optimizer
-        total = optimizer.first_iterations if first else optimizer.max_iterations
-        n_coarse = min(total // 2 if first else optimizer.coarse_iterations, total - 1)
+        chamfer = self._config.chamfer
+        total = chamfer.first_iterations if first else chamfer.max_iterations
+        n_coarse = min(total // 2 if first else chamfer.coarse_iterations, total - 1)
         coarse: OptimizerResult | None = None
         if n_coarse > 0:
             coarse = self._minimize(start, n_coarse)
@@ -126,9 +126,9 @@ class ContourEngine:
 
     def judge(self, result: OptimizerResult, image_set: ImageSet) -> Verdict:
         """By how far outline and silhouette agree."""
-        status = self._config.status
-        self._objective.count_agreement(result.state, status.agreement_px, status.agreement_m)
-        found, reason, agreement = judge(self._slots, self._observations, image_set, status)
+        chamfer = self._config.chamfer
+        self._objective.count_agreement(result.state, chamfer.agreement_px, chamfer.agreement_m)
+        found, reason, agreement = judge(self._slots, self._observations, image_set, chamfer)
         found, reason = self._recovery.update(found, reason, agreement)
         return Verdict(found, reason, noise=agreement < NOTHING)
 
@@ -143,12 +143,12 @@ class ContourEngine:
     def report(self, result: OptimizerResult, image_set: ImageSet) -> Report:
         """Distances of contour samples."""
         reports, residual = reports_of(self._rig, self._slots, self._observations, image_set)
-        covariance = covariance_of(result.equations, self._slots, self._observations, self._config.status)
+        covariance = covariance_of(result.equations, self._slots, self._observations, self._config.chamfer)
         return Report(reports, residual, covariance)
 
     def learn(self, images: Images, state: State) -> None:
         """Appearances change slowly: in each image set some of the cameras learn."""
-        every = self._config.evidence.learn_every
+        every = self._config.chamfer.learn_every
         turn = [image if (i + self._count) % every == 0 else None for i, image in enumerate(images)]
         self._count += 1
         if any(self._observers[i].learns for i, image in enumerate(turn) if image is not None):
@@ -159,7 +159,7 @@ class ContourEngine:
         bodies = bodies_seen(self._model, state, self._offsets(state))
 
         def look(i: int) -> Sight | None:
-            found = self._occluders.look(i, bodies[i], self._rig.cameras[i], self._config.evidence.margin_px)
+            found = self._occluders.look(i, bodies[i], self._rig.cameras[i], self._config.chamfer.margin_px)
             return None if found is None or min(found.labels.shape) < _LEAST_REGION_PX else found
 
         seen = [i for i, image in enumerate(images) if image is not None]
@@ -192,7 +192,7 @@ class ContourEngine:
     def learn_first(self, images: Images, state: State) -> None:
         """Learn from the first image set what the body, which is in ``state``, and its surroundings look like."""
         self._passage = None
-        self._learn_anew(images, self._look(state, images), self._config.evidence.body_margin_px)
+        self._learn_anew(images, self._look(state, images), self._config.background.body_margin_px)
 
     def evidence_around(self, expected: State) -> ContourObjective:
         """What was observed, as of the fine iterations and without priors: to be minimized together with other evidence."""
@@ -221,7 +221,7 @@ class ContourEngine:
         return objective
 
     def _minimize(self, start: State, iterations: int) -> OptimizerResult:
-        options = LevenbergMarquardtOptions(max_iterations=iterations, tolerance=self._config.optimizer.tolerance)
+        options = LevenbergMarquardtOptions(max_iterations=iterations, tolerance=self._config.chamfer.tolerance)
         return minimize(self.whole, start, self._model.chain, options)
 
 

@@ -13,7 +13,7 @@ from ...objective.chamfer.objective import CameraSlot
 from ...objective.normal_equations import NormalEquations
 from ...observation.chamfer.observer import Observation
 from ...observation.image_set import ImageSet
-from ..config import StatusConfig
+from ..config import ChamferConfig
 from ..estimate import CameraReport, Status
 
 NOTHING = 0.15  # agreement below this is that of noise: a body that is merely off has more
@@ -49,7 +49,7 @@ def reports_of(
 
 
 def covariance_of(
-    equations: NormalEquations, slots: Sequence[CameraSlot], observations: Sequence[Observation | None], config: StatusConfig
+    equations: NormalEquations, slots: Sequence[CameraSlot], observations: Sequence[Observation | None], config: ChamferConfig
 ) -> np.ndarray:
     """Covariance (n_dof, n_dof) of the state in its tangent.
 
@@ -64,7 +64,7 @@ def covariance_of(
 
 
 def judge(
-    slots: Sequence[CameraSlot], observations: Sequence[Observation | None], image_set: ImageSet, config: StatusConfig
+    slots: Sequence[CameraSlot], observations: Sequence[Observation | None], image_set: ImageSet, config: ChamferConfig
 ) -> tuple[Status, str, float]:
     """Status, the reason for it ("" when TRACKING) and the agreement, once the slots hold it for the estimated state.
 
@@ -125,7 +125,7 @@ def _agreement(slot: CameraSlot) -> float:
 
 
 def _judge_cameras(
-    agreement: dict[str, float], present: Sequence[str], n_cameras: int, config: StatusConfig
+    agreement: dict[str, float], present: Sequence[str], n_cameras: int, config: ChamferConfig
 ) -> tuple[Status, str]:
     """A body that is well where it is seen: are there cameras that do not see it, or do not see as they should?
 

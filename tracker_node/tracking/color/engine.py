@@ -17,7 +17,7 @@ from ...objective.normal_equations import Comparison, LeastSquaresObjective, Nor
 from ...objective.points.photometry import PhotometryOptions, SurfacePhotometry
 from ...observation.image_set import ImageSet
 from ...optimize.result import OptimizerResult
-from ..config import TrackerConfig
+from ..config import ColorConfig
 from ..engine import Images, Report, Verdict
 from ..estimate import CameraReport
 from ..motion.model import Passage
@@ -33,7 +33,7 @@ class ColorEngine:
 
     Parameters
     ----------
-    rig, model, config : as for the `Tracker`.
+    rig, model : as for the `Tracker`.
     parallel : maps a function over cameras.
 
     Raises
@@ -44,10 +44,14 @@ class ColorEngine:
     in_information_units = False
 
     def __init__(
-        self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, parallel: Callable[[Callable, list], list]
+        self,
+        rig: CameraRig,
+        model: ArticulatedModel,
+        color: ColorConfig,
+        threads: int,
+        parallel: Callable[[Callable, list], list],
     ):
-        self._rig, self._model, self._config = rig, model, config.color
-        color = config.color
+        self._rig, self._model, self._config = rig, model, color
         if not color.learn_colors:
             check_colors(model)
         self._options = PhotometryOptions(
@@ -57,12 +61,12 @@ class ColorEngine:
         self._score: ColorObjective | RigidSearch | None = None  # what else looks at images in the parts' colors
         self._search: ColorSearch
         if color.optimizer == "alignment" and model.chain.n_axes == 0:
-            self._score = self._search = RigidSearch(model, rig, color, self._photometry, config.threads)
+            self._score = self._search = RigidSearch(model, rig, color, self._photometry, threads)
         else:
             score = None
             if color.optimizer != "alignment":
                 options = ColorOptions(color.representation, color.normalized_weight)
-                self._score = score = ColorObjective(model, rig, options, threads=config.threads)
+                self._score = score = ColorObjective(model, rig, options, threads=threads)
             self._search = ColorSearch(model, color, self._photometry, score)
         self.reset()
 

@@ -62,9 +62,9 @@ class SceneEngine(ColorEngine):
         parallel: Callable[[Callable, list], list],
     ):
         if not plates:
-            raise ModelError("color.representation 'scene' needs images of the empty scene: give cameras of the rig a plate")
+            raise ModelError("the modality color_over_background needs images of the background: give cameras of the rig one")
         self._scene = _Scene(rig, model, plates, config.threads)
-        super().__init__(rig, model, replace(config, color=replace(config.color, representation="blend")), parallel)
+        super().__init__(rig, model, ColorConfig(**vars(config.color_over_background)), config.threads, parallel)
         self._search = SceneSearch(model, self._config, self._photometry, self._scene)
 
     def _take_colors(self) -> None:

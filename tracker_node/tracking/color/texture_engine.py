@@ -27,12 +27,12 @@ _WIDEN, _WIDEST = 0.5, 2.0  # the search grows by this share with every set that
 
 
 class TextureEngine:
-    """The `Engine` of pictured boxes; the parameters are those of ``config.color``."""
+    """The `Engine` of pictured boxes; the parameters are those of ``config.texture``."""
 
     in_information_units = False
 
     def __init__(self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig):
-        self._rig, self._model, self._config = rig, model, config.color
+        self._rig, self._model, self._config = rig, model, config.texture
         self._objective = TextureObjective(model, rig, threads=config.threads)
         self._alignment = AlignmentOptions(self._objective.n_levels - 1, tolerance=1e-4)
         self.reset()

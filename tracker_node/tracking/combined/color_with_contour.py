@@ -38,8 +38,8 @@ class ColorWithContourEngine(ColorThenContourEngine):
 
     def __init__(self, colors: ColorEngine, contours: Contours, chain: KinematicChain, config: TrackerConfig):
         super().__init__(colors, contours)
-        self._painted, self._outlined, self._chain, self._config = colors, contours, chain, config.together
-        self._share = 1.0 / config.together.color_scale  # in units of the contours' information
+        self._painted, self._outlined, self._chain, self._config = colors, contours, chain, config.joint
+        self._share = 1.0 / config.joint.color_scale  # in units of the contours' information
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> OptimizerResult:
         """Iterations and evaluations are those of all three."""

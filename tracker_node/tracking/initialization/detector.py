@@ -22,7 +22,7 @@ from ...objective.area.evidence_score import EvidenceScore
 from ...objective.area.visual_hull import occupancy, places, seen_volume
 from ...observation.small_view import SmallView
 from ...render.shape_arrays import ShapeArrays
-from ..config import StartConfig
+from ..config import InitializationConfig
 from ..engine import Images
 from .coverage import StartCoverage
 from .evidence import StartEvidence
@@ -71,7 +71,7 @@ class StartFinder:
         self,
         rig: CameraRig,
         model: ArticulatedModel,
-        config: StartConfig,
+        config: InitializationConfig,
         plates: Mapping[str, np.ndarray | list],
         parallel: Callable[[Callable, list], list],
     ):
@@ -116,9 +116,9 @@ class StartFinder:
             self.problem = f"{len(seen)} of {len(self._cameras)} cameras have an image, {needed} are needed to find a start"
             return []
         evidence = self._evidence
-        if not evidence.scene_known and evidence.watched < self._config.watch:
+        if not evidence.scene_known and evidence.watched < self._config.watch_sets:
             self.watching = True
-            self.problem = f"watching what moves ({evidence.watched} of {self._config.watch} image sets)"
+            self.problem = f"watching what moves ({evidence.watched} of {self._config.watch_sets} image sets)"
             return []
         evidence.forget_colors()
         middles = self._places(evidence.maps(), seen)
@@ -158,7 +158,7 @@ class StartFinder:
                 learnt = evidence.colors, evidence.support
             found = sorted([*found, *starts], key=lambda start: -start.score)
         evidence.colors, evidence.support = learnt
-        return found[: self._config.keep]
+        return found[: self._config.candidates]
 
     def coverage(self) -> StartCoverage:
         """What states leave uncovered in the images of the latest `find`."""
@@ -220,14 +220,14 @@ class StartFinder:
         keep(config.hypotheses if thorough else config.hypotheses // 2, 0.15, 0.4)
         poses, scores = search.better(poses, scores, drawn(poses))
         for share in (4, 8, 8) if thorough else (8,):
-            keep(max(config.hypotheses // share, config.keep), 0.1, 0.4)
+            keep(max(config.hypotheses // share, config.candidates), 0.1, 0.4)
             poses, scores = search.best_of(poses, scores, drawn(search.varied(poses, _LIMB_SAMPLES, rng)))
         poses, scores = search.shaken(poses, scores, _LIMB_SAMPLES, rng)
         poses, scores = search.better(poses, scores, drawn(poses))
-        keep(2 * config.keep, 0.1, 0.6)
+        keep(2 * config.candidates, 0.1, 0.6)
         for _ in range(_SHAKES if thorough else 0):
             poses, scores = search.shaken(poses, scores, 2 * _LIMB_SAMPLES, rng)
-        keep(config.keep, 0.1, 0.6)
+        keep(config.candidates, 0.1, 0.6)
         return [Start(poses.state(i), float(scores[i]) / total) for i in range(len(poses))]
 
 
@@ -236,11 +236,13 @@ def find_start(
     model: ArticulatedModel,
     images: Images,
     plates: Mapping[str, np.ndarray | list] | None = None,
-    config: StartConfig | None = None,
+    config: InitializationConfig | None = None,
     around: State | None = None,
 ) -> list[State]:
     """States that a body may be in, the likeliest first: `StartFinder.find` for a single image set."""
-    finder = StartFinder(rig, model, config or StartConfig(), plates or {}, lambda function, items: [function(i) for i in items])
+    finder = StartFinder(
+        rig, model, config or InitializationConfig(), plates or {}, lambda function, items: [function(i) for i in items]
+    )
     return [start.state for start in finder.find(images, around)]
 
 
@@ -258,7 +260,7 @@ def _middle(model: ArticulatedModel, state: State) -> np.ndarray:
     return Configuration(model, state).Ts_world_shape[:, :3, 3].mean(axis=0)
 
 
-def _scales(rig: CameraRig, size_m: float, config: StartConfig) -> list[float]:
+def _scales(rig: CameraRig, size_m: float, config: InitializationConfig) -> list[float]:
     """How much smaller images may be for a body in the middle to be ``config.size_px`` high."""
     volume = seen_volume(rig.cameras, size_m, size_m)
     middle = volume.points.mean(axis=0)

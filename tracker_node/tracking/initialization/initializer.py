@@ -12,7 +12,7 @@ from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...observation.image_set import ImageSet
-from ..config import StartConfig
+from ..config import InitializationConfig
 from ..engine import Engine, Images
 from ..estimate import Status, TrackEstimate
 from .detector import Start, StartFinder
@@ -39,7 +39,7 @@ class Starter:
         self,
         rig: CameraRig,
         model: ArticulatedModel,
-        config: StartConfig,
+        config: InitializationConfig,
         plates: Mapping[str, np.ndarray | list],
         parallel: Callable[[Callable, list], list],
         make_engine: Callable[[], Engine],
@@ -91,27 +91,29 @@ class Starter:
         starts = self._finder.find(images, around)
         self.problem = self._finder.problem
         if not starts:
-            self._pause = 0 if self._finder.watching else self._config.every
+            self._pause = 0 if self._finder.watching else self._config.interval_sets
             return None
         states = self._chosen(starts, images, image_set)
         if not states:
-            self._pause = self._config.every
+            self._pause = self._config.interval_sets
             covers = f"{100 * starts[0].score:.0f} % of what stands out"
             self.problem = f"the best of {len(starts)} poses does not hold; it covers {covers}"
             return None
         while len(self._followers) < len(states):
             self._followers.append(self._make_follower())
-        self._contest = Contest(self._followers[: len(states)], states, self._config.hold_sets)
+        self._contest = Contest(self._followers[: len(states)], states, self._config.tracked_sets)
         return self._continued(self._contest, image_set)
 
     def _continued(self, contest: Contest, image_set: ImageSet) -> tuple[Follower, TrackEstimate] | None:
         found = contest.step(image_set)
-        self.problem = f"{len(contest)} poses are held against each other ({contest.sets} of {self._config.hold_sets} image sets)"
+        self.problem = (
+            f"{len(contest)} poses are held against each other ({contest.sets} of {self._config.tracked_sets} image sets)"
+        )
         if found is None:
             return None
         self._contest = None
         if found[1].status is Status.LOST and found[0].surety is not None:
-            self._pause = self._config.every
+            self._pause = self._config.interval_sets
             self.problem = f"the best pose does not hold: {found[1].status_reason}"
             return None
         self._followers = [other for other in self._followers if other is not found[0]]
@@ -130,9 +132,9 @@ class Starter:
         if any(trial.verdict.surety is None for trial in trials):
             return self._by_share(starts, trials)
         # With a limb elsewhere, the right one can stand far behind another whose limbs happen to be hidden.
-        hopeful = rivals(self._model, trials, self._finder.size_m, self._config.repair, HOPEFUL)
+        hopeful = rivals(self._model, trials, self._finder.size_m, self._config.repaired_candidates, HOPEFUL)
         mended = [self._mended(trial, attempt) for trial in hopeful]
-        best = rivals(self._model, mended + trials, self._finder.size_m, self._config.hold)
+        best = rivals(self._model, mended + trials, self._finder.size_m, self._config.tracked_candidates)
         return [trial.state for trial in best if trial.standing > 0.0]
 
     def _by_share(self, starts: Sequence[Start], trials: Sequence[Trial]) -> list[State]:

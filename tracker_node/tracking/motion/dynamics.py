@@ -76,10 +76,10 @@ class Dynamics:
         """
         slides = [axis.prismatic for axis in chain.axes]
         noise, memory_s = np.empty(chain.n_dof), np.empty(chain.n_dof)
-        noise[:3], memory_s[:3] = config.root_position_noise, config.root_position_memory_s
-        noise[3:6], memory_s[3:6] = config.root_angle_noise, config.root_angle_memory_s
+        noise[:3], memory_s[:3] = config.root_position_noise, config.root_position_time_constant_s
+        noise[3:6], memory_s[3:6] = config.root_angle_noise, config.root_angle_time_constant_s
         noise[N_ROOT_DOF:] = np.where(slides, config.root_position_noise, config.joint_noise)
-        memory_s[N_ROOT_DOF:] = config.joint_memory_s
+        memory_s[N_ROOT_DOF:] = config.joint_time_constant_s
         return cls(share * noise, memory_s)
 
     def start(self, state: State, information: np.ndarray, spread: float = 1.0) -> Belief:

@@ -30,12 +30,13 @@ from ...optimize.result import OptimizerResult
 from ...render.occluders import Occluders
 from ...render.shape_arrays import ShapeArrays
 from ..chamfer.engine import ContourEngine
-from ..config import TrackerConfig, numbers
+from ..config import TrackerConfig
 from ..constraints import PX2_PER_INFORMATION, constraints_of, resting
 from ..covariance import ImageEvidence, fit_covariance
 from ..engine import Images, Report, Verdict
 from ..estimate import CameraReport, Status
 from ..motion.model import Passage
+from ..parameters import numbers
 from .limb_search import Lines
 from .limb_status import LimbJudge, body_status, is_noise
 from .line_errors import LineErrors
@@ -48,12 +49,12 @@ def region_options(config: TrackerConfig) -> RegionOptions:
     return RegionOptions(
         samples_per_line=region.samples_per_line,
         half_length=region.half_length,
-        clamp=region.clamp,
-        sharpness=region.sharpness,
+        clamp=region.max_log_ratio,
+        sharpness=region.pixel_independence,
         model_sigma_px=region.model_sigma_px,
         robust_sigmas=region.robust_sigmas,
         correlation=region.correlation,
-        shadow=config.evidence.shadow,
+        shadow=config.background.shadow,
     )
 
 
@@ -66,7 +67,7 @@ class RegionEngine:
     parallel : maps a function over cameras.
     occluders : what stands before the body; None: nothing does.
     plates : as for the `Tracker`.
-    distances : contours by distances to silhouettes and edges, whose evidence is added (``evidence.kind: both``), or None.
+    distances : contours by the chamfer modality, whose evidence is added where both are in use, or None.
     """
 
     in_information_units = True
@@ -96,9 +97,9 @@ class RegionEngine:
         self._curvature = curvature_share(region.robust_sigmas)
         self._fine_damping = np.full(model.n_dof, _FINE_DAMPING)
         self._fine_damping[:N_ROOT_DOF] = _DAMPING
-        self._areas = LimbScore(rig, model, self._classes, config.evidence.shadow, region.clamp, parallel)
+        self._areas = LimbScore(rig, model, self._classes, config.background.shadow, region.max_log_ratio, parallel)
         self._limbs = LimbJudge(model, config.status)
-        self._errors = LineErrors(rig, model, config.status, region.least_sigma_px)
+        self._errors = LineErrors(rig, model, region)
         self._searches = RegionSearches(rig, model, config, self._limbs, self._fits())
         self.reset()
 
@@ -121,9 +122,9 @@ class RegionEngine:
         self._passage: Passage | None = None
 
     def _room(self, camera: Camera) -> EmptyRoom:
-        lens, evidence = camera.model, self._config.evidence
+        lens, background = camera.model, self._config.background
         plates = checked_plates(camera.name, lens.width, lens.height, self._plates.get(camera.name))
-        return EmptyRoom(plates, evidence.scene_sigma, evidence.scene_rate, evidence.body_margin_px)
+        return EmptyRoom(plates, background.sigma, background.learning_rate, background.body_margin_px)
 
     def begin(self, images: Images, start: State, *, known: bool = False) -> State:
         """Learn colors, fit, and learn again: the first pose given is rarely exact. What a sound body has taught is kept."""
@@ -133,7 +134,7 @@ class RegionEngine:
             return start
         self._searches.begin()
         self._steady, self._trusted = False, None
-        self._passage, guard = None, self._config.region.guard_px
+        self._passage, guard = None, self._config.region.margin_px
         for guard_px in (guard,) if known else (4 * guard, 2 * guard, guard):
             self._colors = [RegionColors(self._classes, self._stated, self._config.region.color_prior) for _ in self._rig]
             self._learn(images, start, 1.0, guard_px)
@@ -293,7 +294,7 @@ class RegionEngine:
 
     def judge(self, result: OptimizerResult, image_set: ImageSet) -> Verdict:
         """Limb by limb."""
-        evidence = self._part_evidence(result.state, self._config.region.close_px)
+        evidence = self._part_evidence(result.state, self._config.region.inlier_px)
         if not evidence.expected.any():
             self._steady = False
             reason = "no camera sees the body where it is expected"
@@ -352,26 +353,26 @@ class RegionEngine:
         region = self._config.region
         joined = [None if colors.knows else image for image, colors in zip(images, self._colors, strict=True)]
         if any(image is not None for image in joined):
-            self._learn(joined, state, 1.0, region.guard_px)
+            self._learn(joined, state, 1.0, region.margin_px)
         turn = [
             image if (i + self._count) % region.learn_every == 0 and joined[i] is None else None for i, image in enumerate(images)
         ]
         self._count += 1
         if region.color_rate > 0.0 and any(image is not None for image in turn):
-            self._learn(turn, state, region.color_rate, region.guard_px)
+            self._learn(turn, state, region.color_rate, region.margin_px)
         if self._distances is not None:
             self._distances.learn(images, state)
 
     def _learn(self, images: Images, state: State, rate: float, guard_px: int) -> None:
         offsets = [None] * len(self._rig) if self._passage is None else self._passage.offsets(state)
-        bodies, around = bodies_seen(self._model, state, offsets), self._config.region.around_px
+        bodies, around = bodies_seen(self._model, state, offsets), self._config.region.background_ring_px
 
         def learn(i: int) -> None:
             found = self._occluders.look(i, bodies[i], self._rig.cameras[i], around)
             image = images[i]
             if found is not None and image is not None:
                 self._colors[i].learn(image, found.region, found.labels, rate, guard_px, around, self._trusted)
-                if self._steady and self._config.region.learn_room:
+                if self._steady and self._config.region.learn_background:
                     self._rooms[i].learn(image, found.region, found.labels)
 
         self._parallel(learn, [i for i, image in enumerate(images) if image is not None])
@@ -393,7 +394,7 @@ _DAMPING = 1e-3  # of a step, relative to the diagonal
 _FINE_DAMPING = 1e-5  # the same of joints on the finest lines, which priors hold where images hardly do
 _FIRST_RATE = 0.9  # share of the first image set in how well contours fit; later ones follow at a falling rate
 _BODY_PX = 300.0  # of a body whose lines are as long as stated; others have theirs with their size
-_LARGE_PX = 450.0  # of a body, above which contours are close within more than `region.close_px`
+_LARGE_PX = 450.0  # of a body, above which contours are close within more than `region.inlier_px`
 _LEAST_OUTLINE = 10  # samples of the outline that a camera should see, to be asked
 _UNSEEN = -1e6  # surety of a body that no camera sees: worse than any that is seen
 _CHANCE = 3.0  # log-likelihood ratio of a contour against none, a sample, that a body has wherever it is put

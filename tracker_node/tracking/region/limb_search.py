@@ -21,7 +21,7 @@ from ...model.kinematic_chain import N_ROOT_DOF
 from ...objective.lines.objective import PartEvidence
 from ...objective.normal_equations import LeastSquaresObjective, NormalEquations
 from ...optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
-from ..config import StatusConfig
+from ..config import LimbSearchConfig
 from ..estimate import LimbReport, LimbStatus
 from ..limbs import Limb
 from .limb_status import LimbJudge, limb_measures
@@ -76,7 +76,7 @@ class OneLimb:
 class LimbSearch:
     """Remembers where limbs were sound, and looks for those that are lost; ``judge`` knows what sound limbs look like."""
 
-    def __init__(self, model: ArticulatedModel, judge: LimbJudge, config: StatusConfig, close_px: float):
+    def __init__(self, model: ArticulatedModel, judge: LimbJudge, config: LimbSearchConfig, close_px: float):
         self._model, self._judge, self._config, self._close_px = model, judge, config, close_px
         self._partners = _partners(judge.limbs)
         self.reset()
@@ -84,11 +84,11 @@ class LimbSearch:
     @property
     def tries(self) -> int:
         """Poses in which a limb is looked for in one image set; 0: it is not."""
-        return self._config.limb_tries
+        return self._config.poses
 
     def reset(self) -> None:
         """Nothing is remembered."""
-        self._rng = np.random.default_rng(self._config.limb_seed)
+        self._rng = np.random.default_rng(self._config.seed)
         self._sound: dict[str, np.ndarray] = {}
         self._sets, self._turn = 0, 0  # image sets that have been judged; which of the lost limbs comes first
         self._vain: dict[int, tuple[int, int]] = {}  # searches in vain, in a row, and the set of the last one
@@ -118,7 +118,7 @@ class LimbSearch:
         def gain(states: list[State]) -> np.ndarray:
             return gains(states, everything, lines)[:, 0]
 
-        tries = self._config.limb_tries // _TRUNK_COSTS
+        tries = self._config.poses // _TRUNK_COSTS
         found = best_trunk(trunk, [state, predicted], self._model.chain, gain, tries, self._rng)
         better = bool(gain([found])[0] > here + _GAIN * cells)
         self._note(0, better)
@@ -127,9 +127,9 @@ class LimbSearch:
     def doubtful(self, evidence: PartEvidence) -> dict[int, float]:
         """Log odds of lost of limbs (indices of the judge's, the trunk's 0) that this image set alone speaks against.
 
-        Without those that have just been looked for in vain: ``config.limb_pause``.
+        Without those that have just been looked for in vain: ``config.interval_sets``.
         """
-        if not self._config.limb_tries:
+        if not self._config.poses:
             return {}
         odds = {i: self.odds(i, evidence) for i in range(len(self._judge.limbs))}
         odds = {i: here for i, here in odds.items() if 0.0 < here < np.inf}
@@ -139,7 +139,7 @@ class LimbSearch:
     def pauses(self, i: int) -> bool:
         """Whether limb ``i`` has just been looked for in vain."""
         times, last = self._vain.get(i, (0, 0))
-        return times >= _IN_A_ROW and self._sets - last < self._config.limb_pause
+        return times >= _IN_A_ROW and self._sets - last < self._config.interval_sets
 
     def _note(self, i: int, found: bool) -> None:
         self._vain[i] = (0 if found else self._vain.get(i, (0, 0))[0] + 1, self._sets)
@@ -158,7 +158,7 @@ class LimbSearch:
         """``state`` with those ``limbs`` (indices of the judge's) elsewhere that the colors would rather have there, or None."""
         found = None
         for i in limbs:
-            better = self._find(i, found or state, predicted, lines, None) if self._config.limb_tries else None
+            better = self._find(i, found or state, predicted, lines, None) if self._config.poses else None
             self._note(i, better is not None)
             found = better or found
         return found
@@ -182,7 +182,7 @@ class LimbSearch:
 
     def _tried(self, limb: Limb, state: State, predicted: State, lines: Lines, least: float) -> list[np.ndarray]:
         """The best (n_own,) of all angles that are tried, the best first, of those that gain more than ``least``."""
-        own, tries = limb.dofs[N_ROOT_DOF:], self._config.limb_tries
+        own, tries = limb.dofs[N_ROOT_DOF:], self._config.poses
         low, high = self._model.chain.lower[own], self._model.chain.upper[own]
 
         def scored(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -199,7 +199,7 @@ class LimbSearch:
             more = np.repeat(best, around, axis=0) + self._rng.normal(0.0, spread, (len(best) * around, len(low)))
             more, more_gained = scored(more)
             angles, gained = np.concatenate([angles, more]), np.concatenate([gained, more_gained])
-        return [angles[j] for j in _apart(angles, gained, self._config.limb_fits) if gained[j] > least]
+        return [angles[j] for j in _apart(angles, gained, self._config.fits) if gained[j] > least]
 
     def _drawn(self, limb: Limb, likely: np.ndarray, n: int) -> np.ndarray:
         """(>= n, n_own): likely angles, others about them, and some anywhere within the limits, where there are limits."""

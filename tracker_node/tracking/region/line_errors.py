@@ -15,17 +15,17 @@ from ...model.configuration import Configuration, State
 from ...objective.contour_residual import assemble
 from ...objective.lines.objective import RegionObjective
 from ...objective.lines.spacing import add_crowding
-from ..config import StatusConfig
+from ..config import RegionConfig
 from ..covariance import ImageEvidence
 
 _LEAST_SHARE = 0.85  # of the least spread that weights go by; lines that seem to have less, of few cameras, agree by chance
 
 
 class LineErrors:
-    """Of one body in the cameras of a rig; ``least_px``: see `RegionConfig.least_sigma_px`."""
+    """Of one body in the cameras of a rig; its parameters are those of the region modality."""
 
-    def __init__(self, rig: CameraRig, model: ArticulatedModel, config: StatusConfig, least_px: float):
-        self._model, self._config, self._least_px = model, config, _LEAST_SHARE * least_px
+    def __init__(self, rig: CameraRig, model: ArticulatedModel, config: RegionConfig):
+        self._model, self._config, self._least_px = model, config, _LEAST_SHARE * config.least_sigma_px
         self._axes = np.array([camera.T_cam_world[:3, :3] for camera in rig])
         self._offsets = np.array([camera.T_cam_world[:3, 3] for camera in rig])
         self._focals = np.array([camera.model.params[:2] for camera in rig])

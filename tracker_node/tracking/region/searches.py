@@ -15,8 +15,9 @@ from ...objective.constraints.prior import Prior
 from ...objective.lines.objective import PartEvidence
 from ...objective.normal_equations import Comparison, LeastSquaresObjective
 from ...optimize.result import OptimizerResult
-from ..config import TrackerConfig, numbers
+from ..config import TrackerConfig
 from ..estimate import LimbReport, Status
+from ..parameters import numbers
 from .limb_search import LimbSearch, Lines, gains
 from .limb_status import LimbJudge
 from .tilts import Misfit, tilted
@@ -71,10 +72,10 @@ class RegionSearches:
     def __init__(self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, limbs: LimbJudge, fits: Fits):
         region = config.region
         self._rig, self._model, self._limbs, self._fits = rig, model, limbs, fits
-        self._scales, self._close_px = numbers(region.scales), region.close_px
+        self._scales, self._close_px = numbers(region.scales), region.inlier_px
         self._first_scales, self._wide_scales = numbers(region.first_scales), numbers(region.wide_scales)
-        self._pause = config.status.limb_pause
-        self._search = LimbSearch(model, limbs, config.status, region.close_px)
+        self._pause = config.limb_search.interval_sets
+        self._search = LimbSearch(model, limbs, config.limb_search, region.inlier_px)
         self.reset()
 
     def reset(self) -> None:
