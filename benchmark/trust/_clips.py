@@ -15,12 +15,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from benchmark.trust import _lost_events as events
 from tracker_node.camera.rig import CameraRig
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.observation.image_set import CameraImage, ImageSet
-from tracker_node.synthesis import lost_events as events
 from tracker_node.synthesis.scenes.scene import SceneConfig, Studio, make_rig
 from tracker_node.synthesis.subjects.cones import ModelSubject, waves
 from tracker_node.synthesis.subjects.figure import figure_model, figure_motion

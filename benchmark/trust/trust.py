@@ -25,18 +25,19 @@ from pathlib import Path
 import numpy as np
 
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.consistency import Consistency, consistency, effective_sets, mean_bounds, nees, whitened
+from tracker_node.evaluation.consistency import effective_sets, mean_bounds, nees, whitened
 from tracker_node.evaluation.metrics import LOST_JOINT_M, LOST_LIMB_M
-from tracker_node.evaluation.roc import Roc, roc, roc_picture
 from tracker_node.report.metrics_file import print_metrics, write_metrics
-from tracker_node.synthesis.lost_events import BODY_KINDS, LIMB_KINDS
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import LimbStatus, Status
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
 from benchmark.trust._clips import record
+from benchmark.trust._consistency import Consistency, consistency
 from benchmark.trust._fit import coefficients, covariance_factor
+from benchmark.trust._lost_events import BODY_KINDS, LIMB_KINDS
+from benchmark.trust._roc import Roc, roc, roc_picture
 from benchmark.trust._runs import Run, config_of, track_all
 
 HIDING = ("occluded", "exit", "hidden")

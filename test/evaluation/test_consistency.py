@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from tracker_node.evaluation.consistency import consistency, effective_sets, mean_bounds, nees, whitened
+from benchmark.trust._consistency import consistency
+from tracker_node.evaluation.consistency import effective_sets, mean_bounds, nees, whitened
 
 N = 6
 

@@ -116,7 +116,7 @@ NOT_RUN = (
     NotRun(r"tracker_node reproduce ", "minutes; with --quick the tests run it", verb_parses,
            "test/cli/reproduce/test_experiments.py"),
     NotRun(r"python benchmark/ros/soak.py ", "an hour; two minutes of it are a test", program_parses, "test/faults/test_soak.py"),
-    NotRun(r"python benchmark/(contour|trust)/\w+.py ", "an hour or more", program_parses, "test/synthesis/test_lost_events.py"),
+    NotRun(r"python benchmark/(contour|trust)/\w+.py ", "an hour", program_parses, "test/benchmark/trust/test_lost_events.py"),
 )  # fmt: skip
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from benchmark.trust import _lost_events as events
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration
-from tracker_node.synthesis import lost_events as events
 from tracker_node.synthesis.subjects.cones import ModelSubject
 from tracker_node.synthesis.subjects.figure import figure_model, figure_motion
 from tracker_node.tracking.limbs import limbs_of

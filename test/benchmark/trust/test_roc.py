@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker_node.evaluation.roc import roc, roc_picture
+from benchmark.trust._roc import roc, roc_picture
 
 
 def pairs(scores, positives):

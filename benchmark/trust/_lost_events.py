@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry import se3, so3
-from ..model.articulated import ArticulatedModel
-from ..model.configuration import Configuration, State
-from ..tracking.limbs import Limb
-from .scenes.rasterizer import ColoredMesh
-from .subjects.cones import ModelSubject
+from tracker_node.geometry import se3, so3
+from tracker_node.model.articulated import ArticulatedModel
+from tracker_node.model.configuration import Configuration, State
+from tracker_node.synthesis.scenes.rasterizer import ColoredMesh
+from tracker_node.synthesis.subjects.cones import ModelSubject
+from tracker_node.tracking.limbs import Limb
 
 BODY_KINDS = ("occluded", "exit", "teleport", "wrong_start")
 LIMB_KINDS = ("hidden", "swapped", "mirrored")
