@@ -20,14 +20,12 @@ ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 export ROS_AUTOMATIC_DISCOVERY_RANGE
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-REQUIREMENTS := $(patsubst %,requirements/%.txt,runtime ros build test)
+REQUIREMENTS := $(patsubst %,requirements/%.txt,runtime ros build test docs)
 WHEELS := $(VENV)/.wheels-installed
 MSGS := $(VENV)/.msgs-installed
 PACKAGE := $(VENV)/.package-installed
 MSGS_SOURCES := $(shell find msgs -type f -not -path '*/build/*')
 PACKAGE_SOURCES := setup.py setup.cfg pyproject.toml package.xml $(shell find config launch resource -type f 2>/dev/null)
-# Nodes and commands have their own documentation, and nodes need ROS.
-DOCUMENTED := tracker_node '!tracker_node.ros' '!tracker_node.cli'
 
 .PHONY: help setup check-system system demo test test-long test-ros lint docs benchmark benchmark-full clean
 
@@ -85,15 +83,16 @@ lint: setup  ## import contract, ruff and mypy
 	@$(VENV)/bin/ruff check .
 	@$(VENV)/bin/mypy
 
-docs: setup  ## the reference of all modules, as pages in out/docs
-	@$(RUN) -m pdoc $(DOCUMENTED) --docformat numpy --no-show-source -o $(OUT)/docs
+docs: setup  ## searchable site of the pages and the API in out/docs; a broken link fails
+	@$(RUN) tools/site/build.py --output $(OUT)/docs
 	@echo "$(OUT)/docs/index.html"
 
 benchmark: setup check-system  ## quick run of every benchmark; JSON in out/benchmark
 	@$(RUN) benchmark/_all.py --quick --output $(OUT)/benchmark
 
-benchmark-full: setup check-system  ## full run of every benchmark
-	@$(RUN) benchmark/_all.py --output $(OUT)/benchmark
+benchmark-full: setup check-system  ## full run of every benchmark; puts the figures into docs/measured.md
+	@status=0; $(RUN) benchmark/_all.py --output $(OUT)/benchmark || status=$$?; \
+	$(RUN) benchmark/_measured.py --json-folder $(OUT)/benchmark && exit $$status
 
 clean:  ## remove .venv and everything that was built or written
 	rm -rf $(VENV) $(OUT) build install log *.egg-info msgs/build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

@@ -30,7 +30,7 @@ RUNTIME_REQUIREMENTS = [
 # Extras: what only one part needs, which says so where it is missing (`errors.extra_module`).
 STUDIO_REQUIREMENTS = ["starlette>=0.40", "uvicorn>=0.30", "websockets>=13.0"]
 DATA_REQUIREMENTS = ["pandas>=2.2", "xarray>=2024.1"]
-DOCS_REQUIREMENTS = ["pdoc"]
+DOCS_REQUIREMENTS = ["furo", "myst-parser", "sphinx"]
 # Only where ROS does not come from apt.
 ROS_REQUIREMENTS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"]
 TEST_REQUIREMENTS = [

@@ -6,7 +6,7 @@ Run it with the Python of an environment that works, after changing a direct req
 
 requirements/runtime.txt gets what the package needs to run, the studio included, and on top of it ros.txt gets ROS
 itself (not wanted where ROS comes from apt), build.txt what building the two packages needs and test.txt what the checks
-need, with the extras for tables and pages. The direct requirements are in setup.py and msgs/pyproject.toml.
+need, with the extra for tables, docs.txt what the site needs. The direct requirements are in setup.py and msgs/pyproject.toml.
 """
 
 import ast
@@ -21,7 +21,8 @@ KINDS = {  # file -> lists of setup.py, without _REQUIREMENTS
     "runtime": ("RUNTIME", "STUDIO"),
     "ros": ("ROS",),
     "build": ("BUILD",),
-    "test": ("TEST", "DATA", "DOCS"),
+    "test": ("TEST", "DATA"),
+    "docs": ("DOCS",),
 }
 OWN = {"tracker-node", "tracker-msgs"}
 NAME = re.compile(r"^([A-Za-z0-9._-]+)(?:\[([^\]]*)\])?")

@@ -19,7 +19,7 @@ COMMENTS = {
 {BODY}Each segment is a bicubic B-spline surface through stadium cross-sections (Yeadon's levels), closed by domes.
 Written by tools/write_models.py; tracker_node/model/humans/anthropometry.py and segments18.py explain the numbers.""",
     ellipsoid_human: f"""ellipsoid_human, a man of 1.81 m.
-{BODY}Each ellipsoid has the center and the second moments of the segment of nurbs_human; docs/models.md says how they differ.
+{BODY}Each ellipsoid has the center and the second moments of the segment of nurbs_human; docs/bodies.md says how they differ.
 Written by tools/write_models.py from tracker_node/model/humans/ellipsoids.py.""",
     yellow_stick: """The YellowStick of Trewartha, Yeadon & Knight: a bright yellow cross of two wooden prisms. The paper gives no
 dimensions; these are ours, with four unequal arms so that its pose is unique (tracker_node/experiments/cross/yellow_stick.py).

@@ -2,7 +2,7 @@
 """What happens when something breaks: faults injected into a running graph of real processes, and 11 000 files gone wrong.
 
 Each drill starts a small graph (three cameras of a moving arm, the tracker, a recorder or player where they matter), injects one
-fault, and holds what happens, and what /diagnostics says of it, against what is expected. `docs/faults.md` has the table.
+fault, and compares what happens, and what /diagnostics says of it, with what is expected. docs/troubleshooting.md has the table.
 
 Each fuzzed file is read in another process, with limits of time and memory. It must be refused by one line that names file and
 field, or hold something that can be used (finite, cameras that project, bodies that can be posed) and is the same when it is

@@ -1,7 +1,7 @@
-"""``make docs``: the reference is built from the docstrings of every public module, with no ROS."""
+"""``make docs``: the pages and the reference become a site, with no ROS; a link that leads nowhere fails the build."""
 
 import re
-import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -10,44 +10,45 @@ import pytest
 
 BLOCKED = ("rclpy", "sensor_msgs", "geometry_msgs", "std_msgs", "tracker_msgs", "visualization_msgs", "diagnostic_msgs")
 PROGRAM = """
-import sys
+import runpy, sys
 sys.modules.update(dict.fromkeys({blocked}))
-sys.argv = ["pdoc", *{arguments}]
-from pdoc.__main__ import cli
-cli()
+sys.argv = [{program!r}, *{arguments}]
+runpy.run_path(sys.argv[0], run_name="__main__")
 """
 
 
-def options_of_make(repository: Path) -> tuple[list[str], list[str]]:
-    """Modules and options that ``make docs`` gives to pdoc."""
-    makefile = (repository / "Makefile").read_text()
-    modules = shlex.split(re.search(r"^DOCUMENTED := (.*)$", makefile, re.MULTILINE)[1])
-    options = re.search(r"-m pdoc \$\(DOCUMENTED\) (.*) -o ", makefile)[1]
-    return modules, shlex.split(options)
+def build(root: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    program = PROGRAM.format(blocked=BLOCKED, program=str(root / "tools/site/build.py"), arguments=list(arguments))
+    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
 
 
-def build(repository: Path, modules: list[str], output: Path) -> str:
-    arguments = [*modules, *options_of_make(repository)[1], "-o", str(output)]
-    program = PROGRAM.format(blocked=BLOCKED, arguments=arguments)
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=repository, check=False)
+def test_pages_and_the_reference_of_a_package_become_a_site(repository, tmp_path):
+    done = build(repository, "--api", "tracker_node.camera", "--output", str(tmp_path))
     assert done.returncode == 0, done.stderr
-    return done.stderr
+    assert {path.stem for path in (repository / "docs").glob("*.md")} <= {path.stem for path in tmp_path.glob("*.html")}
+    page = (tmp_path / "api/tracker_node.camera.html").read_text()
+    assert 'id="tracker_node.camera.rig.CameraRig"' in page
+    assert re.search(r"<dt[^>]*>Parameters<", page)  # numpydoc is understood
+    assert "camerarig" in (tmp_path / "searchindex.js").read_text()
 
 
-def test_pages_have_signatures_parameters_and_sources(repository, tmp_path):
-    build(repository, ["tracker_node.geometry", "tracker_node.errors"], tmp_path)
-    assert (tmp_path / "index.html").is_file()
-    page = (tmp_path / "tracker_node/geometry/se3.html").read_text()
-    assert "from_rotation_translation" in page
-    errors = (tmp_path / "tracker_node/errors.html").read_text()
-    assert re.search(r"<h6 id=\"[^\"]*parameters\">Parameters</h6>", errors, re.IGNORECASE)  # numpydoc is understood
+def test_a_link_that_leads_nowhere_fails_the_build(repository, tmp_path):
+    for name in ("docs", "tools/site"):
+        shutil.copytree(repository / name, tmp_path / name)
+    with (tmp_path / "docs/index.md").open("a") as file:
+        file.write("\n[nowhere](nowhere.md) [no heading](install.md#nothing-of-the-kind)\n")
+    done = build(tmp_path, "--api", "", "--output", str(tmp_path / "site"))
+    assert done.returncode != 0
+    assert "nowhere.md" in done.stderr and "nothing-of-the-kind" in done.stderr
 
 
 @pytest.mark.long
-def test_every_public_module_has_its_page(repository, tmp_path):
-    build(repository, options_of_make(repository)[0], tmp_path)
+def test_every_public_module_is_in_the_reference(repository, tmp_path):
+    done = build(repository, "--output", str(tmp_path))
+    assert done.returncode == 0, done.stderr
+    pages = "".join(path.read_text() for path in (tmp_path / "api").glob("*.html"))
     for module in (repository / "tracker_node").rglob("*.py"):
-        relative = module.relative_to(repository)
-        if relative.parts[1] in ("ros", "cli") or any(part.startswith("_") for part in (*relative.parts[:-1], relative.stem)):
+        parts = module.relative_to(repository).with_suffix("").parts
+        if parts[1] in ("ros", "cli") or any(part.startswith("_") for part in parts):
             continue
-        assert (tmp_path / relative.with_suffix(".html")).is_file(), relative
+        assert f'id="module-{".".join(parts)}"' in pages, module

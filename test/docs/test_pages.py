@@ -41,7 +41,7 @@ def test_examples_of_the_formats_are_valid(repository, tmp_path):
     assert read_rig_file(rig).lights[0].kind == "spot"
     model = load_model(example(repository, tmp_path, "model.yaml", "yaml"))
     assert model.chain.dof_names[N_ROOT_DOF:] == ("swivel", "lift", "nod")
-    assert load_model(example(repository, tmp_path, "A thing", "yaml", "own_body.md")).n_dof == N_ROOT_DOF
+    assert load_model(example(repository, tmp_path, "An object", "yaml", "bodies.md")).n_dof == N_ROOT_DOF
     human = human_model()
     state = load_state(example(repository, tmp_path, "state.yaml", "yaml"), human)
     assert state.joint_positions[human.chain.axis_index("left_knee_flexion")] > 0.3
@@ -54,12 +54,13 @@ def test_examples_of_the_formats_are_valid(repository, tmp_path):
     recording = load_recording(example(repository, tmp_path, "recording.yaml", "yaml"))
     assert (recording.images.resize, recording.evaluate.targets) == ((544, 960), ("mpjpe_mm<=60",))
     assert set(load_reference_masks(example(repository, tmp_path, "masks.json", "json"))) == {"cam01", "cam03"}
-    assert "metrics" in json.loads(example(repository, tmp_path, "Figures", "json").read_text())
+    assert "metrics" in json.loads(example(repository, tmp_path, "Metrics files", "json").read_text())
 
 
-def test_limits_in_the_conventions_are_those_of_the_human(repository):
-    text = (repository / "docs" / "conventions.md").read_text()
-    table = re.findall(r"^\| (`[^|]*) \| [^|]* \| ([^|]*) \|$", text[text.index("## The human") :], re.MULTILINE)
+def test_limits_on_the_page_are_those_of_the_human(repository):
+    text = (repository / "docs" / "formats.md").read_text()
+    section = re.search(r"^## The human\n(.*?)^## ", text, re.MULTILINE | re.DOTALL)[1]
+    table = re.findall(r"^\| (`[^|]*) \| [^|]* \| ([^|]*) \|$", section, re.MULTILINE)
     documented = {}
     for names, limits in table:
         for name, limit in zip(re.findall(r"`([^`]+)`", names), limits.split(","), strict=True):

@@ -53,7 +53,7 @@ def _source(value: Any, field: str) -> str:
             raise SourceError(str(value), "is no text")
         parse_source(value)
     except SourceError as error:
-        raise problem("a path, or a source of a known kind (docs/sources.md)", error.source, field) from None
+        raise problem("a path, or a source of a known kind (docs/cameras.md)", error.source, field) from None
     return value
 
 
@@ -123,7 +123,7 @@ class RecordEntry(FileModel):
 
 
 class EvaluateEntry(FileModel):
-    """How the run is reported on when it is over, and what it is held against; see docs/evaluation.md."""
+    """How the run is reported on when it is over, and what it is held against; see docs/results.md."""
 
     truth: Files = ()
     y_up: Switch | None = None

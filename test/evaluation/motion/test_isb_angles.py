@@ -42,7 +42,7 @@ def angles_deg(motion):
     ({"clavicle_elevation": 10}, {"clavicle_elevation": 10, "clavicle_protraction": 0}),
     ({"clavicle_protraction": 10}, {"clavicle_elevation": 0, "clavicle_protraction": 10}),
     ({"clavicle_axial_rotation": 10}, {"clavicle_backward_rotation": -10}),
-    # T-pose, and arms forward (docs/conventions.md)
+    # T-pose, and arms forward (docs/formats.md)
     ({"shoulder_elevation_front": 90, "shoulder_elevation_back": 45},
      {"shoulder_plane_of_elevation": 0, "shoulder_elevation": 90}),
     ({"shoulder_elevation_front": 90, "shoulder_elevation_back": -45},

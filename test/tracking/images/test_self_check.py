@@ -69,7 +69,7 @@ def test_a_camera_turned_by_a_degree_is_named_and_no_other(rig, film):
     run = tracked(wrong, *film)
     assert kinds(run) == {(rig.names[1], TURNED)}
     (fault,) = run[-1].faults
-    assert not fault.rivals and 0.5 < np.degrees(fault.size) < 1.2  # too little is told, see docs/self_check.md
+    assert not fault.rivals and 0.5 < np.degrees(fault.size) < 1.2  # too little is told, see docs/trust.md
 
 
 def test_a_camera_two_images_late_is_named_and_no_other(rig, film):

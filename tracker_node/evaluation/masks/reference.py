@@ -1,7 +1,7 @@
 """Reference silhouettes to hold a tracked body against; none comes from a tracker.
 
 Two kinds: masks from the difference to a still image of the scene, for static cameras whose still shows the scene behind
-the person, and polygons drawn by hand, where it does not. ``masks.json`` says which camera has which (docs/evaluation.md).
+the person, and polygons drawn by hand, where it does not. ``masks.json`` says which camera has which (docs/results.md).
 """
 
 from __future__ import annotations

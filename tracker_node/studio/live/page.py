@@ -81,7 +81,7 @@ class Desk:
                 try:
                     from ...ros.live.view import LiveView
                 except ImportError as error:
-                    raise TrackerError(f"no live view without ROS 2 and tracker_msgs: {error}; see docs/start.md") from None
+                    raise TrackerError(f"no live view without ROS 2 and tracker_msgs: {error}; see docs/install.md") from None
                 self._view = LiveView()
                 self._session.closing.callback(self._view.close)
             return self._view

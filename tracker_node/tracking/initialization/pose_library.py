@@ -16,7 +16,7 @@ from ...optimize.halton import scrambled_halton
 
 _WIDEST = 1.2  # radians from neutral that axes without narrow limits are sampled in
 
-# Degrees by the name of the axis, without a side: both sides. Signs and zeros are those of docs/conventions.md.
+# Degrees by the name of the axis, without a side: both sides. Signs and zeros are those of docs/formats.md.
 _ARMS_OUT = {"shoulder_elevation_front": 60.0, "shoulder_elevation_back": 30.0}
 _LEVEL = {"shoulder_elevation_front": 90.0, "shoulder_elevation_back": 45.0}
 _FORWARD = {"shoulder_elevation_front": 80.0, "shoulder_elevation_back": -40.0}
