@@ -13,6 +13,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
+import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
@@ -35,6 +36,10 @@ def setup_keyword(repository: Path, name: str) -> str:
     return ast.literal_eval(values[0])
 
 
+def citation(repository: Path) -> dict[str, Any]:
+    return yaml.safe_load((repository / "CITATION.cff").read_text())
+
+
 def test_versions_agree(repository: Path) -> None:
     versions = {
         "tracker_node/__init__.py": tracker_node.__version__,
@@ -42,8 +47,25 @@ def test_versions_agree(repository: Path) -> None:
         "package.xml": manifest(repository / "package.xml").findtext("version"),
         "msgs/package.xml": manifest(repository / "msgs/package.xml").findtext("version"),
         "msgs/pyproject.toml": toml(repository / "msgs/pyproject.toml")["project"]["version"],
+        "CITATION.cff": citation(repository)["version"],
+        "CHANGELOG.rst": re.findall(r"^(\S+)\n-+$", (repository / "CHANGELOG.rst").read_text(), re.MULTILINE)[0],
     }
     assert set(versions.values()) == {tracker_node.__version__}, versions
+
+
+def test_citation_has_what_the_format_asks_for(repository: Path) -> None:
+    """The required keys of CFF 1.2.0, and the license and maintainers of the package."""
+    found = citation(repository)
+    assert found["cff-version"] == "1.2.0" and {"message", "title", "authors"} <= found.keys() and found["type"] == "software"
+    assert found["license"] == setup_keyword(repository, "license")
+    assert [author["name"] for author in found["authors"]] == [setup_keyword(repository, "maintainer")]
+    assert isinstance(found["version"], str) and all(isinstance(word, str) for word in found["keywords"])
+
+
+def test_classifiers_are_of_the_pythons_that_are_supported(repository: Path) -> None:
+    metadata = distribution("tracker_node").metadata
+    said = [text.rpartition(":: ")[2] for text in metadata.get_all("Classifier") or () if "Python :: 3." in text]
+    assert said == ["3.11", "3.12"] and metadata["Requires-Python"] in (">=3.11,<3.13", "<3.13,>=3.11")
 
 
 def test_manifests_say_the_same_as_setup(repository: Path) -> None:

@@ -120,7 +120,7 @@ def check_runs(node: Started) -> argparse.Namespace | None:
     assert (ROOT / "resource" / "executables" / node.executable).is_file()
     verb, *rest = node.arguments if node.executable == "tracker_node" else [node.executable, *node.arguments]
     assert "" not in rest
-    return main._parser_of(verb, importlib.import_module(main.module_of(verb))).parse_args(rest)
+    return main.parser_of(verb, importlib.import_module(main.module_of(verb))).parse_args(rest)
 
 
 HUMAN = str(ROOT / "config/models/human.yaml")

@@ -99,7 +99,7 @@ def evaluate(
 
     Returns
     -------
-    Metric -> value, such as ``mpjpe_mm``, ``lost_sets``; the unit ends the name. docs/evaluation.md describes them.
+    Metric -> value, such as ``mpjpe_mm``, ``lost_sets``; the unit ends the name. docs/results.md describes them.
 
     Raises
     ------

@@ -10,6 +10,7 @@ import argparse
 import importlib
 import pkgutil
 import sys
+from types import ModuleType
 
 from ..errors import TrackerError
 from ._last_resort import EX_CLOSED_PIPE, EX_USAGE, closed_pipes, reader_is_gone, threads_say_one_line, unexpected
@@ -33,7 +34,18 @@ def module_of(verb: str) -> str:
     return f"tracker_node.cli.nodes.{verb}" if verb in NODES else f"tracker_node.cli.{verb}"
 
 
-def _parser_of(verb: str, module) -> argparse.ArgumentParser:
+def parser_of(verb: str, module: ModuleType) -> argparse.ArgumentParser:
+    """The parser of a verb's own arguments.
+
+    Parameters
+    ----------
+    verb : one of `verbs`.
+    module : its module, see `module_of`.
+
+    Returns
+    -------
+    The parser, with description and example.
+    """
     parser = argparse.ArgumentParser(
         prog=f"tracker_node {verb}",
         description=module.SUMMARY,
@@ -114,7 +126,7 @@ def _run(verb: str, rest: list[str]) -> int:
     # Nodes take ROS arguments after their own; argparse must not see them, it would take `-p` or `-r` for ours. Launch appends
     # them to every verb that it starts.
     split = rest.index("--ros-args") if "--ros-args" in rest else len(rest)
-    args = _parser_of(verb, module).parse_args(rest[:split])
+    args = parser_of(verb, module).parse_args(rest[:split])
     if verb in NODES:
         args.ros_args = rest[split:]
     try:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tracker_node.cli.main import _parser_of, module_of, verbs
+from tracker_node.cli.main import module_of, parser_of, verbs
 
 OTHER_NAMES = ("--out", "--output-folder", "--output-file", "--outdir")
 
@@ -22,7 +22,7 @@ def parsers(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser
 @pytest.mark.parametrize("verb", verbs())
 def test_what_writes_has_output_and_its_short_form(verb):
     module = importlib.import_module(module_of(verb))
-    for parser in parsers(_parser_of(verb, module)):
+    for parser in parsers(parser_of(verb, module)):
         options = parser._option_string_actions
         assert ("-o" in options) == ("--output" in options), parser.prog
         assert options.get("-o") is options.get("--output"), parser.prog
@@ -33,7 +33,7 @@ def test_the_commands_that_write_are_among_them():
     with_output = {
         parser.prog.removeprefix("tracker_node ")
         for verb in verbs()
-        for parser in parsers(_parser_of(verb, importlib.import_module(module_of(verb))))
+        for parser in parsers(parser_of(verb, importlib.import_module(module_of(verb))))
         if "-o" in parser._option_string_actions
     }
     assert {"demo", "track_offline", "pipeline", "recorder", "evaluate", "export", "bag repair", "calibrate rig"} <= with_output

@@ -22,7 +22,7 @@ from tracker_node.cli.main import verbs
 def parser_of(verb: str) -> argparse.ArgumentParser:
     """The real parser of a verb."""
     assert verb in verbs(), verb
-    return main._parser_of(verb, importlib.import_module(main.module_of(verb)))
+    return main.parser_of(verb, importlib.import_module(main.module_of(verb)))
 
 
 def parsed(arguments: list[str]) -> argparse.Namespace:
