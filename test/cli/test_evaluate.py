@@ -18,6 +18,7 @@ from tracker_node.cli.arguments.recording import evaluate_recording
 from tracker_node.cli.evaluate import _untold
 from tracker_node.cli.main import main
 from tracker_node.loaders.bag.message_types import TRACKED_STATE
+from tracker_node.loaders.bag.messages import message_of
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.loaders.model.model_yaml import dump_model
@@ -25,7 +26,7 @@ from tracker_node.loaders.recording_yaml import RecordingFile
 from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file
 from tracker_node.model.configuration import Configuration
 from tracker_node.render.raycast.raycaster import render_mask
-from tracker_node.runs.messages import image_message
+from tracker_node.runs.messages import IMAGE, image
 
 N = 8
 RATE_HZ = 60.0
@@ -143,7 +144,7 @@ def test_pictures_from_the_bag_where_the_rig_has_no_sources(files, tmp_path):
             writer.write("/tracker/state", stamp, data)
         for i, stamp in enumerate(tracked.stamps_ns):
             picture = cv2.imread(str(files / "cam01" / f"{i:03d}.png"))
-            writer.write_message("/lab/cam01/image_raw", int(stamp), image_message(int(stamp), "cam01", picture, "bgr8"))
+            writer.write_message("/lab/cam01/image_raw", int(stamp), message_of(IMAGE, image(int(stamp), "cam01", picture)))
     bare = CameraRig(tuple(Camera(camera.name, camera.model, camera.T_world_cam) for camera in rig))
     write_rig_file(rig_file_of(bare), tmp_path / "rig.yaml")
     masks = json.loads((files / "masks.json").read_text())["cameras"]

@@ -15,6 +15,7 @@ from helpers.cameras.small_clip import Clip, make_clip
 from tracker_node.cli.main import main
 from tracker_node.errors import SourceError
 from tracker_node.loaders.bag.message_types import TRACKED_STATE
+from tracker_node.loaders.bag.messages import message_of
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.bag.writer import BagExistsError, BagWriter
 from tracker_node.loaders.images.source import SourceOptions, open_camera_source
@@ -24,7 +25,7 @@ from tracker_node.loaders.motion.trajectory_file import read_joints, read_poses,
 from tracker_node.loaders.rig.rig_yaml import load_rig, read_rig_file, write_rig_file
 from tracker_node.model.configuration import Configuration
 from tracker_node.runs.config_file import load_config
-from tracker_node.runs.messages import image_message
+from tracker_node.runs.messages import IMAGE, image
 from tracker_node.runs.offline import OfflineRun, run_offline
 
 N_IMAGES = 12
@@ -73,7 +74,8 @@ def image_bag(clip: Clip, path: Path, with_states_of: Path | None = None) -> Pat
             for camera, stream in streams:
                 stamp_ns, bgr = next(stream)
                 log_ns = BASE_NS + i * 40_000_000
-                writer.write_message(f"/{camera.name}/image_raw", log_ns, image_message(stamp_ns, camera.frame_id, bgr, "bgr8"))
+                message = message_of(IMAGE, image(stamp_ns, camera.frame_id, bgr))
+                writer.write_message(f"/{camera.name}/image_raw", log_ns, message)
         if with_states_of is not None:
             with BagReader(with_states_of) as reader:
                 for stamp_ns, message in reader.decoded("/tracker/state"):

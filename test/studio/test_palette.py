@@ -47,12 +47,11 @@ def test_every_state_has_one_color_everywhere():
 
 
 def test_a_lost_body_is_drawn_in_the_color_of_lost():
-    pytest.importorskip("rclpy", reason="ROS is not installed")
     from tracker_node.model.humans.human import human_model
-    from tracker_node.ros.conversions.bodies import _color
+    from tracker_node.runs.messages.markers import color
 
-    color = _color(human_model().shapes[0], Status.LOST)
-    assert (color.r, color.g, color.b) == pytest.approx(rgb_of("lost"))
+    lost = color(human_model().shapes[0], Status.LOST)
+    assert (lost["r"], lost["g"], lost["b"]) == pytest.approx(rgb_of("lost"))
     assert rgb_of("lost") == pytest.approx(tuple(int(STATES["lost"][i : i + 2], 16) / 255 for i in (1, 3, 5)))
 
 

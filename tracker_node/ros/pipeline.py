@@ -19,6 +19,8 @@ from pathlib import Path
 from tracker_msgs.msg import TrackedState
 
 from ..loaders.source_address import sources_for_child
+from ..runs.messages import CAMERA_INFO, IMAGE
+from ..runs.outputs import BODY_OUTPUTS, CAMERA_OUTPUTS, DESCRIPTION, MARKER_ARRAY, MARKERS, Output, recorded
 from ..tracking.estimate import Status
 from .child_process import Child
 from .ending import asked_again
@@ -71,28 +73,33 @@ class PipelineOptions:
 
     def recorded_topics(self) -> list[str]:
         """``name:type`` of everything that goes into the bag."""
+        of_body, of_cameras = self._recorded_outputs
         topics = [
-            "tracker/state:tracker_msgs/msg/TrackedState",
-            "tracker/pose:geometry_msgs/msg/PoseWithCovarianceStamped",
-            "tracker/joint_states:sensor_msgs/msg/JointState",
-            "robot_description",  # latched: recorded when its publisher is there and has said so
+            *(f"tracker/{output.name}:{output.type_name}" for output in of_body),
+            DESCRIPTION,  # latched: recorded when its publisher is there and has said so
             "/diagnostics:diagnostic_msgs/msg/DiagnosticArray",
         ]
         if find_spec("tf2_msgs") is not None:
             topics += ["/tf:tf2_msgs/msg/TFMessage", "/tf_static:tf2_msgs/msg/TFMessage"]
         if self.markers:
-            topics.append("tracker/markers:visualization_msgs/msg/MarkerArray")
+            topics.append(f"tracker/{MARKERS}:{MARKER_ARRAY}")
         for camera in self.cameras:
-            topics.append(f"{camera}/camera_info:sensor_msgs/msg/CameraInfo")
+            topics.append(f"{camera}/camera_info:{CAMERA_INFO}")
             if self.images:
-                topics.append(f"{camera}/image_raw:sensor_msgs/msg/Image")
-            if self.masks:
-                topics.append(f"tracker/{camera}/mask:sensor_msgs/msg/Image")
-            if self.overlays:
-                topics.append(f"tracker/{camera}/overlay:sensor_msgs/msg/CompressedImage")
-            if self.through_masks:
-                topics.append(f"tracker/{camera}/target_through_mask:sensor_msgs/msg/CompressedImage")
+                topics.append(f"{camera}/image_raw:{IMAGE}")
+            topics += [f"tracker/{camera}/{output.name}:{output.type_name}" for output in of_cameras]
         return topics
+
+    def recorded_names(self) -> list[str]:
+        """Outputs of the tracker that go into the bag."""
+        of_body, of_cameras = self._recorded_outputs
+        return [output.name for output in (*of_body, *of_cameras)] + [MARKERS] * self.markers
+
+    @property
+    def _recorded_outputs(self) -> tuple[list[Output], list[Output]]:
+        """Of the body, of each camera."""
+        requested = ["mask"] * self.masks + ["overlay"] * self.overlays + ["target_through_mask"] * self.through_masks
+        return recorded(BODY_OUTPUTS, requested), recorded(CAMERA_OUTPUTS, requested)
 
 
 @dataclass
@@ -150,8 +157,7 @@ class Pipeline:
                 return False
         listeners = [f"state={_N_LISTENERS - (not options.lossless) + (options.bag is not None)}"]
         if options.bag is not None:
-            listeners += ["pose=1", "joint_states=1", *["mask=1"] * options.masks, *["overlay=1"] * options.overlays]
-            listeners += ["target_through_mask=1"] * options.through_masks + ["markers=1"] * options.markers
+            listeners += [f"{name}=1" for name in options.recorded_names() if name != "state"]
         lossless = ["--lossless"] if options.lossless else []
         tracker = ["tracker", *options.body, *lossless, "--end-on-failure", "--wait-for", *listeners]
         self._children["tracker"] = Child([*tracker, *options.ros_args])

@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 
 from ..camera.rig import CameraRig
 from ..errors import SourceError
-from ..loaders.bag.images import only_topic, stamp_ns_of
+from ..loaders.bag.images import only_topic
 from ..loaders.bag.message_types import TRACKED_STATE
 from ..loaders.bag.reader import BagReader
+from ..loaders.bag.stamps import stamp_ns_of
 from ..loaders.images.source import ImageSource, SourceOptions
 from ..observation.image_set import CameraImage, ImageSet
-from .image_sets import CAMERA_INFO, ImageSetStream, bag_images, merged_images, opened_sources, topics_with_images
+from .image_sets import ImageSetStream, bag_images, merged_images, opened_sources, topics_with_images
+from .messages import CAMERA_INFO
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..camera.rig import Camera, CameraRig
-from ..loaders.bag.message_types import TRACKED_STATE, typestore
+from ..camera.rig import CameraRig
+from ..loaders.bag.messages import message_of
 from ..loaders.bag.metadata import OfferedQos
 from ..loaders.bag.writer import BagExistsError, BagWriter
 from ..loaders.model.urdf_writer import urdf_of
@@ -20,13 +20,11 @@ from ..loaders.whole_file import write_whole
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration
 from ..observation.image_set import ImageSet
-from ..render.draw.masked_image import target_through_mask
-from ..render.raycast.raycaster import render_mask
 from ..tracking.estimate import TrackEstimate
-from . import messages
+from .messages import CAMERA_INFO, Content, camera_info
+from .outputs import BODY_OUTPUTS, CAMERA_OUTPUTS, DESCRIPTION, STRING, Tracked, recorded
 
 BAG, STATES, JOINTS, POSES, SUMMARY = "bag", "states.csv", "joints.csv", "poses.csv", "run.json"
-DESCRIPTION, STRING = "/robot_description", "std_msgs/msg/String"
 FLUSH_EVERY = 30  # image sets
 
 
@@ -62,7 +60,9 @@ class RunWriter:
         through_masks: bool = False,
     ):
         self.output = Path(output)
-        self._rig, self._model, self._masks, self._through_masks = rig, model, masks, through_masks
+        self._rig, self._model = rig, model
+        requested = ["mask"] * masks + ["target_through_mask"] * through_masks
+        self._of_body, self._of_cameras = recorded(BODY_OUTPUTS, requested), recorded(CAMERA_OUTPUTS, requested)
         self._prefix = f"/{tracker.strip('/')}"
         for name in (BAG, STATES, JOINTS, POSES, SUMMARY):
             if (self.output / name).exists():
@@ -79,28 +79,21 @@ class RunWriter:
 
     def _announce(self) -> None:
         """All topics, also when not a single set comes."""
-        self.bag.add_topic(DESCRIPTION, STRING, OfferedQos(durability="transient_local", depth=1))
-        for end, type_name in (
-            ("state", TRACKED_STATE),
-            ("pose", "geometry_msgs/msg/PoseWithCovarianceStamped"),
-            ("joint_states", "sensor_msgs/msg/JointState"),
-        ):
-            self.bag.add_topic(f"{self._prefix}/{end}", type_name, OfferedQos())
+        self.bag.add_topic(f"/{DESCRIPTION}", STRING, OfferedQos(durability="transient_local", depth=1))
+        for output in self._of_body:
+            self.bag.add_topic(f"{self._prefix}/{output.name}", output.type_name, OfferedQos())
         for camera in self._rig:
-            self.bag.add_topic(f"/{camera.name}/camera_info", "sensor_msgs/msg/CameraInfo", OfferedQos())
-            if self._masks:
-                self.bag.add_topic(f"{self._prefix}/{camera.name}/mask", "sensor_msgs/msg/Image", OfferedQos())
-            if self._through_masks:
-                topic = f"{self._prefix}/{camera.name}/target_through_mask"
-                self.bag.add_topic(topic, "sensor_msgs/msg/CompressedImage", OfferedQos())
+            self.bag.add_topic(f"/{camera.name}/camera_info", CAMERA_INFO, OfferedQos())
+            for output in self._of_cameras:
+                self.bag.add_topic(f"{self._prefix}/{camera.name}/{output.name}", output.type_name, OfferedQos())
 
     def append(self, estimate: TrackEstimate, image_set: ImageSet) -> None:
         """One instant to all files; before a state is found, there is no row of joints and poses, and masks are empty."""
         configuration, has_state = Configuration(self._model, estimate.state), estimate.status.has_state
         if not self._count:
-            description = typestore().types[STRING](data=urdf_of(self._model))
-            self.bag.write_message(DESCRIPTION, estimate.stamp_ns, description)
-        self._write_messages(estimate, image_set, configuration)
+            description = message_of(STRING, {"data": urdf_of(self._model)})
+            self.bag.write_message(f"/{DESCRIPTION}", estimate.stamp_ns, description)
+        self._write_messages(Tracked(estimate, image_set, self._rig, configuration))
         self._states.append(
             StateRow(
                 stamp_ns=estimate.stamp_ns,
@@ -120,29 +113,21 @@ class RunWriter:
         if self._count % FLUSH_EVERY == 0:
             self.bag.flush()
 
-    def _write_messages(self, estimate: TrackEstimate, image_set: ImageSet, configuration: Configuration) -> None:
-        stamp_ns, frame_id, prefix = estimate.stamp_ns, self._rig.world_frame, self._prefix
-        has_state = estimate.status.has_state
+    def _write_messages(self, tracked: Tracked) -> None:
         for camera in self._rig:
-            image = image_set.get(camera.name)
+            image = tracked.image_set.get(camera.name)
             if image is not None:
-                info = messages.camera_info_message(image.stamp_ns, camera)
-                self.bag.write_message(f"/{camera.name}/camera_info", stamp_ns, info)
-            if self._masks:
-                pixels = render_mask(configuration, camera) if has_state else _empty_mask(camera)
-                mask_stamp_ns = stamp_ns if image is None else image.stamp_ns
-                mask = messages.image_message(mask_stamp_ns, camera.frame_id, pixels, "mono8")
-                self.bag.write_message(f"{prefix}/{camera.name}/mask", stamp_ns, mask)
-            if self._through_masks and image is not None and has_state:
-                seen = messages.compressed_message(
-                    image.stamp_ns, camera.frame_id, target_through_mask(image.bgr, configuration, camera)
-                )
-                self.bag.write_message(f"{prefix}/{camera.name}/target_through_mask", stamp_ns, seen)
-        self.bag.write_message(f"{prefix}/state", stamp_ns, messages.tracked_state_message(estimate, self._model, frame_id))
-        if not estimate.status.known:  # as the node does: these messages cannot say that they are wrong
-            return
-        self.bag.write_message(f"{prefix}/pose", stamp_ns, messages.pose_message(estimate, frame_id))
-        self.bag.write_message(f"{prefix}/joint_states", stamp_ns, messages.joint_state_message(estimate, self._model, frame_id))
+                info = camera_info(image.stamp_ns, camera.frame_id, camera.model)
+                self._write(f"/{camera.name}/camera_info", CAMERA_INFO, tracked, info)
+            for output in self._of_cameras:
+                topic = f"{self._prefix}/{camera.name}/{output.name}"
+                self._write(topic, output.type_name, tracked, output.content(tracked, camera))
+        for output in self._of_body:
+            self._write(f"{self._prefix}/{output.name}", output.type_name, tracked, output.content(tracked))
+
+    def _write(self, topic: str, type_name: str, tracked: Tracked, content: Content | None) -> None:
+        if content is not None:
+            self.bag.write_message(topic, tracked.estimate.stamp_ns, message_of(type_name, content))
 
     def write_summary(self, summary: dict[str, Any]) -> None:
         """``run.json``."""
@@ -157,7 +142,3 @@ class RunWriter:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
-
-
-def _empty_mask(camera: Camera) -> np.ndarray:
-    return np.zeros((camera.model.height, camera.model.width), dtype=np.uint8)

@@ -13,13 +13,14 @@ from helpers.cameras.small_clip import RATE_HZ, make_clip
 from tracker_node.cli.arguments.run_images import load_run_images
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError
+from tracker_node.loaders.bag.messages import message_of
 from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.shape_parameters import ShapeSpace
 from tracker_node.runs.data import load_run
 from tracker_node.runs.images import chosen_rows, velocity_at
-from tracker_node.runs.messages import image_message
+from tracker_node.runs.messages import IMAGE, image
 from tracker_node.studio.playback.run import open_run
 from tracker_node.studio.session import StudioFiles, open_session
 from tracker_node.tracking.estimate import Status
@@ -163,7 +164,7 @@ def test_a_run_of_a_bag_takes_its_images_from_that_bag(run, tmp_path):
             for camera in run.rig:
                 pixels = cv2.imread(str(run.folder / camera.name / f"{i:04d}.png"))
                 stamp_ns = 10**9 + round(i * 1e9 / RATE_HZ)
-                message = image_message(stamp_ns, camera.frame_id, pixels, "bgr8")
+                message = message_of(IMAGE, image(stamp_ns, camera.frame_id, pixels))
                 writer.write_message(f"/{camera.name}/image_raw", stamp_ns, message)
     arguments = ["track_offline", *run.arguments(), "--bag", str(recorded), "--output", str(tmp_path / "run"), "--quiet"]
     assert main(arguments) == 0

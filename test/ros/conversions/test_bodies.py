@@ -6,15 +6,24 @@ import numpy as np
 import pytest
 
 pytest.importorskip("rclpy")
-from visualization_msgs.msg import Marker
+from geometry_msgs.msg import TransformStamped
+from sensor_msgs.msg import JointState
+from visualization_msgs.msg import Marker, MarkerArray
 
 from helpers.ros.samples import arm, some_estimate, some_state
 from tracker_node.geometry import quaternion, se3, so3
+from tracker_node.loaders.model.urdf_writer import urdf_of
 from tracker_node.model.configuration import Configuration
 from tracker_node.render.draw.palette import rgb_of
-from tracker_node.ros.conversions import marker_array_message, transform_of_pose, urdf_of
-from tracker_node.ros.conversions.bodies import joint_state_message, tf_message
+from tracker_node.ros.conversions import fill, message_of, transform_of_pose
+from tracker_node.runs import messages
 from tracker_node.tracking.estimate import Status, TrackEstimate
+
+
+def marker_array(model, estimate, frame_id):
+    """As a node fills it."""
+    message = message_of(MarkerArray, messages.markers(model))
+    return fill(message, messages.changed_markers(estimate, Configuration(model, estimate.state), frame_id))
 
 
 def urdf_link_poses(text: str, T_world_root: np.ndarray, angles: dict[str, float]) -> dict[str, np.ndarray]:
@@ -62,7 +71,7 @@ def test_urdf_joints_are_the_degrees_of_freedom():
 def test_marker_cone_lies_on_the_cone_and_faces_outward():
     model = arm()
     estimate = some_estimate(model)
-    markers = marker_array_message(estimate, Configuration(model, estimate.state), "world").markers
+    markers = marker_array(model, estimate, "world").markers
     assert [m.type for m in markers] == [Marker.CUBE, Marker.TRIANGLE_LIST, Marker.SPHERE, Marker.TRIANGLE_LIST]
     cone = model.shapes[1].primitive
     triangles = np.array([[p.x, p.y, p.z] for p in markers[1].points]).reshape(-1, 3, 3)
@@ -80,14 +89,14 @@ def test_a_lost_body_is_shown_as_lost():
     model = arm()
     fields = {**some_estimate(model).__dict__, "status": Status.LOST}
     estimate = TrackEstimate(**fields)
-    markers = marker_array_message(estimate, Configuration(model, estimate.state), "world").markers
+    markers = marker_array(model, estimate, "world").markers
     assert all(m.color.a < 0.5 and m.color.r > 2.0 * m.color.g and m.color.b < 0.1 for m in markers)
 
 
 def markers_of(status: Status, frame_id: str = "world"):
     model = arm()
     estimate = TrackEstimate(**{**some_estimate(model).__dict__, "status": status})
-    return model, estimate, marker_array_message(estimate, Configuration(model, estimate.state), frame_id).markers
+    return model, estimate, marker_array(model, estimate, frame_id).markers
 
 
 def test_markers_are_as_large_as_their_shapes():
@@ -135,7 +144,7 @@ def test_the_marker_of_a_cone_is_closed_and_has_its_volume():
 def test_joint_states_hold_the_joints_and_not_the_root():
     model = arm()
     estimate = some_estimate(model)
-    message = joint_state_message(estimate, model, "lab")
+    message = message_of(JointState, messages.joint_state(estimate, model, "lab"))
     assert list(message.name) == [axis.name for axis in model.chain.axes]
     np.testing.assert_array_equal(message.position, estimate.state.joint_positions)
     np.testing.assert_array_equal(message.velocity, estimate.velocity[6:])
@@ -145,7 +154,7 @@ def test_joint_states_hold_the_joints_and_not_the_root():
 
 def test_transforms_are_from_parent_to_child():
     T = se3.from_rotation_translation(so3.exp(np.array([0.3, -0.2, 0.9])), np.array([1.0, 2.0, 3.0]))
-    (one,) = tf_message(5_000_000_007, [("world", "arm", T)])
+    one = message_of(TransformStamped, messages.transforms(5_000_000_007, [("world", "arm", T)])[0])
     assert (one.header.frame_id, one.child_frame_id) == ("world", "arm")
     assert (one.header.stamp.sec, one.header.stamp.nanosec) == (5, 7)
     q, p = one.transform.rotation, one.transform.translation
@@ -156,7 +165,7 @@ def test_transforms_are_from_parent_to_child():
 def test_the_marker_of_a_mesh_is_its_triangles():
     model = arm()
     estimate = some_estimate(model)
-    marker = marker_array_message(estimate, Configuration(model, estimate.state), "world").markers[3]
+    marker = marker_array(model, estimate, "world").markers[3]
     corners = [(point.x, point.y, point.z) for point in marker.points]
     o, x, y, z = (0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, 0.1)
     assert marker.type == Marker.TRIANGLE_LIST and corners == [o, y, x, o, x, z, o, z, y, x, y, z]

@@ -11,8 +11,9 @@ from sensor_msgs.msg import CameraInfo
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.errors import CalibrationError
-from tracker_node.ros.conversions import camera_info_message, camera_model_of
+from tracker_node.ros.conversions import camera_info_message
 from tracker_node.ros.tracker.camera_diagnostics import compared_lenses
+from tracker_node.runs.messages import lens_of
 
 K = np.array([[600.0, 0.5, 319.0], [0.0, 610.0, 241.0], [0.0, 0.0, 1.0]])
 LENSES = [
@@ -31,7 +32,7 @@ def sent(message: CameraInfo) -> CameraInfo:
 @pytest.mark.parametrize(("name", "coefficients"), LENSES)
 def test_there_and_back_projects_alike(name: str, coefficients: list[float]):
     lens = CameraModel(640, 480, K, name, np.array(coefficients))
-    back = camera_model_of("left", sent(camera_info_message(5, "left_optical_frame", lens)))
+    back = lens_of("left", sent(camera_info_message(5, "left_optical_frame", lens)))
     assert (back.width, back.height) == (640, 480)
     assert np.array_equal(back.K, K)
     points = np.random.default_rng(0).uniform([-0.5, -0.4, 1.5], [0.5, 0.4, 3.0], (50, 3))
@@ -48,14 +49,14 @@ def test_header_and_projection_matrix():
 
 def test_uncalibrated_is_refused():
     with pytest.raises(CalibrationError, match=r"left.*K\[0\] = 0"):
-        camera_model_of("left", CameraInfo(width=640, height=480))
+        lens_of("left", CameraInfo(width=640, height=480))
 
 
 def test_unknown_distortion_is_refused_with_the_known_ones():
     message = camera_info_message(0, "f", CameraModel(640, 480, K))
     message.distortion_model, message.d = "thin_prism", [1.0]
     with pytest.raises(CalibrationError, match=r"left.*equidistant.*thin_prism"):
-        camera_model_of("left", message)
+        lens_of("left", message)
 
 
 def test_region_and_binning_are_folded_into_K():
@@ -63,7 +64,7 @@ def test_region_and_binning_are_folded_into_K():
     message = camera_info_message(0, "f", lens)
     message.roi.x_offset, message.roi.y_offset, message.roi.width, message.roi.height = 100, 60, 400, 320
     message.binning_x = message.binning_y = 2
-    cut = camera_model_of("left", message)
+    cut = lens_of("left", message)
     assert (cut.width, cut.height) == (200, 160)
     points = np.random.default_rng(0).uniform([-0.3, -0.2, 1.5], [0.3, 0.2, 3.0], (50, 3))
     full_px, cut_px = lens.project(points)[0], cut.project(points)[0]
@@ -98,7 +99,7 @@ def camera_infos(draw) -> CameraInfo:
 @settings(max_examples=150, deadline=None)
 def test_every_message_is_a_lens_or_refused_in_words(message: CameraInfo):
     try:
-        lens = camera_model_of("left", message)
+        lens = lens_of("left", message)
     except CalibrationError as error:
         assert "left" in str(error) and "\n" not in str(error)
     else:
@@ -116,7 +117,7 @@ def test_images_without_pixels_or_too_large_are_refused(changes: dict[str, int])
     for name, value in changes.items():
         setattr(message, name, value)
     with pytest.raises(CalibrationError, match=r"left.*expected images of 1 to 16384 pixels on each side, got"):
-        camera_model_of("left", message)
+        lens_of("left", message)
 
 
 @pytest.mark.parametrize(
@@ -143,5 +144,5 @@ def test_numbers_that_no_lens_has_are_refused(field, value, named):
     else:
         message.distortion_model = value
     with pytest.raises(CalibrationError, match="camera 'left'") as refused:
-        camera_model_of("left", sent(message))
+        lens_of("left", sent(message))
     assert named in str(refused.value) and len(str(refused.value)) < 700

@@ -6,29 +6,25 @@ import numpy as np
 import pytest
 
 pytest.importorskip("rclpy")
-from geometry_msgs.msg import Pose, PoseWithCovarianceStamped
+from geometry_msgs.msg import Pose, PoseWithCovarianceStamped, TwistWithCovarianceStamped
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from tracker_msgs.msg import TrackedState
 
 from helpers.ros.samples import arm, some_estimate, some_state
 from tracker_node.errors import TrackerError, UnknownNameError
-from tracker_node.ros.conversions import (
-    estimate_of,
-    joint_state_message,
-    pose_message,
-    pose_of,
-    stamp_ns_of,
-    tracked_state_message,
-    transform_of_pose,
-    twist_message,
-    values_with_changes,
-)
+from tracker_node.ros.conversions import message_of, stamp_ns_of, transform_of_pose, values_with_changes
+from tracker_node.runs import messages
+from tracker_node.runs.messages import estimate_of
 
 
 @pytest.fixture
 def model():
     return arm()
+
+
+def tracked_state_message(estimate, model):
+    return message_of(TrackedState, messages.tracked_state(estimate, model, "world"))
 
 
 def sent(message):
@@ -37,7 +33,7 @@ def sent(message):
 
 def test_tracked_state_there_and_back(model):
     estimate = some_estimate(model)
-    message = sent(tracked_state_message(estimate, model, "world"))
+    message = sent(tracked_state_message(estimate, model))
     assert isinstance(message, TrackedState) and message.header.frame_id == "world"
     assert message.dof_names == list(model.chain.dof_names)
     assert np.array_equal(np.array(message.values), estimate.state.to_values())  # bit for bit
@@ -48,7 +44,7 @@ def test_tracked_state_there_and_back(model):
     assert np.array_equal(back.covariance, estimate.covariance) and np.array_equal(back.velocity, estimate.velocity)
     assert np.array_equal(back.velocity_covariance, estimate.velocity_covariance)
     unknown = replace(estimate, velocity_covariance=None)
-    assert estimate_of(sent(tracked_state_message(unknown, model, "world"))).velocity_covariance is None
+    assert estimate_of(sent(tracked_state_message(unknown, model))).velocity_covariance is None
     assert np.allclose(back.state.T_world_root, estimate.state.T_world_root, atol=1e-12)
     assert np.array_equal(back.state.joint_positions, estimate.state.joint_positions)
 
@@ -56,13 +52,13 @@ def test_tracked_state_there_and_back(model):
 def test_numpy_scalars_and_integers_arrive_as_what_they_are(model):
     """Unchecked message fields turn them into garbage."""
     fields = {**some_estimate(model).__dict__, "score": np.float32(1.5), "residual_px": 2, "iterations": np.int64(3)}
-    message = sent(tracked_state_message(type(some_estimate(model))(**fields), model, "world"))
+    message = sent(tracked_state_message(type(some_estimate(model))(**fields), model))
     assert (message.score, message.residual_px, message.iterations) == (1.5, 2.0, 3)
 
 
 def test_pose_with_covariance(model):
     estimate = some_estimate(model)
-    message = sent(pose_message(estimate, "world"))
+    message = sent(message_of(PoseWithCovarianceStamped, messages.pose(estimate, "world")))
     assert isinstance(message, PoseWithCovarianceStamped)
     assert stamp_ns_of(message.header.stamp) == estimate.stamp_ns
     assert np.allclose(transform_of_pose(message.pose.pose), estimate.state.T_world_root, atol=1e-12)
@@ -71,7 +67,7 @@ def test_pose_with_covariance(model):
 
 def test_joint_state(model):
     estimate = some_estimate(model)
-    message = sent(joint_state_message(estimate, model, "world"))
+    message = sent(message_of(JointState, messages.joint_state(estimate, model, "world")))
     assert isinstance(message, JointState)
     assert message.name == ["shoulder_x", "shoulder_y", "shoulder_z", "elbow_flexion"]
     assert np.array_equal(np.array(message.position), estimate.state.joint_positions)
@@ -80,7 +76,7 @@ def test_joint_state(model):
 
 def test_pose_there_and_back(model):
     T = some_state(model).T_world_root
-    assert np.allclose(transform_of_pose(sent(pose_of(T))), T, atol=1e-12)
+    assert np.allclose(transform_of_pose(sent(message_of(Pose, messages.pose_of(T)))), T, atol=1e-12)
 
 
 def test_pose_without_rotation_is_refused():
@@ -104,13 +100,17 @@ def test_changes_of_named_values(model):
         values_with_changes(model, values, ["elbow_flexion"] * 2, [0.5, 1.0])
 
 
+def twist_message(estimate):
+    return message_of(TwistWithCovarianceStamped, messages.twist(estimate, "world"))
+
+
 def test_twist_of_the_root():
     estimate = some_estimate(arm())
-    message = sent(twist_message(estimate, "world"))
+    message = sent(twist_message(estimate))
     linear, angular = message.twist.twist.linear, message.twist.twist.angular
     assert [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z] == estimate.velocity[:6].tolist()
     assert np.array_equal(np.reshape(message.twist.covariance, (6, 6)), estimate.velocity_covariance[:6, :6])
-    unknown = sent(twist_message(replace(estimate, velocity_covariance=None), "world"))
+    unknown = sent(twist_message(replace(estimate, velocity_covariance=None)))
     assert unknown.twist.covariance[0] == -1.0
 
 

@@ -21,7 +21,8 @@ from helpers.ros.graph import stamps
 from helpers.ros.samples import moving_state, placed
 from tracker_node.model.configuration import State
 from tracker_node.observation.image_set import ImageSet
-from tracker_node.ros.conversions import camera_info_message, estimate_of
+from tracker_node.ros.conversions import camera_info_message
+from tracker_node.runs.messages import estimate_of
 from tracker_node.tracking.estimate import Status
 
 

@@ -20,8 +20,9 @@ from helpers.sources.v4l2_camera import V4l2Camera
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.rig.camera_info_yaml import load_camera_info
 from tracker_node.loaders.rig.rig_yaml import load_rig
-from tracker_node.ros.conversions import camera_image_of, camera_info_message, camera_model_of, image_message, jpeg_message
+from tracker_node.ros.conversions import camera_image_of, camera_info_message, image_message, jpeg_message
 from tracker_node.ros.ingest.topic_source import TopicSource
+from tracker_node.runs.messages import lens_of
 
 
 @pytest.fixture
@@ -62,7 +63,7 @@ def test_a_stream_that_breaks_is_picked_up_again(probe, launch, rig_file, tmp_pa
     assert all(image.shape == (HEIGHT // 2, WIDTH // 2, 3) for image in images)
     numbers = [number_of(image) for image in images]
     assert all(0 < (b - a) % 20 < 10 for a, b in pairwise(numbers)), numbers  # in order; a busy machine may drop some
-    lens, full = camera_model_of("cam1", infos[0]), load_rig(rig_file)["cam1"].model
+    lens, full = lens_of("cam1", infos[0]), load_rig(rig_file)["cam1"].model
     point = np.array([0.1, -0.05, 2.0])
     assert np.allclose(lens.project(point)[0], (full.project(point)[0] + 0.5) / 2 - 0.5)
 
@@ -303,7 +304,7 @@ def test_a_calibration_is_taken_by_the_service_and_kept(probe, launch, rig_file,
     arguments = ("camera_ingest", "--rig", rig_file, "--loop", "--cameras", "cam1", "--capture", f"camera_info_url={url}")
     process = launch(*arguments)
     probe.spin_until(lambda: len(infos) > 2, "calibrations")
-    old = camera_model_of("cam1", infos[-1])
+    old = lens_of("cam1", infos[-1])
     new = camera_info_message(0, "", old.mapped(np.array([[1.01, 0.0, 3.0], [0.0, 1.01, -2.0]]), WIDTH, HEIGHT))
 
     wrong = camera_info_message(0, "", old.resized(80, 60))

@@ -14,8 +14,9 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from helpers.ros.graph import stamps
 from tracker_node.loaders.images.source import open_source
 from tracker_node.loaders.rig.rig_yaml import load_rig
-from tracker_node.ros.conversions import bgr_of_compressed, camera_image_of, camera_model_of
+from tracker_node.ros.conversions import bgr_of_compressed, camera_image_of
 from tracker_node.ros.qos import LATCHED
+from tracker_node.runs.messages import lens_of
 
 PACED = ("--rate", "50", "--no-frame-skip", "--stamps", "file", "--wait-for-subscribers", "1", "--wait-for-info-subscribers", "1")
 
@@ -35,7 +36,7 @@ def test_every_image_arrives_with_its_calibration(probe, launch, recording):
         for i, message in enumerate(images[name]):
             assert message.header.frame_id == f"{name}_optical_frame" and message.encoding == "bgr8"
             assert np.array_equal(camera_image_of(name, message).pixels, image_of(recording, name, i))
-        assert np.array_equal(camera_model_of(name, infos[name][0]).K, rig[name].model.K)
+        assert np.array_equal(lens_of(name, infos[name][0]).K, rig[name].model.K)
     assert process.wait() == 0
     assert [line.partition(",")[0] for line in process.out.splitlines()] == [f"{name}: 12 published" for name in rig.names]
 
@@ -50,7 +51,7 @@ def test_part_of_one_camera_resampled_with_its_calibration(probe, launch, record
     expected = dict(open_source(recording / "cam2", size=(80, 60), rate_hz=50.0))
     for message in images:
         assert np.array_equal(camera_image_of("cam2", message).pixels, expected[stamps([message])[0]])
-    lens, full = camera_model_of("cam2", infos[0]), load_rig(recording / "rig.yaml")["cam2"].model
+    lens, full = lens_of("cam2", infos[0]), load_rig(recording / "rig.yaml")["cam2"].model
     point = np.array([0.1, -0.05, 2.0])
     assert np.allclose(lens.project(point)[0], (full.project(point)[0] + 0.5) / 2 - 0.5)
 

@@ -18,19 +18,19 @@ from visualization_msgs.msg import MarkerArray
 from helpers.ros.cameras import PERIOD_NS, N, image_set_of, options_of, tracker_of
 from helpers.ros.graph import stamps
 from helpers.ros.samples import moving_state, placed
+from tracker_node.loaders.model.urdf_writer import urdf_of
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import Configuration
 from tracker_node.render.raycast.raycaster import render_mask
 from tracker_node.ros.conversions import (
     camera_image_of,
     camera_info_message,
-    estimate_of,
+    fill,
     image_message,
-    pose_of,
     transform_of_pose,
-    urdf_of,
 )
 from tracker_node.ros.qos import LATCHED
+from tracker_node.runs.messages import estimate_of, pose_of
 from tracker_node.tracking.estimate import Status
 
 
@@ -101,7 +101,7 @@ def test_initial_pose_moves_the_body(probe, recording, start_tracker):
     message = PoseWithCovarianceStamped()
     message.header.frame_id = "world"
     far = placed(5.0, 5.0, 5.0)
-    message.pose.pose = pose_of(far)
+    fill(message.pose.pose, pose_of(far))
     publisher.publish(message)
     publisher.wait_for_all_acked()
     cameras.send(0)

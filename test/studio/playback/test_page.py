@@ -14,10 +14,11 @@ from helpers.studio.browser import browser_tab
 from helpers.studio.studio_process import running_studio
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError, TrackerError
+from tracker_node.loaders.bag.messages import message_of
 from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.loaders.motion.trajectory_file import read_states
 from tracker_node.runs.data import load_run
-from tracker_node.runs.messages import camera_info_message
+from tracker_node.runs.messages import CAMERA_INFO, camera_info
 from tracker_node.studio.playback.page import PlaybackDesk
 from tracker_node.studio.playback.run import open_run
 from tracker_node.studio.session import StudioFiles, open_session
@@ -78,7 +79,8 @@ def test_images_come_from_the_bag_that_was_tracked(clip, tmp_path):
                 stamp_ns = begins_ns + round(i * 1e9 / RATE_HZ)
                 pixels = cv2.resize(cv2.imread(str(clip.folder / name / f"{i:04d}.png")), (80, 60), interpolation=cv2.INTER_AREA)
                 camera = replace(clip.rig[name], model=clip.rig[name].model.resized(80, 60))
-                writer.write_message(f"/{name}/camera_info", stamp_ns, camera_info_message(stamp_ns, camera))
+                info = camera_info(stamp_ns, camera.frame_id, camera.model)
+                writer.write_message(f"/{name}/camera_info", stamp_ns, message_of(CAMERA_INFO, info))
                 writer.write_message(f"/{name}/image_raw", stamp_ns, image(stamp_ns, pixels))
     run = ["track_offline", *clip.arguments(), "--bag", str(bag), "--output", str(tmp_path / "run"), "--quiet"]
     assert main(run) == 0

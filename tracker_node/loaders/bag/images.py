@@ -10,12 +10,12 @@ from ...errors import SourceError, shown
 from ...observation.image_set import ENCODINGS, CameraImage
 from ..decoding import bayer_pattern, decoded
 from .reader import BagMessage, BagReader
+from .stamps import stamp_ns_of
 
 RAW = "sensor_msgs/msg/Image"
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
 _TOPIC_ENDS = ((RAW, "image_raw"), (COMPRESSED, "image_raw/compressed"))
 _SAME_ENCODING = {"8UC1": "mono8", "8UC3": "bgr8"}
-NS_PER_S = 1_000_000_000
 
 
 def image_topics(reader: BagReader, cameras: Iterable[str]) -> dict[str, str]:
@@ -113,8 +113,3 @@ def only_topic(reader: BagReader, type_name: str, wanted: Collection[str] = ()) 
         found = ", ".join(sorted(topics)) or "none"
         raise SourceError(reader.path, f"expected one topic of type {type_name}, found {found}")
     return topics[0]
-
-
-def stamp_ns_of(stamp) -> int:
-    """Integer nanoseconds of a builtin_interfaces/Time."""
-    return int(stamp.sec) * NS_PER_S + int(stamp.nanosec)

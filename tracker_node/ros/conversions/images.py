@@ -1,18 +1,19 @@
-"""sensor_msgs/Image and CompressedImage, and arrays."""
+"""What a camera says, in messages of ROS: Image, CompressedImage, CameraInfo; and the images in them."""
 
 from __future__ import annotations
 
-import array
 import struct
 
-import cv2
 import numpy as np
-from sensor_msgs.msg import CompressedImage, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
+from ...camera.model import CameraModel
 from ...errors import SourceError, shown
+from ...loaders.bag.stamps import NS_PER_S, stamp_ns_of
 from ...loaders.decoding import bayer_pattern, decoded
 from ...observation.image_set import ENCODINGS, CameraImage
-from .stamps import NS_PER_S, stamp_message, stamp_ns_of
+from ...runs import messages
+from .messages import fill, message_of
 
 # Other names for the encodings that the core knows.
 _SAME_ENCODING = {"8UC1": "mono8", "8UC3": "bgr8"}
@@ -20,7 +21,7 @@ _SAME_ENCODING = {"8UC1": "mono8", "8UC3": "bgr8"}
 
 def image_message(stamp_ns: int, frame_id: str, pixels: np.ndarray, encoding: str = "bgr8") -> Image:
     """Image of a uint8 array (height, width[, 3])."""
-    return ImageBuffer(frame_id, pixels.shape[1], pixels.shape[0], encoding).fill(stamp_ns, pixels)
+    return message_of(Image, messages.image(stamp_ns, frame_id, pixels, encoding))
 
 
 class ImageBuffer:
@@ -28,19 +29,19 @@ class ImageBuffer:
 
     def __init__(self, frame_id: str, width: int, height: int, encoding: str = "bgr8"):
         channels = 1 if bayer_pattern(encoding) else ENCODINGS[encoding]
-        data = array.array("B", bytes(width * height * channels))
-        self._pixels = np.frombuffer(data, np.uint8).reshape((height, width, 3) if channels == 3 else (height, width))
-        self.message = Image(height=height, width=width, encoding=encoding, is_bigendian=0, step=width * channels)
-        self.message.header.frame_id = frame_id
-        self.message._data = data  # the public setter would copy it
+        self._shape = (height, width, 3) if channels == 3 else (height, width)
+        self._frame_id, self._encoding, self.message = frame_id, encoding, Image()
 
     def fill(self, stamp_ns: int, pixels: np.ndarray) -> Image:
         """The message with these pixels; valid until the next call."""
-        if pixels.shape != self._pixels.shape or pixels.dtype != np.uint8:
-            raise ValueError(f"expected uint8 pixels {self._pixels.shape}, got {pixels.dtype} {pixels.shape}")
-        self.message.header.stamp = stamp_message(stamp_ns)
-        self._pixels[...] = pixels
-        return self.message
+        if pixels.shape != self._shape or pixels.dtype != np.uint8:
+            raise ValueError(f"expected uint8 pixels {self._shape}, got {pixels.dtype} {pixels.shape}")
+        return fill(self.message, messages.image(stamp_ns, self._frame_id, pixels, self._encoding))
+
+
+def camera_info_message(stamp_ns: int, frame_id: str, model: CameraModel) -> CameraInfo:
+    """CameraInfo of a lens."""
+    return message_of(CameraInfo, messages.camera_info(stamp_ns, frame_id, model))
 
 
 def camera_image_of(camera: str, message: Image) -> CameraImage:
@@ -122,17 +123,12 @@ class _CdrReader:
 
 def compressed_message(stamp_ns: int, frame_id: str, bgr: np.ndarray, quality: int = 90) -> CompressedImage:
     """JPEG of a BGR image."""
-    _, encoded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, int(quality)])
-    return jpeg_message(stamp_ns, frame_id, encoded.tobytes())
+    return jpeg_message(stamp_ns, frame_id, messages.jpeg_of(bgr, quality))
 
 
-def jpeg_message(stamp_ns: int, frame_id: str, data: bytes) -> CompressedImage:
+def jpeg_message(stamp_ns: int, frame_id: str, data: np.ndarray | bytes) -> CompressedImage:
     """A JPEG as it is."""
-    message = CompressedImage(format="bgr8; jpeg compressed bgr8")
-    message.header.stamp = stamp_message(stamp_ns)
-    message.header.frame_id = frame_id
-    message._data = array.array("B", data)
-    return message
+    return message_of(CompressedImage, messages.compressed_image(stamp_ns, frame_id, data))
 
 
 def bgr_of_compressed(camera: str, message: CompressedImage) -> CameraImage:

@@ -16,7 +16,8 @@ from ...camera.model import CameraModel
 from ...errors import CalibrationError, TrackerError
 from ...loaders.decoding import JPEG, SourceImage
 from ...loaders.rig.camera_info_url import save_lens
-from ..conversions import ImageBuffer, camera_info_message, camera_model_of, compressed_message, jpeg_message, stamp_message
+from ...runs.messages import lens_of
+from ..conversions import ImageBuffer, camera_info_message, compressed_message, jpeg_message, stamp_message
 from ..qos import RESULT, images_published, overridable
 from ..qos_mismatch import QosMismatches
 from .cameras import IngestCamera
@@ -112,7 +113,7 @@ class CameraOutlet:
 
     def _take(self, message: CameraInfo) -> Path:
         name = self.camera.name
-        lens = camera_model_of(name, message)
+        lens = lens_of(name, message)
         if self._published is None:
             raise CalibrationError(name, "no image has been published yet, so the size of its images is not known")
         _, size, _ = self._published

@@ -14,7 +14,8 @@ from sensor_msgs.msg import CameraInfo, Image
 
 from ...camera.model import CameraModel
 from ...errors import TrackerError
-from ..conversions import camera_image_of, camera_model_of, image_message, stamp_ns_of
+from ...runs.messages import lens_of
+from ..conversions import camera_image_of, image_message, stamp_ns_of
 from ..guarded_node import GuardedNode
 from ..qos import SENSOR, images_published
 
@@ -44,7 +45,7 @@ class _Rectifier:
             return
         self._info, self._maps = info, None
         try:
-            model = camera_model_of(self._name, info)
+            model = lens_of(self._name, info)
         except TrackerError as error:
             self._node.get_logger().error(str(error))
             return

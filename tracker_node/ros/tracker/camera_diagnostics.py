@@ -12,8 +12,8 @@ from sensor_msgs.msg import CameraInfo
 from ...camera.model import CameraModel
 from ...camera.rig import CameraRig
 from ...errors import TrackerError
+from ...runs.messages import lens_of
 from ...tracking.camera_fault import CameraFault
-from ..conversions import camera_model_of
 from ..diagnostics import ERROR, OK, PAUSED, STALE, WARN, Diagnostics, statuses_of
 from .image_inbox import ImageInbox
 from .worker import TrackingWorker
@@ -141,7 +141,7 @@ def compared_lenses(camera: str, info: CameraInfo, lens: CameraModel) -> tuple[b
     if info.k[0] == 0.0:
         return OK, "that of the rig file (camera_info: uncalibrated)"
     try:
-        other = camera_model_of(camera, info)
+        other = lens_of(camera, info)
     except TrackerError as error:
         return WARN, f"that of the rig file; {error}"
     if (other.width, other.height) != (lens.width, lens.height):

@@ -14,9 +14,9 @@ from ...camera.model import CameraModel
 from ...errors import TrackerError
 from ...model.configuration import State
 from ...observation.image_set import ImageSet
+from ...runs.messages import lens_of
 from ...tracking.config import TrackerConfig
 from ...tracking.estimate import TrackEstimate
-from ..conversions import camera_model_of
 from ..diagnostics import ERROR, OK, WARN, Diagnostics
 from ..ending import hurried
 from ..lifecycle import ACTIVE, ManagedNode
@@ -244,7 +244,7 @@ class TrackerNode(ManagedNode):
             return
         cameras = self._parameters_of_node.cameras
         try:
-            self._lenses = {name: camera_model_of(name, info) for name, info in dict(self._inbox.infos).items()}
+            self._lenses = {name: lens_of(name, info) for name, info in dict(self._inbox.infos).items()}
         except TrackerError as error:
             self._diagnostics.report("calibration", ERROR, str(error))
             return

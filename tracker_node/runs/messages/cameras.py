@@ -1,41 +1,72 @@
-"""sensor_msgs/CameraInfo and lenses (REP-104)."""
+"""Images and lenses in messages: sensor_msgs/CameraInfo (REP-104), Image, CompressedImage."""
 
 from __future__ import annotations
 
-import array
+from typing import Any
 
+import cv2
 import numpy as np
-from sensor_msgs.msg import CameraInfo
 
 from ...camera.distortion import COEFFICIENT_COUNTS
 from ...camera.model import CameraModel
 from ...camera.plausible_lens import plausible
 from ...errors import CalibrationError, shown
-from .stamps import stamp_message
+from .parts import Content, header
 
+CAMERA_INFO, IMAGE = "sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/Image"
+COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 _LONGEST_SIDE = 16384  # pixels; pictures of the empty scene are brought to the size that a message claims
 _LARGEST = 1e9  # of a number in K
+_JPEG = "bgr8; jpeg compressed bgr8"
 
 
-def camera_info_message(stamp_ns: int, frame_id: str, model: CameraModel) -> CameraInfo:
-    """CameraInfo of a lens; R and P are those of an unrectified single camera."""
+def image(stamp_ns: int, frame_id: str, pixels: np.ndarray, encoding: str = "bgr8") -> Content:
+    """sensor_msgs/Image of uint8 pixels (height, width[, 3])."""
+    height, width = pixels.shape[:2]
+    return {
+        "header": header(stamp_ns, frame_id),
+        "height": height,
+        "width": width,
+        "encoding": encoding,
+        "is_bigendian": 0,
+        "step": width * (pixels.shape[2] if pixels.ndim == 3 else 1),
+        "data": pixels.reshape(-1),
+    }
+
+
+def compressed_image(stamp_ns: int, frame_id: str, jpeg: np.ndarray | bytes) -> Content:
+    """sensor_msgs/CompressedImage of the bytes of a JPEG."""
+    return {"header": header(stamp_ns, frame_id), "format": _JPEG, "data": np.frombuffer(jpeg, np.uint8)}
+
+
+def jpeg_of(bgr: np.ndarray, quality: int = 90) -> np.ndarray:
+    """(n,) uint8, the bytes of a JPEG of an image (height, width[, 3])."""
+    _, encoded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, int(quality)])
+    return encoded.reshape(-1)
+
+
+def camera_info(stamp_ns: int, frame_id: str, model: CameraModel) -> Content:
+    """sensor_msgs/CameraInfo of a lens; R and P are those of an unrectified single camera."""
     name = "plumb_bob" if model.distortion_model == "none" else model.distortion_model
     coefficients = [float(v) for v in model.distortion] or [0.0] * 5
     if name == "plumb_bob" and len(coefficients) == 4:
         coefficients.append(0.0)  # k3; ROS writes five
-    K = [float(v) for v in model.K.ravel()]
-    message = CameraInfo(height=int(model.height), width=int(model.width), distortion_model=name)
-    message.header.stamp = stamp_message(stamp_ns)
-    message.header.frame_id = frame_id
-    message.d = array.array("d", coefficients)
-    message.k = np.array(K)  # fixed-size fields are numpy arrays in rclpy
-    message.r = np.eye(3).ravel()
-    message.p = np.array([*K[0:3], 0.0, *K[3:6], 0.0, *K[6:9], 0.0])
-    return message
+    return {
+        "header": header(stamp_ns, frame_id),
+        "height": model.height,
+        "width": model.width,
+        "distortion_model": name,
+        "d": coefficients,
+        "k": model.K.ravel(),
+        "r": np.eye(3).ravel(),
+        "p": np.hstack([model.K, np.zeros((3, 1))]).ravel(),
+    }
 
 
-def camera_model_of(camera: str, message: CameraInfo) -> CameraModel:
-    """Lens for the pixels of the images that go with the message: region of interest and binning are applied to K.
+def lens_of(camera: str, message: Any) -> CameraModel:
+    """Lens for the pixels of the images that go with a sensor_msgs/CameraInfo, of a graph or of a bag.
+
+    Region of interest and binning are applied to K; coefficients that are all zero are no distortion.
 
     Raises
     ------
@@ -76,7 +107,7 @@ def _side(pixels: int) -> int:
     return int(pixels)
 
 
-def _cropped_and_binned(model: CameraModel, message: CameraInfo) -> CameraModel:
+def _cropped_and_binned(model: CameraModel, message: Any) -> CameraModel:
     roi = message.roi
     x, y = int(roi.x_offset), int(roi.y_offset)
     width, height = _side(int(roi.width) or model.width), _side(int(roi.height) or model.height)

@@ -1,0 +1,128 @@
+"""Messages of ROS from plain mappings of field -> value.
+
+Message fields are not type-checked by default: an int in a float64 field arrives as garbage, and so does a numpy scalar.
+So everything passes through ``float()``, ``int()`` and ``array.array`` here, and nowhere else.
+"""
+
+from __future__ import annotations
+
+import array
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from rosidl_parser.definition import AbstractGenericString, AbstractNestedType, Array, BasicType, NamespacedType
+
+from ...loaders.bag.stamps import time_of
+from ..message_classes import message_class
+
+Setter = Callable[[Any, Any], None]
+_SCALARS: dict[str, type] = {"boolean": bool, "float": float, "double": float}
+_DTYPES = {"boolean": "?", "octet": "u1", "float": "f4", "double": "f8"}
+_CODES = {"?": "B", "f4": "f", "f8": "d", "i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q"}
+
+
+def stamp_message(stamp_ns: int) -> Time:
+    """Time of integer nanoseconds."""
+    return Time(**time_of(stamp_ns))
+
+
+def message_of(class_: Any, content: Mapping[str, Any]) -> Any:
+    """A new message; fields that ``content`` leaves out are those of a message that nobody has written to.
+
+    Parameters
+    ----------
+    content : field -> number, text, array of numbers, mapping for a message in it, or a list of text or of mappings.
+    """
+    return fill(class_(), content)
+
+
+def fill(message: Any, content: Mapping[str, Any]) -> Any:
+    """The message with the fields in ``content``; arrays and messages in it that have the right size are written to in place."""
+    setters = _setters(message.__class__)
+    for name, value in content.items():
+        setters[name](message, value)
+    return message
+
+
+@lru_cache(maxsize=128)
+def _setters(class_: Any) -> dict[str, Setter]:
+    names = class_.get_fields_and_field_types()
+    return {name: _setter(name, kind) for name, kind in zip(names, class_.SLOT_TYPES, strict=True)}
+
+
+def _setter(name: str, kind: Any) -> Setter:
+    if isinstance(kind, NamespacedType):
+        return _setter_of_message(name, kind)
+    if isinstance(kind, AbstractNestedType):
+        items = kind.value_type
+        if isinstance(items, NamespacedType):
+            return _setter_of_messages(name, items)
+        if isinstance(items, AbstractGenericString):
+            return _converting(name, list)
+        return _setter_of_numbers(name, _dtype(items), isinstance(kind, Array))
+    if isinstance(kind, AbstractGenericString):
+        return _converting(name, str)
+    return _converting(name, _SCALARS.get(kind.typename, int))
+
+
+def _converting(field: str, convert: Callable[[Any], Any]) -> Setter:
+    return lambda message, value: setattr(message, field, convert(value))
+
+
+def _setter_of_message(field: str, kind: NamespacedType) -> Setter:
+    setters = _setters(_class_of(kind))
+
+    def set_fields(message: Any, content: Mapping[str, Any]) -> None:
+        inner = getattr(message, field)
+        for name, value in content.items():
+            setters[name](inner, value)
+
+    return set_fields
+
+
+def _setter_of_messages(field: str, kind: NamespacedType) -> Setter:
+    class_ = _class_of(kind)
+
+    def set_messages(message: Any, contents: Sequence[Mapping[str, Any]]) -> None:
+        inner = getattr(message, field)
+        if len(inner) != len(contents):
+            inner = [class_() for _ in contents]
+            setattr(message, field, inner)
+        for each, content in zip(inner, contents, strict=True):
+            fill(each, content)
+
+    return set_messages
+
+
+def _setter_of_numbers(field: str, dtype: str, fixed: bool) -> Setter:
+    """Past the field's public setter, which copies: images are large."""
+    code, slot = _CODES[dtype], f"_{field}"
+
+    def set_numbers(message: Any, values: Any) -> None:
+        inner = getattr(message, slot)
+        if len(inner) == len(values) and len(inner):
+            np.frombuffer(inner, dtype)[...] = values
+            return
+        inner = array.array(code)
+        if len(values):
+            inner.frombytes(np.ascontiguousarray(values, dtype).view(np.uint8).data)
+        setattr(message, slot, inner)
+
+    def set_fixed(message: Any, values: Any) -> None:  # fixed-size fields are numpy arrays in rclpy
+        getattr(message, slot)[...] = values
+
+    return set_fixed if fixed else set_numbers
+
+
+def _dtype(kind: BasicType) -> str:
+    name = kind.typename
+    if name in _DTYPES:
+        return _DTYPES[name]
+    return f"{name[0]}{int(name.lstrip('uint')) // 8}"
+
+
+def _class_of(kind: NamespacedType) -> Any:
+    return message_class("/".join([*kind.namespaces, kind.name]))

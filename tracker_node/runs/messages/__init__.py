@@ -1,0 +1,32 @@
+"""What the messages of a run say, as plain mappings of field -> value; and estimates and lenses of messages that were read.
+
+No message class of anybody here: `ros.conversions` writes such a mapping into the classes of ROS, `loaders.bag.messages` into
+those of bags, so the live node and the offline run say the same. Begin with `estimates`.
+"""
+
+from .cameras import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE, camera_info, compressed_image, image, jpeg_of, lens_of
+from .estimates import estimate_of, joint_state, pose, tracked_state, twist
+from .markers import changed_markers, markers
+from .parts import Content, header, pose_of, transforms
+
+__all__ = [
+    "CAMERA_INFO",
+    "COMPRESSED_IMAGE",
+    "IMAGE",
+    "Content",
+    "camera_info",
+    "changed_markers",
+    "compressed_image",
+    "estimate_of",
+    "header",
+    "image",
+    "joint_state",
+    "jpeg_of",
+    "lens_of",
+    "markers",
+    "pose",
+    "pose_of",
+    "tracked_state",
+    "transforms",
+    "twist",
+]

@@ -1,0 +1,117 @@
+"""Estimates in messages: all the tracker says, and the root's pose, its velocity, and joints in messages that others know."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...loaders.bag.stamps import stamp_ns_of, time_of
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import State
+from ...model.kinematic_chain import N_ROOT_DOF
+from ...tracking.estimate import CameraReport, LimbReport, LimbStatus, Status, Timings, TrackEstimate
+from .parts import Content, header, pose_of, xyz
+
+_NOTHING = np.zeros(0)
+
+
+def tracked_state(estimate: TrackEstimate, model: ArticulatedModel, frame_id: str) -> Content:
+    """tracker_msgs/TrackedState: everything the tracker says about one image set; ``frame_id`` is the world's."""
+    spread = estimate.velocity_covariance
+    return {
+        "header": header(estimate.stamp_ns, frame_id),
+        "status": int(estimate.status),
+        "status_reason": estimate.status_reason,
+        "model": model.name,
+        "root_pose": pose_of(estimate.state.T_world_root),
+        "dof_names": model.chain.dof_names,
+        "values": estimate.state.to_values(),
+        "velocities": estimate.velocity,
+        "covariance": estimate.covariance.ravel(),
+        "velocity_covariance": _NOTHING if spread is None else spread.ravel(),
+        "score": estimate.score,
+        "residual_px": estimate.residual_px,
+        "cameras": [report.camera for report in estimate.cameras],
+        "camera_stamps": [time_of(report.stamp_ns) for report in estimate.cameras],
+        "camera_residuals_px": [report.residual_px for report in estimate.cameras],
+        "camera_samples": [report.samples for report in estimate.cameras],
+        "limbs": [limb.name for limb in estimate.limbs],
+        "limb_status": [int(limb.status) for limb in estimate.limbs],
+        "limb_lost_probability": [limb.probability for limb in estimate.limbs],
+        "limb_reasons": [limb.reason for limb in estimate.limbs],
+        "iterations": estimate.iterations,
+        "evaluations": estimate.evaluations,
+        "observe_ms": estimate.timings.observe_ms,
+        "optimize_ms": estimate.timings.optimize_ms,
+        "total_ms": estimate.timings.total_ms,
+    }
+
+
+def pose(estimate: TrackEstimate, frame_id: str) -> Content:
+    """geometry_msgs/PoseWithCovarianceStamped of the root.
+
+    The 6x6 covariance is of the translation, then of a rotation about the axes of ``frame_id`` (REP-103).
+    """
+    covariance = estimate.covariance[:N_ROOT_DOF, :N_ROOT_DOF].ravel()
+    return {
+        "header": header(estimate.stamp_ns, frame_id),
+        "pose": {"pose": pose_of(estimate.state.T_world_root), "covariance": covariance},
+    }
+
+
+def twist(estimate: TrackEstimate, frame_id: str) -> Content:
+    """geometry_msgs/TwistWithCovarianceStamped: velocity of the root's origin, then angular velocity.
+
+    Both are about the axes of ``frame_id``, per second, with their 6x6 covariance. Where nothing is known of that, its first
+    element is -1, as sensor_msgs/Imu marks it.
+    """
+    covariance = np.zeros((N_ROOT_DOF, N_ROOT_DOF))
+    covariance[0, 0] = -1.0
+    if estimate.velocity_covariance is not None:
+        covariance = estimate.velocity_covariance[:N_ROOT_DOF, :N_ROOT_DOF]
+    linear, angular = xyz(estimate.velocity[:3]), xyz(estimate.velocity[3:6])
+    return {
+        "header": header(estimate.stamp_ns, frame_id),
+        "twist": {"twist": {"linear": linear, "angular": angular}, "covariance": covariance.ravel()},
+    }
+
+
+def joint_state(estimate: TrackEstimate, model: ArticulatedModel, frame_id: str) -> Content:
+    """sensor_msgs/JointState: angles and angular velocities; names are those of the model's axes and of its URDF."""
+    return {
+        "header": header(estimate.stamp_ns, frame_id),
+        "name": model.chain.dof_names[N_ROOT_DOF:],
+        "position": estimate.state.joint_positions,
+        "velocity": estimate.velocity[N_ROOT_DOF:],
+    }
+
+
+def estimate_of(message: Any) -> TrackEstimate:
+    """The estimate in a TrackedState, of a graph or of a bag.
+
+    The root's rotation comes from the rotation vector in ``values``, so ``state.to_values()`` agrees to rounding; for exact
+    comparisons use the message's own ``values``.
+    """
+    n = len(message.values)
+    reports = zip(message.cameras, message.camera_stamps, message.camera_residuals_px, message.camera_samples, strict=True)
+    limbs: Any = ()
+    if hasattr(message, "limbs"):  # bags of version 0.1 have none
+        limbs = zip(message.limbs, message.limb_status, message.limb_reasons, message.limb_lost_probability, strict=True)
+    spread = getattr(message, "velocity_covariance", ())
+    return TrackEstimate(
+        stamp_ns=stamp_ns_of(message.header.stamp),
+        status=Status(int(message.status)),
+        status_reason=message.status_reason,
+        state=State.from_values(np.array(message.values)),
+        velocity=np.array(message.velocities),
+        covariance=np.array(message.covariance).reshape(n, n),
+        score=float(message.score),
+        residual_px=float(message.residual_px),
+        cameras=tuple(CameraReport(name, stamp_ns_of(stamp), float(px), int(n)) for name, stamp, px, n in reports),
+        iterations=int(message.iterations),
+        evaluations=int(message.evaluations),
+        timings=Timings(float(message.observe_ms), float(message.optimize_ms), float(message.total_ms)),
+        limbs=tuple(LimbReport(name, LimbStatus(int(status)), reason, float(p)) for name, status, reason, p in limbs),
+        velocity_covariance=np.array(spread).reshape(n, n) if len(spread) else None,
+    )

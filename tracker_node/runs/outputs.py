@@ -1,0 +1,146 @@
+"""What is said of every tracked image set: the topics of a tracker and their messages.
+
+A live node publishes by these lists, and an offline run writes its bag by them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..camera.rig import Camera, CameraRig
+from ..model.articulated import ArticulatedModel
+from ..model.configuration import Configuration
+from ..observation.image_set import ImageSet
+from ..render.raycast.raycaster import render_mask
+from ..tracking.estimate import TrackEstimate
+from . import messages
+from .messages import COMPRESSED_IMAGE, IMAGE, Content
+
+DESCRIPTION, STRING = "robot_description", "std_msgs/msg/String"  # latched: the body's URDF
+MARKERS, MARKER_ARRAY = "markers", "visualization_msgs/msg/MarkerArray"  # for a live view alone
+
+
+@dataclass(frozen=True, eq=False)
+class Tracked:
+    """One image set and what the tracker says of it: everything that messages are made of.
+
+    Parameters
+    ----------
+    rig : the cameras in use, with the lenses of the images.
+    configuration : the model in the state of the estimate.
+    """
+
+    estimate: TrackEstimate
+    image_set: ImageSet
+    rig: CameraRig
+    configuration: Configuration
+
+    @property
+    def model(self) -> ArticulatedModel:
+        return self.configuration.model
+
+    @property
+    def frame_id(self) -> str:
+        """Of the world."""
+        return self.rig.world_frame
+
+    def stamp_ns(self, camera: Camera) -> int:
+        """Of the camera's image; that of the set where it gave none."""
+        image = self.image_set.get(camera.name)
+        return self.estimate.stamp_ns if image is None else image.stamp_ns
+
+
+@dataclass(frozen=True)
+class Output:
+    """One topic.
+
+    Parameters
+    ----------
+    name : after the tracker's name, or after the camera's.
+    content : what a message says, of a `Tracked` and, of an output of each camera, a `Camera`; None: nothing this time.
+    on_request : made only while somebody listens, or where a run is asked to record it.
+    recorded : may be part of a run's bag.
+    """
+
+    name: str
+    type_name: str
+    content: Callable[..., Content | None]
+    on_request: bool = False
+    recorded: bool = True
+
+
+def _pose(tracked: Tracked) -> Content | None:
+    return messages.pose(tracked.estimate, tracked.frame_id) if tracked.estimate.status.known else None
+
+
+def _twist(tracked: Tracked) -> Content | None:
+    return messages.twist(tracked.estimate, tracked.frame_id) if tracked.estimate.status.known else None
+
+
+def _joint_states(tracked: Tracked) -> Content | None:
+    known = tracked.estimate.status.known
+    return messages.joint_state(tracked.estimate, tracked.model, tracked.frame_id) if known else None
+
+
+def _state(tracked: Tracked) -> Content:
+    return messages.tracked_state(tracked.estimate, tracked.model, tracked.frame_id)
+
+
+def _mask(tracked: Tracked, camera: Camera) -> Content:
+    """The silhouette; empty before a state is found."""
+    empty = np.zeros((camera.model.height, camera.model.width), np.uint8)
+    pixels = render_mask(tracked.configuration, camera) if tracked.estimate.status.has_state else empty
+    return messages.image(tracked.stamp_ns(camera), camera.frame_id, pixels, "mono8")
+
+
+def _overlay(tracked: Tracked, camera: Camera) -> Content | None:
+    from ..render.draw.overlay import draw_overlay
+
+    return _drawn(draw_overlay, tracked, camera)
+
+
+def _target_through_mask(tracked: Tracked, camera: Camera) -> Content | None:
+    from ..render.draw.masked_image import target_through_mask
+
+    return _drawn(target_through_mask, tracked, camera)
+
+
+def _drawn(draw: Callable[..., np.ndarray], tracked: Tracked, camera: Camera) -> Content | None:
+    """A JPEG of what is drawn into the camera's image; None without an image, or a state."""
+    image = tracked.image_set.get(camera.name)
+    if image is None or not tracked.estimate.status.has_state:
+        return None
+    jpeg = messages.jpeg_of(draw(image.bgr, tracked.configuration, camera))
+    return messages.compressed_image(image.stamp_ns, camera.frame_id, jpeg)
+
+
+BODY_OUTPUTS = (
+    Output("twist", "geometry_msgs/msg/TwistWithCovarianceStamped", _twist, on_request=True, recorded=False),
+    Output("pose", "geometry_msgs/msg/PoseWithCovarianceStamped", _pose),
+    Output("joint_states", "sensor_msgs/msg/JointState", _joint_states),
+    Output("state", "tracker_msgs/msg/TrackedState", _state),
+)
+"""Of the body. Pose, twist and joints cannot say that they are wrong: there are none while the body is not known.
+
+The state is the last: whoever has seen it may rely on the rest being on its way.
+"""
+
+CAMERA_OUTPUTS = (
+    Output("mask", IMAGE, _mask, on_request=True),
+    Output("overlay", COMPRESSED_IMAGE, _overlay, on_request=True),
+    Output("target_through_mask", COMPRESSED_IMAGE, _target_through_mask, on_request=True),
+)
+"""Of each camera."""
+
+
+def recorded(outputs: Sequence[Output], requested: Collection[str]) -> list[Output]:
+    """Those that the bag of a run holds.
+
+    Parameters
+    ----------
+    requested : names of outputs that are recorded besides those that are made of every image set.
+    """
+    return [output for output in outputs if output.recorded and (not output.on_request or output.name in requested)]
