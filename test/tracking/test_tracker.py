@@ -205,7 +205,7 @@ def test_a_camera_that_looks_elsewhere_is_in_order(clip):
 
 def test_an_image_of_another_size_contradicts_the_calibration(clip):
     sets = changed(clip.sets[0], ("cam04",), lambda pixels: pixels[::2, ::2])
-    with pytest.raises(CalibrationError, match=r"camera 'cam04': expected images of 320x240 as calibrated, got 160x120"):
+    with pytest.raises(CalibrationError, match=r"camera 'cam04': image size .* expected 320x240, got 160x120"):
         tracker_of(clip).step(sets)
 
 

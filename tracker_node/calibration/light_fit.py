@@ -142,9 +142,8 @@ class _CameraPixels:
         for configuration, image in zip(configurations, images, strict=True):
             if image is None:
                 continue
-            if image.shape[:2] != (camera.model.height, camera.model.width):
-                expected, got = f"{camera.model.width}x{camera.model.height}", f"{image.shape[1]}x{image.shape[0]}"
-                raise CalibrationError(camera.name, f"image size contradicts the calibration: expected {expected}, got {got}")
+            if problem := camera.model.size_problem(image):
+                raise CalibrationError(camera.name, problem)
             parts.append(_thinned(surface_samples(configuration, camera, rim=_RIM), image, options.most_pixels))
         columns = [np.concatenate(column) for column in zip(*parts, strict=True)] if parts else [np.zeros((0, 3))] * 4
         if len(columns[0]) < _LEAST:

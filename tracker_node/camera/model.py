@@ -150,6 +150,13 @@ class CameraModel:
         full = np.vstack([pixel_map, [0.0, 0.0, 1.0]])
         return replace(self, width=int(width), height=int(height), K=full @ self.K)
 
+    def size_problem(self, image: np.ndarray) -> str:
+        """Why an image (height, width[, 3]) is not in the pixels of this calibration; empty if it is."""
+        height, width = image.shape[:2]
+        if (width, height) == (self.width, self.height):
+            return ""
+        return f"image size contradicts the calibration: expected {self.width}x{self.height}, got {width}x{height}"
+
     def resized(self, width: int, height: int) -> CameraModel:
         """The lens after the image is resampled to ``width`` x ``height`` (pixel-centre convention of cv2.resize)."""
         sx, sy = width / self.width, height / self.height

@@ -1,5 +1,6 @@
 """A run: its image sets, the loop over them, its messages, the folder that it leaves, and reading that again.
 
-No ROS here: the live node and the offline run share it. Begin with `offline` (the tracker on recorded images), `image_sets`
-(where they come from) and `data` (what a run left).
+No ROS here: the live node and the offline run share `set_formation` (images to image sets), `loop` (image sets to estimates),
+`messages` and `outputs` (what is said of an estimate, on which topics). Begin with `offline`, the tracker on recorded images;
+`image_sets` is where they come from, `data` what a run left.
 """

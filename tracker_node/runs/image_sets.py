@@ -7,7 +7,6 @@ the others still make sets; one that merely ends earlier is matched as the confi
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -20,23 +19,12 @@ from ..loaders.bag.reader import BagReader
 from ..loaders.images.feed import ImageFeed
 from ..loaders.images.source import ImageSource, SourceOptions, open_camera_source
 from ..observation.image_set import CameraImage, ImageSet
-from ..observation.synchronizer import ImageSynchronizer
 from ..tracking.config import SynchronizerConfig
-from .messages import lens_of
+from .messages import CAMERA_INFO, lens_of
+from .set_formation import SetFormation
 
-CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+_ALWAYS_NAMED = ("received", "used")
 _UNEQUAL_ENDS_S = 0.1  # cameras that are switched off together end within this
-
-
-def make_synchronizer(cameras: tuple[str, ...], config: SynchronizerConfig) -> ImageSynchronizer:
-    """The synchronizer that the node uses too; with fewer cameras than ``min_cameras`` all of them are asked for."""
-    return ImageSynchronizer(
-        cameras,
-        image_period_s=config.image_period_s,
-        tolerance=config.tolerance,
-        queue_s=config.queue_s,
-        min_cameras=min(config.min_cameras, len(cameras)),
-    )
 
 
 class ImageSetStream(ABC):
@@ -69,77 +57,53 @@ class ImageSetStream(ABC):
         return {}
 
     def size_problem(self, image: CameraImage) -> str:
-        model = self.rig[image.camera].model
-        height, width = image.pixels.shape[:2]
-        if (width, height) == (model.width, model.height):
-            return ""
-        expected = f"expected {model.width}x{model.height}, got {width}x{height}"
-        return str(CalibrationError(image.camera, f"image size contradicts the calibration: {expected}"))
+        """As `CameraModel.size_problem`, with the camera's name."""
+        problem = self.rig[image.camera].model.size_problem(image.pixels)
+        return str(CalibrationError(image.camera, problem)) if problem else ""
 
 
-class _Matcher:
-    """An `ImageSynchronizer` that cameras can be taken out of."""
+class _MatchedStream(ImageSetStream):
+    """Sets of images that are matched as they come."""
 
-    def __init__(self, cameras: tuple[str, ...], config: SynchronizerConfig):
-        self._config = config
-        self._tolerance_ns = round(config.tolerance * config.image_period_s * 1e9)
-        self._synchronizer = make_synchronizer(cameras, config)
-        self._done: Counter[tuple[str, str]] = Counter()
-        self._not_formed: Counter[str] = Counter()
-        self._leaving: dict[str, int] = {}
+    def __init__(self, rig: CameraRig, cameras: tuple[str, ...], config: SynchronizerConfig):
+        super().__init__(rig)
+        self._config, self._formation = config, SetFormation(cameras, config)
         self._last_ns: dict[str, int] = {}
 
-    def drop(self, camera: str, last_stamp_ns: int) -> None:
-        """No image of ``camera`` comes after this stamp; its sets up to there are still made."""
-        self._leaving[camera] = last_stamp_ns
+    @property
+    def counters(self) -> dict[str, dict[str, int]]:
+        """Reasons by which an image is in no set are named where they occur."""
+        found = {camera: counts for camera, counts in self._formation.counters.items() if any(counts.values())}
+        others = sorted({reason for counts in found.values() for reason in counts} - {*_ALWAYS_NAMED})
+        reasons = (*_ALWAYS_NAMED, *others)
+        named = {c: {r: counts.get(r, 0) for r in reasons} for c, counts in found.items()}
+        return {c: {r: n for r, n in counts.items() if n or r in _ALWAYS_NAMED} for c, counts in named.items()}
 
-    def add(self, image: CameraImage) -> list[ImageSet]:
+    @property
+    def sets_not_formed(self) -> dict[str, int]:
+        return {reason: n for reason, n in self._formation.sets_not_formed.items() if n}
+
+    def _add(self, image: CameraImage) -> list[ImageSet]:
         self._last_ns[image.camera] = max(image.stamp_ns, self._last_ns.get(image.camera, image.stamp_ns))
-        gone = [c for c, last_ns in self._leaving.items() if image.stamp_ns > last_ns + self._tolerance_ns]
-        sets = self._without(gone) if gone else []
-        return sets + self._synchronizer.add(image)
+        return self._formation.add(image)
 
-    def flush(self) -> list[ImageSet]:
-        return self._synchronizer.flush()
+    def _finish(self) -> Iterator[ImageSet]:
+        yield from self._formation.flush()
+        self.errors += self._early_ends()
 
-    def early_ends(self) -> list[str]:
+    def _early_ends(self) -> list[str]:
         """A sentence for each camera that was still asked for when its images ended long before the others'."""
         latest_ns = max(self._last_ns.values(), default=0)
         sentences = []
-        for camera in self._synchronizer.cameras:
+        for camera in self._formation.cameras:
             silent_s = (latest_ns - self._last_ns.get(camera, latest_ns)) * 1e-9
             if silent_s > max(_UNEQUAL_ENDS_S, 2 * self._config.image_period_s):
                 needed = "all cameras" if not self._config.min_cameras else f"at least {self._config.min_cameras} cameras"
                 sentences.append(f"camera '{camera}' stopped {silent_s:.2f} s before the others; a set needs {needed}")
         return sentences
 
-    def _without(self, gone: list[str]) -> list[ImageSet]:
-        sets = self._synchronizer.flush()
-        self._done.update(self._flat(self._synchronizer))
-        self._not_formed.update(self._synchronizer.sets_not_formed)
-        for camera in gone:
-            del self._leaving[camera]
-        remaining = tuple(camera for camera in self._synchronizer.cameras if camera not in gone)
-        self._synchronizer = make_synchronizer(remaining, self._config)
-        return sets
 
-    @staticmethod
-    def _flat(synchronizer: ImageSynchronizer) -> dict[tuple[str, str], int]:
-        return {(c, reason): n for c, counts in synchronizer.counters.items() for reason, n in counts.items()}
-
-    @property
-    def sets_not_formed(self) -> dict[str, int]:
-        return dict(self._not_formed + Counter(self._synchronizer.sets_not_formed))  # + leaves out what is 0
-
-    @property
-    def counters(self) -> dict[str, dict[str, int]]:
-        total = self._done + Counter(self._flat(self._synchronizer))
-        names = [*dict.fromkeys(camera for camera, _ in total)]
-        reasons = ("received", "used", *sorted({r for _, r in total} - {"received", "used"}))
-        return {c: {r: total[c, r] for r in reasons if total[c, r] or r in reasons[:2]} for c in names}
-
-
-class SourceStream(ImageSetStream):
+class SourceStream(_MatchedStream):
     """Sets from the videos and folders that the rig names.
 
     Raises
@@ -149,31 +113,23 @@ class SourceStream(ImageSetStream):
 
     def __init__(self, rig: CameraRig, config: SynchronizerConfig, options: SourceOptions | None = None):
         options = options or SourceOptions()
-        super().__init__(resampled_rig(rig, options))
-        self._sources = opened_sources(rig, options, self.errors)
+        errors: list[str] = []
+        self._sources = opened_sources(rig, options, errors)
+        super().__init__(resampled_rig(rig, options), tuple(self._sources), config)
+        self.errors += errors
         self.notes += [f"camera '{name}': {source.note}" for name, source in self._sources.items() if source.note]
-        self._matcher = _Matcher(tuple(self._sources), config)
         self.n_expected = min(source.n_images for source in self._sources.values())
-
-    @property
-    def counters(self) -> dict[str, dict[str, int]]:
-        return self._matcher.counters
-
-    @property
-    def sets_not_formed(self) -> dict[str, int]:
-        return self._matcher.sets_not_formed
 
     def __iter__(self) -> Iterator[ImageSet]:
         for item in merged_images(self._sources, self.errors):
             if isinstance(item, BrokenOff):
-                self._matcher.drop(item.camera, item.last_stamp_ns)
+                self._formation.drop(item.camera, item.last_stamp_ns)
             else:
-                yield from self._matcher.add(item)
-        yield from self._matcher.flush()
-        self.errors += self._matcher.early_ends()
+                yield from self._add(item)
+        yield from self._finish()
 
 
-class BagStream(ImageSetStream):
+class BagStream(_MatchedStream):
     """Sets from the images of a bag, matched in the order in which they were recorded, as the live tracker got them.
 
     Raises
@@ -182,23 +138,13 @@ class BagStream(ImageSetStream):
     """
 
     def __init__(self, rig: CameraRig, config: SynchronizerConfig, reader: BagReader):
-        super().__init__(rig)
-        self._reader = reader
-        self._topics = topics_with_images(reader, rig)
+        self._reader, self._topics = reader, topics_with_images(reader, rig)
         present = tuple(camera for camera in rig.names if camera in self._topics.values())
+        super().__init__(rig, present, config)
         self.errors += [f"camera '{c}': no images in {reader.path}" for c in rig.names if c not in present]
         if reader.recovered:
             self.errors.append(f"bag {reader.path} is unfinished: {reader.problem}")
-        self._matcher = _Matcher(present, config)
         self.n_expected = min(reader.topics[topic].message_count for topic in self._topics)
-
-    @property
-    def counters(self) -> dict[str, dict[str, int]]:
-        return self._matcher.counters
-
-    @property
-    def sets_not_formed(self) -> dict[str, int]:
-        return self._matcher.sets_not_formed
 
     def __iter__(self) -> Iterator[ImageSet]:
         refused: set[str] = set()
@@ -209,11 +155,10 @@ class BagStream(ImageSetStream):
             if problem:
                 refused.add(image.camera)
                 self.errors.append(f"{problem}; this camera is left out from here on")
-                self._matcher.drop(image.camera, image.stamp_ns - 1)
+                self._formation.drop(image.camera, image.stamp_ns - 1)
             else:
-                yield from self._matcher.add(image)
-        yield from self._matcher.flush()
-        self.errors += self._matcher.early_ends()
+                yield from self._add(image)
+        yield from self._finish()
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from ..tracking.tracker import Tracker
 from .data import run_info
 from .image_sets import BagStream, ImageSetStream, SourceStream, resampled_rig, rig_of_bag
 from .images import run_stream
+from .loop import TrackingLoop
 from .recorded_sets import RecordedRunStream
 from .smoothed_writer import SmoothedWriter
 from .writer import RunWriter
@@ -162,10 +163,9 @@ def _track(
     record: _Record,
     progress: Progress | None,
 ) -> None:
+    loop = TrackingLoop(tracker)
     for image_set in stream:
-        if record.stamps_ns and image_set.stamp_ns < record.stamps_ns[-1]:
-            tracker.reset()  # as the node does when the clock goes backward
-        estimate = tracker.step(image_set)
+        estimate = loop.step(image_set)
         for write in writers:
             write(estimate, image_set)
         record.add(estimate)

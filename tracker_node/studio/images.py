@@ -17,7 +17,8 @@ from ..loaders.decoding import SourceImage
 from ..loaders.images.file_sources import READ_ON
 from ..loaders.images.source import ImageSource, SourceOptions
 from ..observation.image_set import CameraImage, ImageSet
-from ..runs.image_sets import make_synchronizer, opened_sources
+from ..runs.image_sets import opened_sources
+from ..runs.set_formation import make_synchronizer
 from ..tracking.config import SynchronizerConfig
 
 _JPEG_BYTES = 256 * 2**20

@@ -225,11 +225,9 @@ class Tracker:
         result: list[np.ndarray | None] = []
         for camera in self.rig:
             image = image_set.get(camera.name)
-            if image is not None and image.pixels.shape[:2] != (camera.model.height, camera.model.width):
-                got, model = image.pixels.shape, camera.model
-                raise CalibrationError(
-                    camera.name, f"expected images of {model.width}x{model.height} as calibrated, got {got[1]}x{got[0]}"
-                )
+            problem = "" if image is None else camera.model.size_problem(image.pixels)
+            if problem:
+                raise CalibrationError(camera.name, problem)
             if image is not None and image.encoding == "mono8" and self.config.colors is not None:
                 expected = f"expected color images for the modality {self.config.colors}"
                 raise CalibrationError(camera.name, f"{expected}, got mono8")

@@ -55,10 +55,10 @@ def test_once_it_is_configured_the_worker_is_asked(make):
     node = make(initial_state=START)
     assert node.configure() and node._worker._initial_state is START and node._worker.lossless
     node._worker.counts.superseded = 3
-    node._worker.fatal = error = RuntimeError("gone")
+    node._worker._thread.fatal = error = RuntimeError("gone")
     assert node.superseded == 3 and node.fatal is error and set(node.counters()) == {"cam1", "cam2", "cam3"}
     assert node.has_subscribers({}) and node.has_subscribers({"state": 0}) and not node.has_subscribers({"state": 1})
-    node._worker.fatal = None
+    node._worker._thread.fatal = None
 
 
 def test_without_a_state_the_neutral_one_is_first(make):

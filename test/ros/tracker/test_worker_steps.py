@@ -85,7 +85,7 @@ def test_a_lossless_worker_supersedes_none(bench):
 @pytest.mark.parametrize(("finishing", "tracked", "superseded"), [(False, 1, 2), (True, 3, 0)])
 def test_a_stop_between_image_sets_leaves_the_rest_and_counts_it(bench, finishing, tracked, superseded):
     bench.worker._finishing = finishing
-    bench.worker._on_estimate = lambda *_: bench.worker._stopping.set()
+    bench.worker._on_estimate = lambda *_: bench.worker._thread.stopping.set()
     bench.step(10, 20, 30)
     assert (bench.counts.tracked, bench.counts.superseded) == (tracked, superseded)
 
@@ -165,7 +165,7 @@ def test_only_stamps_that_go_back_reset_the_tracker(bench):
 def test_a_request_is_told_again_when_stamps_go_back_and_not_once_it_is_followed(bench):
     bench.step(20)
     bench.worker.set_state(START)
-    bench.worker._obey()
+    bench.worker._thread.obey()
     bench.step(10)
     last = START.to_values()[-1]
     assert bench.tracker.told == [last, "reset", last]
@@ -179,9 +179,9 @@ def test_a_new_tracker_takes_over_from_the_old_one_with_the_latest_set(bench, st
     bench.step(10, 20)
     new = HeldTracker()
     bench.worker.use(bench.setup(new))
-    bench.worker._obey()
+    bench.worker._thread.obey()
     assert new.told == [("take over", bench.tracker, 20)] and bench.tracker.told == []
-    assert bench.worker._setup.tracker is new
+    assert bench.worker._loop.tracker is new
 
 
 def test_what_cannot_be_taken_over_begins_where_the_body_was(bench):
@@ -192,7 +192,7 @@ def test_what_cannot_be_taken_over_begins_where_the_body_was(bench):
     new = HeldTracker()
     new.take_over = refuse
     bench.worker.use(bench.setup(new))
-    bench.worker._obey()
+    bench.worker._thread.obey()
     assert new.told == [bench.estimates[0][0].state.to_values()[-1]]
 
 
@@ -201,7 +201,7 @@ def test_a_lost_body_is_begun_at_and_not_taken_over(bench):
     bench.step(10)
     new = HeldTracker()
     bench.worker.use(bench.setup(new))
-    bench.worker._obey()
+    bench.worker._thread.obey()
     assert new.told == [bench.estimates[0][0].state.to_values()[-1]] and bench.counts.lost == 1
 
 
@@ -210,37 +210,37 @@ def test_a_search_goes_on_with_a_new_tracker(bench):
     bench.step(10)
     new = HeldTracker()
     bench.worker.use(bench.setup(new))
-    bench.worker._obey()
+    bench.worker._thread.obey()
     assert new.told == ["look anew"]
 
 
 def test_a_tracker_that_comes_after_none_goes_on_at_the_state(bench):
     bench.step(10)
     bench.worker.use(bench.setup(None))
-    bench.worker._obey()
+    bench.worker._thread.obey()
     assert bench.worker.rig is None
     new = HeldTracker()
     bench.worker.use(bench.setup(new))
-    bench.worker._obey()
+    bench.worker._thread.obey()
     assert new.told == [bench.estimates[0][0].state.to_values()[-1]]
 
 
 def test_the_first_tracker_is_told_nothing_unless_something_was_asked(tmp_path):
     bench = Bench(tmp_path, lenses=False)
     bench.worker.use(bench.setup(bench.tracker))
-    bench.worker._obey()
+    bench.worker._thread.obey()
     assert bench.tracker.told == []
     bench.worker.look_anew()
-    bench.worker._obey()
+    bench.worker._thread.obey()
     second = HeldTracker()
     bench.worker.use(bench.setup(second))
-    bench.worker._obey()
+    bench.worker._thread.obey()
     assert bench.tracker.told == second.told == ["look anew"]
 
 
 def test_a_change_of_cameras_reaches_the_formation(bench):
     bench.worker.use(bench.setup(HeldTracker(), cameras=("cam1",), config=TrackerConfig()))
-    bench.worker._obey()
+    bench.worker._thread.obey()
     assert len(bench.worker.formation.add(received("cam1").decode())) == 1  # one camera is a whole set
 
 
@@ -253,7 +253,7 @@ def test_the_next_start_is_as_asked_else_where_the_body_was(bench):
     assert bench.worker.start_state is other  # before the tracker has been told
     bench.worker.look_anew()
     assert bench.worker.start_state is None
-    bench.worker._obey()
+    bench.worker._thread.obey()
     bench.step(20)
     assert bench.worker.start_state is bench.estimates[1][0].state
 
@@ -264,7 +264,7 @@ def test_requests_that_forget(bench, ask, told):
     bench.step(10)
     getattr(bench.worker, ask)()
     assert bench.worker.latest is not None  # until the thread has come to it
-    bench.worker._obey()
+    bench.worker._thread.obey()
     assert bench.worker.latest is None and bench.tracker.told == [told]
     n_reset = bench.worker.formation.counters["cam1"].get("reset", 0)
     assert n_reset == (1 if ask == "reset" else 0)
@@ -275,12 +275,12 @@ def test_requests_that_forget(bench, ask, told):
 def test_pausing_drops_what_waits_once(bench):
     bench.worker._handle([received("cam1")])
     bench.worker.pause(True)
-    bench.worker._obey()
+    bench.worker._thread.obey()
     assert bench.worker.paused and bench.worker.formation.counters["cam1"]["reset"] == 1
     bench.worker._handle([received("cam1"), received("cam2")])
     assert bench.counts.idle[PAUSED] == {"cam1": 1, "cam2": 1} and bench.estimates == []
     bench.worker.pause(False)
-    bench.worker._obey()
+    bench.worker._thread.obey()
     bench.worker._handle([received(name, 50) for name in NAMES])
     assert not bench.worker.paused and bench.stamps == [50]
 
@@ -288,7 +288,7 @@ def test_pausing_drops_what_waits_once(bench):
 def test_resuming_drops_nothing(bench):
     bench.worker._handle([received("cam1")])
     bench.worker.pause(False)
-    bench.worker._obey()
+    bench.worker._thread.obey()
     assert bench.worker.formation.counters["cam1"].get("reset", 0) == 0
 
 
@@ -297,7 +297,7 @@ def test_images_that_wait_for_lenses_are_tracked_once_they_are_known(tmp_path):
     bench.worker._handle([received(name, 10) for name in NAMES])
     assert bench.counts.idle[UNCALIBRATED].total() == 0
     bench.worker.use(bench.setup(bench.tracker))
-    bench.worker._obey()
+    bench.worker._thread.obey()
     bench.worker._handle([])
     assert bench.stamps == [10]
     bench.worker._handle([])
@@ -341,7 +341,7 @@ def test_images_of_a_camera_that_is_not_in_use_are_counted(tmp_path):
 @pytest.mark.parametrize(("width", "height"), [(161, 120), (160, 121), (120, 160)])
 def test_images_of_another_size_than_calibrated_are_refused_until_one_fits(bench, width, height):
     bench.worker._handle([received("cam2", 0, width, height)])
-    said = f"expected images of 160x120 as calibrated, got {width}x{height}"
+    said = f"image size contradicts the calibration: expected 160x120, got {width}x{height}"
     assert bench.counts.refused == {"cam2": 1} and bench.counts.problems == {"cam2": said} and bench.errors == []
     bench.worker._handle([received("cam1", 0)])
     assert bench.counts.problems == {"cam2": said}
@@ -366,12 +366,12 @@ def test_a_thread_tracks_what_has_come_in_before_it_ends(bench):
 
 def test_a_thread_that_is_not_to_finish_counts_what_waits(bench):
     bench.worker.paused = False
-    bench.worker._thread = SimpleNamespace(join=lambda timeout: None, is_alive=lambda: False)  # has ended already
+    bench.worker._thread._thread = SimpleNamespace(join=lambda timeout: None, is_alive=lambda: False)  # has ended already
     bench.worker._not_yet = [received("cam2")]
     bench.inbox._enqueue(received("cam1"))
     bench.worker.stop(finish=False)
     assert bench.counts.idle[INACTIVE] == {"cam1": 1, "cam2": 1} and bench.worker._not_yet == []
-    assert bench.worker._thread is None and not bench.worker._finishing
+    assert not bench.worker._thread.started and not bench.worker._finishing
 
 
 def test_a_stop_that_takes_too_long_is_refused_and_the_thread_goes_on(bench):
@@ -382,7 +382,7 @@ def test_a_stop_that_takes_too_long_is_refused_and_the_thread_goes_on(bench):
     assert bench.tracker.stepping.wait(10.0)
     with pytest.raises(TrackerError, match=r"the tracking thread has not ended within 0\.05 s"):
         bench.worker.stop(timeout_s=0.05)
-    assert not bench.worker._stopping.is_set()
+    assert not bench.worker._thread.stopping.is_set()
     bench.tracker.go.set()
     bench.worker.stop()
     assert bench.stamps == [10] and bench.worker.fatal is None
@@ -401,7 +401,7 @@ def test_why_the_thread_has_ended_is_kept_and_told(bench):
         raise TrackerError("no inbox")
 
     bench.inbox.take = broken
-    bench.worker._run()
+    bench.worker._thread.run()
     assert str(bench.worker.fatal) == "no inbox" and bench.errors == ["the tracking thread has ended: no inbox"]
 
 
@@ -409,19 +409,19 @@ def test_why_the_thread_has_ended_is_kept_and_told(bench):
 def test_without_a_tracker_or_at_rest_nothing_is_finished(tmp_path, lenses, paused):
     bench = Bench(tmp_path, lenses=lenses)
     bench.worker.paused, bench.worker._finishing = paused, True
-    bench.worker._stopping.set()
+    bench.worker._thread.stopping.set()
     bench.inbox._enqueue(received("cam1"))
-    bench.worker._run()
+    bench.worker._thread.run()
     assert bench.inbox.waiting == 1 and bench.worker.fatal is None
 
 
 def test_a_finishing_worker_tracks_sets_that_lack_a_camera(tmp_path):
     bench = Bench(tmp_path)
     bench.worker.use(bench.setup(bench.tracker, config=TrackerConfig(synchronizer=SynchronizerConfig(min_cameras=2))))
-    bench.worker._obey()
+    bench.worker._thread.obey()
     bench.worker._finishing = True
-    bench.worker._stopping.set()
+    bench.worker._thread.stopping.set()
     for name in NAMES[:2]:
         bench.inbox._enqueue(received(name, 70))
-    bench.worker._run()
+    bench.worker._thread.run()
     assert bench.stamps == [70] and bench.errors == []

@@ -10,11 +10,11 @@ from ...camera.rig import CameraRig
 from ...loaders.images.background_file import load_plates, resized_plates
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
+from ...runs.loop import Steppable
 from ...tracking.config import TrackerConfig
 from ...tracking.tracker import Tracker
 from ...tracking.warm_up import SmallTrackers, warm_up
 from .image_inbox import InboxOptions
-from .setup import Steppable
 
 
 @dataclass(frozen=True, eq=False)

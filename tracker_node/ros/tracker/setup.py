@@ -4,30 +4,18 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Protocol
 
 import numpy as np
 
 from ...camera.rig import CameraRig
 from ...model.configuration import State
-from ...observation.image_set import ImageSet
+from ...runs.loop import StartRequest, Steppable
 from ...tracking.config import TrackerConfig
 from ...tracking.estimate import CameraReport, Status, Timings, TrackEstimate
 
 PAUSED, INACTIVE, UNCALIBRATED = "paused", "inactive", "uncalibrated"  # why images that have come are not used
 _IDLE = (PAUSED, INACTIVE, UNCALIBRATED)
-
-
-class Steppable(Protocol):
-    """What the worker needs of a tracker."""
-
-    def step(self, image_set: ImageSet) -> TrackEstimate: ...
-    def reset(self) -> None: ...
-    def set_state(self, state: State) -> None: ...
-    def look_anew(self) -> None: ...
-    def take_over(self, other: Any, image_set: ImageSet) -> None: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,24 +31,12 @@ class TrackingSetup:
     tracker: Steppable | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class StartRequest:
-    """How the tracker is to begin with the next image set, and the state at which; None: not at a given one."""
-
-    tell: Callable[[Steppable], None]
-    state: State | None = None
-
-
 class StartRequests:
-    """Keeps a request, whatever else changes, until an image set has been tracked as asked.
-
-    Requests come from any thread, and reach the tracker in the tracking thread, later.
-    """
+    """Keeps the newest request, which comes from any thread, until an image set has been tracked as requested."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._asked: StartRequest | None = None
-        self.told: StartRequest | None = None  # to the tracker, which has not tracked since
 
     @property
     def asked(self) -> StartRequest | None:
@@ -72,12 +48,11 @@ class StartRequests:
         with self._lock:
             self._asked = request
 
-    def followed(self) -> None:
-        """An image set has been tracked as the tracker was told; what has been asked since is kept."""
+    def followed(self, request: StartRequest | None) -> None:
+        """An image set has been tracked as this one said; what has been asked since is kept."""
         with self._lock:
-            if self._asked is self.told:
+            if self._asked is request:
                 self._asked = None
-            self.told = None
 
 
 @dataclass

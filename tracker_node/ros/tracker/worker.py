@@ -1,10 +1,8 @@
-"""The thread in which images become estimates: inbox -> synchronizer -> tracker -> outputs."""
+"""The thread in which images become estimates: inbox -> image sets -> tracker -> outputs."""
 
 from __future__ import annotations
 
 import gc
-import queue
-import threading
 import time
 import traceback
 from collections.abc import Callable
@@ -13,17 +11,17 @@ from ...camera.rig import CameraRig
 from ...errors import TrackerError
 from ...model.configuration import State
 from ...observation.image_set import CameraImage, ImageSet
+from ...runs.loop import StartRequest, TrackingLoop
+from ...runs.set_formation import SetFormation
 from ...tracking.config import TrackerConfig
 from ...tracking.estimate import Status, TrackEstimate
+from .command_thread import CommandThread
 from .image_inbox import ImageInbox, Received
-from .set_formation import SetFormation
 from .setup import (
     INACTIVE,
     PAUSED,
     UNCALIBRATED,
-    StartRequest,
     StartRequests,
-    Steppable,
     TrackingSetup,
     WorkerCounts,
     unknown_estimate,
@@ -47,10 +45,8 @@ class TrackingWorker:
     ----------
     formation : the image sets, and what became of the images.
     latest : the latest estimate since the last reset, also that of an image set that failed.
-    busy : tracking, or getting ready to.
     at_work_since_s : steady time at which the image set at work was begun; None while there is none.
     paused : images are counted, and not used.
-    fatal : why the thread has ended by itself: neither an image, nor its set, nor what is told of it does that.
     """
 
     def __init__(
@@ -65,25 +61,31 @@ class TrackingWorker:
     ):
         self._inbox, self._setup, self._on_estimate = inbox, setup, on_estimate
         self._initial_state, self._lossless, self._on_error = initial_state, lossless, on_error
-        self._thread: threading.Thread | None = None
-        self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
-        self._stopping, self._finishing = threading.Event(), False
+        self._thread = CommandThread(lambda: inbox.take(timeout_s=0.1), inbox.wake, self._handle, self._finish, self._on_end)
+        self._finishing = False
         self._requests = StartRequests()
-        self._last_ns: int | None = None
+        self._loop = TrackingLoop(setup.tracker)
         self._not_yet: list[Received] = []
         self.formation = SetFormation(setup.cameras, setup.config.synchronizer)
         self.counts = WorkerCounts()
         self.latest: TrackEstimate | None = None
-        self._tracked: TrackEstimate | None = None  # the latest that the tracker has given, for this image set:
-        self._tracked_set: ImageSet | None = None
-        self.busy, self.paused = True, False
+        self.paused = False
         self.at_work_since_s: float | None = None
-        self.fatal: Exception | None = None
 
     @property
     def lossless(self) -> bool:
         """Whether every image set is tracked, however long that takes."""
         return self._lossless
+
+    @property
+    def busy(self) -> bool:
+        """Tracking, or getting ready to."""
+        return self._thread.busy
+
+    @property
+    def fatal(self) -> Exception | None:
+        """Why the thread has ended by itself: neither an image, nor its set, nor what is told of it does that."""
+        return self._thread.fatal
 
     @property
     def rig(self) -> CameraRig | None:
@@ -99,50 +101,24 @@ class TrackingWorker:
         """From the next image set on; the tracker takes over the body from the old one, and learns from the latest image set."""
 
         def change() -> None:
-            old, self._setup = self._setup.tracker, setup
+            self._setup = setup
             self.formation.change(setup.cameras, setup.config.synchronizer)
-            if setup.tracker is not None:
-                self._put(setup.tracker, old)
+            self._loop.exchange(setup.tracker)
             gc.collect()  # the old tracker: it is in reference cycles, and large
 
-        self._command(change)
-
-    def _put(self, tracker: Steppable, old: Steppable | None) -> None:
-        """A new tracker begins as has been asked since the latest image set, or where the old one has left the body in that."""
-        if self._requests.told is not None:
-            self._requests.told.tell(tracker)
-        elif self._tracked is not None and self._tracked.status is Status.INITIALISING:
-            tracker.look_anew()
-        elif self._tracked is not None and not self._taken_over(tracker, old):
-            tracker.set_state(self._tracked.state)
-
-    def _taken_over(self, tracker: Steppable, old: Steppable | None) -> bool:
-        """Whether a new tracker knows where the body is; else it looks around there, which takes a second."""
-        assert self._tracked is not None
-        if old is None or self._tracked_set is None or self._tracked.status is Status.LOST:
-            return False
-        try:
-            tracker.take_over(old, self._tracked_set)
-        except TrackerError:  # the images are of another size than its cameras
-            return False
-        return True
+        self._thread.command(change)
 
     @property
     def start_state(self) -> State | None:
         """Where the next image set begins as far as is known: as asked, else where the body was. None: not at a given state."""
-        request, tracked = self._requests.asked, self._tracked
+        request, tracked = self._requests.asked, self._loop.tracked
         if request is not None:
             return request.state
         return None if tracked is None else tracked.state
 
     def reset(self) -> None:
         """Forget everything, as after a backward jump of time."""
-
-        def forget() -> None:
-            self.formation.reset()
-            self._last_ns = self.latest = self._tracked = None
-
-        self._begin(StartRequest(lambda tracker: tracker.reset()), forget)
+        self._begin(StartRequest(lambda tracker: tracker.reset(), forgets_state=True, forgets_clock=True))
 
     def set_state(self, state: State) -> None:
         """Go on from a state at the next image set."""
@@ -150,21 +126,18 @@ class TrackingWorker:
 
     def look_anew(self) -> None:
         """Look for the body wherever it may be; what has been learnt stays."""
+        self._begin(StartRequest(lambda tracker: tracker.look_anew(), forgets_state=True))
 
-        def forget() -> None:
-            self.latest = self._tracked = None
-
-        self._begin(StartRequest(lambda tracker: tracker.look_anew()), forget)
-
-    def _begin(self, request: StartRequest, forget: Callable[[], None] = lambda: None) -> None:
-        def tell() -> None:
-            forget()
-            self._requests.told = request
-            if self._setup.tracker is not None:
-                request.tell(self._setup.tracker)
+    def _begin(self, request: StartRequest) -> None:
+        def begin() -> None:
+            if request.forgets_clock:
+                self.formation.reset()
+            if request.forgets_state:
+                self.latest = None
+            self._loop.begin(request)
 
         self._requests.ask(request)
-        self._command(tell)
+        self._thread.command(begin)
 
     def pause(self, paused: bool) -> None:
         """Count images instead of using them, or use them again."""
@@ -174,13 +147,11 @@ class TrackingWorker:
                 self.formation.reset()
             self.paused = paused
 
-        self._command(change)
+        self._thread.command(change)
 
     def start(self) -> None:
         """Begin to track, in a thread."""
-        self._stopping.clear()
-        self._thread = threading.Thread(target=self._run, name="track", daemon=True)
-        self._thread.start()
+        self._thread.start("track")
 
     def stop(self, finish: bool = True, timeout_s: float = 30.0) -> None:
         """End the thread. A lossless worker that is to ``finish`` tracks what has come in; otherwise that is counted.
@@ -189,46 +160,24 @@ class TrackingWorker:
         ------
         TrackerError : an image set takes longer than the timeout.
         """
-        if self._thread is None:
+        if not self._thread.started:
             return
         self._finishing = finish and self._lossless
-        self._stopping.set()
-        self._inbox.wake()
-        self._thread.join(timeout=timeout_s)
-        if self._thread.is_alive():
-            self._stopping.clear()  # it goes on
+        if not self._thread.stop(timeout_s):
             raise TrackerError(f"the tracking thread has not ended within {timeout_s:g} s")
-        self._thread = None
         self._leave([*self._not_yet, *self._inbox.take(timeout_s=0.0)], INACTIVE)
         self._not_yet = []
         self.formation.reset()
 
-    def _command(self, action: Callable[[], None]) -> None:
-        self._commands.put(action)
-        self._inbox.wake()
+    # In the thread
 
-    def _run(self) -> None:
-        try:
-            while not self._stopping.is_set():
-                self.busy = False
-                received = self._inbox.take(timeout_s=0.1)
-                self.busy = True
-                self._obey()
-                self._handle(received)
-            if self._finishing and self._setup.tracker is not None and not self.paused:
-                self._handle(self._inbox.take(timeout_s=0.0))
-                self._track(self.formation.flush())
-        except Exception as error:  # the node must know, or it would idle for ever
-            self.fatal = error
-            self._on_error(f"the tracking thread has ended: {_described(error)}")
+    def _finish(self) -> None:
+        if self._finishing and self._setup.tracker is not None and not self.paused:
+            self._handle(self._inbox.take(timeout_s=0.0))
+            self._track(self.formation.flush())
 
-    def _obey(self) -> None:
-        while True:
-            try:
-                action = self._commands.get_nowait()
-            except queue.Empty:
-                return
-            action()
+    def _on_end(self, error: Exception) -> None:
+        self._on_error(f"the tracking thread has ended: {_described(error)}")
 
     def _leave(self, received: list[Received], reason: str) -> None:
         self.counts.idle[reason].update(item.camera for item in received)
@@ -272,10 +221,8 @@ class TrackingWorker:
             return None
         try:
             image = received.decode()
-            lens = self._setup.rig[camera].model
-            height, width = image.pixels.shape[:2]
-            if (width, height) != (lens.width, lens.height):
-                raise TrackerError(f"expected images of {lens.width}x{lens.height} as calibrated, got {width}x{height}")
+            if problem := self._setup.rig[camera].model.size_problem(image.pixels):
+                raise TrackerError(problem)
         except Exception as error:  # no image may end the thread
             counts.refused[camera] += 1
             if not isinstance(error, TrackerError):
@@ -290,30 +237,23 @@ class TrackingWorker:
             self.counts.superseded += len(sets) - _AT_ONCE
             sets = sets[-_AT_ONCE:]
         for i, image_set in enumerate(sets):
-            if self._stopping.is_set() and not self._finishing:
+            if self._thread.stopping.is_set() and not self._finishing:
                 self.counts.superseded += len(sets) - i
                 return
             self.at_work_since_s = time.monotonic()
             self._step(image_set)
             self.at_work_since_s = None
-            self._obey()
+            self._thread.obey()
 
     def _step(self, image_set: ImageSet) -> None:
-        tracker = self._setup.tracker
-        if tracker is None:  # a camera has been added since whose lens is not known
+        loop = self._loop
+        if loop.tracker is None:  # a camera has been added since whose lens is not known
             self.counts.superseded += 1
             return
-        if self._last_ns is not None and image_set.stamp_ns < self._last_ns:
-            tracker.reset()  # the clock went backward: a recording began again
-            self.latest = self._tracked = None
-            if self._requests.told is not None:
-                self._requests.told.tell(tracker)
-        self._last_ns = image_set.stamp_ns
-        began = time.perf_counter()
+        told, began = loop.told, time.perf_counter()
         try:
-            estimate = self.latest = self._tracked = tracker.step(image_set)
-            self._tracked_set = image_set
-            self._requests.followed()
+            estimate = self.latest = loop.step(image_set)
+            self._requests.followed(told)
         except Exception as error:
             estimate = self.latest = self._failed(image_set, error, 1e3 * (time.perf_counter() - began))
         self.counts.tracked += 1
@@ -327,7 +267,8 @@ class TrackingWorker:
     def _failed(self, image_set: ImageSet, error: Exception, total_ms: float) -> TrackEstimate:
         self.counts.failed += 1
         self._on_error(f"image set {image_set.stamp_ns}: {_described(error)}")
-        state = self._initial_state if self._tracked is None else self._tracked.state
+        tracked = self._loop.tracked
+        state = self._initial_state if tracked is None else tracked.state
         reason = f"{type(error).__name__}: {error}"
         return unknown_estimate(image_set.stamp_ns, reason, state, self._setup.cameras, total_ms)
 

@@ -1,0 +1,107 @@
+"""The loop of every run, live or offline: image sets into the tracker, which is reset where stamps go back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from ..errors import TrackerError
+from ..model.configuration import State
+from ..observation.image_set import ImageSet
+from ..tracking.estimate import Status, TrackEstimate
+
+
+class Steppable(Protocol):
+    """What the loop needs of a tracker."""
+
+    def step(self, image_set: ImageSet) -> TrackEstimate: ...
+    def reset(self) -> None: ...
+    def set_state(self, state: State) -> None: ...
+    def look_anew(self) -> None: ...
+    def take_over(self, other: Any, image_set: ImageSet) -> None: ...
+
+
+@dataclass(frozen=True, eq=False)
+class StartRequest:
+    """How the tracker is to begin with the next image set, and the state at which; None: not at a given one.
+
+    ``forgets_state``: where the body was does not matter any more; ``forgets_clock``: neither do the stamps.
+    """
+
+    tell: Callable[[Steppable], None]
+    state: State | None = None
+    forgets_state: bool = False
+    forgets_clock: bool = False
+
+
+class TrackingLoop:
+    """Steps a tracker through image sets.
+
+    `SetFormation` makes the sets of images; whoever runs the loop says where images come from and where estimates go.
+
+    Attributes
+    ----------
+    tracker : None while it cannot be made.
+    tracked : the latest estimate of a tracker since it began.
+    told : how the tracker was told to begin; None once it has tracked an image set since.
+    """
+
+    def __init__(self, tracker: Steppable | None = None):
+        self.tracker = tracker
+        self.tracked: TrackEstimate | None = None
+        self.told: StartRequest | None = None
+        self._tracked_set: ImageSet | None = None
+        self._last_ns: int | None = None
+
+    def step(self, image_set: ImageSet) -> TrackEstimate:
+        """Track an image set; where its stamp goes back, the tracker begins anew.
+
+        Raises
+        ------
+        TrackerError : there is no tracker, or the images cannot be tracked. Any other error of the tracker passes too.
+        """
+        if self.tracker is None:
+            raise TrackerError("there is no tracker yet")
+        if self._last_ns is not None and image_set.stamp_ns < self._last_ns:
+            self.tracker.reset()  # a recording began again
+            self.tracked = self._tracked_set = None
+            if self.told is not None:
+                self.told.tell(self.tracker)
+        self._last_ns = image_set.stamp_ns
+        self.tracked, self._tracked_set = self.tracker.step(image_set), image_set
+        self.told = None
+        return self.tracked
+
+    def begin(self, request: StartRequest) -> None:
+        """The next image set is begun as requested, also if a reset or another tracker comes before it."""
+        if request.forgets_state:
+            self.tracked = self._tracked_set = None
+        if request.forgets_clock:
+            self._last_ns = None
+        self.told = request
+        if self.tracker is not None:
+            request.tell(self.tracker)
+
+    def exchange(self, tracker: Steppable | None) -> None:
+        """Another tracker, which begins as was requested, or where the old one has left the body."""
+        old, self.tracker = self.tracker, tracker
+        if tracker is None:
+            return
+        if self.told is not None:
+            self.told.tell(tracker)
+        elif self.tracked is not None and self.tracked.status is Status.INITIALISING:
+            tracker.look_anew()
+        elif self.tracked is not None and not self._taken_over(tracker, old):
+            tracker.set_state(self.tracked.state)
+
+    def _taken_over(self, tracker: Steppable, old: Steppable | None) -> bool:
+        """Whether a new tracker knows where the body is; else it looks around there, which takes a second."""
+        assert self.tracked is not None
+        if old is None or self._tracked_set is None or self.tracked.status is Status.LOST:
+            return False
+        try:
+            tracker.take_over(old, self._tracked_set)
+        except TrackerError:  # the images are of another size than its cameras
+            return False
+        return True
