@@ -1,12 +1,8 @@
-"""The site of ``make docs``: the pages of docs/, and an API reference from the docstrings; Sphinx runs this file.
-
-``TRACKER_DOCS_API`` names the package to be documented (default: the whole); empty, there is none. Nodes and commands have
-documentation of their own, and are left out.
-"""
+"""How Sphinx makes the site of ``make docs`` (`build.py` runs it)."""
 
 import os
+import re
 import sys
-import warnings
 from pathlib import Path
 
 os.environ["NUMBA_DISABLE_JIT"] = "1"  # kernels are functions with signatures then, and nothing is compiled
@@ -28,9 +24,28 @@ myst_heading_anchors = 4
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
-autodoc_default_options = {"members": True, "show-inheritance": True}
+autodoc_default_options = {"members": True}
+add_module_names = False
+maximum_signature_line_length = 100
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 napoleon_use_ivar = True
 suppress_warnings = ["autodoc", "docutils", "ref.python", "myst.header", "myst.highlighting"]  # links of pages are not among them
-warnings.filterwarnings("ignore")
+
+LISTS = ("Parameters", "Attributes", "Returns", "Yields", "Raises")
+ITEM = re.compile(r"(\S.*?) : (\S.*)")
+
+
+def texts_not_types(app, what, name, obj, options, lines: list[str]) -> None:
+    """Docstrings have ``name : what it is`` on one line, types in the signature; numpydoc would take the text for a type."""
+    section, changed = "", []
+    for line, following in zip(lines, [*lines[1:], ""], strict=True):
+        if following and set(following.strip()) == {"-"}:
+            section = line.strip()
+        item = ITEM.fullmatch(line) if section in LISTS else None
+        changed += [item[1], f"    {item[2]}"] if item else [line]
+    lines[:] = changed
+
+
+def setup(app) -> None:
+    app.connect("autodoc-process-docstring", texts_not_types, priority=100)  # before napoleon
