@@ -10,8 +10,9 @@ from ..errors import WrongKindOfFileError
 
 RIG, BODY, STATE, RECORDING, PARAMETERS = "a rig", "a body", "a state", "a recording", "a file of parameters"
 _SECTIONS = {
-    *("synchronizer", "start", "motion", "evidence", "region", "status"),
-    *("optimizer", "collision", "color", "together", "self_check"),
+    *("synchronizer", "initialization", "motion", "background", "region", "chamfer", "color", "texture"),
+    *("color_over_background", "joint", "collision", "status", "limb_search", "self_check"),
+    *("evidence", "optimizer", "start", "together"),  # of version 0.1
 }
 
 

@@ -105,8 +105,10 @@ def migrated(values: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
     if engine == "color_then_contour":
         choice["combination"] = "sequential"
     known = describe(from_dict(choice)) if choice else describe(TrackerConfig())
-    dropped = [name for name in new if name not in known]
-    return {**choice, **{name: value for name, value in new.items() if name in known}}, dropped
+    everything = describe()
+    once = {name: name.replace(f"{colors}.", "color.", 1) for name in new}
+    dropped = [name for name in new if name not in known and {name, once[name]} & everything.keys()]
+    return {**choice, **{name: value for name, value in new.items() if name not in dropped}}, dropped
 
 
 def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
