@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """The page of figures, docs/measured.md, from its data file, docs/measured.yaml.
 
-The data file holds each figure once: value, target, command, machine and meaning. With ``--json-folder`` the values that a run of
+The data file holds each figure once: value, target, command, machine and meaning; ``printed`` is the key by which its program
+prints it, where that is another one's here. With ``--json-folder`` the values that a run of
 `make benchmark-full` has measured there are put into the data file first; what was not measured stays as it is.
 """
 
@@ -18,6 +19,7 @@ import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA, PAGE = ROOT / "docs/measured.yaml", ROOT / "docs/measured.md"
+DEMO = "benchmark/ros/demo.py"  # runs what `make demo` runs
 HEADER = """# Figures of docs/measured.md: value, target, command, machine and meaning of each key, once. `benchmark/_measured.py`
 # makes the page of it; with --json-folder it first puts in what a run of `make benchmark-full` has measured.
 """
@@ -71,10 +73,10 @@ def update(data: dict[str, Any], folder: Path) -> list[str]:
     found = dict(_measured(folder))
     taken = []
     for key, entry in figures(data):
-        program = entry["command"].split()[0]
-        name = program.removeprefix("benchmark/").removesuffix(".py") if program.startswith("benchmark/") else None
-        for source, value, machine in found.get(key, ()):
-            if name in (None, source) and value is not None:
+        program = DEMO if entry["command"] == "make demo" else entry["command"].split()[0]
+        name = program.removeprefix("benchmark/").removesuffix(".py")
+        for source, value, machine in found.get(entry.get("printed", key), ()):
+            if source == name and value is not None:
                 entry["value"], entry["machine"] = float(f"{value:.3g}") if isinstance(value, float) else value, machine
                 data["machines"].setdefault(machine, machine)
                 taken.append(key)

@@ -33,11 +33,13 @@ def test_a_run_puts_in_what_it_has_measured(tmp_path):
     shutil.copyfile(_measured.DATA, data)
     results(tmp_path / "run", "contour/figure", {"figure.joint_error_mm": 2.34567, "figure.set_ms": None})
     results(tmp_path / "run", "contour/accuracy", {"figure_2cams.joint_error_mm": 99.0, "unlisted.key": 1})  # another program's
+    results(tmp_path / "run", "contour/balancing", {"balancing.mpjpe_mm": 30})  # the demo's key is printed by another program
     (tmp_path / "run/all.json").write_text(json.dumps({"figure.joint_error_mm": {"value": 0}}))
     assert _measured.main(["--json-folder", str(tmp_path / "run"), "--data", str(data), "--page", str(page)]) == 0
     before, after = dict(_measured.figures(_measured.load())), dict(_measured.figures(_measured.load(data)))
     assert after["figure.joint_error_mm"]["value"] == 2.35 and after["figure.joint_error_mm"]["machine"] == "Abacus, beads"
-    assert [key for key in before if before[key] != after[key]] == ["figure.joint_error_mm"]
+    assert after["balancing_own.mpjpe_mm"]["value"] == 30
+    assert {key for key in before if before[key] != after[key]} == {"figure.joint_error_mm", "balancing_own.mpjpe_mm"}
     assert "| `figure.joint_error_mm` | **2.35** | <= 1.0 |" in page.read_text() and "Abacus, beads" in page.read_text()
 
 
