@@ -237,7 +237,7 @@ DRILLS = (
         "refused, the camera named; the others go on",
         _refused(truncated, "contradicts itself"),
     ),
-    Drill("image of another size", "refused, both sizes named; the others go on", _refused(_smaller, "calibrated", "80x60")),
+    Drill("image of another size", "refused, both sizes named; the others go on", _refused(_smaller, "calibration", "80x60")),
     Drill("image of another encoding", "refused, the encoding named; the others go on", _refused(_yuv, "yuv422")),
     Drill("damaged JPEG", "refused, the camera named; the others go on", _bad_jpeg),
     Drill("clock jumps back", "the tracker begins again by itself", _clock_back),

@@ -9,12 +9,14 @@ import cv2
 import numpy as np
 
 from ..camera.capture_settings import CaptureSettings
-from ..errors import SourceError
+from ..errors import SourceError, shown
+from ..observation.image_set import ENCODINGS
 
 JPEG = "jpeg"
 _REDUCED = {1: cv2.IMREAD_COLOR, 2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_REDUCED_COLOR_4, 8: cv2.IMREAD_REDUCED_COLOR_8}
 # OpenCV counts the pattern from the second line and column; these aliases go by the first.
 _FROM_BAYER = {name: getattr(cv2, f"COLOR_Bayer{name.upper()}2BGR") for name in ("rggb", "bggr", "gbrg", "grbg")}
+_SAME_ENCODING = {"8UC1": "mono8", "8UC3": "bgr8"}  # other names for those that the core knows
 _BAYER_ENCODING = {f"bayer_{name}8": name for name in _FROM_BAYER}
 
 
@@ -182,3 +184,32 @@ def content_size(content: np.ndarray | bytes) -> tuple[int, int]:
 def bayer_pattern(encoding: str) -> str | None:
     """``rggb`` of ``bayer_rggb8``; None for other encodings."""
     return _BAYER_ENCODING.get(encoding)
+
+
+def pixels_of(
+    camera: str, size: tuple[int, int], encoding: str, step: int, content: np.ndarray, what: str = "image message"
+) -> tuple[np.ndarray, str]:
+    """Pixels of a sensor_msgs/Image, (height, width[, 3]), and the name by which the core knows their encoding.
+
+    They are a view of ``content``; a read-only copy where rows have padding at their ends.
+
+    Parameters
+    ----------
+    size : (width, height). step : bytes from row to row. content : (n,) uint8.
+    what : the image, for messages.
+
+    Raises
+    ------
+    SourceError : naming the camera, for an encoding or a size that cannot be used.
+    """
+    (width, height), encoding = size, _SAME_ENCODING.get(encoding, encoding)
+    if encoding not in ENCODINGS:
+        raise SourceError(camera, f"image encoding: expected one of {sorted(ENCODINGS)}, got {shown(encoding)}")
+    channels = ENCODINGS[encoding]
+    if step < width * channels or content.size < height * step or not height * width:
+        raise SourceError(camera, f"{what} contradicts itself: {width}x{height}, step {step}, {content.size} bytes")
+    rows = content[: height * step].reshape(height, step)[:, : width * channels]
+    if step != width * channels:  # compiled code is made for rows without padding, and images that are not changed
+        rows = np.ascontiguousarray(rows)
+        rows.flags.writeable = False
+    return rows if channels == 1 else rows.reshape(height, width, channels), encoding

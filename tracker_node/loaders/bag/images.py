@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
+from typing import Any
 
 import numpy as np
 
 from ...errors import SourceError, shown
-from ...observation.image_set import ENCODINGS, CameraImage
-from ..decoding import bayer_pattern, decoded
+from ...observation.image_set import CameraImage
+from ..decoding import bayer_pattern, decoded, pixels_of
 from .reader import BagMessage, BagReader
 from .stamps import stamp_ns_of
 
 RAW = "sensor_msgs/msg/Image"
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
 _TOPIC_ENDS = ((RAW, "image_raw"), (COMPRESSED, "image_raw/compressed"))
-_SAME_ENCODING = {"8UC1": "mono8", "8UC3": "bgr8"}
 
 
 def image_topics(reader: BagReader, cameras: Iterable[str]) -> dict[str, str]:
@@ -65,22 +65,14 @@ def image_of(reader: BagReader, message: BagMessage, camera: str) -> CameraImage
         if pixels is None:
             raise SourceError(camera, f"compressed image at {stamp_ns} ns cannot be decoded (format {shown(content.format)})")
         return CameraImage(camera, stamp_ns, pixels, "bgr8")
-    encoding = _SAME_ENCODING.get(content.encoding, content.encoding)
-    return CameraImage(camera, stamp_ns, _rows(content, encoding, camera, stamp_ns), encoding)
+    return CameraImage(camera, stamp_ns, *_pixels(content, content.encoding, camera, stamp_ns))
 
 
-def _rows(content, encoding: str, camera: str, stamp_ns: int) -> np.ndarray:
-    if encoding not in ENCODINGS:
-        raise SourceError(camera, f"image encoding: expected one of {sorted(ENCODINGS)}, got {shown(content.encoding)}")
-    row_bytes = content.width * ENCODINGS[encoding]
-    if content.step < row_bytes or content.data.size < content.height * content.step:
-        size = f"{content.width}x{content.height}, step {content.step}, {content.data.size} bytes"
-        raise SourceError(camera, f"image at {stamp_ns} ns contradicts itself: {size}")
-    rows = content.data[: content.height * content.step].reshape(content.height, content.step)[:, :row_bytes]
-    shape = (content.height, content.width, 3) if ENCODINGS[encoding] == 3 else (content.height, content.width)
-    pixels = np.ascontiguousarray(rows).reshape(shape)  # copies only where rows are padded
+def _pixels(content: Any, encoding: str, camera: str, stamp_ns: int) -> tuple[np.ndarray, str]:
+    what = f"image at {stamp_ns} ns"
+    pixels, encoding = pixels_of(camera, (content.width, content.height), encoding, content.step, content.data, what)
     pixels.setflags(write=False)
-    return pixels
+    return pixels, encoding
 
 
 def source_content(reader: BagReader, message: BagMessage) -> tuple[int, np.ndarray | bytes, str | None]:
@@ -96,7 +88,7 @@ def source_content(reader: BagReader, message: BagMessage) -> tuple[int, np.ndar
         return stamp_ns, content.data.tobytes(), None
     pattern = bayer_pattern(getattr(content, "encoding", ""))
     if pattern:
-        return stamp_ns, _rows(content, "mono8", message.topic, stamp_ns), pattern
+        return stamp_ns, _pixels(content, "mono8", message.topic, stamp_ns)[0], pattern
     image = image_of(reader, message, message.topic)
     return stamp_ns, image.pixels if image.encoding == "mono8" else np.ascontiguousarray(image.bgr), None
 

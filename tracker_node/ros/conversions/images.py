@@ -10,13 +10,10 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from ...camera.model import CameraModel
 from ...errors import SourceError, shown
 from ...loaders.bag.stamps import NS_PER_S, stamp_ns_of
-from ...loaders.decoding import bayer_pattern, decoded
+from ...loaders.decoding import bayer_pattern, decoded, pixels_of
 from ...observation.image_set import ENCODINGS, CameraImage
 from ...runs import messages
 from .messages import fill, message_of
-
-# Other names for the encodings that the core knows.
-_SAME_ENCODING = {"8UC1": "mono8", "8UC3": "bgr8"}
 
 
 def image_message(stamp_ns: int, frame_id: str, pixels: np.ndarray, encoding: str = "bgr8") -> Image:
@@ -51,9 +48,8 @@ def camera_image_of(camera: str, message: Image) -> CameraImage:
     ------
     SourceError : naming the camera, for an encoding or a size that cannot be used.
     """
-    pixels, encoding = _view(
-        camera, message.height, message.width, message.encoding, message.step, np.frombuffer(message.data, np.uint8)
-    )
+    content = np.frombuffer(message.data, np.uint8)
+    pixels, encoding = pixels_of(camera, (message.width, message.height), message.encoding, message.step, content)
     return CameraImage(camera, stamp_ns_of(message.header.stamp), pixels, encoding)
 
 
@@ -74,22 +70,8 @@ def decode_raw_image(camera: str, data: bytes) -> CameraImage:
         content = np.frombuffer(data, np.uint8, count=size, offset=4 + reader.offset)
     except (struct.error, ValueError, UnicodeDecodeError) as error:
         raise SourceError(camera, f"damaged image message ({error})") from error
-    pixels, encoding = _view(camera, height, width, encoding, step, content)
+    pixels, encoding = pixels_of(camera, (width, height), encoding, step, content)
     return CameraImage(camera, seconds * NS_PER_S + nanoseconds, pixels, encoding)
-
-
-def _view(camera: str, height: int, width: int, encoding: str, step: int, content: np.ndarray) -> tuple[np.ndarray, str]:
-    encoding = _SAME_ENCODING.get(encoding, encoding)
-    if encoding not in ENCODINGS:
-        raise SourceError(camera, f"image encoding: expected one of {sorted(ENCODINGS)}, got {shown(encoding)}")
-    channels = ENCODINGS[encoding]
-    if step < width * channels or content.size < height * step or not height * width:
-        raise SourceError(camera, f"image message contradicts itself: {width}x{height}, step {step}, {content.size} bytes")
-    rows = content[: height * step].reshape(height, step)[:, : width * channels]
-    if step != width * channels:  # compiled code is made for rows without padding, and images that are not changed
-        rows = np.ascontiguousarray(rows)
-        rows.flags.writeable = False
-    return rows if channels == 1 else rows.reshape(height, width, channels), encoding
 
 
 class _CdrReader:
