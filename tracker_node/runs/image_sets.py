@@ -168,7 +168,18 @@ class BrokenOff:
 
 
 def opened_sources(rig: CameraRig, options: SourceOptions, errors: list[str]) -> dict[str, ImageSource]:
-    """Sources by camera; those that cannot be opened are noted."""
+    """Sources by camera; those that cannot be opened are noted.
+
+    Parameters
+    ----------
+    rig : cameras with sources.
+    options : which images, at what rate, stamps and size.
+    errors : gets a sentence for each source that cannot be opened.
+
+    Returns
+    -------
+    sources : camera -> source, in the order of the rig.
+    """
     sources = {}
     for camera in rig:
         try:
@@ -185,6 +196,15 @@ def merged_images(sources: dict[str, ImageSource], errors: list[str]) -> Iterato
     """Images of all sources, instant by instant in the order of the rig; a source that breaks off is noted once.
 
     They are decoded ahead in threads; what comes, and in what order, does not depend on these.
+
+    Parameters
+    ----------
+    sources : camera -> source.
+    errors : gets a sentence for each source that breaks off.
+
+    Yields
+    ------
+    item : an image; or a camera of which none comes any more.
     """
     last_ns = {camera: source.stamp_ns(source.options.start) - 1 for camera, source in sources.items()}
     told: set[str] = set()
@@ -209,6 +229,15 @@ def merged_images(sources: dict[str, ImageSource], errors: list[str]) -> Iterato
 def resampled_rig(rig: CameraRig, options: SourceOptions) -> CameraRig:
     """The rig for the images that these options deliver; lenses are scaled as `camera_ingest` scales its ``camera_info``.
 
+    Parameters
+    ----------
+    rig : with the lenses of the rig file.
+    options : with the size of the images.
+
+    Returns
+    -------
+    rig : the same cameras, with lenses for that size.
+
     Raises
     ------
     SourceError : a size of another aspect.
@@ -227,6 +256,15 @@ def rig_of_bag(rig: CameraRig, reader: BagReader) -> CameraRig:
 
     So a run with resampled images can be made again with the rig file that it was made with.
 
+    Parameters
+    ----------
+    rig : with the lenses of the rig file.
+    reader : of a bag with images of its cameras.
+
+    Returns
+    -------
+    rig : the same cameras, with lenses for the images of the bag.
+
     Raises
     ------
     CalibrationError : a camera_info that cannot be used.
@@ -242,6 +280,21 @@ def rig_of_bag(rig: CameraRig, reader: BagReader) -> CameraRig:
 
 
 def topics_with_images(reader: BagReader, rig: CameraRig) -> dict[str, str]:
+    """The topics of a bag that hold images of a rig.
+
+    Parameters
+    ----------
+    reader : of the bag.
+    rig : by whose names of cameras topics are known.
+
+    Returns
+    -------
+    topics : topic -> camera.
+
+    Raises
+    ------
+    SourceError : none.
+    """
     topics = image_topics(reader, rig.names)
     if not topics:
         cameras = ", ".join(rig.names)
@@ -250,7 +303,17 @@ def topics_with_images(reader: BagReader, rig: CameraRig) -> dict[str, str]:
 
 
 def bag_images(reader: BagReader, topics: dict[str, str]) -> Iterator[tuple[CameraImage, str]]:
-    """Images and, for one that cannot be used, an empty one with the problem."""
+    """Images and, for one that cannot be used, an empty one with the problem.
+
+    Parameters
+    ----------
+    reader : of the bag.
+    topics : topic -> camera.
+
+    Yields
+    ------
+    image, problem : in the order of recording; the problem is empty for an image that can be used.
+    """
     for message in reader.messages(topics):
         camera = topics[message.topic]
         try:

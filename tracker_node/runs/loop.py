@@ -19,7 +19,14 @@ class Steppable(Protocol):
     def reset(self) -> None: ...
     def set_state(self, state: State) -> None: ...
     def look_anew(self) -> None: ...
-    def take_over(self, other: Any, image_set: ImageSet) -> None: ...
+    def take_over(self, other: Any, image_set: ImageSet) -> None:
+        """Go on with the body as another tracker has left it.
+
+        Parameters
+        ----------
+        other : the tracker that has tracked until now.
+        image_set : the latest that it has tracked.
+        """
 
 
 @dataclass(frozen=True, eq=False)

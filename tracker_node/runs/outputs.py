@@ -141,6 +141,11 @@ def recorded(outputs: Sequence[Output], requested: Collection[str]) -> list[Outp
 
     Parameters
     ----------
+    outputs : one of the lists of this module.
     requested : names of outputs that are recorded besides those that are made of every image set.
+
+    Returns
+    -------
+    outputs : in the order of the list.
     """
     return [output for output in outputs if output.recorded and (not output.on_request or output.name in requested)]

@@ -11,7 +11,17 @@ from ..tracking.config import SynchronizerConfig
 
 
 def make_synchronizer(cameras: tuple[str, ...], config: SynchronizerConfig) -> ImageSynchronizer:
-    """A synchronizer by its parameters; with fewer cameras than ``min_cameras`` all of them are asked for."""
+    """A synchronizer by its parameters; with fewer cameras than ``min_cameras`` all of them are asked for.
+
+    Parameters
+    ----------
+    cameras : names, in the order of the rig.
+    config : its parameters.
+
+    Returns
+    -------
+    synchronizer : without images.
+    """
     return ImageSynchronizer(
         cameras,
         image_period_s=config.image_period_s,
@@ -71,7 +81,13 @@ class SetFormation:
         return self._now.synchronizer.cameras
 
     def change(self, cameras: tuple[str, ...], config: SynchronizerConfig) -> None:
-        """Other cameras or parameters; images that wait are counted as ``reset``."""
+        """Other cameras or parameters; images that wait are counted as ``reset``.
+
+        Parameters
+        ----------
+        cameras : names, in the order of the rig.
+        config : parameters of the synchronizer.
+        """
         old = self._now
         if cameras == old.synchronizer.cameras and config == old.config:
             return
@@ -80,7 +96,13 @@ class SetFormation:
         self._leaving.clear()
 
     def drop(self, camera: str, last_stamp_ns: int) -> None:
-        """No image of ``camera`` comes after this stamp; its sets up to there are still made."""
+        """No image of ``camera`` comes after this stamp; its sets up to there are still made.
+
+        Parameters
+        ----------
+        camera : its name.
+        last_stamp_ns : integer nanoseconds.
+        """
         self._leaving[camera] = last_stamp_ns
 
     def add(self, image: CameraImage) -> list[ImageSet]:

@@ -24,6 +24,30 @@ FOLDER = "smoothed"
 STATES, JOINTS, POSES, VELOCITIES, COVARIANCES = "states.csv", "joints.csv", "poses.csv", "velocities.csv", "covariances.csv"
 
 
+def row_of(estimate: TrackEstimate, values: np.ndarray) -> StateRow:
+    """Row of ``states.csv``: what the tracker says of an image set, and (n_dof,) values, NaN without a state.
+
+    Parameters
+    ----------
+    estimate : what the tracker says of one image set.
+    values : (n_dof,), NaN without a state.
+
+    Returns
+    -------
+    row : of ``states.csv``.
+    """
+    return StateRow(
+        stamp_ns=estimate.stamp_ns,
+        status=estimate.status.name,
+        reason=estimate.status_reason,
+        values=values,
+        score=estimate.score,
+        residual_px=estimate.residual_px,
+        iterations=estimate.iterations,
+        evaluations=estimate.evaluations,
+    )
+
+
 class SmoothedWriter:
     """Takes the tracker's estimates as they come; use it in a ``with`` statement, which ends with all of them written.
 
@@ -78,18 +102,7 @@ class SmoothedWriter:
                 self._write_one(estimate, belief)
 
     def _write_state(self, estimate: TrackEstimate, values: np.ndarray) -> None:
-        self._states.append(
-            StateRow(
-                stamp_ns=estimate.stamp_ns,
-                status=estimate.status.name,
-                reason=estimate.status_reason,
-                values=values,
-                score=estimate.score,
-                residual_px=estimate.residual_px,
-                iterations=estimate.iterations,
-                evaluations=estimate.evaluations,
-            )
-        )
+        self._states.append(row_of(estimate, values))
 
     def _write_one(self, estimate: TrackEstimate, belief: Belief) -> None:
         stamp_ns, state = estimate.stamp_ns, clip_to_limits(belief.state, self._model.chain)

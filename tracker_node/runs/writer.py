@@ -15,7 +15,7 @@ from ..loaders.bag.messages import message_of
 from ..loaders.bag.metadata import OfferedQos
 from ..loaders.bag.writer import BagExistsError, BagWriter
 from ..loaders.model.urdf_writer import urdf_of
-from ..loaders.motion.trajectory_file import JointsWriter, PosesWriter, StateRow, StatesWriter
+from ..loaders.motion.trajectory_file import JointsWriter, PosesWriter, StatesWriter
 from ..loaders.whole_file import write_whole
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration
@@ -23,13 +23,20 @@ from ..observation.image_set import ImageSet
 from ..tracking.estimate import TrackEstimate
 from .messages import CAMERA_INFO, Content, camera_info
 from .outputs import BODY_OUTPUTS, CAMERA_OUTPUTS, DESCRIPTION, STRING, Tracked, recorded
+from .smoothed_writer import row_of
 
 BAG, STATES, JOINTS, POSES, SUMMARY = "bag", "states.csv", "joints.csv", "poses.csv", "run.json"
 FLUSH_EVERY = 30  # image sets
 
 
 def write_summary(folder: Path, summary: dict[str, Any]) -> None:
-    """``run.json`` of the run in ``folder``, which is made if it is not there."""
+    """``run.json`` of the run in ``folder``, which is made if it is not there.
+
+    Parameters
+    ----------
+    folder : of the run.
+    summary : what JSON can hold; no NaN.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(folder / SUMMARY, json.dumps(summary, indent=2, allow_nan=False) + "\n")
 
@@ -88,24 +95,20 @@ class RunWriter:
                 self.bag.add_topic(f"{self._prefix}/{camera.name}/{output.name}", output.type_name, OfferedQos())
 
     def append(self, estimate: TrackEstimate, image_set: ImageSet) -> None:
-        """One instant to all files; before a state is found, there is no row of joints and poses, and masks are empty."""
+        """One instant to all files; before a state is found, there is no row of joints and poses, and masks are empty.
+
+        Parameters
+        ----------
+        estimate : what the tracker says of one image set.
+        image_set : the images that it was made from.
+        """
         configuration, has_state = Configuration(self._model, estimate.state), estimate.status.has_state
         if not self._count:
             description = message_of(STRING, {"data": urdf_of(self._model)})
             self.bag.write_message(f"/{DESCRIPTION}", estimate.stamp_ns, description)
         self._write_messages(Tracked(estimate, image_set, self._rig, configuration))
-        self._states.append(
-            StateRow(
-                stamp_ns=estimate.stamp_ns,
-                status=estimate.status.name,
-                reason=estimate.status_reason,
-                values=estimate.state.to_values() if has_state else np.full(self._model.n_dof, np.nan),
-                score=estimate.score,
-                residual_px=estimate.residual_px,
-                iterations=estimate.iterations,
-                evaluations=estimate.evaluations,
-            )
-        )
+        values = estimate.state.to_values() if has_state else np.full(self._model.n_dof, np.nan)
+        self._states.append(row_of(estimate, values))
         if has_state:
             self._joints.append(estimate.stamp_ns, configuration.landmarks_world)
             self._poses.append(estimate.stamp_ns, estimate.state.T_world_root)

@@ -20,7 +20,12 @@ def message_of(type_name: str, content: Mapping[str, Any]) -> Any:
 
     Parameters
     ----------
+    type_name : such as ``sensor_msgs/msg/Image``.
     content : field -> number, text, array of numbers, mapping for a message in it, or a list of text or of mappings.
+
+    Returns
+    -------
+    message : of the class that rosbags makes for the type.
 
     Raises
     ------

@@ -17,7 +17,19 @@ from .messages import fill, message_of
 
 
 def image_message(stamp_ns: int, frame_id: str, pixels: np.ndarray, encoding: str = "bgr8") -> Image:
-    """Image of a uint8 array (height, width[, 3])."""
+    """Image of a uint8 array (height, width[, 3]).
+
+    Parameters
+    ----------
+    stamp_ns : time of exposure.
+    frame_id : name of the camera's optical frame.
+    pixels : (height, width[, 3]) uint8.
+    encoding : as ROS names it.
+
+    Returns
+    -------
+    message : with a copy of the pixels.
+    """
     return message_of(Image, messages.image(stamp_ns, frame_id, pixels, encoding))
 
 
@@ -30,19 +42,49 @@ class ImageBuffer:
         self._frame_id, self._encoding, self.message = frame_id, encoding, Image()
 
     def fill(self, stamp_ns: int, pixels: np.ndarray) -> Image:
-        """The message with these pixels; valid until the next call."""
+        """The message with these pixels; valid until the next call.
+
+        Parameters
+        ----------
+        stamp_ns : time of exposure.
+        pixels : (height, width[, 3]) uint8.
+
+        Returns
+        -------
+        message : the one of this buffer.
+        """
         if pixels.shape != self._shape or pixels.dtype != np.uint8:
             raise ValueError(f"expected uint8 pixels {self._shape}, got {pixels.dtype} {pixels.shape}")
         return fill(self.message, messages.image(stamp_ns, self._frame_id, pixels, self._encoding))
 
 
 def camera_info_message(stamp_ns: int, frame_id: str, model: CameraModel) -> CameraInfo:
-    """CameraInfo of a lens."""
+    """CameraInfo of a lens.
+
+    Parameters
+    ----------
+    stamp_ns : time of exposure.
+    frame_id : name of the camera's optical frame.
+    model : the lens.
+
+    Returns
+    -------
+    message : see `runs.messages.camera_info`.
+    """
     return message_of(CameraInfo, messages.camera_info(stamp_ns, frame_id, model))
 
 
 def camera_image_of(camera: str, message: Image) -> CameraImage:
     """The message's pixels as a view; a copy where rows have padding at their ends.
+
+    Parameters
+    ----------
+    camera : its name.
+    message : sensor_msgs/Image.
+
+    Returns
+    -------
+    image : with the stamp of the message.
 
     Raises
     ------
@@ -55,6 +97,15 @@ def camera_image_of(camera: str, message: Image) -> CameraImage:
 
 def decode_raw_image(camera: str, data: bytes) -> CameraImage:
     """Image from its serialized form (CDR), without building a message: the pixels are a read-only view of ``data``.
+
+    Parameters
+    ----------
+    camera : its name.
+    data : a serialized sensor_msgs/Image.
+
+    Returns
+    -------
+    image : with the stamp of the message.
 
     Raises
     ------
@@ -104,17 +155,49 @@ class _CdrReader:
 
 
 def compressed_message(stamp_ns: int, frame_id: str, bgr: np.ndarray, quality: int = 90) -> CompressedImage:
-    """JPEG of a BGR image."""
+    """JPEG of a BGR image.
+
+    Parameters
+    ----------
+    stamp_ns : time of exposure.
+    frame_id : name of the camera's optical frame.
+    bgr : (height, width, 3) uint8.
+    quality : 1..100, of the JPEG.
+
+    Returns
+    -------
+    message : with the JPEG.
+    """
     return jpeg_message(stamp_ns, frame_id, messages.jpeg_of(bgr, quality))
 
 
 def jpeg_message(stamp_ns: int, frame_id: str, data: np.ndarray | bytes) -> CompressedImage:
-    """A JPEG as it is."""
+    """A JPEG as it is.
+
+    Parameters
+    ----------
+    stamp_ns : time of exposure.
+    frame_id : name of the camera's optical frame.
+    data : the bytes of the JPEG.
+
+    Returns
+    -------
+    message : with these bytes.
+    """
     return message_of(CompressedImage, messages.compressed_image(stamp_ns, frame_id, data))
 
 
 def bgr_of_compressed(camera: str, message: CompressedImage) -> CameraImage:
     """Decoded JPEG or PNG.
+
+    Parameters
+    ----------
+    camera : its name.
+    message : sensor_msgs/CompressedImage.
+
+    Returns
+    -------
+    image : BGR, with the stamp of the message.
 
     Raises
     ------

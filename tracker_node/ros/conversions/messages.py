@@ -34,13 +34,28 @@ def message_of(class_: Any, content: Mapping[str, Any]) -> Any:
 
     Parameters
     ----------
+    class_ : of the message, such as ``sensor_msgs.msg.Image``.
     content : field -> number, text, array of numbers, mapping for a message in it, or a list of text or of mappings.
+
+    Returns
+    -------
+    message : of that class.
     """
     return fill(class_(), content)
 
 
 def fill(message: Any, content: Mapping[str, Any]) -> Any:
-    """The message with the fields in ``content``; arrays and messages in it that have the right size are written to in place."""
+    """The message with the fields in ``content``; arrays and messages in it that have the right size are written to in place.
+
+    Parameters
+    ----------
+    message : of any class of ROS.
+    content : as of `message_of`.
+
+    Returns
+    -------
+    message : the same object.
+    """
     setters = _setters(message.__class__)
     for name, value in content.items():
         setters[name](message, value)

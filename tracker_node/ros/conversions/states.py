@@ -28,7 +28,17 @@ def transform_of_pose(pose: Pose) -> np.ndarray:
 
 
 def state_of_pose(pose: Pose, joint_positions: np.ndarray) -> State:
-    """A state with this root pose."""
+    """A state with this root pose.
+
+    Parameters
+    ----------
+    pose : geometry_msgs/Pose of the root.
+    joint_positions : (n_joint_dof,) angles in radians.
+
+    Returns
+    -------
+    state : of the body.
+    """
     return State(transform_of_pose(pose), np.array(joint_positions, dtype=np.float64))
 
 
@@ -36,6 +46,17 @@ def values_with_changes(
     model: ArticulatedModel, values: np.ndarray, names: Sequence[str], changes: Sequence[float]
 ) -> np.ndarray:
     """State values (n_dof,) with the named ones replaced.
+
+    Parameters
+    ----------
+    model : the body.
+    values : (n_dof,) as `model.configuration.State.to_values`.
+    names : of degrees of freedom.
+    changes : one value for each name, in meters or radians.
+
+    Returns
+    -------
+    values : (n_dof,), a copy.
 
     Raises
     ------

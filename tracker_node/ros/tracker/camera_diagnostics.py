@@ -61,7 +61,13 @@ class CameraDiagnostics:
         self._contradicted = set(statuses)
 
     def report(self, worker: TrackingWorker, cameras: tuple[str, ...]) -> None:
-        """Once a second, while the node is active; ``cameras`` are those in use."""
+        """Once a second, while the node is active.
+
+        Parameters
+        ----------
+        worker : of the tracker.
+        cameras : names of those in use.
+        """
         now, counters = time.monotonic(), worker.formation.counters
         elapsed_s = max(now - self._before_s, 1e-3)
         if self._inbox.last_arrival_s and not self._images_came:
@@ -137,7 +143,18 @@ class CameraDiagnostics:
 
 
 def compared_lenses(camera: str, info: CameraInfo, lens: CameraModel) -> tuple[bytes, str]:
-    """Whether the calibration that a camera publishes is the one of the rig file, which is used."""
+    """Whether the calibration that a camera publishes is the one of the rig file, which is used.
+
+    Parameters
+    ----------
+    camera : its name.
+    info : what the camera publishes.
+    lens : that of the rig file.
+
+    Returns
+    -------
+    level, text : for /diagnostics.
+    """
     if info.k[0] == 0.0:
         return OK, "that of the rig file (camera_info: uncalibrated)"
     try:
@@ -154,7 +171,16 @@ def compared_lenses(camera: str, info: CameraInfo, lens: CameraModel) -> tuple[b
 
 
 def lens_distance(one: CameraModel, other: CameraModel) -> float:
-    """Largest distance [px] between where two lenses of one image size put the rays of a grid of pixels of the first."""
+    """Largest distance [px] between where two lenses of one image size put the rays of a grid of pixels of the first.
+
+    Parameters
+    ----------
+    one, other : lenses for images of one size.
+
+    Returns
+    -------
+    distance : in pixels; infinite where they see no ray in common.
+    """
     u, v = np.meshgrid(np.linspace(0, one.width - 1, _GRID), np.linspace(0, one.height - 1, _GRID))
     pixels = np.column_stack([u.ravel(), v.ravel()])
     rays, known = one.rays(pixels)

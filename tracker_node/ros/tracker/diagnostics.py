@@ -40,7 +40,16 @@ class LeftOut:
         self._is_said = False
 
     def too_many(self, tracked: int, left_out: int) -> bool:
-        """So many were tracked and left out since the last call."""
+        """So many were tracked and left out since the last call.
+
+        Parameters
+        ----------
+        tracked, left_out : image sets since the last call.
+
+        Returns
+        -------
+        too_many : as is to be said now.
+        """
         self._recent.append((tracked, left_out))
         n_tracked, n_left_out = (sum(counts) for counts in zip(*self._recent, strict=True))
         self._is_said = n_left_out > (_TOLERATED if self._is_said else _TOO_MANY) * (n_tracked + n_left_out)
@@ -64,7 +73,15 @@ class TrackerDiagnostics:
         self._since_ns: dict[str, int] = {}  # part -> stamp from which on it has been in trouble
 
     def estimated(self, estimate: TrackEstimate, image_set: ImageSet, counts: WorkerCounts, now_ns: int) -> None:
-        """One image set has been tracked and published, at ``now_ns`` of the clock that stamps are of."""
+        """One image set has been tracked and published, at ``now_ns`` of the clock that stamps are of.
+
+        Parameters
+        ----------
+        estimate : what the tracker says of one image set.
+        image_set : the images that it was made from.
+        counts : of the worker, this set included.
+        now_ns : of the clock that stamps are of.
+        """
         stamps = [image.stamp_ns for image in image_set.images]
         self._latency_ms.append(1e-6 * (now_ns - estimate.stamp_ns))
         self._processing_ms.append(float(estimate.timings.total_ms))

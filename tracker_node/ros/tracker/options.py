@@ -57,7 +57,17 @@ class TrackerMaker:
         self._prepared: tuple[TrackerConfig, bool] | None = None
 
     def rig(self, cameras: tuple[str, ...], lenses: Mapping[str, CameraModel] | None = None) -> CameraRig | None:
-        """The cameras in use, in the order of the rig, with other lenses if given; None where one of them is not known."""
+        """The cameras in use, in the order of the rig, with other lenses if given; None where one of them is not known.
+
+        Parameters
+        ----------
+        cameras : names of those in use.
+        lenses : camera -> lens.
+
+        Returns
+        -------
+        rig : or None.
+        """
         rig = self._options.rig.subset(cameras)
         if lenses is None:
             return rig
@@ -68,7 +78,11 @@ class TrackerMaker:
     def prepare(self, cameras: tuple[str, ...], config: TrackerConfig, writeable: bool) -> None:
         """Have the code in memory that such a tracker runs, so that it does not stop to compile in the middle of a run.
 
-        ``writeable``: whether its images will be.
+        Parameters
+        ----------
+        cameras : names of those in use.
+        config : parameters of the tracker.
+        writeable : whether its images will be.
 
         Raises
         ------
@@ -84,6 +98,15 @@ class TrackerMaker:
     def tracker(self, rig: CameraRig, config: TrackerConfig) -> Steppable:
         """A tracker that knows nothing yet but the initial state.
 
+        Parameters
+        ----------
+        rig : the cameras in use.
+        config : parameters of the tracker.
+
+        Returns
+        -------
+        tracker : for these cameras.
+
         Raises
         ------
         TrackerError : the configuration does not suit the body.
@@ -96,6 +119,11 @@ class TrackerMaker:
 
     def check(self, cameras: tuple[str, ...], config: TrackerConfig) -> None:
         """Whether such a tracker can be made, in some 20 ms.
+
+        Parameters
+        ----------
+        cameras : names of those in use.
+        config : parameters of the tracker.
 
         Raises
         ------

@@ -95,7 +95,14 @@ class TrackerOutputs:
             self._node.destroy_publisher(self._publishers.pop())
 
     def publish(self, estimate: TrackEstimate, image_set: ImageSet, rig: CameraRig) -> None:
-        """Everything about one estimate; ``rig`` has the lenses of the images."""
+        """Everything about one estimate.
+
+        Parameters
+        ----------
+        estimate : what the tracker says of one image set.
+        image_set : the images that it was made from.
+        rig : the cameras in use, with the lenses of the images.
+        """
         tracked = Tracked(estimate, image_set, rig, Configuration(self._model, estimate.state))
         for camera in rig:
             for output, channel in self._of_cameras[camera.name]:

@@ -150,7 +150,17 @@ class ConfigParameters:
 
 
 def descriptor_of(name: str, description: Mapping[str, Any]) -> ParameterDescriptor:
-    """What ``ros2 param describe`` and rqt show: meaning, unit, range or choices."""
+    """What ``ros2 param describe`` and rqt show: meaning, unit, range or choices.
+
+    Parameters
+    ----------
+    name : of the parameter.
+    description : its meaning, unit, range, default and choices.
+
+    Returns
+    -------
+    descriptor : of rcl_interfaces.
+    """
     unit = description.get("unit", "")
     descriptor = ParameterDescriptor(name=name, description=description["doc"] + (f" [{unit}]" if unit else ""))
     low, high, default = description["low"], description["high"], description["default"]

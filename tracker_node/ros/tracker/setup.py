@@ -70,7 +70,20 @@ class WorkerCounts:
 
 
 def unknown_estimate(stamp_ns: int, reason: str, state: State, cameras: tuple[str, ...], total_ms: float) -> TrackEstimate:
-    """What is said when the tracker could not say anything: the last state, and that it is lost."""
+    """What is said when the tracker could not say anything: the last state, and that it is lost.
+
+    Parameters
+    ----------
+    stamp_ns : of the image set.
+    reason : for people.
+    state : the last one known.
+    cameras : names, in the order of the rig.
+    total_ms : that it took.
+
+    Returns
+    -------
+    estimate : LOST, with a covariance that says nothing.
+    """
     n = len(state.to_values())
     return TrackEstimate(
         stamp_ns=stamp_ns,

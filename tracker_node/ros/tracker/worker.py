@@ -156,6 +156,11 @@ class TrackingWorker:
     def stop(self, finish: bool = True, timeout_s: float = 30.0) -> None:
         """End the thread. A lossless worker that is to ``finish`` tracks what has come in; otherwise that is counted.
 
+        Parameters
+        ----------
+        finish : whether a lossless worker tracks what has come in.
+        timeout_s : for the image set at work.
+
         Raises
         ------
         TrackerError : an image set takes longer than the timeout.

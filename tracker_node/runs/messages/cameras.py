@@ -21,7 +21,19 @@ _JPEG = "bgr8; jpeg compressed bgr8"
 
 
 def image(stamp_ns: int, frame_id: str, pixels: np.ndarray, encoding: str = "bgr8") -> Content:
-    """sensor_msgs/Image of uint8 pixels (height, width[, 3])."""
+    """sensor_msgs/Image of uint8 pixels (height, width[, 3]).
+
+    Parameters
+    ----------
+    stamp_ns : time of exposure.
+    frame_id : name of the camera's optical frame.
+    pixels : (height, width[, 3]) uint8.
+    encoding : ``bgr8``, ``mono8`` or another of ROS.
+
+    Returns
+    -------
+    content : the message as field -> value.
+    """
     height, width = pixels.shape[:2]
     return {
         "header": header(stamp_ns, frame_id),
@@ -35,18 +47,50 @@ def image(stamp_ns: int, frame_id: str, pixels: np.ndarray, encoding: str = "bgr
 
 
 def compressed_image(stamp_ns: int, frame_id: str, jpeg: np.ndarray | bytes) -> Content:
-    """sensor_msgs/CompressedImage of the bytes of a JPEG."""
+    """sensor_msgs/CompressedImage of the bytes of a JPEG.
+
+    Parameters
+    ----------
+    stamp_ns : time of exposure.
+    frame_id : name of the camera's optical frame.
+    jpeg : bytes, or (n,) uint8.
+
+    Returns
+    -------
+    content : the message as field -> value.
+    """
     return {"header": header(stamp_ns, frame_id), "format": _JPEG, "data": np.frombuffer(jpeg, np.uint8)}
 
 
 def jpeg_of(bgr: np.ndarray, quality: int = 90) -> np.ndarray:
-    """(n,) uint8, the bytes of a JPEG of an image (height, width[, 3])."""
+    """(n,) uint8, the bytes of a JPEG of an image (height, width[, 3]).
+
+    Parameters
+    ----------
+    bgr : (height, width[, 3]) uint8.
+    quality : 1..100.
+
+    Returns
+    -------
+    jpeg : (n,) uint8.
+    """
     _, encoded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, int(quality)])
     return encoded.reshape(-1)
 
 
 def camera_info(stamp_ns: int, frame_id: str, model: CameraModel) -> Content:
-    """sensor_msgs/CameraInfo of a lens; R and P are those of an unrectified single camera."""
+    """sensor_msgs/CameraInfo of a lens; R and P are those of an unrectified single camera.
+
+    Parameters
+    ----------
+    stamp_ns : time of exposure.
+    frame_id : name of the camera's optical frame.
+    model : the lens, in the pixels of the images.
+
+    Returns
+    -------
+    content : the message as field -> value.
+    """
     name = "plumb_bob" if model.distortion_model == "none" else model.distortion_model
     coefficients = [float(v) for v in model.distortion] or [0.0] * 5
     if name == "plumb_bob" and len(coefficients) == 4:
@@ -67,6 +111,15 @@ def lens_of(camera: str, message: Any) -> CameraModel:
     """Lens for the pixels of the images that go with a sensor_msgs/CameraInfo, of a graph or of a bag.
 
     Region of interest and binning are applied to K; coefficients that are all zero are no distortion.
+
+    Parameters
+    ----------
+    camera : its name, for messages.
+    message : the CameraInfo.
+
+    Returns
+    -------
+    lens : for the pixels of the images.
 
     Raises
     ------

@@ -17,7 +17,18 @@ _NOTHING = np.zeros(0)
 
 
 def tracked_state(estimate: TrackEstimate, model: ArticulatedModel, frame_id: str) -> Content:
-    """tracker_msgs/TrackedState: everything the tracker says about one image set; ``frame_id`` is the world's."""
+    """tracker_msgs/TrackedState: everything the tracker says about one image set; ``frame_id`` is the world's.
+
+    Parameters
+    ----------
+    estimate : what the tracker says of one image set.
+    model : the body.
+    frame_id : name of the world frame.
+
+    Returns
+    -------
+    content : the message as field -> value.
+    """
     spread = estimate.velocity_covariance
     return {
         "header": header(estimate.stamp_ns, frame_id),
@@ -52,6 +63,15 @@ def pose(estimate: TrackEstimate, frame_id: str) -> Content:
     """geometry_msgs/PoseWithCovarianceStamped of the root.
 
     The 6x6 covariance is of the translation, then of a rotation about the axes of ``frame_id`` (REP-103).
+
+    Parameters
+    ----------
+    estimate : what the tracker says of one image set.
+    frame_id : name of the world frame.
+
+    Returns
+    -------
+    content : the message as field -> value.
     """
     covariance = estimate.covariance[:N_ROOT_DOF, :N_ROOT_DOF].ravel()
     return {
@@ -65,6 +85,15 @@ def twist(estimate: TrackEstimate, frame_id: str) -> Content:
 
     Both are about the axes of ``frame_id``, per second, with their 6x6 covariance. Where nothing is known of that, its first
     element is -1, as sensor_msgs/Imu marks it.
+
+    Parameters
+    ----------
+    estimate : what the tracker says of one image set.
+    frame_id : name of the world frame.
+
+    Returns
+    -------
+    content : the message as field -> value.
     """
     covariance = np.zeros((N_ROOT_DOF, N_ROOT_DOF))
     covariance[0, 0] = -1.0
@@ -78,7 +107,18 @@ def twist(estimate: TrackEstimate, frame_id: str) -> Content:
 
 
 def joint_state(estimate: TrackEstimate, model: ArticulatedModel, frame_id: str) -> Content:
-    """sensor_msgs/JointState: angles and angular velocities; names are those of the model's axes and of its URDF."""
+    """sensor_msgs/JointState: angles and angular velocities; names are those of the model's axes and of its URDF.
+
+    Parameters
+    ----------
+    estimate : what the tracker says of one image set.
+    model : the body.
+    frame_id : name of the world frame.
+
+    Returns
+    -------
+    content : the message as field -> value.
+    """
     return {
         "header": header(estimate.stamp_ns, frame_id),
         "name": model.chain.dof_names[N_ROOT_DOF:],

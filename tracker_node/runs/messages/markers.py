@@ -21,14 +21,35 @@ def markers(model: ArticulatedModel) -> Content:
 
 
 def changed_markers(estimate: TrackEstimate, configuration: Configuration, frame_id: str) -> Content:
-    """What changes from estimate to estimate: stamp, pose and color of each shape; a lost body is shown in faint red."""
+    """What changes from estimate to estimate: stamp, pose and color of each shape; a lost body is shown in faint red.
+
+    Parameters
+    ----------
+    estimate : what the tracker says of one image set.
+    configuration : the model in the state of the estimate.
+    frame_id : name of the world frame.
+
+    Returns
+    -------
+    content : of a MarkerArray, without what `markers` holds.
+    """
     said = header(estimate.stamp_ns, frame_id)
     shapes = zip(configuration.model.shapes, configuration.Ts_world_shape, strict=True)
     return {"markers": [{"header": said, "pose": pose_of(T), "color": color(shape, estimate.status)} for shape, T in shapes]}
 
 
 def color(shape: Shape, status: Status) -> Content:
-    """std_msgs/ColorRGBA of a shape."""
+    """std_msgs/ColorRGBA of a shape.
+
+    Parameters
+    ----------
+    shape : of the body.
+    status : of the body.
+
+    Returns
+    -------
+    content : of a ColorRGBA; faint where the body is not tracked.
+    """
     if status == Status.LOST:
         red, green, blue = rgb_of("lost")
         return {"r": red, "g": green, "b": blue, "a": 0.3}

@@ -15,7 +15,17 @@ Content = Mapping[str, Any]
 
 
 def header(stamp_ns: int, frame_id: str) -> Content:
-    """std_msgs/Header."""
+    """std_msgs/Header.
+
+    Parameters
+    ----------
+    stamp_ns : integer nanoseconds.
+    frame_id : name of the frame that the message is in.
+
+    Returns
+    -------
+    content : fields of the Header.
+    """
     return {"stamp": time_of(stamp_ns), "frame_id": frame_id}
 
 
@@ -37,7 +47,17 @@ def pose_of(T_world_body: np.ndarray) -> Content:
 
 
 def transforms(stamp_ns: int, frames: Iterable[tuple[str, str, np.ndarray]]) -> list[Content]:
-    """geometry_msgs/TransformStamped of transforms ``T_parent_child`` (4, 4) given as (parent, child, transform)."""
+    """geometry_msgs/TransformStamped of transforms ``T_parent_child`` (4, 4) given as (parent, child, transform).
+
+    Parameters
+    ----------
+    stamp_ns : integer nanoseconds.
+    frames : (parent, child, (4, 4) transform ``T_parent_child`` in meters).
+
+    Returns
+    -------
+    contents : one for each frame, in their order.
+    """
     return [
         {
             "header": header(stamp_ns, parent),
