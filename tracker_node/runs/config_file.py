@@ -13,6 +13,15 @@ from ..tracking.renamed import migrated
 def load_config(path: str | Path, node: str = "tracker") -> TrackerConfig:
     """Tracker configuration of a plain or ROS parameter file; what the file leaves out has its default.
 
+    Parameters
+    ----------
+    path : of the file.
+    node : whose parameters, in a ROS parameter file.
+
+    Returns
+    -------
+    config : checked.
+
     Raises
     ------
     FileFormatError : naming file and parameter, the range or the choices, and the value.
@@ -21,12 +30,23 @@ def load_config(path: str | Path, node: str = "tracker") -> TrackerConfig:
 
 
 def dump_config(config: TrackerConfig, path: str | Path) -> None:
-    """Write every parameter."""
+    """Write every parameter.
+
+    Parameters
+    ----------
+    config : of the tracker.
+    path : of the file.
+    """
     dump_parameters(flatten(config), path, "Parameters of the tracker.")
 
 
 def migrate_config(path: Path, output: Path) -> list[str]:
     """Write a parameter file of version 0.1 under the present names; in its own place the old one goes to ``<name>.old``.
+
+    Parameters
+    ----------
+    path : of the file of version 0.1.
+    output : of the new file.
 
     Returns
     -------

@@ -43,7 +43,18 @@ class RunDetails:
 
     @classmethod
     def unknown(cls, n: int, n_dof: int, limbs: tuple[str, ...] = ()) -> RunDetails:
-        """Nothing is known of any set."""
+        """Nothing is known of any set.
+
+        Parameters
+        ----------
+        n : image sets.
+        n_dof : degrees of freedom.
+        limbs : names.
+
+        Returns
+        -------
+        details : of n sets.
+        """
         unseen = np.full((n, len(limbs)), int(LimbStatus.UNSEEN))
         return cls(limbs, unseen, np.full((n, 3), np.nan), np.zeros((n, n_dof, n_dof), dtype=np.float32))
 
@@ -87,7 +98,19 @@ class RunData:
 
     @classmethod
     def of_estimates(cls, path: Path, model: ArticulatedModel, rig: CameraRig, estimates: Sequence[TrackEstimate]) -> RunData:
-        """What a tracker of ``model`` before the cameras of ``rig`` has returned, one estimate for each image set."""
+        """What a tracker of ``model`` before the cameras of ``rig`` has returned, one estimate for each image set.
+
+        Parameters
+        ----------
+        path : of the run, for messages.
+        model : the body.
+        rig : the cameras, in the order of the reports.
+        estimates : in the order of their stamps.
+
+        Returns
+        -------
+        run : without a bag.
+        """
         return cls(
             path=path,
             dof_names=model.chain.dof_names,
@@ -132,6 +155,15 @@ class RunData:
     def configuration(self, model: ArticulatedModel, i: int) -> Configuration:
         """The model as tracked in image set ``i``.
 
+        Parameters
+        ----------
+        model : of the run.
+        i : row of the image set.
+
+        Returns
+        -------
+        configuration : the model in that state.
+
         Raises
         ------
         ValueError : a set without a state.
@@ -141,7 +173,13 @@ class RunData:
         return Configuration(model, State.from_values(self.values[i]))
 
     def check_model(self, model: ArticulatedModel, model_path: str | Path) -> None:
-        """Raises FileFormatError when ``model`` has other degrees of freedom than the run."""
+        """Raises FileFormatError when ``model`` has other degrees of freedom than the run.
+
+        Parameters
+        ----------
+        model : to be used with the run.
+        model_path : its file, for messages.
+        """
         if self.dof_names != model.chain.dof_names:
             only_run = sorted(set(self.dof_names) - set(model.chain.dof_names))[:2]
             only_model = sorted(set(model.chain.dof_names) - set(self.dof_names))[:2]
@@ -155,7 +193,12 @@ def load_run(path: str | Path, topic: str | None = None) -> RunData:
 
     Parameters
     ----------
+    path : of a run folder, or of a bag.
     topic : topic of the states, where a bag has several.
+
+    Returns
+    -------
+    run : in the order of the stamps.
 
     Raises
     ------

@@ -69,6 +69,10 @@ def source_options_of(info: Info, path: str | Path = "run") -> SourceOptions:
     ----------
     info : content of ``run.json``. path : of the run, for messages.
 
+    Returns
+    -------
+    options : those of the run, where it tells none the defaults.
+
     Raises
     ------
     FileFormatError : options of another kind.
@@ -89,7 +93,13 @@ def rig_of_run(rig: CameraRig, info: Info, other_file: bool = False) -> CameraRi
 
     Parameters
     ----------
+    rig : cameras of the rig file.
+    info : content of ``run.json``.
     other_file : the rig is not from the file of the run: its own sources count.
+
+    Returns
+    -------
+    rig : of the cameras that the run used.
     """
     options = options_of(info)
     names = [name for name in rig.names if name in (options.get("cameras") or rig.names)]
@@ -104,7 +114,18 @@ def rig_of_run(rig: CameraRig, info: Info, other_file: bool = False) -> CameraRi
 
 
 def image_bag_of(bag: Path | None, info: Info, cameras: tuple[str, ...]) -> Path | None:
-    """The bag with the images of a run: its own, or that which it was tracked in; None where they came from the rig's sources."""
+    """The bag with the images of a run: its own, or that which it was tracked in; None where they came from the rig's sources.
+
+    Parameters
+    ----------
+    bag : of the run.
+    info : content of ``run.json``.
+    cameras : names, by which topics of images are known.
+
+    Returns
+    -------
+    path : or None.
+    """
     options = options_of(info)
     for candidate in (bag, options.get("bag"), options.get("from_run_bag")):
         if candidate is not None and Path(candidate).exists():
@@ -115,7 +136,17 @@ def image_bag_of(bag: Path | None, info: Info, cameras: tuple[str, ...]) -> Path
 
 
 def rig_from_bag(rig: CameraRig, bag: Path) -> CameraRig:
-    """The cameras with a bag as their source, its stamps as they are, and lenses for its images; those it lacks have none."""
+    """The cameras with a bag as their source, its stamps as they are, and lenses for its images; those it lacks have none.
+
+    Parameters
+    ----------
+    rig : cameras of the rig file.
+    bag : with images of them.
+
+    Returns
+    -------
+    rig : of the same cameras.
+    """
     with BagReader(bag) as reader:
         recorded = set(image_topics(reader, rig.names).values())
         rig = rig_of_bag(rig, reader)
@@ -135,7 +166,12 @@ def run_stream(
     ----------
     rig : of the run, see `rig_of_run`.
     reader : bag with the states of the run.
+    info : content of ``run.json``.
     options : of the rig's sources; default: those of the run.
+
+    Returns
+    -------
+    rig, stream : lenses for the images; the sets that the states were made from.
 
     Raises
     ------
@@ -187,8 +223,15 @@ def images_of_run(run: RunData, given: CameraRig, model: ArticulatedModel, n_set
 
     Parameters
     ----------
+    run : with states.
     given : cameras of the run, see `rig_of_run`.
     model : of the run.
+    n_sets : at most so many.
+    config : parameters of the tracker.
+
+    Returns
+    -------
+    images : with states and velocities.
 
     Raises
     ------
@@ -218,7 +261,17 @@ def images_of_run(run: RunData, given: CameraRig, model: ArticulatedModel, n_set
 
 
 def chosen_rows(run: RunData, n: int) -> list[int]:
-    """Rows of a run spread over its time, of each stretch the one whose residual is least; lost ones only if all are."""
+    """Rows of a run spread over its time, of each stretch the one whose residual is least; lost ones only if all are.
+
+    Parameters
+    ----------
+    run : with states.
+    n : at most so many.
+
+    Returns
+    -------
+    rows : increasing.
+    """
     good = np.flatnonzero(run.status == int(Status.TRACKING))
     if len(good) < min(n, len(run)):
         good = np.flatnonzero(run.believed)
@@ -229,7 +282,17 @@ def chosen_rows(run: RunData, n: int) -> list[int]:
 
 
 def velocity_at(run: RunData, row: int) -> np.ndarray:
-    """(n_dof,) tangent a second at a row of a run, from the rows around it in which the body was tracked."""
+    """(n_dof,) tangent a second at a row of a run, from the rows around it in which the body was tracked.
+
+    Parameters
+    ----------
+    run : with states.
+    row : of one of its image sets.
+
+    Returns
+    -------
+    velocity : (n_dof,), zero where no other row is near.
+    """
     first, last = (beside if 0 <= beside < len(run) and run.believed[beside] else row for beside in (row - 1, row + 1))
     seconds = 1e-9 * float(run.stamps_ns[last] - run.stamps_ns[first])
     tangent = State.from_values(run.values[last]).difference(State.from_values(run.values[first]))

@@ -88,8 +88,14 @@ def motion_of_run(run: RunData, model: ArticulatedModel, lost: str = "gap") -> R
 
     Parameters
     ----------
+    run : with states.
+    model : of the run.
     lost : one of `LOST`. States that are lost leave a gap, or are kept as they stand; with "limbs" single limbs that are lost or
         not seen have gaps, too. Where no state had been found yet there is always a gap.
+
+    Returns
+    -------
+    motion : at the stamps of the run.
 
     Raises
     ------
@@ -135,7 +141,12 @@ def at_constant_rate(motion: RunMotion, rate_hz: float | None = None) -> tuple[R
 
     Parameters
     ----------
+    motion : at any stamps.
     rate_hz : default: that of the run.
+
+    Returns
+    -------
+    motion, text : at a constant rate; for people.
 
     Raises
     ------

@@ -78,6 +78,17 @@ def run_offline(
     An error in the middle (a damaged file, images of a wrong size) ends the run, but what was tracked until then is in the
     folder, and ``errors`` of the summary names it.
 
+    Parameters
+    ----------
+    run : what to track.
+    output : folder, made here.
+    progress : called after each set with its number, how many are expected, and its estimate.
+    tell : called with a sentence.
+
+    Returns
+    -------
+    summary : content of ``run.json``.
+
     Raises
     ------
     TrackerError : nothing can be tracked at all.
