@@ -37,12 +37,6 @@ def test_group_laws(a, b):
     assert np.allclose(se3.exp(-a), se3.inverse(A), atol=1e-12)
 
 
-@given(twists, twists)
-def test_adjoint_carries_a_twist_through_a_transform(a, b):
-    A = se3.exp(a)
-    assert np.allclose(se3.exp(se3.adjoint(A) @ b), A @ se3.exp(b) @ se3.inverse(A), atol=1e-9)
-
-
 @given(twists)
 def test_a_twist_is_the_velocity_of_a_point(twist):
     transform, point = se3.exp(twist), np.array([0.3, -0.7, 1.1])

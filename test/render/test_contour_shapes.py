@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from helpers.bodies.contours import contour_points
 from helpers.cameras.render_scenes import icosahedron, look_at, single_shape, tetrahedron
 from tracker_node.camera.model import CameraModel
 from tracker_node.geometry import se3, so3
@@ -143,7 +144,7 @@ def test_normal_displacement_against_a_contour_drawn_anew(name):
     camera = look_at(center, (0.0, 0.0, 0.0), LENS)
 
     def points(twist, n):
-        return contour.contour_points(arrays, (se3.exp(twist) @ T)[None], 0, center, n)
+        return contour_points(arrays, (se3.exp(twist) @ T)[None], 0, center, n)
 
     rows, pixels, info = samples_of(single_shape(primitive, T), camera, 10)
     rows, pixels = rows[info[:, CLASS] == OUTER], pixels[info[:, CLASS] == OUTER]
@@ -269,7 +270,7 @@ def test_a_closed_mesh_may_come_in_pieces_as_from_stl():
 
 
 def test_no_contour_from_inside_a_box():
-    rows = contour.contour_points(ShapeArrays.from_model(single_shape(SHAPES["box"]).model), np.eye(4)[None], 0, np.zeros(3), 5)
+    rows = contour_points(ShapeArrays.from_model(single_shape(SHAPES["box"]).model), np.eye(4)[None], 0, np.zeros(3), 5)
     assert len(rows) == 0
 
 

@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from helpers.cameras.small_clip import RATE_HZ, Clip, make_clip
+from helpers.sources.tables import read_numbers
 from tracker_node.cli.main import main
-from tracker_node.loaders.motion.motion_file import read_covariances, read_velocities
-from tracker_node.loaders.motion.trajectory_file import read_joints, read_poses, read_states
+from tracker_node.loaders.motion.motion_file import read_covariances
+from tracker_node.loaders.motion.trajectory_file import read_joints, read_states
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.runs.data import load_run
 
@@ -46,11 +48,12 @@ def test_smoothed_files_stand_beside_those_of_the_tracker(clip, tmp_path):
     configurations = [Configuration(clip.model, State.from_values(v)) for v in states.values]
     joints = read_joints(smoothed / "joints.csv")
     np.testing.assert_allclose(joints.positions_m, [c.landmarks_world for c in configurations], atol=1e-9)
-    np.testing.assert_allclose(
-        read_poses(smoothed / "poses.csv").Ts_world_root, [c.state.T_world_root for c in configurations], atol=1e-9
-    )
+    _, poses = read_numbers(smoothed / "poses.csv")
+    roots = [c.state.T_world_root for c in configurations]
+    np.testing.assert_allclose(poses[:, :3], [T[:3, 3] for T in roots], atol=1e-9)
+    np.testing.assert_allclose(Rotation.from_quat(poses[:, 3:]).as_matrix(), [T[:3, :3] for T in roots], atol=1e-9)
     covariances = read_covariances(smoothed / "covariances.csv")
-    stamps_ns, velocities = read_velocities(smoothed / "velocities.csv")
+    stamps_ns, velocities = read_numbers(smoothed / "velocities.csv")
     assert stamps_ns.tolist() == states.stamps_ns.tolist() == covariances.stamps_ns.tolist()
     truth = [b.difference(a) * RATE_HZ / 2 for a, b in zip(clip.states[:-2], clip.states[2:], strict=True)]
     off = np.abs(velocities[1:-1] - truth)

@@ -59,16 +59,6 @@ def log(transform: np.ndarray) -> np.ndarray:
     return np.concatenate([v, w])
 
 
-def adjoint(transform: np.ndarray) -> np.ndarray:
-    """Ad (6, 6) with exp(Ad xi) = T exp(xi) T^-1, twists (v, omega)."""
-    rotation = transform[:3, :3]
-    result = np.zeros((6, 6))
-    result[:3, :3] = rotation
-    result[3:, 3:] = rotation
-    result[:3, 3:] = so3.hat(transform[:3, 3]) @ rotation
-    return result
-
-
 def is_rigid(transform: np.ndarray, tolerance: float = 1e-6) -> bool:
     """True for a 4x4 matrix with a proper rotation and last row (0, 0, 0, 1)."""
     transform = np.asarray(transform)

@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from helpers.sources.tables import read_numbers
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.motion.motion_file import CovariancesWriter, VelocitiesWriter, read_covariances, read_velocities
+from tracker_node.loaders.motion.motion_file import CovariancesWriter, VelocitiesWriter, read_covariances
 from tracker_node.model.kinematic_chain import ROOT_DOF_NAMES
 
 NAMES = (*ROOT_DOF_NAMES, "knee_flexion", "slide")
@@ -32,7 +33,7 @@ def test_velocities_come_back_bit_for_bit(tmp_path):
     with VelocitiesWriter(tmp_path / "velocities.csv", NAMES, UNITS) as writer:
         for i, row in enumerate(values):
             writer.append(10**18 + i, row)
-    stamps_ns, read = read_velocities(tmp_path / "velocities.csv")
+    stamps_ns, read = read_numbers(tmp_path / "velocities.csv")
     assert read.tobytes() == values.tobytes()
     assert stamps_ns.tolist() == [10**18 + i for i in range(4)]
     header = (tmp_path / "velocities.csv").read_text().splitlines()[0].split(",")

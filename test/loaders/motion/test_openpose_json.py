@@ -7,8 +7,13 @@ import numpy as np
 import pytest
 
 from tracker_node.errors import FileFormatError, UnknownNameError
-from tracker_node.loaders.motion.openpose_json import BODY_25B, load_openpose, match_cameras
+from tracker_node.loaders.motion.openpose_json import load_openpose, match_cameras
 
+BODY_25B = (
+    "nose", "left_eye", "right_eye", "left_ear", "right_ear", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow",
+    "left_wrist", "right_wrist", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle", "neck", "head",
+    "left_big_toe", "left_small_toe", "left_heel", "right_big_toe", "right_small_toe", "right_heel",
+)  # fmt: skip
 
 def person(value: float, n: int = 3) -> dict:
     return {"person_id": [-1], "pose_keypoints_2d": [value, value + 1.0, 0.5] * n}

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from helpers.bodies.contours import contour_points
 from tracker_node.geometry import se3, so3
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.kinematic_chain import KinematicChain
@@ -43,7 +44,7 @@ def surface_gradient(primitive, points, step=1e-6):
 def test_generator_lies_on_the_surface_and_is_tangent_to_sight(primitive, seed):
     rng = np.random.default_rng(seed)
     T, center = random_pose(rng), rng.normal(size=3) * 3 + np.array([0, 0, 4.0])
-    rows = contour.contour_points(arrays_of(primitive), T[None], 0, center, 10)
+    rows = contour_points(arrays_of(primitive), T[None], 0, center, 10)
     assert len(rows) == 20
     local = se3.apply(se3.inverse(T), rows[:, :3])
     assert np.abs(surface_value(primitive, local)).max() < 1e-9
@@ -65,9 +66,9 @@ def test_velocity_matches_finite_differences(primitive, seed):
     arrays = arrays_of(primitive)
 
     def moved(sign):
-        return contour.contour_points(arrays, (se3.exp(sign * step * twist) @ T)[None], 0, center, 8)[:, :3]
+        return contour_points(arrays, (se3.exp(sign * step * twist) @ T)[None], 0, center, 8)[:, :3]
 
-    rows = contour.contour_points(arrays, T[None], 0, center, 8)
+    rows = contour_points(arrays, T[None], 0, center, 8)
     p, d, m = rows[:, :3], rows[:, contour.SLIDE : contour.SLIDE + 3], rows[:, contour.M : contour.M + 3]
     at_center = twist[:3] + np.cross(twist[3:], center)
     analytic = twist[:3] + np.cross(twist[3:], p) + d * (m @ at_center)[:, None]
@@ -88,7 +89,7 @@ def test_velocity_matches_finite_differences(primitive, seed):
 
 def test_no_contour_from_inside():
     for primitive in (CONE, ELLIPSOID):
-        assert len(contour.contour_points(arrays_of(primitive), np.eye(4)[None], 0, np.zeros(3), 5)) == 0
+        assert len(contour_points(arrays_of(primitive), np.eye(4)[None], 0, np.zeros(3), 5)) == 0
 
 
 @pytest.mark.parametrize("primitive", [CONE, TruncatedCone(0.05, 0.05, 5.0, 0.0, 0.1), ELLIPSOID])

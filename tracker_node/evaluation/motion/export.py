@@ -12,7 +12,6 @@ from ...geometry import quaternion
 from ...loaders.motion.bvh import dump_bvh
 from ...loaders.motion.c3d_file import MOST_FRAMES, AnglesOverTime, dump_c3d
 from ...loaders.motion.opensim_table import NumberTable, dump_table
-from ...loaders.motion.trajectory_file import PoseTrajectory
 from ...loaders.motion.trc import MarkerTrajectories, dump_trc
 from ...loaders.motion.tum import dump_tum
 from ...runs.motion import RunMotion, without_gaps
@@ -76,7 +75,7 @@ def _tum(motion: RunMotion, path: Path, options: ExportOptions) -> list[str]:
     good = motion.valid
     Ts = motion.Ts_world_link()[good, link]
     turns = np.array([quaternion.xyzw_from_matrix(rotation) for rotation in options.axes @ Ts[:, :3, :3]])
-    dump_tum(PoseTrajectory(motion.stamps_ns[good], Ts[:, :3, 3] @ options.axes.T, turns), path)
+    dump_tum(motion.stamps_ns[good], Ts[:, :3, 3] @ options.axes.T, turns, path)
     return []
 
 

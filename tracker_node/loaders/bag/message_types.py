@@ -18,7 +18,6 @@ from pathlib import Path
 from rosbags.interfaces.typing import Typesdict
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.base import TypesysError
-from rosbags.typesys.msg import denormalize_msgtype
 from rosbags.typesys.store import Typestore
 
 from ...errors import TrackerError
@@ -148,8 +147,3 @@ def _names_in(field: tuple) -> list[str]:
     if isinstance(content, tuple) and content and isinstance(content[0], tuple):
         return _names_in(content[0])
     return []
-
-
-def short_name(type_name: str) -> str:
-    """``sensor_msgs/Image`` for ``sensor_msgs/msg/Image``."""
-    return denormalize_msgtype(type_name)

@@ -60,20 +60,6 @@ class CovariancesWriter(CsvWriter):
             self.write_rows([[int(stamp_ns), of, name, *(f"{value:.9g}" for value in row)] for name, row in rows])
 
 
-def read_velocities(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
-    """Stamps (n,) int64, nanoseconds, and velocities (n, n_dof) of ``velocities.csv``.
-
-    Raises
-    ------
-    FileFormatError : naming line and column.
-    """
-    table = CsvTable(path)
-    table.expect_prefix(("stamp_ns",))
-    n = len(table.header)
-    rows = [(cells.integer(0), cells.numbers(1, n)) for cells in table.rows()]
-    return np.array([stamp for stamp, _ in rows], dtype=np.int64), np.array([row for _, row in rows]).reshape(-1, n - 1)
-
-
 def read_covariances(path: str | Path) -> CovarianceTrajectory:
     """What `CovariancesWriter` wrote.
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import FileFormatError
-from ...geometry import quaternion, se3
+from ...geometry import quaternion
 from ...model.kinematic_chain import N_ROOT_DOF
 from ..csv_file import CsvTable, CsvWriter, exact
 
@@ -81,22 +81,6 @@ class JointTrajectory:
     stamps_ns: np.ndarray
     positions_m: np.ndarray
     valid: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class PoseTrajectory:
-    """What ``poses.csv`` holds: ``positions_m`` (n, 3) and ``quaternions_xyzw`` (n, 4), rotation of T_world_root."""
-
-    stamps_ns: np.ndarray
-    positions_m: np.ndarray
-    quaternions_xyzw: np.ndarray
-
-    @property
-    def Ts_world_root(self) -> np.ndarray:
-        """(n, 4, 4)."""
-        rotations = [quaternion.matrix_from_xyzw(q) for q in self.quaternions_xyzw]
-        pairs = zip(rotations, self.positions_m, strict=True)
-        return np.array([se3.from_rotation_translation(r, t) for r, t in pairs]).reshape(-1, 4, 4)
 
 
 class StatesWriter(CsvWriter):
@@ -223,24 +207,3 @@ def read_joints(path: str | Path) -> JointTrajectory:
             positions_m[row, names[name]] = point
             valid[row, names[name]] = True
     return JointTrajectory(tuple(names), np.array(list(instants), dtype=np.int64), positions_m, valid)
-
-
-def write_poses(path: str | Path, trajectory: PoseTrajectory) -> None:
-    """The whole of ``poses.csv`` at once."""
-    with CsvWriter(path, POSE_COLUMNS) as writer:
-        for stamp_ns, p, q in zip(trajectory.stamps_ns, trajectory.positions_m, trajectory.quaternions_xyzw, strict=True):
-            writer.write_rows([[int(stamp_ns), *map(exact, p), *map(exact, q)]])
-
-
-def read_poses(path: str | Path) -> PoseTrajectory:
-    """Inverse of `write_poses`.
-
-    Raises
-    ------
-    FileFormatError : naming line and column.
-    """
-    table = CsvTable(path)
-    table.expect_prefix(POSE_COLUMNS)
-    rows = [(cells.integer(0), cells.numbers(1, 8)) for cells in table.rows()]
-    numbers = np.array([row for _, row in rows]).reshape(-1, 7)
-    return PoseTrajectory(np.array([stamp for stamp, _ in rows], dtype=np.int64), numbers[:, :3], numbers[:, 3:])

@@ -16,10 +16,9 @@ from __future__ import annotations
 import math
 
 import numba as nb
-import numpy as np
 
 from ..shape_arrays import CONE, ELLIPSOID, OTHER
-from .picks import N_PICK_COLUMNS, cap_rows, edge_rows, has_caps, pick_caps, pick_edges
+from .picks import cap_rows, edge_rows, has_caps, pick_caps, pick_edges
 
 # Columns of a contour sample: position p, unit outward normal m_hat, sliding direction d, normal m (all in the world)
 P, NORMAL, SLIDE, M = 0, 3, 6, 9
@@ -168,15 +167,3 @@ def draw_contour(shapes, shape, T, center, n_samples, anew, picks, n_picks, out)
         return n + shape_contour(kind, dims, T, center, n_samples, out[n:])
     n_picks[shape] = 0
     return shape_contour(kind, dims, T, center, n_samples, out)
-
-
-def contour_points(arrays, Ts_world_shape: np.ndarray, shape: int, center: np.ndarray, n_samples: int) -> np.ndarray:
-    """Contour samples of one shape for a camera at ``center`` (3,) in the world.
-
-    Returns (n, `N_COLUMNS`): position, unit normal, sliding direction d and normal m, all in world axes, metres.
-    """
-    picks, n_picks = np.empty((SAMPLES * n_samples, N_PICK_COLUMNS)), np.zeros(shape + 1, dtype=np.int64)
-    out = np.empty((SAMPLES * n_samples, N_COLUMNS))
-    center = np.asarray(center, dtype=np.float64)
-    n = draw_contour(arrays.packed, shape, Ts_world_shape[shape], center, n_samples, True, picks, n_picks, out)
-    return out[:n]
