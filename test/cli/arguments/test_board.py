@@ -4,7 +4,7 @@ import argparse
 
 import pytest
 
-from tracker_node.cli.arguments.board import StageProgress, _name_and_path, add_board_arguments, board_of, sources_of
+from tracker_node.cli.arguments.board import _name_and_path, add_board_arguments, board_of, sources_of
 from tracker_node.errors import FileFormatError, TrackerError, UnknownNameError
 
 
@@ -119,13 +119,3 @@ def test_two_cameras_of_one_name(tmp_path):
         sources_of(given)
     given.videos = [f"a={videos[0]}", f"b={videos[1]}"]
     assert list(sources_of(given)) == ["a", "b"]
-
-
-def test_progress_is_a_line_for_the_beginning_and_the_end_of_a_stage(capsys):
-    progress = StageProgress("calibrate rig")
-    for what, done, total in (("looking", 1, 3), ("looking", 2, 3), ("looking", 3, 3), ("fitting", 1, 9)):
-        progress(what, done, total)
-    lines = capsys.readouterr().err.splitlines()
-    assert [line.rsplit(",", 1)[0] for line in lines] == [
-        "calibrate rig: looking, 1 of 3", "calibrate rig: looking, 3 of 3", "calibrate rig: fitting, 1 of 9",
-    ]  # fmt: skip

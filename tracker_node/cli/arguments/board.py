@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -116,6 +115,7 @@ def detect(
     CalibrationError : fewer than ``least`` cameras saw it.
     """
     from ...calibration.board.detection import detect_boards, with_board
+    from ...report.progress import StageProgress
 
     progress = None if args.quiet else StageProgress(f"calibrate {args.what}")
     seen, left_out = with_board(detect_boards(sources, board, args.images, progress), board, least)
@@ -129,21 +129,6 @@ def detect(
         if found.backs:
             print(f"{name}: note: the board's mirrored back is in {found.backs} other images at least, which are left out")
     return seen, left_out
-
-
-class StageProgress:
-    """One line a stage that rewrites itself on a terminal, else a line for its beginning and end."""
-
-    def __init__(self, program: str):
-        self._program, self._began, self._stage = program, time.monotonic(), ""
-
-    def __call__(self, what: str, done: int, total: int) -> None:
-        text = f"{self._program}: {what}, {done} of {total}, {time.monotonic() - self._began:.0f} s"
-        if sys.stderr.isatty():
-            print(f"\r{text:<70}", end="\n" if done == total else "", file=sys.stderr, flush=True)
-        elif what != self._stage or done == total:
-            print(text, file=sys.stderr, flush=True)
-        self._stage = what
 
 
 def _name_and_path(text: str) -> tuple[str, str]:

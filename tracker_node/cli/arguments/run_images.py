@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -88,18 +86,3 @@ def named_file(args: argparse.Namespace, info: Any, key: str) -> str:
     if found:
         return found
     raise FileFormatError("command line", f"--{key}", f"a {key} file, since the run does not name it", "nothing")
-
-
-class FitProgress:
-    """One line on a terminal, else one line a stage."""
-
-    def __init__(self, program: str):
-        self._program, self._began, self._stage = program, time.monotonic(), ""
-
-    def __call__(self, what: str, done: int, total: int) -> None:
-        text = f"{self._program}: fitting {what}, round {done} of {total}, {time.monotonic() - self._began:.0f} s"
-        if sys.stderr.isatty():
-            print(f"\r{text:<70}", end="\n" if done == total else "", file=sys.stderr, flush=True)
-        elif what != self._stage or done == total:
-            print(text, file=sys.stderr, flush=True)
-        self._stage = what

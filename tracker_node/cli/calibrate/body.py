@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from ...errors import FileFormatError, TrackerError
-from ..arguments.run_images import FitProgress, add_run_arguments, evidence_of, load_run_images, refuse_to_overwrite
+from ..arguments.run_images import add_run_arguments, evidence_of, load_run_images, refuse_to_overwrite
 
 GROUPS = ("size", "length", "breadth", "girth", "section", "taper", "shift")
 
@@ -98,13 +98,14 @@ def _fit_to_images(args: argparse.Namespace) -> int:
     from ...calibration.tracked_body.report import body_figures, write_body_report
     from ...loaders.model.model_yaml import dump_model
     from ...report.metrics_file import write_metrics
+    from ...report.progress import StageProgress
 
     check(not (args.trc or args.stature or args.states), "--from-run", "no --trc, --stature or --states beside it")
     page = Path(args.report or Path(args.output).with_suffix(".html"))
     refuse_to_overwrite(args, args.output, page, page.with_suffix(".json"))
     run = load_run_images(args)
     options = BodyFitOptions(symmetric=not args.asymmetric, groups=tuple(args.only), config=run.config)
-    progress = None if args.quiet else FitProgress("calibrate body")
+    progress = None if args.quiet else StageProgress("calibrate body")
     evidence = evidence_of(args.evidence, run)
     fit = fit_body(
         run.model, run.rig, run.sets, run.states, options, progress, evidence=evidence, velocities=run.velocities

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ..arguments.board import StageProgress, add_board_arguments, board_of, detect, sources_of
+from ..arguments.board import add_board_arguments, board_of, detect, sources_of
 from ..arguments.run_images import refuse_to_overwrite
 
 SUMMARY = "find the lenses of cameras from videos or image folders of a chessboard or a ChArUco board, each camera by itself"
@@ -31,6 +31,7 @@ def run(args: argparse.Namespace) -> int:
     from ...errors import FileFormatError
     from ...loaders.rig.rig_yaml import rig_file_of, write_rig_file
     from ...report.page import Section, write_page
+    from ...report.progress import StageProgress
 
     page = Path(args.report or Path(args.output).with_suffix(".html"))
     refuse_to_overwrite(args, args.output, page)

@@ -7,14 +7,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-from ..arguments.run_images import (
-    FitProgress,
-    add_run_arguments,
-    evidence_of,
-    load_run_images,
-    named_file,
-    refuse_to_overwrite,
-)
+from ..arguments.run_images import add_run_arguments, evidence_of, load_run_images, named_file, refuse_to_overwrite
 from .body import check
 
 SUMMARY = "refine the places of the cameras from 2D joints that OpenPose found, or places and clocks from the images of a run"
@@ -74,6 +67,7 @@ def _from_run(args: argparse.Namespace) -> int:
     from ...calibration.tracked_body.rig_fit import RigFitOptions, fit_rig
     from ...loaders.rig.rig_yaml import read_rig_file, write_rig_file
     from ...report.metrics_file import write_metrics
+    from ...report.progress import StageProgress
     from ...runs.data import run_info
 
     check(not args.points2d, "--from-run", "no --points2d beside it", args.points2d)
@@ -91,7 +85,7 @@ def _from_run(args: argparse.Namespace) -> int:
         places=not args.keep_places, times=not args.keep_times, focal=args.focal, center_sigma_m=1e-3 * args.center_sigma_mm,
         body=BodyFitOptions(groups=(), config=images.config),
     )  # fmt: skip
-    progress = None if args.quiet else FitProgress("calibrate refine")
+    progress = None if args.quiet else StageProgress("calibrate refine")
     evidence = evidence_of(args.evidence, images)
     fit = fit_rig(images.model, images.rig, images.sets, images.states, images.velocities, options, progress, evidence=evidence)
     clocks = _drift(args, images, fit, options, progress) if args.drift else {}

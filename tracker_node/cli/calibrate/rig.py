@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ...errors import CalibrationError, FileFormatError
 from ...loaders.source_address import sources_by_name
-from ..arguments.board import StageProgress, add_board_arguments, board_of, detect, sources_of
+from ..arguments.board import add_board_arguments, board_of, detect, sources_of
 from ..arguments.run_images import refuse_to_overwrite
 from ..arguments.sources import add_sources_argument
 
@@ -40,6 +40,7 @@ def run(args: argparse.Namespace) -> int:
     from ...calibration.board.rig import calibrate_rig, check_for_rig
     from ...loaders.rig.rig_yaml import rig_file_of, write_rig_file
     from ...report.metrics_file import write_metrics
+    from ...report.progress import StageProgress
 
     page = Path(args.report or Path(args.output).with_suffix(".html"))
     figures = page.with_suffix(".json")
