@@ -66,3 +66,37 @@ def test_small_turns_are_as_exact_as_large_ones(angle):
     v = se3.log(turn)[:3]
     assert v[0] == pytest.approx(0.5 * angle / np.tan(0.5 * angle), rel=1e-15, abs=0.0)
     assert v[1] == pytest.approx(-0.5 * angle, rel=1e-9) and v[2] == 2.0
+
+
+def test_rigid_fit_is_the_best_rigid_transform_and_never_a_mirror():
+    rng = np.random.default_rng(3)
+    source, true = rng.normal(size=(6, 3)), se3.exp(rng.normal(size=6))
+    target = se3.apply(true, source) + 0.05 * rng.normal(size=(6, 3))
+    T = se3.rigid_fit(source, target)
+
+    def cost(transform):
+        return ((se3.apply(transform, source) - target) ** 2).sum()
+
+    assert all(cost(T) <= cost(T @ se3.exp(0.02 * rng.normal(size=6))) for _ in range(50))
+    flat = source * [1.0, 1.0, 0.0]
+    np.testing.assert_allclose(se3.rigid_fit(flat, se3.apply(true, flat)), true, atol=1e-9)
+    mirrored = se3.rigid_fit(source, source * [1.0, 1.0, -1.0])
+    assert np.linalg.det(mirrored[:3, :3]) == pytest.approx(1.0)
+    assert so3.log(T[:3, :3] @ true[:3, :3].T) == pytest.approx(np.zeros(3), abs=0.1)
+
+
+@given(twists)
+def test_rigid_fit_is_exact_and_proper(twist):
+    T = se3.exp(twist)
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]])
+    assert np.allclose(se3.rigid_fit(points, se3.apply(T, points)), T, atol=1e-9)
+    flat = points[:3]  # points in a plane also fit a reflection
+    assert np.allclose(se3.rigid_fit(flat, se3.apply(T, flat)), T, atol=1e-9)
+
+
+def test_points_of_no_weight_do_not_count():
+    rng = np.random.default_rng(4)
+    source, T = rng.normal(size=(6, 3)), se3.exp(rng.normal(size=6))
+    target = se3.apply(T, source)
+    target[5] += 3.0
+    np.testing.assert_allclose(se3.rigid_fit(source, target, np.array([1.0, 2.0, 1.0, 3.0, 1.0, 0.0])), T, atol=1e-12)

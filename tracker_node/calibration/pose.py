@@ -158,16 +158,8 @@ def _placed(problem: _Problem, state: State) -> State:
     trunk |= np.array([name.endswith(("_shoulder", "_hip")) for name in problem.names])
     if np.linalg.matrix_rank(problem.targets[trunk] - problem.targets[trunk].mean(axis=0), tol=1e-3) < 2:
         trunk[:] = True
-    T_new_old = rigid_fit(points[trunk], problem.targets[trunk])
+    T_new_old = se3.rigid_fit(points[trunk], problem.targets[trunk])
     return State(T_new_old @ state.T_world_root, state.joint_positions)
-
-
-def rigid_fit(source: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """T (4, 4) with ``T @ source ~ target`` for points (n, 3), least squares (Kabsch 1976, proper rotation)."""
-    source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)
-    u, _, vt = np.linalg.svd((target - target_mean).T @ (source - source_mean))
-    rotation = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
-    return se3.from_rotation_translation(rotation, target_mean - rotation @ source_mean)
 
 
 # Joint angles (degrees, by the end of the axis name) of poses to start from; what a model does not have is passed over.

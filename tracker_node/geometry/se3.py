@@ -78,3 +78,18 @@ def nearest_rigid(transform: np.ndarray) -> np.ndarray:
         return transform
     u, _, vt = np.linalg.svd(transform[:3, :3])
     return from_rotation_translation(u @ vt, transform[:3, 3])
+
+
+def rigid_fit(source: np.ndarray, target: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
+    """T (4, 4) with ``T @ source ~ target`` for points (n, 3), least squares (Kabsch 1976, proper rotation).
+
+    Parameters
+    ----------
+    source, target : (n, 3).
+    weights : (n,) of the points; default: all the same.
+    """
+    source_mean, target_mean = (np.average(points, axis=0, weights=weights) for points in (source, target))
+    goal = target - target_mean
+    u, _, vt = np.linalg.svd((goal if weights is None else weights[:, None] * goal).T @ (source - source_mean))
+    rotation = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    return from_rotation_translation(rotation, target_mean - rotation @ source_mean)

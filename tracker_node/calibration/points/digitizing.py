@@ -64,12 +64,4 @@ def digitized_state(model: ArticulatedModel, clicks: Clicks, parameters: np.ndar
     own = Configuration(model, neutral).landmarks_world[valid]
     if len(own) < 3 or np.linalg.svd(own - own.mean(axis=0), compute_uv=False)[1] < 1e-6:
         return None
-    return State(rigid_fit(own, points[valid]) @ neutral.T_world_root, neutral.joint_positions)
-
-
-def rigid_fit(source: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """T (4, 4) that lays points ``source`` (n, 3) onto ``target`` (n, 3) with least squares (Kabsch)."""
-    middle, goal = source.mean(axis=0), target.mean(axis=0)
-    u, _, vt = np.linalg.svd((target - goal).T @ (source - middle))
-    rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-    return se3.from_rotation_translation(rotation, goal - rotation @ middle)
+    return State(se3.rigid_fit(own, points[valid]) @ neutral.T_world_root, neutral.joint_positions)

@@ -122,7 +122,7 @@ def refine_rig(
     both = before.valid & after.valid
     T_old_new = rigid_alignment(after.points[both], before.points[both])
     transforms = T_old_new @ after.Ts_world_cam
-    refined = tuple(replace(camera, T_world_cam=_clean(T)) for camera, T in zip(rig, transforms, strict=True))
+    refined = tuple(replace(camera, T_world_cam=se3.nearest_rigid(T)) for camera, T in zip(rig, transforms, strict=True))
     points = np.where(after.valid[:, None], se3.apply(T_old_new, after.points), 0.0)
     shift = np.linalg.norm(points[both] - before.points[both], axis=-1)
     new_rig = CameraRig(refined, rig.world_frame, rig.lights)
@@ -141,20 +141,10 @@ def rigid_alignment(points: np.ndarray, targets: np.ndarray, n_iterations: int =
     """
     transform, weights = np.eye(4), np.ones(len(points))
     for _ in range(n_iterations):
-        total = weights.sum()
-        mean_p, mean_t = weights @ points / total, weights @ targets / total
-        u, _, vt = np.linalg.svd((weights[:, None] * (targets - mean_t)).T @ (points - mean_p))
-        rotation = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
-        transform = se3.from_rotation_translation(rotation, mean_t - rotation @ mean_p)
+        transform = se3.rigid_fit(points, targets, weights)
         squares = np.sum((se3.apply(transform, points) - targets) ** 2, axis=-1)
         weights = 1.0 / (max(float(np.median(squares)), 1e-12) + squares)
     return transform
-
-
-def _clean(transform: np.ndarray) -> np.ndarray:
-    """The transform with its rotation made orthonormal to rounding."""
-    u, _, vt = np.linalg.svd(transform[:3, :3])
-    return se3.from_rotation_translation(u @ vt, transform[:3, 3])
 
 
 def _figures(old, new, confidence, before: Adjustment, after: Adjustment, lags) -> dict[str, CameraFigures]:

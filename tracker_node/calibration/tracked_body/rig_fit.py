@@ -212,11 +212,11 @@ def settled(rig: CameraRig, problem: Problem, estimate: Estimate) -> tuple[Camer
     result = []
     for camera, given, seconds in zip(cameras, rig, late_s, strict=True):
         offset_ns = given.time_offset_ns + round(1e9 * (seconds - common_s))
-        result.append(replace(camera, T_world_cam=_rigid(T @ camera.T_world_cam), time_offset_ns=offset_ns))
+        result.append(replace(camera, T_world_cam=se3.nearest_rigid(T @ camera.T_world_cam), time_offset_ns=offset_ns))
     states = []
     for state, motion in zip(estimate.states, problem.motions, strict=True):
         moved = state.retract(common_s * motion.velocity)
-        states.append(State(_rigid(T @ moved.T_world_root), moved.joint_positions))
+        states.append(State(se3.nearest_rigid(T @ moved.T_world_root), moved.joint_positions))
     return CameraRig(tuple(result), rig.world_frame, rig.lights), tuple(states)
 
 
@@ -260,12 +260,6 @@ def world_of_most(Ts_world_cam: np.ndarray, given: np.ndarray, meter_rad: float 
         if np.abs(step).max() < 1e-9:
             break
     return T
-
-
-def _rigid(T: np.ndarray) -> np.ndarray:
-    """The transform with its rotation made orthonormal to rounding."""
-    u, _, vt = np.linalg.svd(T[:3, :3])
-    return se3.from_rotation_translation(u @ vt, T[:3, 3])
 
 
 def _camera_fit(index: int, given, fitted, departure: np.ndarray, sigmas: np.ndarray, figures) -> CameraFit:
