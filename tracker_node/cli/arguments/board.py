@@ -41,10 +41,27 @@ def add_board_shape(parser: argparse.ArgumentParser, required: bool = True) -> N
     board.add_argument("--charuco", metavar="COLUMNSxROWS", help="a ChArUco board of so many squares")
     board.add_argument("--chessboard", metavar="COLUMNSxROWS", help="a chessboard of so many inner corners")
     add("--square", type=float, required=required, metavar="M", help="edge of a square, metres")
+    add_markers(parser)
+    add("--legacy", action="store_true", help="a ChArUco board made by OpenCV before 4.6, with an even number of rows")
+
+
+def add_markers(parser: argparse.ArgumentParser) -> None:
+    """Markers on the board, for `check_markers`."""
+    add = parser.add_argument
     add("--marker-share", type=float, default=0.75, metavar="X", help="marker to square (default: %(default)s)")
     add("--dictionary", default="DICT_4X4_1000", metavar="NAME", help="of OpenCV (default: %(default)s)")
     add("--inverted", action="store_true", help="black and white are exchanged on the board")
-    add("--legacy", action="store_true", help="a ChArUco board made by OpenCV before 4.6, with an even number of rows")
+
+
+def check_markers(args: argparse.Namespace) -> None:
+    """Raise a `TrackerError` for markers that no board has, naming the option."""
+    import cv2
+
+    if not 0.1 <= args.marker_share < 1.0:
+        raise wrong_option("--marker-share", "0.1 or more, and less than 1", args.marker_share)
+    names = [name for name in dir(cv2.aruco) if name.startswith("DICT_")]
+    if args.dictionary not in names:
+        raise UnknownNameError("dictionary", args.dictionary, names)
 
 
 def board_of(args: argparse.Namespace) -> Board:
@@ -62,16 +79,13 @@ def board_of(args: argparse.Namespace) -> Board:
     columns, rows = size_option(option, text, "columns x rows from 3x3 to 100x100, such as 4x5", 3, 100)
     if not _SQUARE_M[0] <= args.square <= _SQUARE_M[1]:
         hint = f"; {args.square:g} mm would be {1e-3 * args.square:g}" if 1e3 * _SQUARE_M[0] <= args.square else ""
-        raise _bad("--square", f"the edge of a square in metres, {_SQUARE_M[0]} to {_SQUARE_M[1]}{hint}", args.square)
-    if not 0.1 <= args.marker_share < 1.0:
-        raise _bad("--marker-share", "0.1 or more, and less than 1", args.marker_share)
-    names = [name for name in dir(cv2.aruco) if name.startswith("DICT_")]
-    if args.dictionary not in names:
-        raise UnknownNameError("dictionary", args.dictionary, names)
+        raise wrong_option("--square", f"the edge of a square in metres, {_SQUARE_M[0]} to {_SQUARE_M[1]}{hint}", args.square)
+    check_markers(args)
     kind = "charuco" if args.charuco else "chessboard"
     n_markers = len(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, args.dictionary)).bytesList)
     if kind == "charuco" and columns * rows // 2 > n_markers:
-        raise _bad(option, f"a board of at most the {n_markers} markers of {args.dictionary}, one on every second square", text)
+        expected = f"a board of at most the {n_markers} markers of {args.dictionary}, one on every second square"
+        raise wrong_option(option, expected, text)
     return Board(kind, columns, rows, args.square, args.marker_share, args.dictionary, args.inverted, args.legacy)
 
 
@@ -90,7 +104,7 @@ def sources_of(args: argparse.Namespace, stamps: str | None = None) -> dict[str,
     from ...loaders.images.stamps import load_stamp_file
 
     if args.images < 10:
-        raise _bad("--images", "at least 10", args.images)
+        raise wrong_option("--images", "at least 10", args.images)
     sources: dict[str, ImageSource] = {}
     for text in args.videos:
         name, path = _name_and_path(text)
@@ -138,9 +152,10 @@ def _name_and_path(text: str) -> tuple[str, str]:
         name = re.sub(r"\W", "_", Path(text).stem if Path(text).suffix else Path(text).name)
         name = name if name[:1].isalpha() else f"cam_{name}"
     if not (name.isidentifier() and name.isascii()):
-        raise _bad("--videos", "camera names of letters, digits and _ (NAME=FILE)", text)
+        raise wrong_option("--videos", "camera names of letters, digits and _ (NAME=FILE)", text)
     return name, path
 
 
-def _bad(option: str, expected: str, got: object) -> FileFormatError:
+def wrong_option(option: str, expected: str, got: object) -> FileFormatError:
+    """The error of an option of the command line."""
     return FileFormatError("command line", option, expected, got)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from ..arguments.board import add_markers, check_markers, wrong_option
 from ..arguments.sizes import size_option
 
 SUMMARY = "make a model of a flat plate with a picture on it: a photo or print file, or a ChArUco board that is drawn"
@@ -17,9 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--charuco", metavar="COLUMNSxROWS", help="draw a ChArUco board of so many squares")
     parser.add_argument("--width", type=float, metavar="M", help="with --picture: width of the plate, metres")
     parser.add_argument("--square", type=float, metavar="M", help="with --charuco: edge of a square, metres")
-    parser.add_argument("--marker-share", type=float, default=0.75, metavar="X", help="marker to square (default: %(default)s)")
-    parser.add_argument("--dictionary", default="DICT_4X4_1000", metavar="NAME", help="of OpenCV (default: %(default)s)")
-    parser.add_argument("--inverted", action="store_true", help="black and white are exchanged on the board")
+    add_markers(parser)
     parser.add_argument("--border", type=int, default=0, metavar="MM", help="width of a plain border around the picture")
     parser.add_argument("--border-grey", type=int, default=20, metavar="0..255", help="its grey level (default: %(default)s)")
     parser.add_argument("--thickness", type=float, default=0.005, metavar="M", help="of the plate (default: %(default)s)")
@@ -34,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
     picture, texels_per_m = _drawn(args) if args.charuco else _read(args)
     height, width = picture.shape[:2]
     if not 0 <= args.border <= 1000 or not 0 <= args.border_grey <= 255 or not 0.0 < args.thickness < 1.0:
-        raise _bad("--border, --border-grey, --thickness", "0..1000 mm, 0..255, 0..1 m", vars(args)["border"])
+        raise wrong_option("--border, --border-grey, --thickness", "0..1000 mm, 0..255, 0..1 m", vars(args)["border"])
     wide = round(1e-3 * args.border * texels_per_m)
     whole = framed(picture, [(wide, wide, wide, wide, args.border_grey)])
     origin = wide + width / 2.0, wide + height / 2.0
@@ -51,7 +50,7 @@ def _read(args: argparse.Namespace):
     from ...loaders.picture_file import read_picture
 
     if args.width is None or not 0.0 < args.width < 100.0:
-        raise _bad("--width", "the plate's width in metres, with --picture", args.width)
+        raise wrong_option("--width", "the plate's width in metres, with --picture", args.width)
     picture = read_picture(Path(args.picture), "command line", "--picture")
     return picture, picture.shape[1] / args.width
 
@@ -60,25 +59,14 @@ def _drawn(args: argparse.Namespace):
     import cv2
 
     from ...calibration.texture import charuco_picture
-    from ...errors import UnknownNameError
 
     columns, rows = size_option("--charuco", args.charuco, "columns x rows from 2x2 to 100x100, such as 4x5", 2, 100)
     if args.square is None or not 0.0 < args.square < 10.0:
-        raise _bad("--square", "the edge of a square in metres, with --charuco", args.square)
-    if not 0.1 <= args.marker_share < 1.0:
-        raise _bad("--marker-share", "0.1 or more, and less than 1", args.marker_share)
-    names = [name for name in dir(cv2.aruco) if name.startswith("DICT_")]
-    if args.dictionary not in names:
-        raise UnknownNameError("dictionary", args.dictionary, names)
+        raise wrong_option("--square", "the edge of a square in metres, with --charuco", args.square)
+    check_markers(args)
     texels_per_m = max(1000.0, 40.0 / args.square)
     try:
         board = (columns, rows, args.square, args.marker_share, args.dictionary, args.inverted)
         return charuco_picture(*board, texels_per_m), texels_per_m
     except cv2.error as error:
-        raise _bad("--charuco", "a board that OpenCV can draw with this dictionary", str(error).strip()) from None
-
-
-def _bad(option: str, expected: str, got: object):
-    from ...errors import FileFormatError
-
-    return FileFormatError("command line", option, expected, got)
+        raise wrong_option("--charuco", "a board that OpenCV can draw with this dictionary", str(error).strip()) from None
