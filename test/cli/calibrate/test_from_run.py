@@ -23,6 +23,7 @@ from tracker_node.runs.images import chosen_rows, velocity_at
 from tracker_node.runs.messages import IMAGE, image
 from tracker_node.studio.playback.run import open_run
 from tracker_node.studio.session import StudioFiles, open_session
+from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import Status
 
 
@@ -111,6 +112,7 @@ def test_sets_are_spread_and_lost_ones_left_out(run):
 def taken_otherwise(tmp_path_factory):
     """A clip and a run of it with images, cameras and sources that are not the rig's."""
     clip = make_clip(tmp_path_factory.mktemp("otherwise"), 8)
+    clip.config_file.write_text("/**:\n  ros__parameters:\n    threads: 1\n")
     (clip.folder / "elsewhere").mkdir()
     (clip.folder / "cam01").rename(clip.folder / "elsewhere" / "first")
     home = os.getcwd()
@@ -137,7 +139,7 @@ def test_the_images_of_a_run_have_its_size_its_cameras_and_its_parameters(taken_
     assert [(c.model.width, c.model.height) for c in images.rig] == [(120, 90)] * 2
     assert [i.pixels.shape[:2] for s in images.sets for i in s.images] == [(90, 120)] * 8
     assert all(plate.shape[:2] == (90, 120) for plate in images.plates.values())
-    assert images.config.chamfer.max_iterations == 5  # of the clip's config.yaml
+    assert images.config.threads == 1 != TrackerConfig().threads  # of the clip's config.yaml
 
 
 def arguments_of(clip):
