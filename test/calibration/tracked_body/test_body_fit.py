@@ -85,7 +85,8 @@ def test_images_that_do_not_show_the_body_are_refused():
     world = pictures()
     away = world.states[0].retract(np.r_[[0.0, 0.0, 40.0], np.zeros(world.given.n_dof - 3)])
     with pytest.raises(TrackerError, match="hardly seen"):
-        fit_body(world.given, world.rig, world.sets[:1], [away], OPTIONS, plates=world.plates)
+        evidence = RegionEvidence(world.sets[:1], CONFIG, world.plates)
+        fit_body(world.given, world.rig, world.sets[:1], [away], OPTIONS, evidence=evidence)
     with pytest.raises(ValueError, match="a state each"):
         fit_body(world.given, world.rig, world.sets, world.states[:1])
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tracker_node.calibration.tracked_body.lines import bilinear, joined, serial
+from tracker_node.calibration.tracked_body.lines import bilinear, joined
 from tracker_node.objective.shape_jacobian import ContourLines
 
 IMAGE = np.array([[0.0, 10.0, 20.0], [40.0, 70.0, 100.0]])
@@ -38,7 +38,3 @@ def test_no_lines_are_none_of_every_kind():
     assert len(none) == len(none.shape) == len(none.means) == 0
     assert none.points.shape == (0, 3) and none.centers.shape == none.normals.shape == (0, 2)
     assert len(joined([none, lines(0, 3)])) == 1
-
-
-def test_one_after_the_other():
-    assert serial(lambda item: 2 * item, [3, 1]) == [6, 2]

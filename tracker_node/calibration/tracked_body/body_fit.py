@@ -110,7 +110,6 @@ def fit_body(
     states: Sequence[State],
     options: BodyFitOptions | None = None,
     progress: Progress | None = None,
-    plates: Mapping[str, np.ndarray | list] | None = None,
     evidence: LineEvidence | None = None,
     velocities: Sequence[np.ndarray] | None = None,
 ) -> BodyFit:
@@ -121,7 +120,7 @@ def fit_body(
     model : the body to start from; the prior is centered on it.
     image_sets, states : ten to thirty sets with different poses, and where the body about is in each (a tracker's states).
     progress : called with what is done, how often it has been done, and how often it will be.
-    plates : images of the empty scene, as for the tracker. evidence : instead of the colors on either side of contours.
+    evidence : of the contours; default: the colors on either side of them, without images of the empty scene.
     velocities : (n_dof,) tangent a second of every set, for cameras that do not expose at one instant.
 
     Raises
@@ -131,7 +130,7 @@ def fit_body(
     options = options or BodyFitOptions()
     if not image_sets or len(image_sets) != len(states):
         raise ValueError(f"expected image sets with a state each, got {len(image_sets)} sets and {len(states)} states")
-    evidence = evidence or RegionEvidence(image_sets, options.config, plates)
+    evidence = evidence or RegionEvidence(image_sets, options.config)
     space = ShapeSpace(model, options.symmetric, options.groups)
     problem = Problem(
         space, rig, motions_of(rig, image_sets, model.n_dof, velocities), pose_priors(model, states, options),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -22,11 +22,6 @@ from ...render.shape_arrays import ShapeArrays
 from ...tracking.config import TrackerConfig
 
 _LEAST_REGION_PX = 8  # a body of which less is in view is not looked for
-
-
-def serial(function: Callable, items: list) -> list:
-    """One after the other."""
-    return [function(item) for item in items]
 
 
 class LineEvidence(Protocol):
@@ -69,7 +64,7 @@ class SilhouetteEvidence:
 
     Parameters
     ----------
-    plates : as for the tracker. parallel : maps a function over cameras.
+    plates : as for the tracker.
     """
 
     def __init__(
@@ -77,23 +72,20 @@ class SilhouetteEvidence:
         sets: Sequence[ImageSet],
         config: TrackerConfig,
         plates: Mapping[str, np.ndarray | list] | None = None,
-        parallel: Callable[[Callable, list], list] = serial,
     ):
-        self._sets, self._config, self._plates, self._parallel = list(sets), config, dict(plates or {}), parallel
+        self._sets, self._config, self._plates = list(sets), config, dict(plates or {})
         self._maps: list[list[_Maps | None]] = []
 
     def look(self, model: ArticulatedModel, rig: CameraRig, states: Sequence[Sequence[State]], robust_px: float) -> None:
         config = self._config
-        observers = [
-            Observer(c.name, (c.model.width, c.model.height), config.chamfer, config.background, self._plates.get(c.name))
+        cameras = [
+            (c, Observer(c.name, (c.model.width, c.model.height), config.chamfer, config.background, self._plates.get(c.name)))
             for c in rig
         ]
-
-        def look(i: int) -> list[_Maps | None]:
-            return [self._look(observers[i], k, model, rig.cameras[i], states[k][i]) for k in range(len(self._sets))]
-
-        by_camera = self._parallel(look, list(range(len(rig))))
-        self._maps = [[maps[k] for maps in by_camera] for k in range(len(self._sets))]
+        self._maps = [
+            [self._look(observer, k, model, camera, states[k][i]) for i, (camera, observer) in enumerate(cameras)]
+            for k in range(len(self._sets))
+        ]
 
     def _look(self, observer: Observer, k: int, model: ArticulatedModel, camera: Camera, state: State) -> _Maps | None:
         image, config = self._sets[k].get(camera.name), self._config
@@ -109,15 +101,11 @@ class SilhouetteEvidence:
 
     def lines(self, index: int, model: ArticulatedModel, rig: CameraRig, states: Sequence[State]) -> ContourLines:
         arrays, chamfer = ShapeArrays.from_model(model, caps=False), self._config.chamfer
-
-        def draw(i: int) -> ContourLines | None:
-            maps = self._maps[index][i]
-            if maps is None:
-                return None
-            samples = visible_samples(Configuration(model, states[i]), arrays, rig.cameras[i], chamfer.samples_per_line)
-            return self._read(i, samples, maps)
-
-        drawn = [lines for lines in self._parallel(draw, list(range(len(rig)))) if lines is not None]
+        drawn = []
+        for i, maps in enumerate(self._maps[index]):
+            if maps is not None:
+                samples = visible_samples(Configuration(model, states[i]), arrays, rig.cameras[i], chamfer.samples_per_line)
+                drawn.append(self._read(i, samples, maps))
         return joined(drawn)
 
     def _read(self, camera: int, samples: VisibleSamples, maps: _Maps) -> ContourLines:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from ...render.raycast.raycaster import render_labels
 from ...render.shape_arrays import ShapeArrays
 from ...tracking.config import TrackerConfig
 from ...tracking.region.engine import region_options
-from .lines import joined, serial
+from .lines import joined
 
 _LEAST_REGION_PX = 8  # a body of which less is in view is not looked for
 
@@ -32,7 +32,7 @@ class RegionEvidence:
 
     Parameters
     ----------
-    plates : images of the empty scene, where there are some, as for the tracker. parallel : maps a function over cameras.
+    plates : images of the empty scene, where there are some, as for the tracker.
     """
 
     def __init__(
@@ -40,9 +40,8 @@ class RegionEvidence:
         sets: Sequence[ImageSet],
         config: TrackerConfig,
         plates: Mapping[str, np.ndarray | list] | None = None,
-        parallel: Callable[[Callable, list], list] = serial,
     ):
-        self._sets, self._config, self._region, self._parallel = list(sets), config, config.region, parallel
+        self._sets, self._config, self._region = list(sets), config, config.region
         self._plates = dict(plates or {})
         self._seen: list[tuple[RegionColors, EmptyRoom]] = []
         self._objective: tuple[ArticulatedModel, CameraRig, RegionObjective] | None = None
@@ -70,7 +69,7 @@ class RegionEvidence:
                         room.learn(image.bgr, *found)
             return colors, room
 
-        self._seen = self._parallel(learn, list(range(len(rig))))
+        self._seen = [learn(i) for i in range(len(rig))]
 
     def _empty_room(self, camera: str) -> EmptyRoom:
         plate, background = self._plates.get(camera), self._config.background
@@ -94,7 +93,7 @@ class RegionEvidence:
 
     def _make(self, model: ArticulatedModel, rig: CameraRig) -> RegionObjective:
         arrays, options = ShapeArrays.from_model(model, caps=False), region_options(self._config)
-        return RegionObjective(rig, model, arrays, color_classes(model), options, self._parallel)
+        return RegionObjective(rig, model, arrays, color_classes(model), options)
 
     def _lines(self, camera: int, model: ArticulatedModel, objective: RegionObjective) -> ContourLines:
         slot = objective.slots[camera]

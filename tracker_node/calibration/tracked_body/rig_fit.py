@@ -120,7 +120,6 @@ def fit_rig(
     velocities: Sequence[np.ndarray],
     options: RigFitOptions | None = None,
     progress: Progress | None = None,
-    plates: Mapping[str, np.ndarray | list] | None = None,
     evidence: LineEvidence | None = None,
 ) -> RigFit:
     """The rig in which a body of known size agrees best with some image sets.
@@ -129,7 +128,7 @@ def fit_rig(
     ----------
     states, velocities : where the body about is in each set, and how fast it moves (tangent a second): times are told by fast
         motion only.
-    progress, plates, evidence : as for `body_fit.fit_body`.
+    progress, evidence : as for `body_fit.fit_body`.
 
     Raises
     ------
@@ -140,7 +139,7 @@ def fit_rig(
         got = f"{len(image_sets)} sets, {len(states)} states and {len(velocities)} velocities"
         raise ValueError(f"expected image sets with a state and a velocity each, got {got}")
     body = options.body
-    evidence = evidence or RegionEvidence(image_sets, body.config, plates)
+    evidence = evidence or RegionEvidence(image_sets, body.config)
     space = ShapeSpace(model, body.symmetric, body.groups)
     held = Problem(
         space, rig, motions_of(rig, image_sets, model.n_dof, velocities), pose_priors(model, states, body),
