@@ -96,7 +96,7 @@ def forward_and_backward(n: int, length: int) -> list[int]:
 
 
 def track(folder: Path, n: int) -> None:
-    """Track the recording as `track_offline` does."""
+    """Track the recording as `track` does."""
     model = load_model(folder / "person.yaml")
     files = {"rig": str(folder / "rig.yaml"), "model": str(folder / "person.yaml")}
     run = OfflineRun(load_rig(files["rig"]), model, initial_state=load_state(folder / "state.yaml", model), named_options=files)

@@ -48,7 +48,7 @@ def offset_section() -> Figures:
     """A camera that runs freely beside three that are triggered together; and the Balancing clip with one camera's stamps moved.
 
     The first: the mannequin, drawn by OpenGL, by videos alone (`calibrate time`), then by the tracked body as well
-    (`track_offline`, `calibrate body`, `track_offline`, `calibrate refine --from-run`). ``error_ms`` is what the videos alone
+    (`track`, `calibrate body`, `track`, `calibrate refine --from-run`). ``error_ms`` is what the videos alone
     leave, of the free camera against the mean of the others, ``body_error_ms`` what is left after the body, which is not always
     less: the mannequin is dressed, and not the tracker's model.
     """
@@ -63,7 +63,7 @@ def offset_section() -> Figures:
     config.write_text(f"synchronizer: {{tolerance: 0.6, image_period_s: {1.0 / RATE_HZ:.7f}}}\n", encoding="utf-8")
     with tempfile.TemporaryDirectory() as scratch:
         runs = [Path(scratch) / "first", Path(scratch) / "second"]
-        track = ("track_offline", "--quiet", "--rig", rigs["timed"], "--initial-state", folder / "state.yaml", "--config", config)
+        track = ("track", "--quiet", "--rig", rigs["timed"], "--initial-state", folder / "state.yaml", "--config", config)
         _run(*track, "--model", folder / "subject/person.yaml", "--output", runs[0])
         fitted = folder / "person_fitted.yaml"
         _run("calibrate", "body", "--from-run", runs[0], "-o", fitted, "--force", "--quiet")
@@ -85,7 +85,7 @@ def offset_section() -> Figures:
 def _run(*arguments: str | Path) -> None:
     """A command; 1 is that of a run in which not all went well, here that a camera ends before the free one."""
     status = command([str(a) for a in arguments])
-    if status not in (0, 1 if arguments[0] == "track_offline" else 0):
+    if status not in (0, 1 if arguments[0] == "track" else 0):
         raise SystemExit(f"tracker_node {' '.join(str(a) for a in arguments)}: exit status {status}")
 
 

@@ -33,7 +33,7 @@ def _deep_storage(extension: str, text: str) -> Callable[[Graph], Arguments]:
     def arguments(graph: Graph) -> Arguments:
         path = graph.folder / f"deep.{extension}"
         path.write_text(text)
-        return ["import_rig", path, "--output", graph.folder / "rig.yaml"]
+        return ["rig", "import", path, "--output", graph.folder / "rig.yaml"]
 
     return arguments
 

@@ -77,8 +77,8 @@ def there_and_back(clip: Clip, folder: Path) -> Path:
         source.mkdir()
         for i, file in enumerate([*files, *files[-2:0:-1]]):
             (source / f"{i:04d}{file.suffix}").symlink_to(file.resolve())
-        plate = str(Path(camera.plate).resolve()) if camera.plate else camera.plate
-        cameras.append(replace(camera, source=str(source), plate=plate))
+        plate = str(Path(camera.background).resolve()) if camera.background else camera.background
+        cameras.append(replace(camera, source=str(source), background=plate))
     write_rig_file(rig_file_of(CameraRig(tuple(cameras))), folder / "rig.yaml")
     return folder / "rig.yaml"
 

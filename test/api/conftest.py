@@ -17,11 +17,11 @@ def shelf(tmp_path_factory) -> Shelf:
 
 @pytest.fixture(scope="session")
 def folder(shelf) -> Path:
-    """rig.yaml, model.yaml, start.yaml, truth.csv, recording.yaml, and ``run``: that recording by ``track_offline``."""
+    """rig.yaml, model.yaml, start.yaml, truth.csv, recording.yaml, and ``run``: that recording by ``track``."""
     folder = shelf.arm
     text = "rig: rig.yaml\nmodel: model.yaml\ninitial_state: start.yaml\noutput: described\nimages: {start: 2, end: 8}\n"
     (folder / "recording.yaml").write_text(text)
-    assert main(["track_offline", str(folder / "recording.yaml"), "--quiet", "--output", str(folder / "by_command")]) == 0
+    assert main(["track", str(folder / "recording.yaml"), "--quiet", "--output", str(folder / "by_command")]) == 0
     return folder
 
 

@@ -57,7 +57,7 @@ def outcome(clip: Clip, tmp_path: Path, capsys: pytest.CaptureFixture) -> Callab
         named = [text for name, file in files.items() for text in (f"--{name}", str(folder / file))]
         quiet = [] if "--told" in options else ["--quiet"]
         options = tuple(option for option in options if option != "--told")
-        status = main(["track_offline", *named, "--output", str(tmp_path / "run"), *quiet, *options])
+        status = main(["track", *named, "--output", str(tmp_path / "run"), *quiet, *options])
         return Outcome(status, capsys.readouterr().err, tmp_path / "run")
 
     return run
@@ -133,9 +133,9 @@ def test_a_run_that_is_lost_throughout_says_so_and_has_a_status_of_its_own(outco
     ({}, True, "no image set was formed"),
 ])  # fmt: skip
 def test_what_is_said_of_a_run_without_a_tracked_set(capsys, counts, given, words):
-    assert nothing_tracked("track_offline", counts, "nothing moves", given) == 3
+    assert nothing_tracked("track", counts, "nothing moves", given) == 3
     assert words in capsys.readouterr().err
-    assert nothing_tracked("track_offline", counts | {"DEGRADED": 1}, "", given) == 0
+    assert nothing_tracked("track", counts | {"DEGRADED": 1}, "", given) == 0
     assert not capsys.readouterr().err
 
 
@@ -193,7 +193,7 @@ def test_a_mistake_in_a_file_is_named_before_anything_is_begun(outcome, kind):
     assert result.status == 2
     assert not result.folder.exists()
     line = result.said.strip().splitlines()[-1]
-    assert line.startswith("tracker_node track_offline: error: ")
+    assert line.startswith("tracker_node track: error: ")
     assert all(word in line for word in words), line
     assert "Traceback" not in result.said
 

@@ -46,7 +46,7 @@ def test_the_command_prints_the_script(capsys, bash):
     ("tracker_node export --to ", {"trc", "mot", "sto", "c3d", "bvh", "tum", "csv"}),
     ("tracker_node export out/run --coordinates o", {"opensim"}),
     ("tracker_node export --isb", {"--isb-angles"}),
-    ("tracker_node calibrate plate --ri", {"--rig"}),
+    ("tracker_node calibrate background --ri", {"--rig"}),
     ("tracker_node completion ", set(SHELLS)),
     ("tracker_node --ver", {"--version"}),
     ("tracker_node export --output ", set()),

@@ -58,7 +58,7 @@ def _rig() -> CameraRig:
     cameras = []
     for name, eye in (("cam01", (2.5, 0.5, 1.2)), ("cam02", (-0.5, 2.6, 1.0))):
         place = look_at(eye, (0.05, 0.0, 0.9), lens, name).T_world_cam
-        cameras.append(Camera(name, lens, place, source=name, plate=f"{name}_still.png"))
+        cameras.append(Camera(name, lens, place, source=name, background=f"{name}_still.png"))
     return CameraRig(tuple(cameras))
 
 
@@ -201,7 +201,7 @@ def test_what_cannot_be_a_name_or_a_folder_is_said_before_anything_is_done(files
         ({"masks": "rig.yaml"}, "rig.yaml"),
     ],
 )
-@pytest.mark.parametrize("verb", ["track_offline", "pipeline"])
+@pytest.mark.parametrize("verb", ["track", "pipeline"])
 def test_what_a_recording_is_held_against_is_looked_at_before_it_is_tracked(files, tmp_path, capsys, verb, entry, message):
     for name in ("rig.yaml", "model.yaml"):
         (tmp_path / name).write_text((files / name).read_text())

@@ -44,7 +44,7 @@ def test_the_overview_names_every_verb(capsys):
         lines = capsys.readouterr().out.splitlines()
         assert lines[0] == "usage: tracker_node <verb> [options]" and lines[2] == "verbs:"
         assert [line.split()[0] for line in lines[3 : 3 + len(verbs())]] == verbs()
-        assert lines[-1] == "  tracker_node track_offline --help"
+        assert lines[-1] == "  tracker_node track --help"
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"tracker_node {__version__}\n"
 

@@ -16,7 +16,7 @@ from tracker_node.loaders.yaml_file import write_mapping
 def test_a_place_that_cannot_be_written_to_is_one_line(tmp_path, capsys):
     dump_camera_info("cam01", circle_rig(1).cameras[0].model, tmp_path / "cam01.yaml")
     (tmp_path / "file").write_text("no folder")
-    assert main(["import_rig", str(tmp_path / "cam01.yaml"), "-o", str(tmp_path / "file/rig.yaml")]) == 2
+    assert main(["rig", "import", str(tmp_path / "cam01.yaml"), "-o", str(tmp_path / "file/rig.yaml")]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and str(tmp_path / "file") in error
 

@@ -41,7 +41,7 @@ def clip(tmp_path_factory) -> Clip:
     """A clip without pictures of the empty scene, tracked into ``run`` without an initial state, and truth for it."""
     clip = make_clip(tmp_path_factory.mktemp("clip"), N, with_plates=False)
     clip.config_file.write_text(CONFIG)
-    assert main(["track_offline", *files(clip), "--output", str(clip.folder / "run"), "--smooth", "--masks", "--quiet"]) == 0
+    assert main(["track", *files(clip), "--output", str(clip.folder / "run"), "--smooth", "--masks", "--quiet"]) == 0
     stamps_ns, names = load_run(clip.folder / "run").stamps_ns, clip.model.landmark_names
     positions = np.array([Configuration(clip.model, state).landmarks_world for state in clip.states])
     write_joints(clip.folder / "truth.csv", JointTrajectory(names, stamps_ns, positions, np.ones(positions.shape[:2], bool)))
@@ -143,7 +143,7 @@ def test_cameras_and_bodies_are_fitted_to_it(clip, tmp_path, what):
 
 def test_the_very_sets_are_tracked_again(clip, tmp_path):
     again = ["--from-run-bag", str(clip.folder / "run" / "bag"), "--output", str(tmp_path / "again"), "--quiet"]
-    assert main(["track_offline", *files(clip), *again]) == 0
+    assert main(["track", *files(clip), *again]) == 0
     assert (tmp_path / "again" / "states.csv").read_bytes() == (clip.folder / "run" / "states.csv").read_bytes()
 
 
@@ -160,7 +160,7 @@ def test_it_is_played_without_a_body_where_there_is_none(clip):
 
 def test_a_run_that_never_found_the_body(clip, tmp_path, capsys):
     run = tmp_path / "run"
-    main(["track_offline", *files(clip), "--output", str(run), "--max-sets", "2", "--smooth", "--quiet"])
+    main(["track", *files(clip), "--output", str(run), "--max-sets", "2", "--smooth", "--quiet"])
     truth = ["--truth", str(clip.folder / "truth.csv"), "--truth", str(clip.folder / "true_states.csv")]
     assert main(["evaluate", str(run), *truth, "--no-pdf"]) == 0
     figures = json.loads((run / "report.json").read_text())["metrics"]

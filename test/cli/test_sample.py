@@ -32,7 +32,7 @@ def test_the_whole_sample(tmp_path, capsys, monkeypatch):
     assert main(["sample", "balancing", "--output", str(folder)]) == 0
     assert "calibrate body" in capsys.readouterr().out
     rig = load_rig(folder / "rig_refined.yaml")
-    assert all(os.path.exists(path) for camera in rig for path in (camera.source, camera.plate))
+    assert all(os.path.exists(path) for camera in rig for path in (camera.source, camera.background))
     model = load_model(folder / "person.yaml")
     load_state(folder / "initial_state.yaml", model)
     assert load_recording(folder / "recording.yaml").evaluate.masks == str(folder / "masks.json")
@@ -122,7 +122,7 @@ def test_all_that_is_missing_is_made_in_order(steps, tmp_path, capsys):
     assert out.index("Balancing clip") < out.index("Refining the places") < out.index("pictures of the empty scene")
     assert f"{folder} is ready. Track it, and see how well, with one of\n" in out
     assert f"  tracker_node pipeline {folder}/recording.yaml " in out
-    assert f"  tracker_node track_offline {folder}/recording.yaml " in out
+    assert f"  tracker_node track {folder}/recording.yaml " in out
 
 
 def test_what_is_there_is_kept_and_fresh_makes_it_anew(steps, tmp_path, capsys):

@@ -13,7 +13,7 @@ import pytest
 from helpers.docs.commands import parsed, parser_of
 from helpers.docs.pages import PAGES, commands_of, mentions_of
 from tracker_node.cli import main
-from tracker_node.cli.arguments.subverbs import subverbs
+from tracker_node.cli.arguments.subverbs import module_of, subverbs
 from tracker_node.cli.main import verbs
 from tracker_node.evaluation.masks.reference import load_reference_masks
 from tracker_node.loaders.model.model_yaml import load_model
@@ -186,7 +186,7 @@ def test_help_of_every_verb_has_a_description_and_examples_that_parse(verb, caps
 
 @pytest.mark.parametrize(("verb", "what"), [(verb, what) for verb in verbs() for what in subverbs(verb)])
 def test_help_of_every_subverb_has_a_description_and_examples_that_parse(verb, what, capsys):
-    module = importlib.import_module(f"tracker_node.cli.{verb}.{what}")
+    module = importlib.import_module(module_of(verb, what))
     with pytest.raises(SystemExit) as leaving:
         main.main([verb, what, "--help"])
     assert leaving.value.code == 0

@@ -64,7 +64,7 @@ def test_a_command_that_is_neither_is_noticed(walkthrough):
     with pytest.raises(AssertionError, match="neither run nor listed"):
         walkthrough.do(unknown)
     with pytest.raises(AssertionError, match="--fast"):
-        walkthrough.do(Command("docs/index.md", "", "tracker_node track_offline --fast"))
+        walkthrough.do(Command("docs/index.md", "", "tracker_node track --fast"))
 
 
 def test_all_that_runs_is_ended_though_one_does_not_end_well(walkthrough):
@@ -139,7 +139,7 @@ def edits_of_the_tutorial(sample: dict[str, Path]) -> Callable[[Block], None]:
         rig = Path(written[-1]) if written else rig
         if block.text.startswith("tracker_node sample"):
             cut_short(sample)
-        elif re.match(r" *(pixel_map|plate):", block.text):
+        elif re.match(r" *(pixel_map|background):", block.text):
             assert rig is not None
             edited(rig, block.text)
         elif block.text.startswith("rig: "):
@@ -149,7 +149,7 @@ def edits_of_the_tutorial(sample: dict[str, Path]) -> Callable[[Block], None]:
 
 
 def cut_short(sample: dict[str, Path]) -> None:
-    """Short videos, and stills as ``calibrate plate`` looks for them, in the videos' pixels, in the current folder."""
+    """Short videos, and stills as ``calibrate background`` looks for them, in the videos' pixels, in the current folder."""
     for name in CAMERAS:
         write_start_of(sample[f"videos/{name}.mp4"], Path(f"videos/{name}.mp4"))
         video = cv2.VideoCapture(f"videos/{name}.mp4")
@@ -163,8 +163,8 @@ def edited(rig: Path, block: str) -> None:
     values = yaml.safe_load(rig.read_text())
     addition = yaml.safe_load(block)
     for number, (name, camera) in enumerate(values["cameras"].items(), 1):
-        if "plate" in addition:
-            camera["plate"] = addition["plate"].replace("01", f"{number:02}")
+        if "background" in addition:
+            camera["background"] = addition["background"].replace("01", f"{number:02}")
         elif name in ("cam_01", "cam_02"):
             camera.update(addition)
     rig.write_text(yaml.safe_dump(values))

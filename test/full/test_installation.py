@@ -54,7 +54,7 @@ def recorded(tmp_path_factory) -> Path:
     needed_verb("bag")
     folder = tmp_path_factory.mktemp("full")
     clip = make_clip(folder / "clip", n_images=6)
-    run = [sys.executable, "-m", "tracker_node.cli.main", "track_offline", *clip.arguments(), "--output", str(folder / "run")]
+    run = [sys.executable, "-m", "tracker_node.cli.main", "track", *clip.arguments(), "--output", str(folder / "run")]
     subprocess.run(run, check=True, timeout=COMPILING_S)
     return folder
 

@@ -50,7 +50,7 @@ OTHERS = {
     "a file of metrics": {"metrics": {"a": 1.0}, "command": ""},
     "the summary of a run": {"image_sets": 3, "status_counts": {}},
     "the metadata of a bag": {"rosbag2_bagfile_information": {}},
-    "a ROS camera_info file (import_rig reads it)": {"image_width": 3, "camera_matrix": {}},
+    "a ROS camera_info file (rig import reads it)": {"image_width": 3, "camera_matrix": {}},
 }
 
 
@@ -71,7 +71,7 @@ def test_all_parameters_are_known_as_parameters(tmp_path):
 
 def test_the_command_says_so_in_one_line(folder, capsys):
     arguments = ["--rig", str(folder / "model.yaml"), "--model", str(folder / "model.yaml"), "--output", str(folder / "out")]
-    assert main(["track_offline", *arguments]) == 2
+    assert main(["track", *arguments]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.endswith("model.yaml: this is a body, not a rig")
 
@@ -87,11 +87,11 @@ def changed(folder, tmp_path, *changes):
 
 
 def test_a_misspelt_key_comes_first_with_the_one_that_is_meant(folder, tmp_path):
-    path = changed(folder, tmp_path, ("image_size: [160, 120]", "image_size: 7"), ("plate: cam02", "plat: cam02"))
+    path = changed(folder, tmp_path, ("image_size: [160, 120]", "image_size: 7"), ("background: cam02", "backgroun: cam02"))
     with pytest.raises(FileFormatError) as told:
         load_rig(path)
     first, _, rest = str(told.value).partition("; ")
-    assert "field 'cameras.cam02.plat': expected 'plate', or another of ['K', " in first and "got 'plat'" in first
+    assert "field 'cameras.cam02.backgroun': expected 'background', or another of ['K', " in first and "got 'backgroun'" in first
     assert "field 'cameras.cam01.image_size': expected" in rest and "more problems" not in rest
 
 
@@ -122,8 +122,8 @@ def test_the_end_of_a_long_reason_is_kept():
         ({"image_sets": 1}, ""),
         ({"status_counts": 1}, ""),
         ({"rosbag2_bagfile_information": 1}, "the metadata of a bag"),
-        ({"image_width": 1, "camera_matrix": 1}, "a ROS camera_info file (import_rig reads it)"),
-        ({"image_width": 1, "camera_name": 1}, "a ROS camera_info file (import_rig reads it)"),
+        ({"image_width": 1, "camera_matrix": 1}, "a ROS camera_info file (rig import reads it)"),
+        ({"image_width": 1, "camera_name": 1}, "a ROS camera_info file (rig import reads it)"),
         ({"image_width": 1}, ""),
         ({"camera_matrix": 1, "camera_name": 1}, ""),
         ({"cameras": {"a": {"still": 1}, "b": {}}}, "a file of reference masks"),

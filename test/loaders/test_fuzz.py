@@ -26,7 +26,7 @@ RIG = """
 cameras:
   left:
     {image_size: [64, 48], K: [[60, 0, 32], [0, 60, 24], [0, 0, 1]], distortion_model: plumb_bob, distortion: [0, 0, 0, 0],
-    T_world_cam: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], source: a.mp4, plate: b.png, time_offset_s: 0.1,
+    T_world_cam: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], source: a.mp4, background: b.png, time_offset_s: 0.1,
     pixel_map: [[1, 0, 0], [0, 1, 0]], file_image_size: [64, 48], gain: 1.5, gamma: 2.2, interlaced: top_first}
 lights: [{kind: spot, position: [0, 0, 3], direction: [0, 0, -1], cone_deg: 30, intensity: 1}]
 """

@@ -308,7 +308,7 @@ def test_what_was_tracked_survives_a_crash(clip: Clip, tmp_path: Path) -> None:
 
 
 def test_command(clip: Clip, finished: tuple[Path, dict], tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    arguments = ["track_offline", *clip.arguments(), "--output", str(tmp_path / "run")]
+    arguments = ["track", *clip.arguments(), "--output", str(tmp_path / "run")]
     assert main([*arguments, "--max-sets", "3"]) == 0
     printed = capsys.readouterr()
     assert "3 image sets: 3 TRACKING" in printed.out
@@ -324,11 +324,11 @@ def test_command(clip: Clip, finished: tuple[Path, dict], tmp_path: Path, capsys
 
 def test_command_reports_partial_success(own_clip: Clip, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     shutil.rmtree(own_clip.folder / "cam03")
-    assert main(["track_offline", *own_clip.arguments(), "--output", str(tmp_path / "run"), "--quiet"]) == 1
+    assert main(["track", *own_clip.arguments(), "--output", str(tmp_path / "run"), "--quiet"]) == 1
     printed = capsys.readouterr()
     assert "cam03" in printed.err
     assert printed.out == ""
-    assert main(["track_offline", *own_clip.arguments(), "--output", str(tmp_path / "x"), "--start", "-3"]) == 2
+    assert main(["track", *own_clip.arguments(), "--output", str(tmp_path / "x"), "--start", "-3"]) == 2
 
 
 WITHOUT_ROS = """
@@ -344,7 +344,7 @@ sys.exit(main(sys.argv[1:]))
 
 
 def test_ros_is_not_needed(clip: Clip, tmp_path: Path) -> None:
-    arguments = ["track_offline", *clip.arguments(), "--output", str(tmp_path / "run"), "--max-sets", "2", "--masks"]
+    arguments = ["track", *clip.arguments(), "--output", str(tmp_path / "run"), "--max-sets", "2", "--masks"]
     done = subprocess.run([sys.executable, "-c", WITHOUT_ROS, *arguments], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     with BagReader(tmp_path / "run/bag") as reader:

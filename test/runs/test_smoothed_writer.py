@@ -1,4 +1,4 @@
-"""``track_offline --smooth`` on a small clip with the real tracker."""
+"""``track --smooth`` on a small clip with the real tracker."""
 
 import json
 import shutil
@@ -25,7 +25,7 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Clip:
 
 
 def tracked(clip: Clip, output: Path, *options: str) -> int:
-    return main(["track_offline", *clip.arguments(), "--output", str(output), "--quiet", *options])
+    return main(["track", *clip.arguments(), "--output", str(output), "--quiet", *options])
 
 
 def errors_m(clip: Clip, values: np.ndarray) -> np.ndarray:
@@ -75,7 +75,7 @@ def test_a_fixed_lag_looks_only_so_far_ahead(clip, tmp_path):
         paths = {"--rig": "rig.yaml", "--model": "model.yaml", "--config": "config.yaml", "--initial-state": "start.yaml"}
         files = [text for option, file in paths.items() for text in (option, str(folder / file))]
         output = tmp_path / name
-        assert main(["track_offline", *files, "--output", str(output), "--quiet", "--smooth", "0.09"]) == 0
+        assert main(["track", *files, "--output", str(output), "--quiet", "--smooth", "0.09"]) == 0
         rows[name] = read_states(output / "smoothed/states.csv").values
     same = (rows["a"] == rows["b"]).all(axis=1)
     assert same[: N_IMAGES - 4].all() and not same[-3:].any()

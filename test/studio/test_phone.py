@@ -27,7 +27,7 @@ SMALL = """[...document.querySelectorAll('main button, main select, header nav a
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory):
     clip = make_clip(tmp_path_factory.mktemp("clip"), n_images=4)
-    assert main(["track_offline", *clip.arguments(), "--output", str(clip.folder / "run"), "--quiet"]) == 0
+    assert main(["track", *clip.arguments(), "--output", str(clip.folder / "run"), "--quiet"]) == 0
     files = ["--rig", clip.rig_file, "--model", clip.model_file, "--initial-state", clip.state_file]
     with running_studio(*files, "--run", clip.folder / "run") as studio, browser_tab(WIDTH, HEIGHT) as tab:
         yield studio, tab

@@ -45,7 +45,7 @@ def test_truth_lies_on_the_person_in_the_pictures(recorded):
     assert truth.names == LANDMARKS and truth.valid.all()
     inner = [truth.names.index(name) for name in LANDMARKS if name != "head"]  # the crown is on the outline itself
     for camera in rig:
-        plate = cv2.imread(camera.plate)
+        plate = cv2.imread(camera.background)
         for points, (_, image) in zip(truth.positions_m, open_camera_source(camera), strict=True):
             silhouette = np.abs(image.astype(int) - plate).max(axis=2) > 12
             silhouette = cv2.morphologyEx(silhouette.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5)))

@@ -20,7 +20,7 @@ from .run import Run, unwritten
 
 
 def track(recording: Recording | str | Path, output: str | Path | None = None, progress: Progress | None = None) -> Run:
-    """Track a body through all image sets of a recording, as ``tracker_node track_offline`` does.
+    """Track a body through all image sets of a recording, as ``tracker_node track`` does.
 
     Where the stamps go backward, the tracker starts again. Sources that cannot be used, and images that break off, are
     warnings as long as something could be tracked.

@@ -74,7 +74,7 @@ def rig_file(rig: CameraRig, trial: str) -> RigFile:
     for name, entry in plain.cameras.items():
         update: dict[str, object] = {"source": f"{trial}/{name}.mp4"}
         if trial == "videos":
-            update["plate"] = f"plates/{name}.png"
+            update["background"] = f"plates/{name}.png"
         if name in NARROW_CAMERAS[trial]:
             update |= {"pixel_map": NARROW_MAP, "file_image_size": NARROW_SIZE}
         entries[name] = entry.model_copy(update=update)

@@ -42,7 +42,7 @@ class Camera:
     time_drift_ppm: float = 0.0
     stamps: str | None = None
     stamp_file: str | None = None
-    plate: str | None = None
+    background: str | None = None
     interlaced: str | None = None
     gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
     gamma: float = 1.0

@@ -98,7 +98,7 @@ def _missing_package(error: ImportError) -> str:
     if modules & ROS_PACKAGES:
         name = sorted(modules & ROS_PACKAGES)[0]
         what = "make setup brings it, or source a ROS 2 installation and the workspace of tracker_msgs (docs/install.md)"
-        return f"needs ROS 2, and {here} cannot import '{name}': {what}; track_offline and evaluate need no ROS"
+        return f"needs ROS 2, and {here} cannot import '{name}': {what}; track and evaluate need no ROS"
     if isinstance(error, ModuleNotFoundError) and error.name and not error.name.startswith("tracker_node"):
         package = error.name.partition(".")[0]
         return f"{here} has no package '{package}': make setup, or pip install -r requirements/runtime.txt (docs/install.md)"

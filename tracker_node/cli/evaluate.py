@@ -20,7 +20,7 @@ _LASTING = 0.1  # share of the sets, below which nothing is said of a degree of 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("runs", nargs="+", metavar="run",
-        help="folder written by track_offline or pipeline, or a bag with tracked states; several are compared")  # fmt: skip
+        help="folder written by track or pipeline, or a bag with tracked states; several are compared")  # fmt: skip
     add("--truth", action="append", default=[], metavar="FILE",
         help=".trc, .c3d or .csv like joints.csv (positions); .csv like states.csv, .mot or .sto (degrees of freedom);"
         " one of each kind, or none")  # fmt: skip

@@ -26,7 +26,7 @@ _OPTIONS = {"rate_hz": "--rate", "filter_hz": "--filter"}  # the others are name
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("run", metavar="RUN",
-        help="folder written by track_offline or pipeline, a folder smoothed in it, or a bag with tracked states")  # fmt: skip
+        help="folder written by track or pipeline, a folder smoothed in it, or a bag with tracked states")  # fmt: skip
     add("--to", choices=FORMATS, help="the format (default: by the output's suffix); csv writes several tables into a folder")
     add("-o", "--output", required=True, metavar="PATH", help="file to write (csv: folder)")
     add("--model", metavar="FILE", help="body model; default: what run.json names")

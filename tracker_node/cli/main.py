@@ -61,7 +61,7 @@ def _overview() -> str:
     for verb in verbs():
         module = importlib.import_module(module_of(verb))
         lines.append(f"  {verb:15} {module.SUMMARY.splitlines()[0]}")
-    lines += ["", "example:", "  tracker_node track_offline --help"]
+    lines += ["", "example:", "  tracker_node track --help"]
     return "\n".join(lines)
 
 
@@ -114,7 +114,13 @@ def _overviewed(argv: list[str]) -> int:
     return _unknown(argv[0])
 
 
+_RENAMED = {"track_offline": "track", "import_rig": "rig import"}  # verbs of version 0.1
+
+
 def _unknown(verb: str) -> int:
+    if verb in _RENAMED:
+        print(f"tracker_node: unknown verb '{verb}': it is '{_RENAMED[verb]}' now", file=sys.stderr)
+        return EX_USAGE
     print(f"tracker_node: unknown verb '{verb}'; valid: {', '.join(verbs())}", file=sys.stderr)
     return EX_USAGE
 

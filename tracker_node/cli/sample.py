@@ -26,7 +26,7 @@ def run(args: argparse.Namespace) -> int:
     if status == 0:
         print(f"{folder} is ready. Track it, and see how well, with one of")
         print(f"  tracker_node pipeline {folder}/recording.yaml         as a ROS graph")
-        print(f"  tracker_node track_offline {folder}/recording.yaml    without ROS")
+        print(f"  tracker_node track {folder}/recording.yaml    without ROS")
     return status
 
 

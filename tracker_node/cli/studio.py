@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", type=Path, metavar="FILE", help="model.yaml or URDF: the body")
     parser.add_argument("--config", type=Path, metavar="FILE", help="tracker parameters, for scores and fits (default: built in)")
     parser.add_argument("--initial-state", type=Path, metavar="FILE", help="state.yaml: the pose at first (default: neutral)")
-    parser.add_argument("--run", type=Path, metavar="RUN", help="folder written by track_offline, or a bag, to play back")
+    parser.add_argument("--run", type=Path, metavar="RUN", help="folder written by track, or a bag, to play back")
     parser.add_argument(
         "--folder", type=Path, default=Path("out/studio"), help="where poses are saved and loaded (default: %(default)s)"
     )

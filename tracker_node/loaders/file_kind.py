@@ -25,7 +25,7 @@ def kind_of(values: Mapping[Any, Any]) -> str:
     if "rosbag2_bagfile_information" in values:
         return "the metadata of a bag"
     if "image_width" in values and ("camera_matrix" in values or "camera_name" in values):
-        return "a ROS camera_info file (import_rig reads it)"
+        return "a ROS camera_info file (rig import reads it)"
     cameras = values.get("cameras")
     if isinstance(cameras, dict) and "rig" not in values:
         masks = any(isinstance(entry, dict) and not {"polygons", "still"}.isdisjoint(entry) for entry in cameras.values())

@@ -1,6 +1,6 @@
 """A whole recording as one YAML file: what is tracked, from which images, what is kept, and what it is compared with.
 
-``tracker_node pipeline`` and ``track_offline`` take it; the format is described in docs/formats.md.
+``tracker_node pipeline`` and ``track`` take it; the format is described in docs/formats.md.
 """
 
 from __future__ import annotations

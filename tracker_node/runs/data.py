@@ -1,4 +1,4 @@
-"""What a run left behind: from the folder of `track_offline`, or from any bag that holds tracked states."""
+"""What a run left behind: from the folder of `track`, or from any bag that holds tracked states."""
 
 from __future__ import annotations
 

@@ -168,7 +168,7 @@ def _write_plates(studio: Studio, folder: Path) -> None:
 def _write_rig(rig: CameraRig, folder: Path, plates: bool) -> None:
     rig_file = rig_file_of(rig)
     cameras = {
-        name: entry.model_copy(update={"source": name, "plate": f"plates/{name}.png" if plates else entry.plate})
+        name: entry.model_copy(update={"source": name, "background": f"plates/{name}.png" if plates else entry.background})
         for name, entry in rig_file.cameras.items()
     }
     write_rig_file(rig_file.model_copy(update={"cameras": cameras}), folder / "rig.yaml")

@@ -105,7 +105,7 @@ def _small_rig(rig: CameraRig) -> CameraRig:
     cameras = []
     for camera in rig:
         height = max(1, round(camera.model.height * _WIDTH_PX / camera.model.width))
-        cameras.append(replace(camera, model=camera.model.resized(_WIDTH_PX, height), plate=None))
+        cameras.append(replace(camera, model=camera.model.resized(_WIDTH_PX, height), background=None))
     return replace(rig, cameras=tuple(cameras))
 
 

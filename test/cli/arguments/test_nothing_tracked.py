@@ -15,7 +15,7 @@ WITHOUT, GIVE = (
     "counts", [{"TRACKING": 1, "LOST": 9}, {"DEGRADED": 1}, {"TRACKING": 3, "DEGRADED": 2, "INITIALISING": 1}]
 )
 def test_one_tracked_set_is_enough(counts, capsys):
-    assert nothing_tracked("track_offline", counts, "dark", True) == 0
+    assert nothing_tracked("track", counts, "dark", True) == 0
     assert capsys.readouterr() == ("", "")
 
 

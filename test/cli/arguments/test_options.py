@@ -36,4 +36,4 @@ def test_the_commands_that_write_are_among_them():
         for parser in parsers(parser_of(verb, importlib.import_module(module_of(verb))))
         if "-o" in parser._option_string_actions
     }
-    assert {"demo", "track_offline", "pipeline", "recorder", "evaluate", "export", "bag repair", "calibrate rig"} <= with_output
+    assert {"demo", "track", "pipeline", "recorder", "evaluate", "export", "bag repair", "calibrate rig"} <= with_output

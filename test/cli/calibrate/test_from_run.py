@@ -34,7 +34,7 @@ def run(tmp_path_factory):
     space = ShapeSpace(clip.model, groups=("girth",))
     thick = space.body(np.array([0.2 if name == "girth upper" else 0.0 for name in space.names]))
     dump_model(thick, clip.model_file)
-    assert main(["track_offline", *clip.arguments(), "--output", str(clip.folder / "run"), "--quiet"]) == 0
+    assert main(["track", *clip.arguments(), "--output", str(clip.folder / "run"), "--quiet"]) == 0
     return clip
 
 
@@ -66,7 +66,7 @@ def test_a_rig_that_is_right_stays(run, tmp_path, capsys):
     for a, b in zip(given, found, strict=True):
         assert np.allclose(a.T_world_cam, b.T_world_cam, atol=1e-9)
         assert abs(a.time_offset_ns - b.time_offset_ns) < 0.25e9 / RATE_HZ
-        assert (a.source, a.plate) == (b.source, b.plate)
+        assert (a.source, a.background) == (b.source, b.background)
     assert "cam03" in capsys.readouterr().out
     assert "later, ms" in (tmp_path / "rig.html").read_text()
 
@@ -119,7 +119,7 @@ def taken_otherwise(tmp_path_factory):
     os.chdir(clip.folder / "elsewhere")
     try:
         options = ["--resize", "120x90", "--source", "cam01=first", "--cameras", "cam01", "cam02", "--start", "1"]
-        run = ["track_offline", *clip.arguments(), *options, "--output", str(clip.folder / "run"), "--quiet"]
+        run = ["track", *clip.arguments(), *options, "--output", str(clip.folder / "run"), "--quiet"]
         assert main([*run, "--base-stamp-ns", "7000000000"]) == 0
     finally:
         os.chdir(home)
@@ -148,7 +148,7 @@ def arguments_of(clip):
 
 def test_it_is_tracked_again_evaluated_and_played(taken_otherwise, tmp_path):
     run = taken_otherwise.folder / "run"
-    again = ["track_offline", *taken_otherwise.arguments(), "--from-run-bag", str(run / "bag"), "--quiet"]
+    again = ["track", *taken_otherwise.arguments(), "--from-run-bag", str(run / "bag"), "--quiet"]
     assert main([*again, "--output", str(tmp_path / "again")]) == 0
     assert (tmp_path / "again" / "states.csv").read_bytes() == (run / "states.csv").read_bytes()
     assert main(["evaluate", str(run), "--no-pdf", "--output", str(tmp_path), "--pictures", "2"]) == 0
@@ -168,7 +168,7 @@ def test_a_run_of_a_bag_takes_its_images_from_that_bag(run, tmp_path):
                 stamp_ns = 10**9 + round(i * 1e9 / RATE_HZ)
                 message = message_of(IMAGE, image(stamp_ns, camera.frame_id, pixels))
                 writer.write_message(f"/{camera.name}/image_raw", stamp_ns, message)
-    arguments = ["track_offline", *run.arguments(), "--bag", str(recorded), "--output", str(tmp_path / "run"), "--quiet"]
+    arguments = ["track", *run.arguments(), "--bag", str(recorded), "--output", str(tmp_path / "run"), "--quiet"]
     assert main(arguments) == 0
     images = load_run_images(Namespace(from_run=str(tmp_path / "run"), sets=4, rig=None, model=None, config=None))
     assert len(images.sets) == 4 and images.sets[0].stamp_ns >= 10**9

@@ -1,4 +1,4 @@
-"""``tracker_node rig export`` and back with ``import_rig``."""
+"""``tracker_node rig export`` and back with ``rig import``."""
 
 import json
 
@@ -22,7 +22,7 @@ def rig_path(tmp_path):
 )
 def test_there_and_back(rig_path, tmp_path, target, file, capsys):
     assert main(["rig", "export", str(rig_path), "--to", target, "-o", str(tmp_path / file)]) == 0
-    assert main(["import_rig", str(tmp_path / file), "-o", str(tmp_path / "back.yaml")]) == 0
+    assert main(["rig", "import", str(tmp_path / file), "-o", str(tmp_path / "back.yaml")]) == 0
     for a, b in zip(load_rig(tmp_path / "back.yaml"), load_rig(rig_path), strict=True):
         np.testing.assert_allclose(a.T_world_cam, b.T_world_cam, atol=1e-9)
         np.testing.assert_allclose(a.model.K, b.model.K, atol=1e-9)
@@ -34,16 +34,16 @@ def test_lenses_one_by_one_keep_what_ros_keeps_and_the_rest_is_told(rig_path, tm
     assert main(["rig", "export", str(rig_path), "--to", "camera_info", "-o", str(tmp_path / "lenses")]) == 0
     assert "the places of the cameras" in capsys.readouterr().out
     files = [str(tmp_path / "lenses" / f"cam{i}.yaml") for i in (1, 2, 3)]
-    assert main(["import_rig", *files, "--like", str(rig_path), "-o", str(tmp_path / "back.yaml")]) == 0
+    assert main(["rig", "import", *files, "--like", str(rig_path), "-o", str(tmp_path / "back.yaml")]) == 0
     np.testing.assert_allclose(load_rig(tmp_path / "back.yaml")["cam2"].T_world_cam, load_rig(rig_path)["cam2"].T_world_cam)
 
 
 def test_dlt_needs_a_size_and_loses_distortion(rig_path, tmp_path, capsys):
     assert main(["rig", "export", str(rig_path), "--to", "dlt", "-o", str(tmp_path / "dlt.csv")]) == 0
     assert "distortion (cam1, cam2, cam3)" in capsys.readouterr().out
-    assert main(["import_rig", str(tmp_path / "dlt.csv"), "-o", str(tmp_path / "back.yaml")]) == 2
+    assert main(["rig", "import", str(tmp_path / "dlt.csv"), "-o", str(tmp_path / "back.yaml")]) == 2
     assert "--size" in capsys.readouterr().err
-    assert main(["import_rig", str(tmp_path / "dlt.csv"), "--size", "320x240", "-o", str(tmp_path / "back.yaml")]) == 0
+    assert main(["rig", "import", str(tmp_path / "dlt.csv"), "--size", "320x240", "-o", str(tmp_path / "back.yaml")]) == 0
     np.testing.assert_allclose(load_rig(tmp_path / "back.yaml")["cam3"].center, load_rig(rig_path)["cam3"].center, atol=1e-6)
 
 
@@ -54,21 +54,21 @@ def test_millimetres_are_noticed_and_can_be_said(rig_path, tmp_path, capsys):
         if line.startswith("translation"):
             lines[i] = "translation = " + str([1000.0 * v for v in json.loads(line.split("=")[1])])
     (tmp_path / "mm.toml").write_text("\n".join(lines))
-    assert main(["import_rig", str(tmp_path / "mm.toml"), "-o", str(tmp_path / "back.yaml")]) == 0
+    assert main(["rig", "import", str(tmp_path / "mm.toml"), "-o", str(tmp_path / "back.yaml")]) == 0
     assert "say --unit mm" in capsys.readouterr().out
-    assert main(["import_rig", str(tmp_path / "mm.toml"), "--unit", "mm", "-o", str(tmp_path / "back.yaml"), "--force"]) == 0
+    assert main(["rig", "import", str(tmp_path / "mm.toml"), "--unit", "mm", "-o", str(tmp_path / "back.yaml"), "--force"]) == 0
     assert "--unit mm" not in capsys.readouterr().out
     np.testing.assert_allclose(load_rig(tmp_path / "back.yaml")["cam1"].center, load_rig(rig_path)["cam1"].center, atol=1e-9)
 
 
 def test_what_is_in_metres_already_takes_no_unit(rig_path, tmp_path, capsys):
     main(["rig", "export", str(rig_path), "--to", "qualisys", "-o", str(tmp_path / "a.qca.txt")])
-    assert main(["import_rig", str(tmp_path / "a.qca.txt"), "--unit", "mm", "-o", str(tmp_path / "back.yaml")]) == 2
+    assert main(["rig", "import", str(tmp_path / "a.qca.txt"), "--unit", "mm", "-o", str(tmp_path / "back.yaml")]) == 2
     assert "none with qualisys files" in capsys.readouterr().err
     assert not (tmp_path / "back.yaml").exists()
 
 
 def test_a_rig_file_needs_no_import(rig_path, tmp_path, capsys):
-    assert main(["import_rig", str(rig_path), "-o", str(tmp_path / "back.yaml")]) == 2
+    assert main(["rig", "import", str(rig_path), "-o", str(tmp_path / "back.yaml")]) == 2
     assert "a rig.yaml, which needs no import" in capsys.readouterr().err
     assert not (tmp_path / "back.yaml").exists()

@@ -104,7 +104,7 @@ def make_clip(folder: Path, n_images: int = 10, with_plates: bool = True) -> Cli
             cv2.imwrite(str(folder / name / f"{i:04d}.png"), picture)
         cv2.imwrite(str(folder / f"{name}_plate.png"), _noisy(scene, rng))
         plate = f"{name}_plate.png" if with_plates else None
-        cameras.append(Camera(name, lens, camera.T_world_cam, source=name, plate=plate))
+        cameras.append(Camera(name, lens, camera.T_world_cam, source=name, background=plate))
     write_rig_file(rig_file_of(CameraRig(tuple(cameras))), folder / "rig.yaml")
     dump_model(model, folder / "model.yaml")
     dump_state(states[0], model, folder / "start.yaml")

@@ -78,7 +78,7 @@ def scaled_arm(place: Place) -> None:
 
 
 def arm_with_stills(place: Place) -> None:
-    """What ``calibrate plate`` starts from, with stills."""
+    """What ``calibrate background`` starts from, with stills."""
     arm(place)
     (place.folder / "rig.yaml").rename(place.folder / "rig_refined.yaml")
     for plate in place.folder.glob("*_plate.png"):

@@ -32,7 +32,7 @@ class Shelf:
         clip = small_clip.make_clip(self._folder / "arm")
         write_joints(clip.folder / "truth.csv", _joints_of(clip))
         files = ("--rig", clip.rig_file, "--model", clip.model_file, "--initial-state", clip.state_file)
-        run("track_offline", *files, "--output", clip.folder / "run", "--quiet")
+        run("track", *files, "--output", clip.folder / "run", "--quiet")
         return clip.folder
 
     @cached_property

@@ -38,7 +38,7 @@ world_frame: map
 cameras:
   left:
     {image_size: [64, 48], K: [[60, 0, 32], [0, 60, 24], [0, 0, 1]], distortion_model: plumb_bob, distortion: [0.1, 0, 0, 0],
-    T_world_cam: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], source: a.mp4, plate: b.png, time_offset_s: 0.1,
+    T_world_cam: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], source: a.mp4, background: b.png, time_offset_s: 0.1,
     pixel_map: [[1, 0, 0], [0, 1, 0]], file_image_size: [64, 48], gain: 1.5, gamma: 2.2, interlaced: top_first}
   right:
     {image_size: [640, 480], K: [[600, 0, 320], [0, 600, 240], [0, 0, 1]], distortion_model: equidistant,

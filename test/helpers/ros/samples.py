@@ -104,7 +104,7 @@ def small_rig(folder: Path, n_cameras: int = 3, width: int = 160, height: int = 
         T = look_at((2.2 * np.cos(angle), 2.2 * np.sin(angle), 0.8), (0.1, 0.1, 0.3))
         name = f"cam{i + 1}"
         source, plate = str(folder / name), str(folder / f"{name}_plate.png")
-        cameras.append(Camera(name, CameraModel(width, height, K), T, source=source, plate=plate))
+        cameras.append(Camera(name, CameraModel(width, height, K), T, source=source, background=plate))
     return CameraRig(tuple(cameras))
 
 
@@ -125,7 +125,7 @@ def write_recording(folder: Path, n_images: int, n_cameras: int = 3) -> CameraRi
     for camera in rig:
         Path(str(camera.source)).mkdir()
         empty = np.full((camera.model.height, camera.model.width), 0, np.uint8)
-        cv2.imwrite(str(camera.plate), _noisy(colors[empty], random))
+        cv2.imwrite(str(camera.background), _noisy(colors[empty], random))
         for i in range(n_images):
             labels = render_view(Configuration(model, moving_state(model, i)), camera).labels
             cv2.imwrite(f"{camera.source}/{i:04}.png", _noisy(colors[labels], random))

@@ -18,7 +18,7 @@ LENS = CameraModel(40, 30, np.array([[40.0, 0.0, 19.5], [0.0, 40.0, 14.5], [0.0,
 
 def rig_with_plate(path: Path | None) -> CameraRig:
     first, second = list(CAMERAS)[:2]
-    plated = Camera(first, LENS, np.eye(4), plate=None if path is None else str(path))
+    plated = Camera(first, LENS, np.eye(4), background=None if path is None else str(path))
     return CameraRig((plated, Camera(second, LENS, np.eye(4))))
 
 

@@ -39,7 +39,7 @@ def run_pipeline(start, clip: Clip, bag: Path, *options: str) -> None:
 
 
 def track_again(clip: Clip, output: Path, *options: str) -> None:
-    assert main(["track_offline", *clip.arguments(), "--output", str(output), "--quiet", *options]) == 0
+    assert main(["track", *clip.arguments(), "--output", str(output), "--quiet", *options]) == 0
 
 
 def decoded(bag: Path, topic: str) -> list:
@@ -125,7 +125,7 @@ def test_the_engine_of_colors_is_reproduced_bit_for_bit(clip: Clip, tmp_path: Pa
     colored = replace_option(clip.arguments(), "--config", config)
     pipeline = start("pipeline", *colored, "--bag", str(tmp_path / "live"), "--images", "--through-masks")
     assert pipeline.process.wait(120) == 0, pipeline.text
-    again = ["track_offline", *colored, "--output", str(tmp_path / "again"), "--quiet", "--through-masks"]
+    again = ["track", *colored, "--output", str(tmp_path / "again"), "--quiet", "--through-masks"]
     assert main([*again, "--from-run-bag", str(tmp_path / "live")]) == 0
     assert_same_states(tmp_path / "live", tmp_path / "again/bag")
     states = decoded(tmp_path / "live", "/tracker/state")

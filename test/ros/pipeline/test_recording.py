@@ -50,7 +50,7 @@ def states_of(bag) -> list:
 
 def test_live_and_offline_give_the_same_states_of_it(launch, described, tmp_path):
     live = launch("pipeline", described / "recording.yaml")
-    offline = launch("track_offline", described / "recording.yaml", "--output", tmp_path / "offline")
+    offline = launch("track", described / "recording.yaml", "--output", tmp_path / "offline")
     assert live.wait(PATIENCE_S) == 0, live.err
     assert offline.wait(PATIENCE_S) == 0, offline.err
     assert "8 image sets: 8 TRACKING" in live.out and "8 image sets: 8 TRACKING" in offline.out
@@ -78,7 +78,7 @@ def test_live_and_offline_give_the_same_states_of_it(launch, described, tmp_path
 
 
 def test_the_command_line_goes_before_the_file(launch, described, tmp_path):
-    run = launch("track_offline", described / "recording.yaml", "--start", "0", "--end", "3", "--output", tmp_path / "out")
+    run = launch("track", described / "recording.yaml", "--start", "0", "--end", "3", "--output", tmp_path / "out")
     assert run.wait() == 0, run.err
     assert "3 image sets" in run.out
     states = states_of(tmp_path / "out" / "bag")
@@ -101,8 +101,8 @@ def test_mistakes_are_one_line(launch, described, tmp_path):
         "states.csv": launch("pipeline", described / "recording.yaml", "--output", offline),
         "live/run.json": launch("pipeline", described / "recording.yaml", "--bag", live / "bag"),
         "--rig and --model": launch("pipeline", "--bag", tmp_path / "bag"),
-        "camera 'left'": launch("track_offline", described / "recording.yaml", "--source", "left=x", "--output", tmp_path / "a"),
-        "--output": launch("track_offline", "--rig", described / "rig.yaml", "--model", described / "model.yaml"),
+        "camera 'left'": launch("track", described / "recording.yaml", "--source", "left=x", "--output", tmp_path / "a"),
+        "--output": launch("track", "--rig", described / "rig.yaml", "--model", described / "model.yaml"),
     }
     for said, process in processes.items():
         assert process.wait() == 2, said

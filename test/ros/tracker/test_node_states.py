@@ -18,7 +18,7 @@ START = some_state(tracked_arm())
 
 
 def without_plates(rig):
-    return replace(rig, cameras=tuple(replace(camera, plate=None) for camera in rig))
+    return replace(rig, cameras=tuple(replace(camera, background=None) for camera in rig))
 
 
 @pytest.fixture

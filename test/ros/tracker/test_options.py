@@ -15,7 +15,7 @@ MODEL = tracked_arm()
 @pytest.fixture
 def rig(tmp_path):
     rig = small_rig(tmp_path)
-    return replace(rig, cameras=tuple(replace(camera, plate=None) for camera in rig))
+    return replace(rig, cameras=tuple(replace(camera, background=None) for camera in rig))
 
 
 def test_by_default_lenses_are_those_of_the_rig_and_it_starts_by_itself(rig):

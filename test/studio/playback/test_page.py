@@ -30,7 +30,7 @@ FIRST, N_IMAGES = 2, 9
 def clip(tmp_path_factory):
     """Some images of the clip tracked; the run does not begin with the first of them."""
     clip = make_clip(tmp_path_factory.mktemp("clip"), n_images=N_IMAGES)
-    run = ["track_offline", *clip.arguments(), "--output", str(clip.folder / "run"), "--start", str(FIRST), "--quiet"]
+    run = ["track", *clip.arguments(), "--output", str(clip.folder / "run"), "--start", str(FIRST), "--quiet"]
     assert main([*run, "--base-stamp-ns", "5000000000"]) == 0
     return clip
 
@@ -58,7 +58,7 @@ def test_reasons_come_from_the_bag_or_the_table(clip, tmp_path):
     """Of a run in which a camera gives no images, so that every state is DEGRADED for a reason."""
     rig = clip.folder / "rig_of_one_gone.yaml"
     rig.write_text(clip.rig_file.read_text().replace("source: cam03", "source: nowhere"))
-    run = ["track_offline", *clip.arguments(), "--rig", str(rig), "--output", str(tmp_path / "run"), "--quiet", "--max-sets", "3"]
+    run = ["track", *clip.arguments(), "--rig", str(rig), "--output", str(tmp_path / "run"), "--quiet", "--max-sets", "3"]
     main(run)
     of_bag = open_run(open_session(files(clip, run=tmp_path / "run"))).reasons
     (tmp_path / "table").mkdir()
@@ -82,7 +82,7 @@ def test_images_come_from_the_bag_that_was_tracked(clip, tmp_path):
                 info = camera_info(stamp_ns, camera.frame_id, camera.model)
                 writer.write_message(f"/{name}/camera_info", stamp_ns, message_of(CAMERA_INFO, info))
                 writer.write_message(f"/{name}/image_raw", stamp_ns, image(stamp_ns, pixels))
-    run = ["track_offline", *clip.arguments(), "--bag", str(bag), "--output", str(tmp_path / "run"), "--quiet"]
+    run = ["track", *clip.arguments(), "--bag", str(bag), "--output", str(tmp_path / "run"), "--quiet"]
     assert main(run) == 0
     played = open_run(open_session(files(clip, run=tmp_path / "run")))
     assert [numbers["cam03"] for numbers in played.numbers] == [0, 1, 2, 3] and played.problem == ""

@@ -57,7 +57,7 @@ def test_a_recording_of_it_has_true_states_no_plates_and_exact_images(tmp_path):
     )  # fmt: skip
     produce(Request(subject="figure", n_images=2, scene=scene), tmp_path)
     rig, model = load_rig(tmp_path / "rig.yaml"), load_model(tmp_path / "person.yaml")
-    assert not any(camera.plate for camera in rig) and not (tmp_path / "plates").exists()
+    assert not any(camera.background for camera in rig) and not (tmp_path / "plates").exists()
     truth, states = read_joints(tmp_path / "truth.csv"), read_states(tmp_path / "true_states.csv")
     assert states.dof_names == model.chain.dof_names
     np.testing.assert_array_equal(states.stamps_ns, truth.stamps_ns)

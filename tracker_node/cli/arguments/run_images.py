@@ -20,7 +20,7 @@ def add_run_arguments(parser: argparse.ArgumentParser, n_sets: int) -> None:
     parser.add_argument("--force", action="store_true", help="overwrite the output and the report")
     group = parser.add_argument_group("from a run")
     add = group.add_argument
-    add("--from-run", metavar="RUN", help="folder written by track_offline, or a bag with tracked states and images")
+    add("--from-run", metavar="RUN", help="folder written by track, or a bag with tracked states and images")
     add("--sets", type=int, default=n_sets, metavar="N", help="image sets, spread over the run (default: %(default)s)")
     add("--evidence", choices=EVIDENCE, default=EVIDENCE[0],
         help="region: colors on either side of contours; silhouette: needs plates to be good (default: %(default)s)")  # fmt: skip

@@ -6,6 +6,7 @@ import argparse
 import importlib
 import importlib.util
 import pkgutil
+from keyword import iskeyword
 
 
 def subverbs(verb: str) -> list[str]:
@@ -13,7 +14,12 @@ def subverbs(verb: str) -> list[str]:
     package = f"tracker_node.cli.{verb}"
     found = importlib.util.find_spec(package)
     places = (found.submodule_search_locations if found else None) or []
-    return sorted(m.name for m in pkgutil.iter_modules(places) if not m.name.startswith("_"))
+    return sorted(m.name.rstrip("_") for m in pkgutil.iter_modules(places) if not m.name.startswith("_"))
+
+
+def module_of(verb: str, what: str) -> str:
+    """Name of the module of a sub-verb; one that is a word of Python's, such as ``import``, has an underscore behind it."""
+    return f"tracker_node.cli.{verb}.{what}{'_' if iskeyword(what) else ''}"
 
 
 def add_subverbs(parser: argparse.ArgumentParser, verb: str) -> None:
@@ -21,7 +27,7 @@ def add_subverbs(parser: argparse.ArgumentParser, verb: str) -> None:
     names = subverbs(verb)
     subparsers = parser.add_subparsers(dest="what", required=True, metavar="{" + ",".join(names) + "}")
     for name in names:
-        module = importlib.import_module(f"tracker_node.cli.{verb}.{name}")
+        module = importlib.import_module(module_of(verb, name))
         subparser = subparsers.add_parser(
             name,
             help=module.SUMMARY,

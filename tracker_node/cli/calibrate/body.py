@@ -13,7 +13,7 @@ GROUPS = ("size", "length", "breadth", "girth", "section", "taper", "shift")
 SUMMARY = "make a person's body: scaled to the joints of a static trial (TRC) or to stature, or fitted to the images of a run"
 EXAMPLE = (
     "tracker_node calibrate body --trc static.trc --y-up -o scaled.yaml\n"
-    "  tracker_node track_offline --rig rig.yaml --model scaled.yaml --initial-state start.yaml --output out/run1\n"
+    "  tracker_node track --rig rig.yaml --model scaled.yaml --initial-state start.yaml --output out/run1\n"
     "  tracker_node calibrate body --from-run out/run1 -o person.yaml"
 )
 

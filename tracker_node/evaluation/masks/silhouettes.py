@@ -187,7 +187,7 @@ def _bag_images(task: _Task, camera: Camera, wanted: set[int], bag: Path) -> Ite
 def _still(camera: Camera, masks: CameraMasks) -> np.ndarray | None:
     if masks.still is None:
         return None
-    path = masks.still or camera.plate
+    path = masks.still or camera.background
     if not path:
         raise TrackerError(f"camera '{camera.name}': its reference masks need a still image, and the rig names no plate")
     return read_still(path, camera.model.width, camera.model.height)

@@ -19,15 +19,15 @@ def load_plates(rig: CameraRig) -> dict[str, np.ndarray]:
     """
     plates = {}
     for camera in rig:
-        if not camera.plate:
+        if not camera.background:
             continue
-        plate = cv2.imread(camera.plate, cv2.IMREAD_COLOR)
+        plate = cv2.imread(camera.background, cv2.IMREAD_COLOR)
         if plate is None:
-            raise SourceError(camera.plate, f"cannot be read as the plate of camera '{camera.name}'")
+            raise SourceError(camera.background, f"cannot be read as the plate of camera '{camera.name}'")
         expected, got = (camera.model.width, camera.model.height), (plate.shape[1], plate.shape[0])
         if expected != got:
             problem = f"plate has another size than the calibration: expected {expected[0]}x{expected[1]}, got {got[0]}x{got[1]}"
-            raise CalibrationError(camera.name, f"{problem} in {camera.plate}")
+            raise CalibrationError(camera.name, f"{problem} in {camera.background}")
         plates[camera.name] = plate
     return plates
 

@@ -15,7 +15,7 @@ from ...camera.light import Light
 from ...camera.model import CameraModel
 from ...camera.plausible_lens import plausible
 from ...camera.rig import Camera, CameraRig
-from ...errors import CalibrationError, SourceError
+from ...errors import CalibrationError, FileFormatError, SourceError
 from ...geometry import se3
 from ..file_kind import RIG
 from ..source_address import TOPIC_NAME, parse_source, relocated
@@ -77,7 +77,7 @@ class CameraEntry(FileModel):
     time_drift_ppm: Number = 0.0
     stamps: Literal["rate", "container", "device", "capture"] | None = None
     stamp_file: str | None = None
-    plate: str | None = None
+    background: str | None = None
     interlaced: Literal["top_first", "bottom_first"] | None = None
     pixel_map: numbers(2, 3) | None = None  # type: ignore[valid-type]
     file_image_size: ImageSize | None = None
@@ -212,7 +212,18 @@ def read_rig_file(path: str | Path) -> RigFile:
     ------
     FileFormatError : naming file, dotted field, what was expected and what stands there.
     """
-    return validate(RigFile, read_mapping(path), path)
+    values = read_mapping(path)
+    _refuse_plates(values, path)
+    return validate(RigFile, values, path)
+
+
+def _refuse_plates(values: Mapping[str, Any], path: str | Path) -> None:
+    """Refuse the name that images of the background had in version 0.1."""
+    cameras = values.get("cameras")
+    for name, entry in cameras.items() if isinstance(cameras, dict) else ():
+        if isinstance(entry, dict) and "plate" in entry:
+            expected = "its present name, background (`tracker_node migrate` rewrites files)"
+            raise FileFormatError(path, f"cameras.{name}.plate", expected, entry["plate"])
 
 
 def build_rig(rig_file: RigFile, base_dir: str | Path) -> CameraRig:
@@ -236,7 +247,7 @@ def build_rig(rig_file: RigFile, base_dir: str | Path) -> CameraRig:
                 time_drift_ppm=entry.time_drift_ppm,
                 stamps=entry.stamps,
                 stamp_file=_resolved(entry.stamp_file, base_dir),
-                plate=_resolved(entry.plate, base_dir),
+                background=_resolved(entry.background, base_dir),
                 interlaced=entry.interlaced,
                 gain=entry.gain,
                 gamma=entry.gamma,
@@ -263,7 +274,7 @@ def write_rig_file(rig_file: RigFile, path: str | Path, base_dir: str | Path | N
     values = rig_file.model_dump(mode="python", exclude_none=True, exclude_defaults=True)
     values = {key: values[key] for key in ("world_frame", "cameras", "lights") if key in values}
     for entry in values["cameras"].values():
-        for key in ("source", "plate", "stamp_file"):
+        for key in ("source", "background", "stamp_file"):
             if base_dir is not None and key in entry:
                 entry[key] = relocated(entry[key], base_dir, Path(path).parent)
     write_mapping(values, path, "Camera rig; the format is described in docs/formats.md.")
@@ -286,7 +297,7 @@ def rig_file_of(rig: CameraRig) -> RigFile:
             time_drift_ppm=camera.time_drift_ppm,
             stamps=camera.stamps,  # type: ignore[arg-type]
             stamp_file=camera.stamp_file,
-            plate=camera.plate,
+            background=camera.background,
             interlaced=camera.interlaced,  # type: ignore[arg-type]
             gain=camera.gain,
             gamma=camera.gamma,

@@ -1,4 +1,4 @@
-"""``tracker_node track_offline``."""
+"""``tracker_node track``."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from ..loaders.images.source import SourceOptions
 
 SUMMARY = "track recorded images (videos, folders or a bag) without ROS; write a bag, CSV files and run.json"
-EXAMPLE = """tracker_node track_offline --rig rig.yaml --model person.yaml --initial-state start.yaml --output out/run1
-  tracker_node track_offline recording.yaml --end 20 --output out/try"""
+EXAMPLE = """tracker_node track --rig rig.yaml --model person.yaml --initial-state start.yaml --output out/run1
+  tracker_node track recording.yaml --end 20 --output out/try"""
 BUILT_IN = {"start": 0, "shrink": 1, "source": [], "masks": False, "through_masks": False}
 
 
@@ -97,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
 
     def tell(sentence: str) -> None:
         told.append(sentence)
-        print(f"track_offline: {sentence}", file=sys.stderr, flush=True)
+        print(f"track: {sentence}", file=sys.stderr, flush=True)
 
     summary = run_offline(
         OfflineRun(
@@ -120,7 +120,7 @@ def run(args: argparse.Namespace) -> int:
         tell,
     )
     _report(summary, args.output, args.quiet, told)
-    untracked = nothing_tracked("track_offline", summary["status_counts"], summary["reason"], args.initial_state is not None)
+    untracked = nothing_tracked("track", summary["status_counts"], summary["reason"], args.initial_state is not None)
     if summary["errors"]:
         return 1
     if recording is None:
@@ -180,12 +180,12 @@ class _Progress:
             what = estimate.status_reason
         text = f"{done}{total} image sets, {rate:.1f} a second, {estimate.status.name}, {what}"
         end = "\r" if self._terminal and done != expected else "\n"
-        print(f"track_offline: {text:<70}", end=end, file=sys.stderr, flush=True)
+        print(f"track: {text:<70}", end=end, file=sys.stderr, flush=True)
 
 
 def _report(summary: dict[str, Any], output: Path, quiet: bool, told: list[str]) -> None:
     for error in (error for error in summary["errors"] if error not in told):
-        print(f"track_offline: {error}", file=sys.stderr)
+        print(f"track: {error}", file=sys.stderr)
     if quiet:
         return
     counts = ", ".join(f"{n} {name}" for name, n in summary["status_counts"].items() if n)

@@ -1,4 +1,4 @@
-"""The command ``calibrate plate``: plates of the empty room from recordings, in the rig file, and what of them is not known."""
+"""``calibrate background``: images of the empty room from recordings, in the rig file, and what is refused."""
 
 from dataclasses import replace
 
@@ -35,7 +35,7 @@ def rig_path(tmp_path):
 
 def run(rig_path, *arguments):
     folder = rig_path.parent
-    return main(["calibrate", "plate", "--rig", str(rig_path), "--output-dir", str(folder / "plates"), *arguments])
+    return main(["calibrate", "background", "--rig", str(rig_path), "--output-dir", str(folder / "plates"), *arguments])
 
 
 def test_plates_show_the_room_and_are_named_in_the_rig(rig_path, tmp_path, capsys):
@@ -47,7 +47,7 @@ def test_plates_show_the_room_and_are_named_in_the_rig(rig_path, tmp_path, capsy
         room = cv2.imread(str(tmp_path / f"room_{camera.name}.png")).astype(int)
         assert np.abs(plate - room).max() <= 3
     entries = read_rig_file(tmp_path / "with.yaml").cameras
-    assert [(tmp_path / entry.plate).resolve() for entry in entries.values()] == [
+    assert [(tmp_path / entry.background).resolve() for entry in entries.values()] == [
         (tmp_path / "plates" / f"{name}.png").resolve() for name in ("cam01", "cam02")
     ]
     assert said[-1] == f"wrote {tmp_path / 'with.yaml'}"

@@ -1,4 +1,4 @@
-"""``import_rig``: other programs' calibrations become a rig.yaml that loads."""
+"""``rig import``: other programs' calibrations become a rig.yaml that loads."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def test_a_pose2sim_rig_there_and_back(tmp_path, capsys):
     write_toml(tmp_path / "calib.toml", rig)
     output = tmp_path / "out" / "rig.yaml"
     sources = str(tmp_path / "videos" / "{name}_{number:02}.mp4")
-    assert main(["import_rig", "--pose2sim", str(tmp_path / "calib.toml"), "--sources", sources, "-o", str(output)]) == 0
+    assert main(["rig", "import", "--pose2sim", str(tmp_path / "calib.toml"), "--sources", sources, "-o", str(output)]) == 0
     imported = load_rig(output)
     assert imported.names == rig.names
     assert imported["cam02"].source == str(tmp_path / "videos" / "cam02_02.mp4")
@@ -48,11 +48,11 @@ def test_lenses_of_ros_with_the_places_of_another_rig(tmp_path, capsys):
     write_rig_file(rig_file_of(rig), tmp_path / "places.yaml")
     files = [str(tmp_path / f"{camera.name}.yaml") for camera in rig]
     output = str(tmp_path / "rig.yaml")
-    assert main(["import_rig", "--camera-info", *files, "--like", str(tmp_path / "places.yaml"), "-o", output]) == 0
+    assert main(["rig", "import", "--camera-info", *files, "--like", str(tmp_path / "places.yaml"), "-o", output]) == 0
     np.testing.assert_allclose(load_rig(output)["cam02"].T_world_cam, rig["cam02"].T_world_cam, atol=1e-12)
-    assert main(["import_rig", "--camera-info", *files, "-o", output]) == 2
+    assert main(["rig", "import", "--camera-info", *files, "-o", output]) == 2
     assert "is there already" in capsys.readouterr().err
-    assert main(["import_rig", "--camera-info", *files, "-o", output, "--force"]) == 0
+    assert main(["rig", "import", "--camera-info", *files, "-o", output, "--force"]) == 0
     np.testing.assert_array_equal(load_rig(output)["cam02"].T_world_cam, np.eye(4))
     assert "places are not known" in capsys.readouterr().out
 
@@ -69,7 +69,7 @@ def test_lenses_of_ros_with_the_places_of_another_rig(tmp_path, capsys):
 def test_what_is_wrong_is_one_line(tmp_path, capsys, arguments, said):
     dump_camera_info("cam01", circle_rig(1).cameras[0].model, tmp_path / "cam01.yaml")
     arguments = [argument.format(tmp=tmp_path) for argument in arguments]
-    assert main(["import_rig", *arguments, "-o", str(tmp_path / "rig.yaml")]) == 2
+    assert main(["rig", "import", *arguments, "-o", str(tmp_path / "rig.yaml")]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and said in error
     assert not (tmp_path / "rig.yaml").exists()

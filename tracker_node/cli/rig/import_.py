@@ -1,4 +1,4 @@
-"""``tracker_node import_rig``: other programs' calibrations as ``rig.yaml``."""
+"""``tracker_node rig import``: other programs' calibrations as ``rig.yaml``."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import without_password
-from ..loaders.source_address import sources_by_name
-from .arguments.run_images import refuse_to_overwrite
-from .arguments.sizes import size_option
-from .arguments.sources import add_sources_argument
+from ...errors import without_password
+from ...loaders.source_address import sources_by_name
+from ..arguments.run_images import refuse_to_overwrite
+from ..arguments.sizes import size_option
+from ..arguments.sources import add_sources_argument
 
 SUMMARY = "turn calibrations of other programs (Pose2Sim, aniposelib, Caliscope, ROS, OpenCV, Qualisys, DLT) into a rig.yaml"
 EXAMPLE = (
-    "tracker_node import_rig Calib.toml --sources 'videos/cam{number:02}.mp4' -o rig.yaml\n"
-    "  tracker_node import_rig intrinsics.yml extrinsics.yml --size 1280x720 --unit mm -o rig.yaml"
+    "tracker_node rig import Calib.toml --sources 'videos/cam{number:02}.mp4' -o rig.yaml\n"
+    "  tracker_node rig import intrinsics.yml extrinsics.yml --size 1280x720 --unit mm -o rig.yaml"
 )
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
@@ -42,8 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..loaders.rig.formats import CAMERA_INFO, TOML, detect_all
-    from ..loaders.rig.rig_yaml import build_rig, rig_file_of, write_rig_file
+    from ...loaders.rig.formats import CAMERA_INFO, TOML, detect_all
+    from ...loaders.rig.rig_yaml import build_rig, rig_file_of, write_rig_file
 
     refuse_to_overwrite(args, args.output)
     files = args.files or args.camera_info or ([args.pose2sim] if args.pose2sim else [])
@@ -62,18 +62,18 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check_files(args: argparse.Namespace, files: list[str]) -> None:
-    from ..errors import SourceError
+    from ...errors import SourceError
 
     if not files:
-        raise SourceError("import_rig", "expected a calibration file")
+        raise SourceError("rig import", "expected a calibration file")
     if args.files and (args.pose2sim or args.camera_info):
         raise SourceError(args.files[0], "expected files either as they are or behind --pose2sim or --camera-info, got both")
 
 
 def _check_unit(unit: str | None, kind: str) -> None:
     """Refuse a unit where places are in metres already: Qualisys files say theirs, and ROS lenses take those of a rig.yaml."""
-    from ..errors import FileFormatError
-    from ..loaders.rig.formats import CAMERA_INFO, QUALISYS
+    from ...errors import FileFormatError
+    from ...loaders.rig.formats import CAMERA_INFO, QUALISYS
 
     if unit is not None and kind in (CAMERA_INFO, QUALISYS):
         raise FileFormatError("command line", "--unit", f"none with {kind} files, whose rig is in metres already", unit)
@@ -81,11 +81,11 @@ def _check_unit(unit: str | None, kind: str) -> None:
 
 def _load(kind: str, files: list[str], args: argparse.Namespace):
     """The rig of files of a kind."""
-    from ..errors import FileFormatError
-    from ..loaders.rig import formats as rig_formats
-    from ..loaders.rig.opencv_storage import load_opencv
-    from ..loaders.rig.pose2sim_toml import load_pose2sim
-    from ..loaders.rig.qualisys_xml import load_qualisys
+    from ...errors import FileFormatError
+    from ...loaders.rig import formats as rig_formats
+    from ...loaders.rig.opencv_storage import load_opencv
+    from ...loaders.rig.pose2sim_toml import load_pose2sim
+    from ...loaders.rig.qualisys_xml import load_qualisys
 
     size = None if args.size is None else size_option("--size", args.size)
     if kind == rig_formats.CAMERA_INFO:
@@ -102,10 +102,10 @@ def _load(kind: str, files: list[str], args: argparse.Namespace):
 
 
 def _rig_of_lenses(files: list[str], like: str | None):
-    from ..camera.rig import Camera, CameraRig
-    from ..errors import FileFormatError
-    from ..loaders.rig.camera_info_yaml import load_camera_info
-    from ..loaders.rig.rig_yaml import load_rig
+    from ...camera.rig import Camera, CameraRig
+    from ...errors import FileFormatError
+    from ...loaders.rig.camera_info_yaml import load_camera_info
+    from ...loaders.rig.rig_yaml import load_rig
 
     places = load_rig(like) if like else None
     cameras: list[Camera] = []
@@ -119,10 +119,10 @@ def _rig_of_lenses(files: list[str], like: str | None):
 
 
 def _rig_of_dlt(file: str, size: tuple[int, int] | None):
-    from ..calibration.points.dlt import camera_of_parameters
-    from ..camera.rig import CameraRig
-    from ..errors import FileFormatError
-    from ..loaders.rig.dlt_text import load_dlt
+    from ...calibration.points.dlt import camera_of_parameters
+    from ...camera.rig import CameraRig
+    from ...errors import FileFormatError
+    from ...loaders.rig.dlt_text import load_dlt
 
     if size is None:
         raise FileFormatError(file, "(file)", "the size of the images beside DLT coefficients: give it with --size", "none")
@@ -132,7 +132,7 @@ def _rig_of_dlt(file: str, size: tuple[int, int] | None):
 
 def _in_metres(rig, unit: float):
     """The rig with its places multiplied; those that then cannot be metres are told."""
-    from ..camera.rig_unit import LARGEST_ROOM_M
+    from ...camera.rig_unit import LARGEST_ROOM_M
 
     cameras = []
     for camera in rig:

@@ -1,4 +1,4 @@
-"""``tracker_node calibrate plate``: pictures of the empty scene."""
+"""``tracker_node calibrate background``: pictures of the empty scene."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from ..arguments.run_images import refuse_to_overwrite
 
 SUMMARY = "make pictures of the empty scene (background plates) from the recordings of a rig, and from stills if there are any"
-EXAMPLE = "tracker_node calibrate plate --rig rig.yaml --stills empty_room/ --output-dir plates -o rig_with_plates.yaml"
+EXAMPLE = "tracker_node calibrate background --rig rig.yaml --stills empty_room/ --output-dir plates -o rig_with_plates.yaml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,7 +53,8 @@ def run(args: argparse.Namespace) -> int:
         print(f"wrote {plates[name]}")
     if args.output:
         entries = {
-            name: entry.model_copy(update={"plate": str(plates[name].absolute())}) for name, entry in rig_file.cameras.items()
+            name: entry.model_copy(update={"background": str(plates[name].absolute())})
+            for name, entry in rig_file.cameras.items()
         }
         write_rig_file(rig_file.model_copy(update={"cameras": entries}), args.output, base_dir=base)
         print(f"wrote {args.output}")
