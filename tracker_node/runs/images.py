@@ -20,7 +20,7 @@ from ..loaders.rig.capture_yaml import changed_settings, split_change
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..observation.image_set import ImageSet
-from ..tracking.config import TrackerConfig, from_dict
+from ..tracking.config import TrackerConfig, describe, from_dict
 from ..tracking.estimate import Status
 from ..tracking.renamed import migrated
 from .data import INFO_FILE, RunData
@@ -188,11 +188,13 @@ def run_stream(
 
 
 def config_of_run(info: Info) -> TrackerConfig:
-    """The parameters that a run was made with, as far as its ``run.json`` tells; also of version 0.1, under other names."""
+    """The parameters that a run was made with, as far as its ``run.json`` tells; also of version 0.1; what no version knows is left out."""
     parameters = info.get("parameters")
     if not isinstance(parameters, dict):
         return TrackerConfig()
-    return from_dict(migrated(parameters)[0], "run.json: parameters")
+    known = describe()
+    values = {name: value for name, value in migrated(parameters)[0].items() if name in known}
+    return from_dict(values, "run.json: parameters")
 
 
 @dataclass(frozen=True, eq=False)
