@@ -68,3 +68,23 @@ def test_a_change_arrives_as_a_whole_or_not_at_all(make):
     assert not result.successful and "scales" in result.reason
     assert len(changes) == 1 and parameters.config.region.repeats == 3
     assert node.set_parameters([Parameter("use_sim_time", value=True)])[0].successful and len(changes) == 1
+
+
+def test_modalities_are_set_together_with_their_parameters(make):
+    node, parameters = make({"modalities": ["color"]})
+    change = [Parameter("modalities", value=["region"]), Parameter("region.repeats", value=9)]
+    with parameters.declared_with(change):
+        assert node.set_parameters_atomically(change).successful
+    assert parameters.config.modalities == ("region",) and parameters.config.region.repeats == 9
+    assert node.get_parameter("region.repeats").value == 9 and not node.has_parameter("color.levels")
+
+
+def test_a_refused_change_of_modalities_leaves_the_parameters_as_they_were(make):
+    node, parameters = make()
+    before = set(node._parameters)
+    change = [Parameter("modalities", value=["color"]), Parameter("color.levels", value=-5)]
+    with parameters.declared_with(change):
+        assert node.has_parameter("color.levels") and not node.set_parameters_atomically(change).successful
+    assert parameters.config == TrackerConfig() and set(node._parameters) == before
+    with parameters.declared_with([Parameter("modalities", value=["nonsense"])]):
+        assert set(node._parameters) == before

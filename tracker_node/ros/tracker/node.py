@@ -185,8 +185,9 @@ class TrackerNode(ManagedNode):
     # Parameters and calibration
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """As rclpy has it, but unknown parameters are named."""
-        return unknown_parameters(self, parameter_list) or super().set_parameters_atomically(parameter_list)
+        """As rclpy has it, but unknown parameters are named, and modalities can be set together with their parameters."""
+        with self._parameters_of_node.declared_with(parameter_list):
+            return unknown_parameters(self, parameter_list) or super().set_parameters_atomically(parameter_list)
 
     def _setup(self, config: TrackerConfig, cameras: tuple[str, ...], lenses: Mapping[str, CameraModel] | None) -> TrackingSetup:
         self._maker.prepare(cameras, config, writeable=bool(self._parameters_of_node.fixed["compressed"]))

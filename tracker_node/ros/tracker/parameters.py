@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -69,6 +70,7 @@ class ConfigParameters:
         self.config = from_dict(values, self._source)
         self.cameras = self._declare_cameras() if cameras else ()
         self.fixed = {name: self._declare_fixed(name, parameter) for name, parameter in fixed.items()}
+        self._declaring = False
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._apply)
 
@@ -124,6 +126,8 @@ class ConfigParameters:
         return updated(self.config, own, self._source), cameras[-1] if cameras else self.cameras
 
     def _validate(self, parameters: list[Parameter]) -> SetParametersResult:
+        if self._declaring:
+            return SetParametersResult(successful=True)
         try:
             config, cameras = self._merged(parameters)
             if (config, cameras) != (self.config, self.cameras):
@@ -133,20 +137,36 @@ class ConfigParameters:
         return SetParametersResult(successful=True)
 
     def _apply(self, parameters: list[Parameter]) -> None:
+        if self._declaring:
+            return
         before = self.config, self.cameras
         self.config, self.cameras = self._merged(parameters)
         if (self.config, self.cameras) != before:
-            self._redeclare()
+            self._redeclare(self.config)
             self._on_change(self.config)
 
-    def _redeclare(self) -> None:
-        """There are the parameters of the modalities in use, and no others."""
-        now = flatten(self.config)
-        for name in self._described.keys() - now.keys():
+    @contextmanager
+    def declared_with(self, parameters: list[Parameter]) -> Iterator[None]:
+        """Parameters of modalities that these bring into use are there within, so that they can be set in the same call."""
+        values = {p.name: p.value for p in parameters if p.name in self._known}
+        self._declaring = True  # what is declared is no change
+        try:
+            with suppress(TrackerError):  # modalities that do not go together: the call is refused
+                self._redeclare(chosen(self.config, values, self._source), keep=True)
+            self._declaring = False
+            yield
+        finally:
+            self._declaring = False
+            self._redeclare(self.config)
+
+    def _redeclare(self, config: TrackerConfig, keep: bool = False) -> None:
+        """There are the parameters of the modalities in use, and no others unless they are to be kept."""
+        now, described = flatten(config), describe(config)
+        for name in () if keep else self._described.keys() - now.keys():
             self._node.undeclare_parameter(name)
-        new, self._described = now.keys() - self._described.keys(), describe(self.config)
-        for name in sorted(new):
-            self._node.declare_parameter(name, now[name], descriptor_of(name, self._described[name]))
+        for name in sorted(now.keys() - self._described.keys()):
+            self._node.declare_parameter(name, now[name], descriptor_of(name, described[name]))
+        self._described = {**self._described, **described} if keep else described
 
 
 def descriptor_of(name: str, description: Mapping[str, Any]) -> ParameterDescriptor:
