@@ -188,7 +188,10 @@ def run_stream(
 
 
 def config_of_run(info: Info) -> TrackerConfig:
-    """The parameters that a run was made with, as far as its ``run.json`` tells; also of version 0.1; what no version knows is left out."""
+    """The parameters that a run was made with, as far as its ``run.json`` tells.
+
+    Those of version 0.1 have other names, and what no version knows is left out.
+    """
     parameters = info.get("parameters")
     if not isinstance(parameters, dict):
         return TrackerConfig()
