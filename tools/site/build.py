@@ -25,6 +25,7 @@ NAVIGATION = {  # a page that is not named here fails the build
 }
 LEFT_OUT = ("ros", "cli")  # nodes and commands have documentation of their own, and nodes need ROS
 MODULE = ".. automodule:: {}\n"
+ONCE = "   :ignore-module-all:\n"  # what a package takes from its modules is described there
 
 
 def packages(top: str) -> dict[str, list[str]]:
@@ -49,7 +50,7 @@ def write_reference(folder: Path, top: str) -> None:
     (folder / "index.rst").write_text("\n".join(lines) + "\n", encoding="utf-8")
     for name, modules in listed.items():
         below = [other for other in listed if other.rpartition(".")[0] == name]
-        text = [_heading(name, "="), MODULE.format(name)]
+        text = [_heading(name, "="), MODULE.format(name) + (ONCE if "." in name else "")]
         text += ["Packages in it: " + ", ".join(f":doc:`{other}`" for other in below) + ".\n"] if below else []
         for module in modules[1:]:
             text += [_heading(module.removeprefix(f"{name}."), "-"), MODULE.format(module)]

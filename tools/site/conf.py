@@ -3,6 +3,7 @@
 import os
 import re
 import sys
+from itertools import zip_longest
 from pathlib import Path
 
 os.environ["NUMBA_DISABLE_JIT"] = "1"  # kernels are functions with signatures then, and nothing is compiled
@@ -41,7 +42,7 @@ ITEM = re.compile(r"(\S.*?) : (\S.*)")
 def texts_not_types(app, what, name, obj, options, lines: list[str]) -> None:
     """Docstrings have ``name : what it is`` on one line, types in the signature; numpydoc would take the text for a type."""
     section, changed = "", []
-    for line, following in zip(lines, [*lines[1:], ""], strict=True):
+    for line, following in zip_longest(lines, lines[1:], fillvalue=""):  # there may be none
         if following and set(following.strip()) == {"-"}:
             section = line.strip()
         item = ITEM.fullmatch(line) if section in LISTS else None
