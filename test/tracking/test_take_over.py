@@ -57,5 +57,5 @@ def test_the_velocity_is_known(clip, old):
 
 def test_images_of_another_size_are_refused(clip, old):
     small = replace(clip.rig, cameras=tuple(replace(c, model=c.model.resized(40, 30)) for c in clip.rig))
-    with pytest.raises(CalibrationError, match="expected images of 40x30"):
+    with pytest.raises(CalibrationError, match="expected 40x30, got 320x240"):
         Tracker(small, clip.model, None).take_over(old, clip.sets[N_BEFORE - 1])

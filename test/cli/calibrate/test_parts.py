@@ -9,7 +9,7 @@ import pytest
 
 from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.calibration.board import metrics as board_figures
-from tracker_node.cli.calibrate import body, intrinsics, plate
+from tracker_node.cli.calibrate import background, body, intrinsics
 from tracker_node.cli.calibrate import rig as rig_command
 from tracker_node.errors import CalibrationError, FileFormatError, SourceError
 from tracker_node.geometry import se3
@@ -97,7 +97,7 @@ def test_defaults_of_the_commands():
     assert (args.joint_sigma_mm, args.y_up, args.sets, args.output) == (15.0, True, 20, "person.yaml")
     assert not parsed(body, "--z-up").y_up
     assert parsed(intrinsics, "--videos", "a.mp4", *BOARD).views == 80
-    assert parsed(plate, "--rig", "r.yaml").images == 25
+    assert parsed(background, "--rig", "r.yaml").images == 25
 
 
 @pytest.mark.parametrize(
@@ -163,14 +163,14 @@ def test_states_that_are_all_lost_are_refused(tmp_path, status):
 def test_a_still_is_found_by_the_camera_s_name_and_has_its_size(tmp_path):
     image = np.random.default_rng(0).integers(0, 256, (4, 6, 3), dtype=np.uint8)
     cv2.imwrite(str(tmp_path / "a.png"), image)
-    np.testing.assert_array_equal(plate._still(str(tmp_path), "a", (4, 6, 3)), image)
+    np.testing.assert_array_equal(background._still(str(tmp_path), "a", (4, 6, 3)), image)
     with pytest.raises(CalibrationError, match="its still is 6x4, its recording 8x5"):
-        plate._still(str(tmp_path), "a", (5, 8, 3))
+        background._still(str(tmp_path), "a", (5, 8, 3))
     with pytest.raises(SourceError, match="no image named b"):
-        plate._still(str(tmp_path), "b", (4, 6, 3))
+        background._still(str(tmp_path), "b", (4, 6, 3))
 
 
 @pytest.mark.parametrize("images", [2, 0])
 def test_a_plate_takes_three_images_at_least(images):
     with pytest.raises(FileFormatError, match="at least 3"):
-        plate.run(SimpleNamespace(images=images))
+        background.run(SimpleNamespace(images=images))
