@@ -80,7 +80,8 @@ class Heard:
     memory: dict[str, list[tuple[float, float]]] = field(default_factory=dict)  # process -> (time, MB)
 
     def latencies_ms(self, from_ns: int = 0) -> np.ndarray:
-        return np.array([1e-6 * (arrival - stamp) for stamp, arrival in self.arrivals_ns.items() if stamp >= from_ns])
+        arrivals = list(self.arrivals_ns.items())  # at once: others come meanwhile
+        return np.array([1e-6 * (arrival - stamp) for stamp, arrival in arrivals if stamp >= from_ns])
 
     def lost(self, from_ns: int, to_ns: int) -> int:
         return sum(stamp not in self.arrivals_ns for stamp in self.sent_ns if from_ns <= stamp < to_ns)

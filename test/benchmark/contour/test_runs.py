@@ -206,7 +206,7 @@ def test_live_graph(figure, monkeypatch):
     program = live
     monkeypatch.setattr(program, "SETTLE_S", 0.2)
     clip = _contour_runs.Clip.load(figure)
-    figures = program.measure(clip, _contour_runs.configured([], evidence__kind="region"), 2.0)
+    figures = program.measure(clip, _contour_runs.configured([]), 2.0)
     assert 40 <= figures["live.sets"] <= 61 and figures["live.lost"] < figures["live.sets"]
     assert figures["live.rate_hz"] == pytest.approx(30.0, rel=0.2)
     assert 0.0 < figures["live.latency_ms_p50"] <= figures["live.latency_ms_p95"] <= figures["live.latency_ms_max"]

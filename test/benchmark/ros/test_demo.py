@@ -29,7 +29,7 @@ def test_alarms_are_told_from_what_is_said_by_the_way() -> None:
 @pytest.mark.long
 def test_a_healthy_run_warns_nobody(tmp_path: Path) -> None:
     figures = tmp_path / "demo.json"
-    command = [sys.executable, str(BENCHMARK / "demo.py"), "--quick", "--cache", str(tmp_path), "--json", str(figures)]
+    command = [sys.executable, str(BENCHMARK / "ros/demo.py"), "--quick", "--cache", str(tmp_path), "--json", str(figures)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=1200, env=os.environ)
     assert done.returncode == 0, done.stderr
     assert json.loads(figures.read_text())["metrics"]["demo.warnings"] == 0, done.stderr
