@@ -24,12 +24,12 @@ from tracker_node.camera.rig import Camera
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.observation.appearance import ColorModel, SceneModel, body_log_odds
+from tracker_node.observation.chamfer.boundary import edge_distance
 from tracker_node.observation.chamfer.distance_transform import distance_to, signed_distance
 from tracker_node.observation.chamfer.observer import Observer
-from tracker_node.observation.chamfer.silhouette_maps import edge_distance
 from tracker_node.observation.image_set import CameraImage
 from tracker_node.observation.synchronizer import ImageSynchronizer
-from tracker_node.render.draw.overlay import draw_overlay
+from tracker_node.render.overlay import draw_overlay
 from tracker_node.render.raycast.raycaster import render_mask, render_view
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.tracking.config import BackgroundConfig, ChamferConfig

@@ -24,8 +24,7 @@ import trimesh
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.model.configuration import Configuration
 from tracker_node.objective.color.score import ColorObjective
-from tracker_node.render.opengl.context import OpenGLContext
-from tracker_node.render.opengl.renderer import PyrenderRenderer
+from tracker_node.render.opengl.renderer import OpenGLContext, PyrenderRenderer
 from tracker_node.render.raycast.extent import body_extent
 from tracker_node.render.renderer import Region
 from tracker_node.report.metrics_file import report_metrics

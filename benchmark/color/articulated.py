@@ -29,8 +29,7 @@ from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import Configuration
 from tracker_node.model.humans.human import human_model
-from tracker_node.render.draw.masked_image import target_through_mask
-from tracker_node.render.draw.overlay import draw_overlay
+from tracker_node.render.overlay import draw_overlay, target_through_mask
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.runs.data import RunData
 from tracker_node.runs.image_sets import SourceStream

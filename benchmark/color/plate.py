@@ -28,8 +28,7 @@ from tracker_node.loaders.rig.pose2sim_toml import load_pose2sim
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import ImageSet
-from tracker_node.render.draw.masked_image import target_through_mask
-from tracker_node.render.draw.overlay import draw_overlay
+from tracker_node.render.overlay import draw_overlay, target_through_mask
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.runs.config_file import load_config
 from tracker_node.runs.image_sets import SourceStream

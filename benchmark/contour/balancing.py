@@ -41,7 +41,7 @@ from tracker_node.evaluation.truth.landmarks import EVALUATED_JOINTS
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import CameraImage, ImageSet
-from tracker_node.render.draw.overlay import draw_overlay
+from tracker_node.render.overlay import draw_overlay
 from tracker_node.report.metrics_file import print_metrics, write_metrics
 from tracker_node.runs.config_file import load_config
 from tracker_node.tracking.config import TrackerConfig, updated

@@ -16,7 +16,7 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.ellipsoids import ellipsoid_human
 from tracker_node.model.shapes.primitives import Box, Ellipsoid
 from tracker_node.render.backends import BACKENDS
-from tracker_node.render.opengl.context import RendererError
+from tracker_node.render.opengl.renderer import RendererError
 from tracker_node.synthesis.scenes.background import cluttered_background
 
 LENS = CameraModel(192, 144, np.array([[200.0, 0.0, 95.5], [0.0, 200.0, 71.5], [0.0, 0.0, 1.0]]))

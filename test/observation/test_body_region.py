@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.observation.body_region import grown, shrunk
+from tracker_node.observation.appearance import grown, shrunk
 
 
 def dot(size=(80, 120), at=(40, 60)):

@@ -4,8 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tracker_node.render.opengl.context import RendererError
-from tracker_node.render.opengl.renderer import PyrenderRenderer
+from tracker_node.render.opengl.renderer import PyrenderRenderer, RendererError
 
 
 @pytest.fixture(scope="module")

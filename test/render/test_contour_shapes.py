@@ -30,9 +30,8 @@ from tracker_node.render.contour.samples import (
     collect_samples,
     most_samples,
 )
-from tracker_node.render.intersections import NO_HIT, solid_hit
-from tracker_node.render.mesh_edges import box_mesh, solid_of
 from tracker_node.render.shape_arrays import ShapeArrays
+from tracker_node.render.solids import NO_HIT, box_mesh, solid_hit, solid_of
 
 LENS = CameraModel(320, 240, np.array([[400.0, 0.0, 160.0], [0.0, 400.0, 120.0], [0.0, 0.0, 1.0]]))
 FINER = 4  # the masks have that many pixels in one of the lens

@@ -6,8 +6,8 @@ import pytest
 from helpers.cameras.render_scenes import icosahedron, single_shape
 from tracker_node.geometry import se3
 from tracker_node.model.shapes.primitives import Box, Ellipsoid
-from tracker_node.render.intersections import NO_HIT, mesh_hit, slab_interval, solid_hit, to_shape, triangle_hit
 from tracker_node.render.shape_arrays import ShapeArrays
+from tracker_node.render.solids import NO_HIT, mesh_hit, slab_interval, solid_hit, to_shape, triangle_hit
 
 NODE = np.array([-1.0, -2.0, -3.0, 1.0, 2.0, 3.0, 0.0, 1.0])
 

@@ -7,7 +7,7 @@ from helpers.cameras.render_scenes import look_at, scattered_scene
 from tracker_node.camera.model import CameraModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
-from tracker_node.render.opengl.context import RendererError
+from tracker_node.render.opengl.renderer import RendererError
 from tracker_node.render.raycast.raycaster import render_view
 from tracker_node.synthesis.scenes.rasterizer import Pinhole, Rasterizer
 from tracker_node.synthesis.subjects.cones import ModelSubject

@@ -1,6 +1,6 @@
 """Contour residuals of one camera, linearized: distances of predicted contour samples in the evidence maps.
 
-Each sample is worth one residual r (pixels), read from distance maps by bilinear interpolation, with the analytic
+Each sample gives one residual r (pixels), read from distance maps by bilinear interpolation, with the analytic
 derivative (Knossow et al., eqs 7-11, corrected for a spatial twist)
 
     r_D_twist = h^T (A + B),   h = (map gradient) J_I R_cam_world,

@@ -2,9 +2,9 @@
 
 Two sources are combined in one log-odds per pixel, log p(color | body) - log p(color | surroundings):
 
-* the *scene*: mean and variance of the empty scene per pixel, from a plate or learnt where the body is not, with tolerance
-  for shadows (a pixel that is a darker copy of its mean still is scene);
-* *colors*: histograms of body and surroundings, learnt inside and around the fitted body. They decide alone where the scene
+* the *background*: mean and variance per pixel of the empty scene, from images of it or learned where the body is not, with
+  tolerance for shadows (a pixel that is a darker copy of its mean still is background);
+* *colors*: histograms of body and surroundings, learned inside and around the fitted body. They decide alone where the scene
   behind the body has never been seen.
 """
 
@@ -17,6 +17,8 @@ import numba as nb
 import numpy as np
 
 from .appearance_kernels import log_odds, update_scene
+
+Region = tuple[int, int, int, int]  # u0, v0, u1, v1; the last two exclusive
 
 BINS = 16  # per channel
 _SHIFT = 4  # a bin is 16 grey levels wide
@@ -204,3 +206,22 @@ def _interleaved(bgr: np.ndarray, region: tuple[int, int, int, int]) -> np.ndarr
     if not (0 <= u0 < u1 <= width and 0 <= v0 < v1 <= height):
         raise ValueError(f"expected a region (u0, v0, u1, v1) within {width} x {height}, got {tuple(region)}")
     return np.ascontiguousarray(bgr).reshape(height, -1)
+
+
+def grown(mask: np.ndarray, reach: int) -> np.ndarray:
+    """Mask (uint8, 0 or 1) of the pixels within about ``reach`` of ``mask``; computed at a quarter of the size."""
+    height, width = mask.shape
+    size = max(1, width // 4), max(1, height // 4)
+    small = cv2.resize((mask > 0).view(np.uint8) * np.uint8(255), size, interpolation=cv2.INTER_AREA)
+    step = max(1, round(reach / 4))
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * step + 1, 2 * step + 1))
+    small = cv2.dilate((small > 0).astype(np.uint8), kernel)
+    return cv2.resize(small, (width, height), interpolation=cv2.INTER_NEAREST)
+
+
+def shrunk(labels: np.ndarray, depth: int) -> np.ndarray:
+    """Part labels (uint8) without the pixels within ``depth`` of the outside of the body."""
+    size = 2 * depth + 1
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    inside = cv2.erode((labels > 0).astype(np.uint8), kernel, borderValue=0)
+    return labels * inside

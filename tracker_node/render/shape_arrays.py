@@ -9,13 +9,12 @@ import numpy as np
 
 from ..model.articulated import ArticulatedModel
 from ..model.shapes.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
-from . import intersections as hits
-from . import mesh_edges as edge
+from . import solids
 from .ray_table import MadeOnce
 
 CONE, ELLIPSOID, OTHER = 0, 1, 2
 
-_solid_of: Callable[[Box | Mesh], edge.Solid] = MadeOnce(edge.solid_of)  # large meshes take a second
+_solid_of: Callable[[Box | Mesh], solids.Solid] = MadeOnce(solids.solid_of)  # large meshes take a second
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +27,8 @@ class ShapeArrays:
     dims : (n, 5) cone (a, b, k, z1, z2), ellipsoid (rx, ry, rz, 0, 0), others zeros.
     links : (n,) index of the link that carries the shape.
     bounds : (n, 4) center (shape frame) and radius of a bounding sphere, metres.
-    surfaces : (ranges, edges, nodes, triangles) of boxes and meshes and which caps count: (n, .) of `intersections`, the
-        others of `mesh_edges`, those of all shapes one after the other.
+    surfaces : (ranges, edges, nodes, triangles), columns as in `solids`, those of all shapes one after the other; ranges, a row
+        a shape, also say which caps count.
     """
 
     kinds: np.ndarray
@@ -61,21 +60,20 @@ class ShapeArrays:
 
 
 def _surfaces(primitives: list[Primitive], caps: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    ranges = np.zeros((len(primitives), hits.N_RANGE_COLUMNS), dtype=np.int64)
-    edges, nodes = [np.zeros((0, edge.N_EDGE_COLUMNS))], [np.zeros((0, edge.N_NODE_COLUMNS))]
-    triangles = [np.zeros((0, edge.N_TRIANGLE_COLUMNS))]
+    ranges = np.zeros((len(primitives), solids.N_RANGE_COLUMNS), dtype=np.int64)
+    edges, nodes = [np.zeros((0, solids.N_EDGE_COLUMNS))], [np.zeros((0, solids.N_NODE_COLUMNS))]
+    triangles = [np.zeros((0, solids.N_TRIANGLE_COLUMNS))]
     n_edges, n_nodes, n_triangles = 0, 0, 0
     for row, primitive in zip(ranges, primitives, strict=True):
-        row[hits.CAPS] = caps and isinstance(primitive, TruncatedCone)
+        row[solids.CAPS] = caps and isinstance(primitive, TruncatedCone)
         if not isinstance(primitive, Box | Mesh):
             continue
         solid = _solid_of(primitive)
-        row[hits.FIRST_EDGE], row[hits.N_EDGES], row[hits.ROOT] = n_edges, len(solid.edges), n_nodes
-        row[hits.SORT] = (
-            hits.BOX_SOLID if isinstance(primitive, Box) else hits.CONVEX_MESH if solid.convex else hits.MESH
-        )  # fmt: skip
+        row[solids.FIRST_EDGE], row[solids.N_EDGES], row[solids.ROOT] = n_edges, len(solid.edges), n_nodes
+        mesh = solids.CONVEX_MESH if solid.convex else solids.MESH
+        row[solids.SORT] = solids.BOX_SOLID if isinstance(primitive, Box) else mesh
         tree = solid.nodes.copy()
-        tree[:, edge.FIRST] += np.where(tree[:, edge.COUNT] > 0, n_triangles, n_nodes)
+        tree[:, solids.FIRST] += np.where(tree[:, solids.COUNT] > 0, n_triangles, n_nodes)
         edges.append(solid.edges)
         nodes.append(tree)
         triangles.append(solid.triangles)

@@ -97,13 +97,13 @@ def _mask(tracked: Tracked, camera: Camera) -> Content:
 
 
 def _overlay(tracked: Tracked, camera: Camera) -> Content | None:
-    from ..render.draw.overlay import draw_overlay
+    from ..render.overlay import draw_overlay
 
     return _drawn(draw_overlay, tracked, camera)
 
 
 def _target_through_mask(tracked: Tracked, camera: Camera) -> Content | None:
-    from ..render.draw.masked_image import target_through_mask
+    from ..render.overlay import target_through_mask
 
     return _drawn(target_through_mask, tracked, camera)
 

@@ -11,7 +11,7 @@ import numpy as np
 from ..camera.rig import Camera, CameraRig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..render.draw.overlay import part_colors
+from ..render.overlay import part_colors
 from ..render.raycast.raycaster import render_labels
 
 WORKING_HEIGHT_PX = 1000  # outlines and scores are made in images of about this height, at most

@@ -6,7 +6,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from ..render.draw.palette import STATES, WORDS
+from ..render.palette import STATES, WORDS
 
 
 def palette_css() -> str:

@@ -6,7 +6,7 @@ import pytest
 
 from benchmark.color import against_pyrender as benchmark
 from tracker_node.model.configuration import Configuration
-from tracker_node.render.opengl.context import RendererError
+from tracker_node.render.opengl.renderer import RendererError
 from tracker_node.render.raycast import raycaster
 from tracker_node.render.raycast.extent import body_extent
 

@@ -11,7 +11,7 @@ from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import so3
 from tracker_node.model.configuration import Configuration
 from tracker_node.observation.image_set import ImageSet
-from tracker_node.render.opengl.context import RendererError
+from tracker_node.render.opengl.renderer import RendererError
 from tracker_node.render.raycast.raycaster import render_mask
 
 N = 8

@@ -8,8 +8,8 @@ from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.objective.chamfer.agreement import BOUNDARY, ON_BOUNDARY, ON_OUTLINE, OUTLINE
 from tracker_node.objective.chamfer.objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
+from tracker_node.observation.chamfer.boundary import boundary_points
 from tracker_node.observation.chamfer.distance_transform import signed_distance
-from tracker_node.observation.chamfer.silhouette_maps import boundary_points
 from tracker_node.render.raycast.raycaster import render_mask
 from tracker_node.render.shape_arrays import ShapeArrays
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tracker_node.observation.appearance import BINS
-from tracker_node.observation.region.color_densities import N_COLORS, UNIFORM, fill_classes, fill_density, mix_classes, mix_counts
+from tracker_node.observation.region.colors import N_COLORS, UNIFORM, fill_classes, fill_density, mix_classes, mix_counts
 
 
 def histogram(seed, n=300):

@@ -7,8 +7,8 @@ from helpers.cameras.render_scenes import single_shape
 from tracker_node.geometry import se3
 from tracker_node.model.shapes.primitives import Box, TruncatedCone
 from tracker_node.render.contour.visibility import N_VIEW_COLUMNS, interval, nearby_shapes, ray_interval, view_shapes
-from tracker_node.render.intersections import NO_HIT
 from tracker_node.render.shape_arrays import CONE, ELLIPSOID, ShapeArrays
+from tracker_node.render.solids import NO_HIT
 
 # Row 1 is asked for, so that the other one would give another answer
 CONES = [(0.5, 0.3, 0.4, -0.8, 1.0), (0.5, 0.3, -0.7, -0.5, 1.2), (0.4, 0.4, 0.0, 0.0, 1.0), (0.1, 0.1, 8.0, 0.0, 1.0)]

@@ -147,7 +147,7 @@ def run_python(code, **environment):
 @pytest.mark.parametrize(
     ("platform", "start"),
     [
-        ("nonsense", "from tracker_node.render.opengl.context import OpenGLContext as start"),
+        ("nonsense", "from tracker_node.render.opengl.renderer import OpenGLContext as start"),
         ("glx", "from tracker_node.render.backends import make_renderer\ndef start(): make_renderer('pyrender').__enter__()"),
     ],
 )

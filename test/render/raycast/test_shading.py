@@ -12,8 +12,7 @@ from tracker_node.model.shapes.primitives import BOX_FACES, Box, Mesh, is_closed
 from tracker_node.render.raycast.lighting import displayed, irradiance, lights_in_camera
 from tracker_node.render.raycast.raycaster import cast, render_color
 from tracker_node.render.raycast.shading import surface_at
-from tracker_node.render.raycast.surface_arrays import surface_arrays
-from tracker_node.render.raycast.texture_sampling import sample
+from tracker_node.render.raycast.surface_arrays import sample, surface_arrays
 
 LENS = CameraModel(160, 120, np.array([[150.0, 0.0, 80.0], [0.0, 150.0, 60.0], [0.0, 0.0, 1.0]]))
 MANY = (*LIGHTS, Light("spot", (0.4, 0.1, 0.9), (0.0, 0.0, 3.0), (0.3, 0.0, -1.0), 1.9))

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.render.raycast.surface_arrays import N_LEVELS, _Album
-from tracker_node.render.raycast.texture_sampling import _bilinear, sample
+from tracker_node.render.raycast.surface_arrays import N_LEVELS, _Album, _bilinear, sample
 
 f32 = np.float32
 

@@ -14,7 +14,7 @@ from helpers.ros.samples import arm, some_estimate, some_state
 from tracker_node.geometry import quaternion, se3, so3
 from tracker_node.loaders.model.urdf_writer import urdf_of
 from tracker_node.model.configuration import Configuration
-from tracker_node.render.draw.palette import rgb_of
+from tracker_node.render.palette import rgb_of
 from tracker_node.ros.conversions import fill, message_of, transform_of_pose
 from tracker_node.runs import messages
 from tracker_node.tracking.estimate import Status, TrackEstimate

@@ -13,7 +13,7 @@ from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...model.shape_parameters import half_extents
 from ...observation.image_set import ImageSet
-from ...render.draw.overlay import draw_overlay
+from ...render.overlay import draw_overlay
 from ...render.raycast.extent import body_extent
 from ...report.page import Section, write_page
 from .body_fit import BodyFit, BodyFitReport, LineFigures

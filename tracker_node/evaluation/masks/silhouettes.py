@@ -17,8 +17,7 @@ from ...loaders.bag.reader import BagReader
 from ...loaders.images.source import SourceOptions, open_camera_source
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration
-from ...render.draw.masked_image import target_through_mask
-from ...render.draw.overlay import draw_overlay
+from ...render.overlay import draw_overlay, target_through_mask
 from ...render.raycast.raycaster import render_mask
 from ...runs.data import RunData
 from ...runs.images import image_bag_of

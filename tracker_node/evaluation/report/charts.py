@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...render.draw.palette import STATES
+from ...render.palette import STATES
 from ...report.document import Bars, Chart, HeatMap, Line, Strip, Strips, strips_of
 from ...report.palette import BLACK, BLUE, CYCLE, GREEN, ORANGE, RED
 from ...tracking.estimate import LimbStatus, Status

@@ -14,7 +14,7 @@ from ...model.configuration import Configuration
 from ...objective.visible_samples import samples_seen
 from ...observation.chamfer.observer import Observer
 from ...render.contour.samples import CLASS, OUTER, U, V
-from ...render.draw.overlay import draw_overlay
+from ...render.overlay import draw_overlay
 from ...render.raycast.raycaster import render_labels
 from ...render.shape_arrays import ShapeArrays
 from ...report.palette import ORANGE

@@ -11,7 +11,7 @@ from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...model.pose_variables import N_ROOT, ROOT_NAMES, to_variables
-from ...render.draw.masked_image import target_through_mask
+from ...render.overlay import target_through_mask
 from ...report.palette import BLUE, GREEN, GREY, ORANGE, PURPLE
 from ..rigid_tracking import UNITS, VARIABLES
 

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ...render.draw.palette import STATES
+from ...render.palette import STATES
 from ..whole_file import write_whole
 from .viewed_graph import ViewedGraph, color_of
 

@@ -1,4 +1,4 @@
-"""How well outline and silhouette agree in one camera, counted sample by sample.
+"""Agreement of outline and silhouette in one camera, counted sample by sample.
 
 A robust residual says how far those samples are off that have found something; it stays small when half of the body is
 somewhere else. What tells is how much of the body's outline lies on the silhouette's boundary, and how much of that boundary

@@ -9,9 +9,8 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from ...render.raycast.kernels import LABEL_BITS
+from ...render.raycast.kernels import LABEL_BITS, pixel_function, pixel_loop
 from ...render.raycast.lighting import AXIS, CONSTANT, FLOOR, INTENSITY, NEARNESS, PLACE, SLOPE, displayed, irradiance
-from ...render.raycast.pixel_function import pixel_function, pixel_loop
 from ...render.raycast.shading import COLORS, number_at, surface_at
 from .alignment_kernels import GRADIENT, PIXELS, SQUARES
 from .drawing import HEIGHT, PLANES, WIDTH

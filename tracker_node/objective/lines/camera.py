@@ -1,4 +1,4 @@
-"""All that one camera does with its correspondence lines, in one call: threads share the cameras, but nothing between calls."""
+"""Correspondence lines of one camera in one call: threads share the cameras, but nothing between calls."""
 
 from __future__ import annotations
 

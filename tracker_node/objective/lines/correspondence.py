@@ -3,8 +3,8 @@
 A line has pixels on both sides of its sample. For a contour that is ``d`` pixels farther out, the log-likelihood of their colors
 is, up to a constant, the sum of log(p_body / p_beyond) over the pixels inside; where the part is so narrow that the line reaches
 across it, over those between its two contours. All of them together are a distribution of d, of which mean and variance are kept
-(as in region-based trackers, e.g. Stoiber et al., 2020). On the finest scale the mean is refined below the pixel by the share
-that the color inside has in the mixed pixels. With the state the sample moves by n . (pixel - pixel at first), the residual is
+(as in region-based trackers, e.g. Stoiber et al., 2020). On the finest scale the mean is refined below the pixel by the fraction
+of the color inside in the mixed pixels. With the state the sample moves by n . (pixel - pixel at first), the residual is
 that minus the mean.
 
 What lies beyond is the scene, or, for contours within the outline, the part behind or the scene.

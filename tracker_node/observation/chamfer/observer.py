@@ -9,11 +9,9 @@ import cv2
 import numpy as np
 
 from ...errors import CalibrationError
-from ..appearance import SEEN, ColorModel, SceneModel, body_log_odds
-from ..body_region import Region, grown, shrunk
-from .boundary_refinement import boundary_shifts, shift_map
+from ..appearance import SEEN, ColorModel, Region, SceneModel, body_log_odds, grown, shrunk
+from .boundary import boundary_points, boundary_shifts, edge_distance, shift_map
 from .distance_transform import signed_distance
-from .silhouette_maps import boundary_points, edge_distance
 
 
 class BackgroundOptions(Protocol):

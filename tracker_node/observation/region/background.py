@@ -12,9 +12,8 @@ from collections.abc import Sequence
 import numba as nb
 import numpy as np
 
-from ..appearance import SEEN, SceneModel
+from ..appearance import SEEN, Region, SceneModel, grown
 from ..appearance_kernels import log_positive
-from ..body_region import Region, grown
 
 LOG_STEP = math.log(1.03)  # of the variance, from one value of its byte to the next
 

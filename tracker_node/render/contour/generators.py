@@ -1,4 +1,4 @@
-"""Extremal contours: those of cones and ellipsoids in closed form, how they slide; and those of all shapes together.
+"""Extremal contours: of cones and ellipsoids in closed form, with how they slide; and of all shapes together.
 
 A contour generator is where lines of sight touch a surface. For the truncated elliptical cone it is two straight lines
 (Knossow et al., eqs 3-5); for the ellipsoid a planar conic, which becomes a circle when the ellipsoid is scaled to a sphere.

@@ -16,8 +16,22 @@ import math
 import numba as nb
 import numpy as np
 
-from ..intersections import CAPS, FIRST_EDGE, N_EDGES, to_shape
-from ..mesh_edges import BORDER, CREASE, END, MANNER, NORMAL_0, NORMAL_1, OFFSET_0, OFFSET_1, OUTLINE, START
+from ..solids import (
+    BORDER,
+    CAPS,
+    CREASE,
+    END,
+    FIRST_EDGE,
+    MANNER,
+    N_EDGES,
+    NORMAL_0,
+    NORMAL_1,
+    OFFSET_0,
+    OFFSET_1,
+    OUTLINE,
+    START,
+    to_shape,
+)
 
 # Columns of a pick: edge of the table (a cap: 0 or 1, at z1 or z2), place along it (fraction; a cap: angle), side of the normal,
 # whether it is a crease

@@ -8,8 +8,8 @@ import numba as nb
 import numpy as np
 
 from ...camera.model import NEAR, project_point
-from ..intersections import NO_HIT, solid_hit, to_shape
 from ..shape_arrays import OTHER
+from ..solids import NO_HIT, solid_hit, to_shape
 from .generators import HIDDEN, N_COLUMNS, NORMAL, OUTER, SAMPLES, P, draw_contour
 from .picks import N_PICK_COLUMNS
 from .visibility import N_VIEW_COLUMNS, classify_samples, interval, nearby_shapes, view_shapes

@@ -6,8 +6,8 @@ import math
 
 import numba as nb
 
-from ..intersections import MESH, NO_HIT, SORT, solid_hit, to_shape
 from ..shape_arrays import ELLIPSOID, OTHER
+from ..solids import MESH, NO_HIT, SORT, solid_hit, to_shape
 from .generators import HIDDEN, INNER, NORMAL, OUTER, P
 from .picks import IS_CREASE
 

@@ -1,6 +1,6 @@
 """pyrender's renderer with our light instead of its own: the shader programs, and the framebuffer that they draw into.
 
-Import it after `context.import_pyrender` only. It builds on what pyrender calls private: its renderer walks the scene
+Import it after `renderer.import_pyrender` only. It builds on what pyrender calls private: its renderer walks the scene
 and keeps the buffers on the GPU; programs, uniforms and framebuffer are replaced.
 
 A vertex goes through the lens itself, so that pixels of a lens with distortion are sampled where they are. There is one sample

@@ -11,6 +11,7 @@ over boxes of pixels: in groups of sixteen, the span of a curved surface in each
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numba as nb
 import numpy as np
@@ -22,6 +23,17 @@ LANES = PADDING
 LABEL_BITS = 255
 _BIG = np.float32(1e30)
 _ZERO = np.float32(0.0)
+
+# numba counts the references to arrays whenever they are passed on, by atomic operations that cost five times as much as the
+# arithmetic of shading a pixel. Without (``_nrt``) a function takes arrays and numbers, and neither makes nor returns arrays or
+# slices.
+_OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
+
+pixel_function: Any = nb.njit(forceinline=True, **_OPTIONS)
+"""Decorator of a function at one pixel: compiled into its callers, without counting references."""
+
+pixel_loop: Any = nb.njit(**_OPTIONS)
+"""Decorator of a kernel that calls such functions pixel by pixel."""
 
 
 def _make_curved(bounds: int) -> Callable:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...camera import light as packing
 from ...camera.light import AMBIENT, DIRECTIONAL, SPOT
-from .pixel_function import pixel_function
+from .kernels import pixel_function
 
 _ZERO, _ONE, _WHITE, _TINY = np.float32(0.0), np.float32(1.0), np.float32(255.0), np.float32(1e-30)
 

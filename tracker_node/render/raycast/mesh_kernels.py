@@ -13,8 +13,7 @@ import numpy as np
 
 from ...camera.model import NEAR, project_point
 from .coefficients import pixel_box
-from .kernels import LABEL_BITS, LANES
-from .pixel_function import pixel_function, pixel_loop
+from .kernels import LABEL_BITS, LANES, pixel_function, pixel_loop
 
 # Columns of a triangle: origin (x0, y0), three lines, the line of the inverse depth, 1 seen from outside and -1 from behind
 ORIGIN, LINES, INVERSE_DEPTH, SIDE = 0, 2, 11, 14

@@ -13,7 +13,7 @@ A loop over the pixels of a `raycaster.Cast`, with the arrays of that name in it
 
 All in the camera frame, in float32; ``lights`` from `lighting.lights_in_camera`, ``power`` is 1 / gamma. A mesh that is seen
 from behind is shaded as if its normals were turned over. The kernel that has this loop should be a
-`pixel_function.pixel_loop`.
+`kernels.pixel_loop`.
 """
 
 from __future__ import annotations
@@ -24,11 +24,9 @@ import numpy as np
 from ..shape_arrays import CONE, OTHER
 from . import mesh_kernels as mesh
 from .coefficients import ABOVE, BELOW, BETWEEN, BOX, LINE, ORIGIN, QUADRATIC, UPPER
-from .kernels import LABEL_BITS
+from .kernels import LABEL_BITS, pixel_function, pixel_loop
 from .lighting import displayed, irradiance
-from .pixel_function import pixel_function, pixel_loop
-from .surface_arrays import NO_PICTURE
-from .texture_sampling import sample
+from .surface_arrays import NO_PICTURE, sample
 
 _ZERO, _HALF, _ONE, _BIG, _TINY = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(1e30), np.float32(1e-30)
 

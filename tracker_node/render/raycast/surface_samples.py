@@ -10,8 +10,7 @@ import numpy as np
 from ...camera.rig import Camera
 from ...geometry import se3
 from ...model.configuration import Configuration
-from .kernels import LABEL_BITS
-from .pixel_function import pixel_loop
+from .kernels import LABEL_BITS, pixel_loop
 from .raycaster import cast
 from .shading import number_at, surface_at
 from .surface_arrays import surface_arrays

@@ -7,7 +7,7 @@ import numpy as np
 from ...model.articulated import ArticulatedModel, Shape
 from ...model.configuration import Configuration
 from ...model.shapes.primitives import Box, Ellipsoid, TruncatedCone
-from ...render.draw.palette import rgb_of
+from ...render.palette import rgb_of
 from ...tracking.estimate import Status, TrackEstimate
 from .parts import Content, header, pose_of, xyz
 

@@ -1,7 +1,7 @@
 """Images of triangle meshes through pyrender (OpenGL, software or not): another renderer than the tracker's own.
 
 Traps that this module deals with: pyrender's principal point is for pixel *corners* (ours is for centres: half a pixel is
-added), and its cameras look along -z with y up. Those of its platforms: `render.opengl.context`.
+added), and its cameras look along -z with y up. Those of its platforms: `render.opengl.renderer`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from ...render.opengl.context import OpenGLContext
+from ...render.opengl.renderer import OpenGLContext
 
 AMBIENT = 0.32
 # Direction of travel (world, Z up), intensity: a key light from above, and two fills.

@@ -13,8 +13,8 @@ from ...model.configuration import State
 from ...model.kinematic_chain import N_ROOT_DOF
 from ...objective.chamfer.objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
 from ...objective.constraints.prior import Prior
+from ...observation.chamfer.boundary import boundary_points
 from ...observation.chamfer.distance_transform import signed_distance
-from ...observation.chamfer.silhouette_maps import boundary_points
 from ...optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 from ...render.shape_arrays import ShapeArrays
 

@@ -1,4 +1,4 @@
-"""The fitted body drawn over its image: tinted parts, outlines, bones and landmarks.
+"""The fitted body drawn over its image (tinted parts, outlines, bones, landmarks), and the image through the body's mask.
 
 Parts of the left side are blue, those of the right side orange, others green: mirrored limbs, the mistake most worth seeing,
 show at a glance.
@@ -9,11 +9,11 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from ...camera.rig import Camera
-from ...geometry import se3
-from ...model.articulated import ArticulatedModel
-from ...model.configuration import Configuration
-from ..raycast.raycaster import render_view
+from ..camera.rig import Camera
+from ..geometry import se3
+from ..model.articulated import ArticulatedModel
+from ..model.configuration import Configuration
+from .raycast.raycaster import render_mask, render_view
 
 _HUES = {"left": 105.0, "right": 12.0, "": 62.0}  # of OpenCV: half degrees
 _DARK, _WHITE = (25, 25, 25), (255, 255, 255)
@@ -41,9 +41,7 @@ def draw_overlay(
     ------
     ValueError : an image that is not as large as the camera's.
     """
-    if bgr.shape != (camera.model.height, camera.model.width, 3) or bgr.dtype != np.uint8:
-        expected = f"uint8 ({camera.model.height}, {camera.model.width}, 3) for camera '{camera.name}'"
-        raise ValueError(f"expected an image of {expected}, got {bgr.dtype} {bgr.shape}")
+    _check_image(bgr, camera)
     drawn = np.ascontiguousarray(bgr).copy()
     width = _line_width(configuration, camera)
     labels = render_view(configuration, camera).labels
@@ -138,3 +136,26 @@ def _draw_axes(drawn: np.ndarray, T_world_link: np.ndarray, camera: Camera, widt
 def _fixed(pixel: np.ndarray) -> tuple[int, int]:
     scaled = np.clip(np.round(pixel * (1 << _SHIFT)), -(2**20), 2**20).astype(int)
     return int(scaled[0]), int(scaled[1])
+
+
+def target_through_mask(bgr: np.ndarray, configuration: Configuration, camera: Camera) -> np.ndarray:
+    """A copy of an image, black where the body is not.
+
+    Parameters
+    ----------
+    bgr : (height, width, 3) uint8, as large as the camera's images.
+
+    Raises
+    ------
+    ValueError : an image that is not as large as the camera's.
+    """
+    _check_image(bgr, camera)
+    seen = np.zeros(bgr.shape, dtype=np.uint8)
+    cv2.copyTo(np.ascontiguousarray(bgr), render_mask(configuration, camera), seen)
+    return seen
+
+
+def _check_image(bgr: np.ndarray, camera: Camera) -> None:
+    if bgr.shape != (camera.model.height, camera.model.width, 3) or bgr.dtype != np.uint8:
+        expected = f"uint8 ({camera.model.height}, {camera.model.width}, 3) for camera '{camera.name}'"
+        raise ValueError(f"expected an image of {expected}, got {bgr.dtype} {bgr.shape}")

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker_node.observation.chamfer.boundary_refinement import boundary_shifts, shift_map
+from tracker_node.observation.chamfer.boundary import boundary_shifts, shift_map
 
 RADIUS, CENTER = 30.4, np.array([59.7, 60.2])
 

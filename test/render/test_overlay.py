@@ -9,7 +9,7 @@ from tracker_node.model.articulated import ArticulatedModel, Landmark, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box, Ellipsoid
-from tracker_node.render.draw.overlay import draw_overlay, part_colors
+from tracker_node.render.overlay import draw_overlay, part_colors, target_through_mask
 from tracker_node.render.raycast.raycaster import render_mask
 
 CAMERA = look_at((0.0, -3.0, 0.3), (0.0, 0.0, 0.0), LENSES["radial"])
@@ -72,3 +72,27 @@ def test_a_body_out_of_sight_changes_nothing():
 def test_misuse_is_named():
     with pytest.raises(ValueError, match=r"\(120, 163, 3\) for camera 'camera', got uint8 \(50, 50, 3\)"):
         draw_overlay(GRAY[:50, :50], scattered_scene(1), CAMERA)
+
+
+CAMERA = look_at((0.0, -1.5, 0.3), (0.0, 0.0, 0.0), LENSES["radial"])
+
+
+def test_the_image_is_kept_within_the_outline_and_black_outside():
+    """The outline of a sphere in front of a pinhole, from its tangent cone."""
+    rng = np.random.default_rng(1)
+    image = rng.integers(1, 255, (CAMERA.model.height, CAMERA.model.width, 3)).astype(np.uint8)
+    configuration = single_shape(Ellipsoid((0.2, 0.2, 0.2)))
+    seen = target_through_mask(image, configuration, CAMERA)
+    center = CAMERA.T_cam_world[:3] @ np.append(configuration.Ts_world_shape[0][:3, 3], 1.0)
+    v, u = np.mgrid[: CAMERA.model.height, : CAMERA.model.width]
+    rays, _ = CAMERA.model.rays(np.stack([u, v], axis=-1).astype(float))
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    inside = rays @ center > np.sqrt(center @ center - 0.2**2)
+    assert 100 < inside.sum() < inside.size // 2
+    np.testing.assert_array_equal(seen, np.where(inside[:, :, None], image, 0))
+
+
+def test_another_image_size_is_refused():
+    configuration = single_shape(Ellipsoid((0.2, 0.2, 0.2)))
+    with pytest.raises(ValueError, match=f"camera '{CAMERA.name}', got uint8 \\(4, 4, 3\\)"):
+        target_through_mask(np.zeros((4, 4, 3), np.uint8), configuration, CAMERA)

@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker_node.observation.body_region import grown, shrunk
+from tracker_node.observation.appearance import grown, shrunk
+from tracker_node.observation.chamfer.boundary import boundary_points, edge_distance
 from tracker_node.observation.chamfer.distance_transform import signed_distance
-from tracker_node.observation.chamfer.silhouette_maps import boundary_points, edge_distance
 
 CENTER, RADIUS = np.array([60.0, 52.0]), 30.0
 

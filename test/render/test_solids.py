@@ -5,8 +5,8 @@ import pytest
 
 from helpers.cameras.render_scenes import icosahedron, tetrahedron
 from tracker_node.model.shapes.primitives import Box, Mesh
-from tracker_node.render import mesh_edges as ce
-from tracker_node.render.mesh_edges import BORDER, CREASE, OUTLINE, solid_of
+from tracker_node.render import solids as ce
+from tracker_node.render.solids import BORDER, CREASE, OUTLINE, solid_of
 
 SIZE = np.array([0.2, 0.4, 0.6])
 
