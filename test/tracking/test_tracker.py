@@ -212,7 +212,7 @@ def test_an_image_of_another_size_contradicts_the_calibration(clip):
 def test_plates_must_be_there_and_fit(clip):
     with pytest.raises(CalibrationError, match=r"camera 'cam01'.*empty scene"):
         tracker_of(clip, config=from_dict({"modalities": ["chamfer"], "chamfer.silhouette": "background"}), plates=False)
-    with pytest.raises(CalibrationError, match="camera 'cam02': expected a plate of 320x240, got 100x50"):
+    with pytest.raises(CalibrationError, match="camera 'cam02': expected a background image of 320x240, got 100x50"):
         Tracker(clip.rig, clip.model, None, {"cam02": np.zeros((50, 100, 3), np.uint8)})
 
 

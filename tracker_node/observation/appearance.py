@@ -1,4 +1,4 @@
-"""What body and surroundings look like in one camera, and which pixels belong to the body.
+"""Appearance of body and surroundings in one camera, and which pixels belong to the body.
 
 Two sources are combined in one log-odds per pixel, log p(color | body) - log p(color | surroundings):
 
@@ -21,10 +21,10 @@ from .appearance_kernels import log_odds, update_scene
 Region = tuple[int, int, int, int]  # u0, v0, u1, v1; the last two exclusive
 
 BINS = 16  # per channel
-_SHIFT = 4  # a bin is 16 grey levels wide
+_SHIFT = 4  # a bin is 16 gray levels wide
 _BIN_VOLUME = float(1 << _SHIFT) ** 3
 _LOG_UNIFORM = -3.0 * math.log(256.0)  # density of a color about which nothing is known
-# One pixel in five in shadow, of a brightness anywhere in some 75 grey levels, and a Gaussian across
+# One pixel in five in shadow, of a brightness anywhere in some 75 gray levels, and a Gaussian across
 _LOG_SHADOW = math.log(0.2 / 75.0) - math.log(2.0 * math.pi)
 
 
@@ -35,6 +35,16 @@ def _bin(b, g, r):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def count_colors(bgr, labels, around, body_counts, scene_counts):
+    """Add up the pixels of each color, of the body's parts and of what surrounds it.
+
+    Parameters
+    ----------
+    bgr : (h, w, 3) uint8.
+    labels : (h, w) uint8, 1 + part, 0 beside the body.
+    around : (h, w) bool, surroundings that count.
+    body_counts : (n_parts, `BINS`^3) float32, added to.
+    scene_counts : (`BINS`^3,) float32, added to.
+    """
     for i in range(bgr.shape[0]):
         for j in range(bgr.shape[1]):
             index = _bin(bgr[i, j, 0], bgr[i, j, 1], bgr[i, j, 2])
@@ -46,7 +56,13 @@ def count_colors(bgr, labels, around, body_counts, scene_counts):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def spread_counts(density, out):
-    """Add a histogram to ``out``, shared with neighbouring bins: colors drift with light, and counts are sparse."""
+    """Add a histogram to another, shared with neighboring bins: colors drift with light, and counts are sparse.
+
+    Parameters
+    ----------
+    density : (`BINS`^3,) float32.
+    out : (`BINS`^3,) float32, added to.
+    """
     for b in range(BINS):
         for g in range(BINS):
             for r in range(BINS):
@@ -63,7 +79,7 @@ def spread_counts(density, out):
 
 
 class ColorModel:
-    """Color histograms of every body part and of the surroundings, as log densities per grey level cubed.
+    """Color histograms of every body part and of the surroundings, as log densities per gray level cubed.
 
     The density of the body is the largest of its parts': a small part in a color of its own counts as much as the trunk.
     """
@@ -75,7 +91,15 @@ class ColorModel:
         self.log_scene = np.full(BINS**3, _LOG_UNIFORM, dtype=np.float32)
 
     def learn(self, bgr: np.ndarray, labels: np.ndarray, around: np.ndarray, rate: float) -> None:
-        """Mix in the colors of one crop: part i where ``labels`` is i + 1 (uint8), surroundings where ``around`` (bool)."""
+        """Mix in the colors of one crop.
+
+        Parameters
+        ----------
+        bgr : (h, w, 3) uint8.
+        labels : (h, w) uint8, 1 + part, 0 beside the body.
+        around : (h, w) bool, surroundings that count.
+        rate : weight of this image, 0..1.
+        """
         n_parts = max(int(labels.max(initial=0)), len(self._parts))
         if n_parts > len(self._parts):
             self._parts = np.concatenate([self._parts, np.zeros((n_parts - len(self._parts), BINS**3), dtype=np.float32)])
@@ -103,7 +127,7 @@ def _log_density(density: np.ndarray) -> np.ndarray:
 
 
 def _mixed(old: np.ndarray, new: np.ndarray, rate: float) -> np.ndarray:
-    """Normalized histogram after mixing in the counts ``new``; few counts are not believed."""
+    """Normalized histogram after mixing in the counts ``new``; few counts do not count."""
     total = float(new.sum())
     if total < 20.0:
         return old
@@ -114,11 +138,11 @@ def _mixed(old: np.ndarray, new: np.ndarray, rate: float) -> np.ndarray:
 
 
 SEEN, GUESSED = 1, 2
-_GUESS_SIGMA = 15.0  # grey levels
+_GUESS_SIGMA = 15.0  # gray levels
 
 
 class SceneModel:
-    """Mean and variance of the empty scene, per pixel.
+    """Mean and variance of the background, per pixel.
 
     ``known`` is `SEEN` where they were observed, `GUESSED` where they come from the surroundings, 0 where nothing is known.
     """
@@ -131,7 +155,17 @@ class SceneModel:
 
     @classmethod
     def from_images(cls, images: list[np.ndarray], sigma: float = 8.0) -> SceneModel:
-        """Learn from one or several (height, width, 3) BGR images of the empty scene; ``sigma`` is the least deviation."""
+        """A model learned from images of the empty scene.
+
+        Parameters
+        ----------
+        images : one or more, (height, width, 3) BGR.
+        sigma : least standard deviation of a pixel, gray levels.
+
+        Returns
+        -------
+        All pixels are `SEEN`.
+        """
         stack = np.stack(images).astype(np.float32)
         model = cls(stack.shape[1], stack.shape[2], sigma)
         model.mean[:] = stack.mean(axis=0)
@@ -141,10 +175,15 @@ class SceneModel:
         return model
 
     def learn_first(self, bgr: np.ndarray, body: np.ndarray) -> None:
-        """Take in the first image (as large as the model) wherever ``body`` (uint8) is zero.
+        """Take in the first image where it does not show the body.
 
-        It fills pixels that no plate knows, and replaces a plate where that is plainly something else: a still of the scene may
-        show people or things that are gone since.
+        It fills pixels that no background image knows, and replaces a background image where that is plainly something else: it
+        may show people or things that are gone since.
+
+        Parameters
+        ----------
+        bgr : (height, width, 3) uint8, as large as the model.
+        body : (height, width) uint8, not zero where the body may be.
         """
         difference = np.abs(bgr.astype(np.float32) - self.mean).max(axis=2)
         other = (self.known == 0) | (difference > 6.0 * np.sqrt(self.variance))
@@ -167,7 +206,15 @@ class SceneModel:
         self.known[unseen] = GUESSED
 
     def update(self, bgr: np.ndarray, body: np.ndarray, rate: float, region: tuple[int, int, int, int]) -> None:
-        """Learn from the crop ``region`` (u0, v0, u1, v1) of an image where ``body`` (uint8, on the crop) is zero."""
+        """Learn from a part of an image where it does not show the body.
+
+        Parameters
+        ----------
+        bgr : (height, width, 3) uint8, the whole image.
+        body : (h, w) uint8 on the region, not zero where the body may be.
+        rate : weight of this image, 0..1.
+        region : (u0, v0, u1, v1).
+        """
         pixels, mean = _interleaved(bgr, region), self.mean.reshape(len(bgr), -1)
         body = np.ascontiguousarray(body)
         update_scene(pixels, region[:2], body, mean, self.variance, self.known, np.float32(rate), np.float32(self.floor))
@@ -181,9 +228,20 @@ def body_log_odds(
     shadow: float = 0.75,
     reach: float = 10.0,
 ) -> np.ndarray:  # fmt: skip
-    """Log-odds (float32) that pixels of ``region`` (u0, v0, u1, v1) show the body, clipped to +-``reach``.
+    """Log-odds that pixels show the body rather than its surroundings.
 
-    ``shadow`` is how dark a shadow may be, as a fraction of the scene's brightness.
+    Parameters
+    ----------
+    bgr : (height, width, 3) uint8, the whole image.
+    region : (u0, v0, u1, v1) of it.
+    scene : the background as far as it is known, or None.
+    colors : histograms of body and surroundings.
+    shadow : how dark a shadow may be, as a fraction of the background's brightness.
+    reach : the result is clipped to +-``reach``.
+
+    Returns
+    -------
+    (h, w) float32 on the region.
     """
     u0, v0, u1, v1 = region
     height, width = bgr.shape[:2]
@@ -209,7 +267,17 @@ def _interleaved(bgr: np.ndarray, region: tuple[int, int, int, int]) -> np.ndarr
 
 
 def grown(mask: np.ndarray, reach: int) -> np.ndarray:
-    """Mask (uint8, 0 or 1) of the pixels within about ``reach`` of ``mask``; computed at a quarter of the size."""
+    """Pixels within about ``reach`` of a mask; computed at a quarter of the size.
+
+    Parameters
+    ----------
+    mask : (h, w) uint8, not zero inside.
+    reach : pixels.
+
+    Returns
+    -------
+    (h, w) uint8, 0 or 1.
+    """
     height, width = mask.shape
     size = max(1, width // 4), max(1, height // 4)
     small = cv2.resize((mask > 0).view(np.uint8) * np.uint8(255), size, interpolation=cv2.INTER_AREA)
@@ -220,7 +288,17 @@ def grown(mask: np.ndarray, reach: int) -> np.ndarray:
 
 
 def shrunk(labels: np.ndarray, depth: int) -> np.ndarray:
-    """Part labels (uint8) without the pixels within ``depth`` of the outside of the body."""
+    """Part labels without the pixels near the outside of the body.
+
+    Parameters
+    ----------
+    labels : (h, w) uint8, 0 beside the body.
+    depth : how near, pixels.
+
+    Returns
+    -------
+    (h, w) uint8.
+    """
     size = 2 * depth + 1
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     inside = cv2.erode((labels > 0).astype(np.uint8), kernel, borderValue=0)

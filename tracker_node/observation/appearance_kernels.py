@@ -32,7 +32,7 @@ def log_positive(x):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _scene_row(bgr, mean, variance, darkest, log_shadow, out):
-    """Log density of a row of colors if it shows the scene, lit or in shadow."""
+    """Log density of a row of colors if it shows the background, lit or in shadow."""
     for j in range(np.uint64(out.size)):
         b = np.uint64(3) * j
         x, y, z = np.float32(bgr[b]), np.float32(bgr[b + _G]), np.float32(bgr[b + _R])
@@ -50,7 +50,7 @@ def _scene_row(bgr, mean, variance, darkest, log_shadow, out):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _odds_row(bgr, known, has_scene, shift, log_pairs, log_outlier, reach, out):
-    """From the scene's log densities in ``out`` to the log-odds of body against surroundings."""
+    """From the background's log densities in ``out`` to the log-odds of body against surroundings."""
     down, width = np.uint32(shift), np.uint32(8 - shift)
     for j in range(np.uint64(out.size)):
         at = np.uint64(3) * j
@@ -67,11 +67,20 @@ def _odds_row(bgr, known, has_scene, shift, log_pairs, log_outlier, reach, out):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def log_odds(bgr, corner, mean, variance, known, has_scene, shift, log_pairs, options, out):
-    """Log-odds (h, w) float32 of body against surroundings in the region of ``out``'s size at ``corner`` (u0, v0).
+    """Log-odds of body against surroundings in a part of an image.
 
-    ``bgr`` uint8 and ``mean`` float32 (height, 3 width) are interleaved; ``variance`` float32, ``known`` uint8 (height, width).
-    ``log_pairs`` holds, per color bin (``shift`` bits coarser than a level), the log densities of body and surroundings.
-    ``options``: (darkest shadow, outlier log weight, reach, log density of shadows), float32.
+    Parameters
+    ----------
+    bgr : (height, 3 width) uint8, interleaved.
+    corner : (u0, v0) where the part begins.
+    mean : (height, 3 width) float32 of the background, interleaved.
+    variance : (height, width) float32 of it.
+    known : (height, width) uint8, 0 where it is not known.
+    has_scene : False: there is no background; only ``known`` must then have as many columns, all 0.
+    shift : color bins are so many bits coarser than a gray level.
+    log_pairs : per color bin the log densities of body and surroundings.
+    options : (darkest shadow, outlier log weight, reach, log density of shadows) float32.
+    out : (h, w) float32, filled.
     """
     u0, v0 = corner
     u1 = u0 + out.shape[1]
@@ -94,9 +103,9 @@ def _update_row(bgr, body, mean, variance, known, rate, floor):
         dx, dy, dz = x - mx, y - my, z - mz
         total = dx * dx + dy * dy + dz * dz
         free, seen = body[j] == 0, known[j] == _SEEN
-        # A known pixel far off its mean shows something that passes by: not the scene. An unknown one is believed at once.
-        steady = total <= np.float32(36.0) * old
-        weight = (rate if steady else np.float32(0.0)) if seen else _ONE
+        # A known pixel far off its mean shows something that passes by. An unknown one starts from its first value.
+        stable = total <= np.float32(36.0) * old
+        weight = (rate if stable else np.float32(0.0)) if seen else _ONE
         weight = weight if free else np.float32(0.0)
         mean[at], mean[at + _G], mean[at + _R] = mx + weight * dx, my + weight * dy, mz + weight * dz
         followed = old + weight * (total * np.float32(1.0 / 3.0) - old)
@@ -108,9 +117,15 @@ def _update_row(bgr, body, mean, variance, known, rate, floor):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def update_scene(bgr, corner, body, mean, variance, known, rate, floor):
-    """Running mean and variance of the region of ``body``'s size at ``corner`` (u0, v0), where ``body`` (uint8) is zero.
+    """Update the running mean and variance of the background in a part of an image.
 
-    Arrays as in `log_odds`; pixels that are not yet seen (``known`` is not 1) start from this image.
+    Parameters
+    ----------
+    bgr, corner : as of `log_odds`.
+    body : (h, w) uint8 on the part, not zero where the body may be.
+    mean, variance, known : as of `log_odds`; pixels whose ``known`` is not 1 start from this image.
+    rate : weight of this image, float32.
+    floor : least variance, float32.
     """
     u0, v0 = corner
     u1 = u0 + body.shape[1]

@@ -1,4 +1,4 @@
-"""Images with their stamps: one camera's image, and one instant of all cameras."""
+"""Images with their stamps: of one camera, and of all cameras at one time step."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class CameraImage:
 
 @dataclass(frozen=True, eq=False)
 class ImageSet:
-    """Images of one instant; cameras that gave none are absent.
+    """Images of one time step; cameras that gave none are absent.
 
     ``stamp_ns`` is the set's reference stamp (that of its earliest image); ``images`` is in the order of the rig.
     """

@@ -18,14 +18,14 @@ from .set_accounts import SetAccounts
 REASONS = ("late", "duplicate", "incomplete", "too_old", "ahead", "clock_jump", "reset")
 """Why an image is not in any set.
 
-``late``: a set of its instant or a later one is out already. ``duplicate``: its camera gave another image of that instant.
+``late``: a set of its time step or a later one is out already. ``duplicate``: its camera gave another image of that time step.
 ``incomplete``: too few cameras gave one. ``too_old``: its partners did not come within the queue's time, or too many wait.
-``ahead``: more cameras than have an image of its instant went on to send images from far before it (a wrong clock).
+``ahead``: more cameras than have an image of its time step went on to send images from far before it (a wrong clock).
 ``clock_jump``: stamps went backward. ``reset``: by request.
 """
 
 SET_REASONS = tuple(reason for reason in REASONS if reason != "duplicate")
-"""Why there is no set of an instant of which some camera has sent an image. ``late``: all its images came too late."""
+"""Why there is no set of a time step of which some camera has sent an image. ``late``: all its images came too late."""
 
 _MOST_WAITING, _QUEUES_WAITING = 100, 10.0  # images of a camera that may wait: at least so many, or so many queues' time
 _FORGETS = 0.995  # of what is known of a camera's disorder, with each image in order
@@ -118,7 +118,7 @@ class ImageSynchronizer:
 
     @property
     def sets_not_formed(self) -> dict[str, int]:
-        """Instants without a set, of which some camera has sent an image, by the `SET_REASONS`; what waits is not in it."""
+        """Time steps without a set, of which some camera has sent an image, by the `SET_REASONS`; what waits is not in it."""
         return self._accounts.counts
 
     def add(self, image: CameraImage) -> list[ImageSet]:

@@ -1,4 +1,4 @@
-"""What stands in the scene and hides the body: seen by each camera once, as depth, and asked pixel by pixel."""
+"""Fixed things in the scene that hide the body: their depth in each camera, rendered once and read pixel by pixel."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Sight:
     ----------
     region : (u0, v0, u1, v1).
     labels : (h, w) uint8 on the region, as of `RenderedView`; 0 also where the body is hidden.
-    veil : (h, w) bool, where the image says nothing of the body: what hides it, and its border; None: nothing hides it.
+    veil : (h, w) bool, occlusion mask: pixels of what hides the body, and of its border; None: nothing hides it.
     """
 
     region: Region
@@ -46,7 +46,7 @@ class Occluders:
 
     Attributes
     ----------
-    depths : per camera (h, w) float32 metres along the optical axis, infinite where nothing is; (0, 0) without a scene.
+    depths : per camera (h, w) float32 meters along the optical axis, infinite where nothing is; (0, 0) without a scene.
     """
 
     def __init__(self, scene: ArticulatedModel | None, rig: CameraRig):
@@ -56,7 +56,19 @@ class Occluders:
             self.depths = [render_view(configuration, camera).depth for camera in rig]
 
     def look(self, index: int, configuration: Configuration, camera: Camera, margin_px: int = 0) -> Sight | None:
-        """Where the body is in one camera, ``margin_px`` about it included; None when no part of it is in the image."""
+        """Where the body is in one camera.
+
+        Parameters
+        ----------
+        index : of the camera in the rig.
+        configuration : the posed body.
+        camera : that camera.
+        margin_px : how far around the body the region reaches.
+
+        Returns
+        -------
+        The region, its labels and what is hidden; None when no part of the body is in the image.
+        """
         found = render_labels(configuration, camera, margin_px)
         if found is None:
             return None
@@ -78,11 +90,8 @@ def _grown(mask: np.ndarray, by_px: int) -> np.ndarray:
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def is_covered(depth, u, v, nu, nv, body_depth, reach_px):
-    """Does something stand before a contour sample at (u, v), or ``reach_px`` to either side of it along its normal?
-
-    There the image shows that thing's border, or nothing of the contour.
-    """
+def _is_covered(depth, u, v, nu, nv, body_depth, reach_px):
+    """Whether something stands before a contour sample at (u, v), or ``reach_px`` to either side of it along its normal."""
     for side in range(-1, 2):
         column, row = int(np.floor(u + side * reach_px * nu + 0.5)), int(np.floor(v + side * reach_px * nv + 0.5))
         if 0 <= row < depth.shape[0] and 0 <= column < depth.shape[1] and depth[row, column] < body_depth - _TOUCH_M:
@@ -92,11 +101,23 @@ def is_covered(depth, u, v, nu, nv, body_depth, reach_px):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def drop_covered(depth, rows, pixels, info, n, reach_px):
-    """Take the samples of `collect_samples` out that something stands before; returns how many are left."""
+    """Take out the contour samples that something stands before.
+
+    Parameters
+    ----------
+    depth : (h, w) of `Occluders`, meters.
+    rows, pixels, info : of `collect_samples`, changed in place.
+    n : how many of them are in use.
+    reach_px : how far to both sides of a sample, along its normal, nothing may stand before the body.
+
+    Returns
+    -------
+    int : how many are left.
+    """
     left = 0
     for j in range(n):
         pixel = pixels[j]
-        if is_covered(depth, pixel[U], pixel[V], pixel[NU], pixel[NV], pixel[DEPTH], reach_px):
+        if _is_covered(depth, pixel[U], pixel[V], pixel[NU], pixel[NV], pixel[DEPTH], reach_px):
             continue
         if left < j:
             rows[left] = rows[j]

@@ -33,9 +33,15 @@ def draw_overlay(
     Parameters
     ----------
     bgr : (height, width, 3) uint8, as large as the camera's images.
+    configuration : the posed body.
+    camera : that took the image.
     alpha : how strongly the parts are tinted, 0 (not at all) to 1 (opaque).
     outline : draw the outline of the body, and thinner ones of its parts.
     skeleton : draw landmarks, and bones between the joints.
+
+    Returns
+    -------
+    (height, width, 3) uint8 BGR.
 
     Raises
     ------
@@ -139,11 +145,19 @@ def _fixed(pixel: np.ndarray) -> tuple[int, int]:
 
 
 def target_through_mask(bgr: np.ndarray, configuration: Configuration, camera: Camera) -> np.ndarray:
-    """A copy of an image, black where the body is not.
+    """A copy of an image, black where the body is not (Trewartha et al., Fig. 10).
+
+    A body that is where it should be shows itself and nothing of its surroundings.
 
     Parameters
     ----------
     bgr : (height, width, 3) uint8, as large as the camera's images.
+    configuration : the posed body.
+    camera : that took the image.
+
+    Returns
+    -------
+    (height, width, 3) uint8 BGR.
 
     Raises
     ------

@@ -40,7 +40,7 @@ class MadeOnce(Generic[Owner, Made]):
 
 @dataclass(frozen=True, eq=False)
 class RayTable:
-    """Undistorted normalised coordinates of every pixel.
+    """Undistorted normalized coordinates of every pixel.
 
     Attributes
     ----------

@@ -23,7 +23,7 @@ class RenderedView:
     Attributes
     ----------
     labels : (h, w) uint8; 0 where there is nothing, i + 1 where ``model.shapes[i]`` is in front.
-    depth : (h, w) float32, metres along the optical axis; infinite where there is nothing.
+    depth : (h, w) float32, meters along the optical axis; infinite where there is nothing.
     region : where in the image the arrays lie.
     """
 
@@ -53,11 +53,33 @@ class Renderer(Protocol):
     """Draws a body by labels, depth and colors."""
 
     def render_view(self, configuration: Configuration, camera: Camera, region: Region | None = None) -> RenderedView:
-        """The view of ``camera``, or the part of it in ``region``."""
+        """Labels and depth of a body.
+
+        Parameters
+        ----------
+        configuration : the posed body.
+        camera : with its lens and pose.
+        region : part of the image to draw; the whole image without it.
+
+        Returns
+        -------
+        The view on the region.
+        """
         ...
 
     def render_color(
         self, configuration: Configuration, camera: Camera, lights: Sequence[Light] = (), region: Region | None = None
     ) -> ColoredView:
-        """The same with colors under ``lights`` (see `camera.light`)."""
+        """The same with colors.
+
+        Parameters
+        ----------
+        configuration, camera : as of `render_view`.
+        lights : in the world; none stands for an ambient light of intensity one (see `camera.light`).
+        region : as of `render_view`.
+
+        Returns
+        -------
+        The view on the region.
+        """
         ...

@@ -26,7 +26,7 @@ class ShapeArrays:
     kinds : (n,) `CONE`, `ELLIPSOID` or `OTHER`.
     dims : (n, 5) cone (a, b, k, z1, z2), ellipsoid (rx, ry, rz, 0, 0), others zeros.
     links : (n,) index of the link that carries the shape.
-    bounds : (n, 4) center (shape frame) and radius of a bounding sphere, metres.
+    bounds : (n, 4) center (shape frame) and radius of a bounding sphere, meters.
     surfaces : (ranges, edges, nodes, triangles), columns as in `solids`, those of all shapes one after the other; ranges, a row
         a shape, also say which caps count.
     """
@@ -44,7 +44,17 @@ class ShapeArrays:
 
     @classmethod
     def from_model(cls, model: ArticulatedModel, caps: bool = True) -> ShapeArrays:
-        """Arrays of a model; ``caps``: the rims of cones' end caps are contours, too."""
+        """Arrays of a model.
+
+        Parameters
+        ----------
+        model : its shapes, in their order.
+        caps : the rims of cones' end caps are contours, too.
+
+        Returns
+        -------
+        One row per shape.
+        """
         n = len(model.shapes)
         kinds, dims, bounds = np.full(n, OTHER, dtype=np.int64), np.zeros((n, 5)), np.zeros((n, 4))
         for i, shape in enumerate(model.shapes):
@@ -82,7 +92,7 @@ def _surfaces(primitives: list[Primitive], caps: bool) -> tuple[np.ndarray, np.n
 
 
 def bounding_sphere(primitive: Primitive) -> np.ndarray:
-    """(4,) center in the frame of the shape, and radius, metres."""
+    """(4,) center in the frame of the shape, and radius, meters."""
     if isinstance(primitive, TruncatedCone):
         middle = 0.5 * (primitive.z1 + primitive.z2)
         scale = max(1 + primitive.k * primitive.z1, 1 + primitive.k * primitive.z2)

@@ -61,7 +61,7 @@ def box_mesh(box: Box) -> Mesh:
 
 
 def solid_of(primitive: Box | Mesh) -> Solid:
-    """Edges and tree of a box or mesh. Vertices at the same place (to a nanometre) count as one, faces without area as none."""
+    """Edges and tree of a box or mesh. Vertices at the same place (to a nanometer) count as one, faces without area as none."""
     mesh = box_mesh(primitive) if isinstance(primitive, Box) else primitive
     vertices, faces = _welded(mesh)
     normals = np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]])
@@ -169,7 +169,18 @@ _STACK = 64
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def to_shape(T, center, dx, dy, dz):
-    """A ray of the world in the frame of a shape: origin and direction, (6,)."""
+    """A ray of the world in the frame of a shape.
+
+    Parameters
+    ----------
+    T : (4, 4) world from shape.
+    center : (3,) origin of the ray, world, meters.
+    dx, dy, dz : its direction in the world, of any length.
+
+    Returns
+    -------
+    (6,) origin and direction.
+    """
     wx, wy, wz = center[0] - T[0, 3], center[1] - T[1, 3], center[2] - T[2, 3]
     return (
         T[0, 0] * wx + T[1, 0] * wy + T[2, 0] * wz,
@@ -183,7 +194,18 @@ def to_shape(T, center, dx, dy, dz):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def slab_interval(node, ray, t_min, t_max):
-    """The part (t_in, t_out) of [t_min, t_max] in which a ray (origin, direction) is in the box of a node; t_in > t_out: none."""
+    """The part of a ray that is in a box.
+
+    Parameters
+    ----------
+    node : of the tree, with the box in columns `LOW` and `HIGH`.
+    ray : (6,) origin and direction, of `to_shape`.
+    t_min, t_max : the part of the ray that counts.
+
+    Returns
+    -------
+    t_in, t_out : within [t_min, t_max]; t_in > t_out where there is none.
+    """
     for axis in range(3):
         origin, speed = ray[axis], ray[axis + 3]
         low, high = node[LOW + axis], node[HIGH + axis]
@@ -202,7 +224,17 @@ def slab_interval(node, ray, t_min, t_max):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def triangle_hit(triangle, ray):
-    """t where a ray meets a triangle, from either side, or `NO_HIT` (Moeller & Trumbore 1997)."""
+    """Where a ray meets a triangle, from either side (Moeller & Trumbore 1997).
+
+    Parameters
+    ----------
+    triangle : (`N_TRIANGLE_COLUMNS`,).
+    ray : (6,) origin and direction.
+
+    Returns
+    -------
+    t on the ray's whole line, or `NO_HIT`.
+    """
     ex, ey, ez = triangle[3], triangle[4], triangle[5]
     fx, fy, fz = triangle[6], triangle[7], triangle[8]
     px, py, pz = ray[4] * fz - ray[5] * fy, ray[5] * fx - ray[3] * fz, ray[3] * fy - ray[4] * fx
@@ -222,7 +254,20 @@ def triangle_hit(triangle, ray):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def mesh_hit(nodes, triangles, root, ray, t_max, any_hit):
-    """Least t in (0, t_max) at which a ray meets a mesh (with ``any_hit``: the first that is found), or `NO_HIT`."""
+    """Where a ray first meets a mesh.
+
+    Parameters
+    ----------
+    nodes, triangles : of `Solid`.
+    root : index of the mesh's first node.
+    ray : (6,) origin and direction, in the frame of the shape.
+    t_max : only what is nearer counts.
+    any_hit : the first point that is found will do.
+
+    Returns
+    -------
+    Least t in (0, t_max), or `NO_HIT`.
+    """
     stack = np.empty(_STACK, dtype=np.int64)
     stack[0], top, best = root, 1, NO_HIT
     while top > 0:
@@ -247,7 +292,22 @@ def mesh_hit(nodes, triangles, root, ray, t_max, any_hit):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def solid_hit(surfaces, shape, T, center, dx, dy, dz, t_max, any_hit):
-    """Least t in [0, t_max) at which the ray center + t * (dx, dy, dz) is in a box or meets a mesh, or `NO_HIT`."""
+    """Where a ray of the world first is in a box or meets a mesh.
+
+    Parameters
+    ----------
+    surfaces : `ShapeArrays.surfaces`.
+    shape : index of the shape.
+    T : (4, 4) world from shape.
+    center : (3,) origin of the ray, world, meters.
+    dx, dy, dz : its direction, of any length.
+    t_max : only what is nearer counts.
+    any_hit : of a mesh, the first point that is found will do.
+
+    Returns
+    -------
+    Least t in [0, t_max), or `NO_HIT`; always that for other kinds of shapes.
+    """
     ranges, _, nodes, triangles = surfaces
     sort, root = ranges[shape, SORT], ranges[shape, ROOT]
     if sort == NO_SOLID:

@@ -103,7 +103,7 @@ def test_lessons_do_not_take_the_body_into_the_scene(rng):
 
 
 def test_mistakes_are_named():
-    with pytest.raises(CalibrationError, match="camera 'c': expected a plate of 120x90, got 60x45"):
+    with pytest.raises(CalibrationError, match="camera 'c': expected a background image of 120x90, got 60x45"):
         Observer("c", SIZE, ChamferConfig(), BackgroundConfig(), np.zeros((45, 60, 3), np.uint8))
     with pytest.raises(CalibrationError, match="needs an image of the empty scene"):
         Observer("c", SIZE, ChamferConfig(silhouette="background"), BackgroundConfig())

@@ -99,7 +99,7 @@ def test_labels_become_classes_and_what_is_not_sound_is_not_learnt():
     assert colors.body[1, place(GRAY)] == pytest.approx(KEPT + LITTLE, rel=1e-4)
     assert colors.body[0, place(RED_BGR)] == pytest.approx(KEPT + LITTLE, rel=1e-4)
     doubting = RegionColors(np.array([1, 0], np.int32), np.zeros((2, N), np.float32), 0.2)
-    doubting.learn(image, (0, 0, 20, 40), labels, 0.5, 1, 2, sound=np.array([True, False]))
+    doubting.learn(image, (0, 0, 20, 40), labels, 0.5, 1, 2, reliable=np.array([True, False]))
     assert doubting.body[1, place(GRAY)] == pytest.approx(KEPT + LITTLE, rel=1e-4)
     assert doubting.body[0] == pytest.approx(1 / N)
 
@@ -171,7 +171,7 @@ def test_a_part_that_is_elsewhere_is_expected_in_the_shade_that_is_seen():
             image[:] = shade
         image[:20, :40], image[20:30, :40], image[30:40, :40] = STATED_RGB[0][::-1], WHITE, shade
         colors = RegionColors(color_classes(body), stated, 0.2)
-        colors.learn(image, (0, 0, 40, 40), labels, 0.5, 1, 12, sound=sound)
+        colors.learn(image, (0, 0, 40, 40), labels, 0.5, 1, 12, reliable=sound)
         return colors
 
     colors = learnt(False)

@@ -7,10 +7,10 @@ from helpers.cameras.render_scenes import single_shape
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh
-from tracker_node.render.raycast.surface_arrays import N_LEVELS, NO_PICTURE, surface_arrays
+from tracker_node.render.raycast.surface_arrays import N_LEVELS, NO_TEXTURE, surface_arrays
 
 RNG = np.random.default_rng(3)
-PICTURES = [RNG.integers(0, 255, (h, w, 3), dtype=np.uint8) for h, w in ((8, 20), (5, 3))]
+TEXTURES = [RNG.integers(0, 255, (h, w, 3), dtype=np.uint8) for h, w in ((8, 20), (5, 3))]
 FACE_COLORS = np.arange(18, dtype=np.uint8).reshape(6, 3)
 VERTICES = np.array([[0.0, 0, 0], [2, 0, 0], [0, 3, 0], [0, 0, 1]])
 FACES = np.array([[0, 2, 1], [0, 1, 3]])
@@ -18,16 +18,16 @@ UV = np.array([[[0.1, 0.2], [0.3, 0.4], [0.5, 0.6]], [[0.0, 1.0], [1.0, 0.0], [0
 
 
 def test_levels_halve_until_one_texel_is_left_and_repeat():
-    arrays = surface_arrays(single_shape(Box((1.0, 1.0, 1.0), textures=(PICTURES[0], None, None, None, None, PICTURES[1]))).model)
-    assert arrays.pictures.tolist() == [[0, NO_PICTURE, NO_PICTURE, NO_PICTURE, NO_PICTURE, 1]]
+    arrays = surface_arrays(single_shape(Box((1.0, 1.0, 1.0), textures=(TEXTURES[0], None, None, None, None, TEXTURES[1]))).model)
+    assert arrays.textures.tolist() == [[0, NO_TEXTURE, NO_TEXTURE, NO_TEXTURE, NO_TEXTURE, 1]]
     assert arrays.levels.shape == (2, N_LEVELS, 3)
     assert arrays.levels[0, :6, 1:].tolist() == [[20, 8], [10, 4], [5, 2], [2, 1], [1, 1], [1, 1]]
     assert arrays.levels[0, :6, 0].tolist() == [0, 160, 200, 210, 212, 212]
     assert arrays.levels[1, :4].tolist() == [[213, 3, 5], [228, 1, 2], [230, 1, 1], [230, 1, 1]]
     assert len(arrays.texels) == 231
-    np.testing.assert_array_equal(arrays.texels[:160].reshape(8, 20, 3), PICTURES[0])
-    np.testing.assert_array_equal(arrays.texels[213:228].reshape(5, 3, 3), PICTURES[1])
-    half = cv2.resize(PICTURES[0], (10, 4), interpolation=cv2.INTER_AREA)
+    np.testing.assert_array_equal(arrays.texels[:160].reshape(8, 20, 3), TEXTURES[0])
+    np.testing.assert_array_equal(arrays.texels[213:228].reshape(5, 3, 3), TEXTURES[1])
+    half = cv2.resize(TEXTURES[0], (10, 4), interpolation=cv2.INTER_AREA)
     np.testing.assert_array_equal(arrays.texels[160:200].reshape(4, 10, 3), half)
 
 
@@ -44,9 +44,9 @@ def test_colors_of_corners():
 
 
 def test_places_on_a_picture_count_down():
-    mesh = Mesh(VERTICES, FACES, uv=UV, texture=PICTURES[1])
+    mesh = Mesh(VERTICES, FACES, uv=UV, texture=TEXTURES[1])
     arrays = surface_arrays(single_shape(mesh).model)
-    assert arrays.pictures.tolist() == [[0] * 6]
+    assert arrays.textures.tolist() == [[0] * 6]
     np.testing.assert_allclose(arrays.corners[..., 3], UV[..., 0], atol=1e-6)
     np.testing.assert_allclose(arrays.corners[..., 4], 1.0 - UV[..., 1], atol=1e-6)
     assert not arrays.corners[..., 5].any()
@@ -70,4 +70,4 @@ def test_shapes_of_every_kind_in_order():
     arrays = surface_arrays(ArticulatedModel("all", KinematicChain(("base",), ()), shapes))
     np.testing.assert_array_equal(arrays.colors[:3], [[[1, 2, 3]] * 6, [[4, 5, 6]] * 6, FACE_COLORS])
     assert arrays.corners.shape == (3, 3, 6) and arrays.corners.dtype == np.float32
-    assert np.all(arrays.pictures == NO_PICTURE) and arrays.levels.shape == (0, N_LEVELS, 3) and arrays.texels.shape == (0, 3)
+    assert np.all(arrays.textures == NO_TEXTURE) and arrays.levels.shape == (0, N_LEVELS, 3) and arrays.texels.shape == (0, 3)

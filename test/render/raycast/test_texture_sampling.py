@@ -1,4 +1,4 @@
-"""Colors of a picture by closed forms: a ramp between texels, and its levels by the size of a pixel."""
+"""Colors of a texture by closed forms: a ramp between texels, and its levels by the size of a pixel."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ def ramp(height, width):
 
 
 ALBUM = _Album()
-ALBUM.add(np.full((3, 5, 3), 7, np.uint8))  # another picture before it
+ALBUM.add(np.full((3, 5, 3), 7, np.uint8))  # another texture before it
 NUMBER = ALBUM.add(ramp(8, 16))
 LEVELS, TEXELS = np.array(ALBUM.levels, dtype=np.int64), np.concatenate(ALBUM.texels)
 

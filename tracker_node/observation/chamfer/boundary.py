@@ -16,9 +16,9 @@ from .distance_transform import distance_to
 
 _INSIDE = (2.0, 3.0)  # pixels from the boundary where the body's color is read
 _OUTSIDE = (3.0, 4.0)
-_REACH = 2  # shares are summed from so many pixels inside to as many outside
-_LEAST_CONTRAST = 25.0  # grey levels (of all channels) between body and scene; below, a boundary is left where it is
-_BRIGHTNESS = (0.5, 1.15)  # the scene beside the body, as a multiple of the empty one
+_REACH = 2  # fractions are summed from so many pixels inside to as many outside
+_LEAST_CONTRAST = 25.0  # gray levels (of all channels) between body and background; below, a boundary is left where it is
+_BRIGHTNESS = (0.5, 1.15)  # the background beside the body, as a multiple of its image
 _LARGEST_SHIFT = 1.5
 
 
@@ -101,12 +101,12 @@ def boundary_shifts(
     Parameters
     ----------
     bgr : (h, w, 3) uint8 crop of the image.
-    scene, known : the empty scene (h, w, 3) float32 on the same crop, and where it is known (h, w) uint8; or None.
+    scene, known : the background (h, w, 3) float32 on the same crop, and where it is known (h, w) uint8; or None.
     points : (n, 4) float32 u, v and unit outward normal, in pixels of the crop.
 
     Returns
     -------
-    shifts (n,) and weights (n,), float32: 0 where body and scene look too much alike to tell.
+    shifts (n,) and weights (n,), float32: 0 where body and background differ too little.
     """
     result = np.empty((len(points), 2), dtype=np.float32)
     if scene is None or known is None:
@@ -116,9 +116,20 @@ def boundary_shifts(
 
 
 def shift_map(points: np.ndarray, shifts: np.ndarray, weights: np.ndarray, shape: tuple[int, int], window: int = 9) -> np.ndarray:
-    """Shifts spread to the pixels around: (h, w) float32 mean over a ``window``, 0 where there is no boundary near.
+    """Shifts spread to the pixels around.
 
-    Subtracted from a signed distance (positive outside) it moves the boundary; neighbours share their noise.
+    Subtracted from a signed distance (positive outside) they move the boundary; neighbors share their noise.
+
+    Parameters
+    ----------
+    points : (n, 4) float32 of `boundary_shifts`.
+    shifts, weights : (n,) of `boundary_shifts`.
+    shape : (h, w) of the crop.
+    window : width of the square over which shifts are averaged, pixels.
+
+    Returns
+    -------
+    (h, w) float32 pixels, 0 where there is no boundary near.
     """
     sums, total = np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.float32)
     _scatter(np.ascontiguousarray(points, dtype=np.float32), shifts, weights, sums, total)
@@ -131,7 +142,20 @@ def shift_map(points: np.ndarray, shifts: np.ndarray, weights: np.ndarray, shape
 def edge_distance(
     gray: np.ndarray, mask: np.ndarray, low: float, high: float, truncation: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Distance (float32) to the nearest Canny edge inside the silhouette, truncated; and the edges (uint8)."""
+    """Distance to the nearest Canny edge inside the silhouette.
+
+    Parameters
+    ----------
+    gray : (h, w) uint8.
+    mask : (h, w) uint8 silhouette, 0 or 1.
+    low, high : thresholds of Canny's hysteresis.
+    truncation : largest distance, pixels.
+
+    Returns
+    -------
+    distance : (h, w) float32, pixels.
+    edges : (h, w) uint8, 255 on an edge.
+    """
     edges = cv2.Canny(gray, low, high)
     edges[cv2.dilate(mask, _CROSS) == 0] = 0
     return distance_to(edges, truncation), edges
@@ -142,10 +166,18 @@ _CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 
 def boundary_points(mask: np.ndarray, distance: np.ndarray, trusted: np.ndarray, step: int) -> np.ndarray:
-    """Points of the boundary of ``mask`` with their outward normals: (n, 4) float32 (u, v, nu, nv), one in ``step`` pixels.
+    """Points of the boundary of a mask with their outward normals.
 
-    ``distance`` is the mask's signed distance; points where ``trusted`` (uint8) is zero, or at the border of the crop, are left
-    out.
+    Parameters
+    ----------
+    mask : (h, w) uint8, 0 or 1.
+    distance : (h, w) float32, its signed distance, pixels.
+    trusted : (h, w) uint8; points where it is zero, or at the border of the crop, are left out.
+    step : one point in so many pixels along the boundary.
+
+    Returns
+    -------
+    (n, 4) float32 (u, v, nu, nv).
     """
     contours, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
     kept = [contour[::step, 0, :] for contour in contours if len(contour) >= _SHORTEST]

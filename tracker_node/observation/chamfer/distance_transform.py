@@ -62,7 +62,7 @@ def _columns(features, limit, squares):
 def _look_aside(window, i, best):
     """Lower ``best`` by what lies i .. i + 3 columns to either side; ``window`` reaches equally far beyond it on both sides.
 
-    Indices are unsigned: a signed index could be negative, and checking for that keeps the loop from being vectorised.
+    Indices are unsigned: a signed index could be negative, and checking for that keeps the loop from being vectorized.
     """
     center = np.uint64((window.size - best.size) // 2)
     left1, right1 = center - np.uint64(i), center + np.uint64(i)
@@ -143,15 +143,16 @@ def _rows_signed(outside, inside, limit, truncation, out):
 
 
 def distance_to(mask: np.ndarray, truncation_px: float) -> np.ndarray:
-    """Distance from every pixel's center to the nearest nonzero pixel's center: 0 on the mask, at most ``truncation_px``.
+    """Distance from every pixel's center to the nearest nonzero pixel's center.
 
     Parameters
     ----------
     mask : (h, w) uint8 or bool; beyond its border nothing is near.
+    truncation_px : largest distance.
 
     Returns
     -------
-    (h, w) float32, pixels.
+    (h, w) float32, pixels; 0 on the mask.
     """
     mask = _checked(mask)
     limit = math.ceil(truncation_px)
@@ -164,7 +165,7 @@ def distance_to(mask: np.ndarray, truncation_px: float) -> np.ndarray:
 
 
 def signed_distance(mask: np.ndarray, truncation_px: float) -> np.ndarray:
-    """Distance to the boundary of a mask, positive outside, negative inside, within +-``truncation_px``.
+    """Distance to the boundary of a mask, positive outside, negative inside.
 
     The boundary runs midway between a pixel of the mask and its neighbor outside. An empty or full mask has none: the whole map
     is truncated.
@@ -172,6 +173,7 @@ def signed_distance(mask: np.ndarray, truncation_px: float) -> np.ndarray:
     Parameters
     ----------
     mask : (h, w) uint8 or bool.
+    truncation_px : largest distance to either side.
 
     Returns
     -------

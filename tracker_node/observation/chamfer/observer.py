@@ -1,4 +1,4 @@
-"""One camera's eyes: keeps what scene and body look like, and turns an image into evidence around the predicted body."""
+"""Evidence of one camera: learns the colors of body and background, and turns an image into distance maps."""
 
 from __future__ import annotations
 
@@ -76,7 +76,17 @@ class Observation:
 
 
 def checked_plates(camera: str, width: int, height: int, plate: np.ndarray | list | None) -> list[np.ndarray]:
-    """The pictures of the empty scene as a list.
+    """Background images of a camera as a list.
+
+    Parameters
+    ----------
+    camera : its name.
+    width, height : of its images, pixels.
+    plate : BGR image of the empty scene, or a list of them, or None.
+
+    Returns
+    -------
+    There may be none.
 
     Raises
     ------
@@ -85,7 +95,8 @@ def checked_plates(camera: str, width: int, height: int, plate: np.ndarray | lis
     plates = [] if plate is None else ([plate] if isinstance(plate, np.ndarray) else list(plate))
     for image in plates:
         if image.shape[:2] != (height, width):
-            raise CalibrationError(camera, f"expected a plate of {width}x{height}, got {image.shape[1]}x{image.shape[0]}")
+            got = f"{image.shape[1]}x{image.shape[0]}"
+            raise CalibrationError(camera, f"expected a background image of {width}x{height}, got {got}")
     return plates
 
 
@@ -100,7 +111,7 @@ class Observer:
 
     Raises
     ------
-    CalibrationError : a plate of another size, or none where the options ask for one.
+    CalibrationError : a background image of another size, or none where the options ask for one.
     """
 
     def __init__(
@@ -123,14 +134,19 @@ class Observer:
         self._colors, self._scene = ColorModel(), self._empty_scene()
 
     def _empty_scene(self) -> SceneModel:
-        """What the plates say, or nothing."""
+        """The background as its images have it, or unknown."""
         sigma = self._background.sigma
         return SceneModel.from_images(self._plates, sigma) if self._plates else SceneModel(*self._size, sigma)
 
     def begin(self, bgr: np.ndarray, region: Region, body: np.ndarray, margin_px: int) -> None:
-        """Learn colors and scene anew from an image in which the body is within ``margin_px`` of the ``body`` labels.
+        """Learn colors and background anew from an image in which the body is about where it is drawn.
 
-        ``body`` (uint8, 0 outside the body) is on ``region``.
+        Parameters
+        ----------
+        bgr : (height, width, 3) uint8.
+        region : (u0, v0, u1, v1) of ``body``.
+        body : (h, w) uint8 labels on the region, 0 beside the body.
+        margin_px : the body lies within so much of the labels.
         """
         if not self.learns:
             return
@@ -144,7 +160,14 @@ class Observer:
         self._scene.learn_first(bgr, whole)
 
     def learn(self, bgr: np.ndarray, region: Region, body: np.ndarray) -> None:
-        """Mix in an image whose ``body`` labels (uint8, 0 outside, on ``region``) are taken as known."""
+        """Mix in an image in which the body is known.
+
+        Parameters
+        ----------
+        bgr : (height, width, 3) uint8.
+        region : (u0, v0, u1, v1) of ``body``.
+        body : (h, w) uint8 labels on the region, 0 beside the body.
+        """
         options, background = self._options, self._background
         if not self.learns:
             return
@@ -155,7 +178,18 @@ class Observer:
             self._scene.update(bgr, near, background.learning_rate, region)
 
     def observe(self, bgr: np.ndarray, region: Region, predicted: np.ndarray) -> Observation:
-        """Evidence on ``region`` given the ``predicted`` part labels there (uint8, 0 outside the body)."""
+        """Evidence of an image around the predicted body.
+
+        Parameters
+        ----------
+        bgr : (height, width, 3) uint8.
+        region : (u0, v0, u1, v1), the crop.
+        predicted : (h, w) uint8 labels on the crop, 0 beside the body.
+
+        Returns
+        -------
+        Silhouette, edges and their distance maps on the crop.
+        """
         options = self._options
         u0, v0, u1, v1 = region
         odds = body_log_odds(bgr, region, self._scene, self._colors, self._background.shadow)

@@ -1,7 +1,7 @@
-"""The empty room behind a body, as correspondence lines read it: four bytes per pixel, so that one place of memory tells all.
+"""The background behind a body, as correspondence lines read it: four bytes per pixel, in one place of memory.
 
-A pixel is its mean color and one byte for its variance: 0 where the room has not been seen, else 1 + the steps of three per cent
-by which the variance is above the least.
+A pixel is its mean color and one byte for its variance: 0 where the background has not been seen, else 1 + the steps of three
+per cent by which the variance is above the least.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ NO_ROOM: PackedRoom = np.zeros((0, 0), np.uint32), 1.0
 
 
 class EmptyRoom:
-    """What one camera that stands still sees where the body is not: from plates, or learnt while the body moves.
+    """Background of one camera that stands still: from its images, or learned while the body moves.
 
     Parameters
     ----------
-    plates : BGR images of the empty room; there may be none.
-    sigma : least standard deviation of a pixel, grey levels.
-    rate : share of the newest image; 0: once known, a room stays.
-    margin_px : width around the body that is not learnt.
+    plates : BGR images of the empty scene; there may be none.
+    sigma : least standard deviation of a pixel, gray levels.
+    rate : weight of the newest image; 0: once known, the background stays.
+    margin_px : width around the body that is not learned.
 
     Attributes
     ----------
@@ -48,7 +48,14 @@ class EmptyRoom:
             self._pack((0, 0, self._scene.known.shape[1], self._scene.known.shape[0]))
 
     def learn(self, bgr: np.ndarray, region: Region, labels: np.ndarray) -> None:
-        """Take in an image whose body shows as ``labels`` (0 beside it) on ``region``; the first in all, later ones there."""
+        """Take in an image; of the first all of it, of later ones the region.
+
+        Parameters
+        ----------
+        bgr : (height, width, 3) uint8.
+        region : (u0, v0, u1, v1).
+        labels : (h, w) uint8 on the region, 0 beside the body.
+        """
         near = grown(labels, self._margin_px)
         if self._scene is None:
             self._scene = SceneModel(bgr.shape[0], bgr.shape[1], self._sigma)

@@ -20,14 +20,22 @@ from ..appearance import BINS, Region, count_colors, spread_counts
 N_COLORS = BINS**3
 UNIFORM = 1.0 / N_COLORS
 _MIX = 0.02  # a little of every color: none is impossible
-_LEAST_COUNT = 20  # pixels; fewer are not believed
+_LEAST_COUNT = 20  # pixels; fewer do not count
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def mix_counts(shares, counts, rate):
-    """Mix new ``counts`` of colors (`N_COLORS`,) into their ``shares``; returns their number, or 0 if they are few.
+    """Mix new counts of colors into a histogram. Counts are summed as integers: those are summed side by side.
 
-    Both are float32, as is the ``rate``. Counts are summed as integers: those are summed side by side.
+    Parameters
+    ----------
+    shares : (`N_COLORS`,) float32 fractions, changed in place; zeros while nothing is known.
+    counts : (`N_COLORS`,) float32 pixels.
+    rate : weight of the new ones, float32.
+
+    Returns
+    -------
+    How many pixels there are, or 0 if they are too few to count.
     """
     total = np.int32(0)
     for k in range(np.uint64(counts.size)):
@@ -43,10 +51,15 @@ def mix_counts(shares, counts, rate):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def mix_classes(parts, counts, rate, kinds, support):
-    """Mix new ``counts`` of every class into its ``parts`` (n_classes, `N_COLORS`).
+    """Mix new counts of every class into its histogram.
 
-    ``support`` (n_classes,) becomes the share of those pixels whose color is of the class's ``kinds`` (n_classes, `N_COLORS`)
-    bool, where it has such and there are enough.
+    Parameters
+    ----------
+    parts : (n_classes, `N_COLORS`) float32 fractions, changed in place.
+    counts : (n_classes, `N_COLORS`) float32 pixels.
+    rate : weight of the new ones, float32.
+    kinds : (n_classes, `N_COLORS`) bool, the colors that speak for the stated one.
+    support : (n_classes,) becomes the fraction of pixels in those colors, where a class has such and enough pixels.
     """
     for i in range(len(parts)):
         total = mix_counts(parts[i], counts[i], rate)
@@ -60,11 +73,18 @@ def mix_classes(parts, counts, rate, kinds, support):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def fill_classes(parts, shades, stated, trusted, doubted, borne_out, prior_share, body):
-    """Fill the densities ``body`` of what is learnt (``parts``), of ``shades``, and of what is ``stated``.
+    """Fill the densities of all classes from what is known of each.
 
-    Tables are (n_classes, `N_COLORS`) float32.
-    Masks (n_classes,): shades count where a class is ``trusted`` to have them, and alone where what is learnt of it is
-    ``doubted``; what is stated counts for ``prior_share`` where it is ``borne_out``.
+    Parameters
+    ----------
+    parts : (n_classes, `N_COLORS`) float32, colors that were learned.
+    shades : (n_classes, `N_COLORS`) float32, shades of the stated color that are seen.
+    stated : (n_classes, `N_COLORS`) float32.
+    trusted : (n_classes,) bool, shades count.
+    doubted : (n_classes,) bool, and what was learned does not.
+    borne_out : (n_classes,) bool, stated colors count for ``prior_share``.
+    prior_share : fraction.
+    body : (n_classes, `N_COLORS`) float32, filled.
     """
     for i in range(len(parts)):
         known, of_shades, of_stated = parts[i].any(), 0.0, 0.0  # shares
@@ -76,14 +96,23 @@ def fill_classes(parts, shades, stated, trusted, doubted, borne_out, prior_share
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def fill_density(learnt, shades, of_shades, stated, of_stated, density):
-    """The ``density`` of what is learnt and of shades, neighbouring colors sharing, of what is stated, and a little of all."""
-    if of_shades == 0.0 and of_stated == 0.0 and not learnt.any():
+def fill_density(learned, shades, of_shades, stated, of_stated, density):
+    """Fill one density: of what is learned and of shades, neighboring colors sharing, of what is stated, and a little of all.
+
+    Parameters
+    ----------
+    learned, shades : (`N_COLORS`,) float32 fractions.
+    of_shades : fraction of shades in what is seen.
+    stated : (`N_COLORS`,) float32 fractions.
+    of_stated : fraction of what is stated in the result.
+    density : (`N_COLORS`,) float32, filled.
+    """
+    if of_shades == 0.0 and of_stated == 0.0 and not learned.any():
         density[:] = UNIFORM
         return
     density[:] = np.float32(0.0)
     if of_shades < 1.0:
-        spread_counts(learnt, density)
+        spread_counts(learned, density)
     if of_shades > 0.0:
         seen, share, rest = np.zeros_like(density), np.float32(of_shades), np.float32(1.0 - of_shades)
         spread_counts(shades, seen)
@@ -95,10 +124,10 @@ def fill_density(learnt, shades, of_shades, stated, of_stated, density):
 
 
 _BIN_WIDTH = 256 // BINS
-_SUPPORT = 0.1  # share of a part's pixels that a stated color must explain better than chance, to be believed
-_AS_STATED = 0.3  # such a share, of the parts' median, that makes all stated colors believed
+_SUPPORT = 0.1  # least fraction of a part's pixels in the stated color that makes the color count
+_AS_STATED = 0.3  # least median of that fraction over the parts that makes all stated colors count
 _SPARSE = 6  # every so many rows and columns of an image tell what is chance
-_PRIOR_SIGMA = 14.0  # grey levels across, of a stated color
+_PRIOR_SIGMA = 14.0  # gray levels across, of a stated color
 _PRIOR_GAINS = np.linspace(0.45, 1.15, 15)  # how bright surfaces of that color may be, in light and shade
 
 
@@ -111,7 +140,17 @@ def color_classes(model: ArticulatedModel) -> np.ndarray:
 
 
 def stated_densities(model: ArticulatedModel, classes: np.ndarray) -> np.ndarray:
-    """(n_classes, `N_COLORS`) float32 densities per bin of the colors that the model states; zeros where it states none."""
+    """Densities of the colors that the model states.
+
+    Parameters
+    ----------
+    model : its shapes may have colors.
+    classes : (n_shapes,) of `color_classes`.
+
+    Returns
+    -------
+    (n_classes, `N_COLORS`) float32 per bin; zeros where a class has no color.
+    """
     result = np.zeros((int(classes.max(initial=-1)) + 1, N_COLORS), dtype=np.float32)
     for shape, kind in zip(model.shapes, classes, strict=True):
         if not shape.has_color or result[kind].any():
@@ -147,8 +186,8 @@ class RegionColors:
         self._parts = np.zeros_like(stated)
         self._around = np.zeros(N_COLORS, dtype=np.float32)
         self._shades = np.zeros_like(stated)  # those of the stated colors that are seen on the body or near it
-        self._was_sound, self._was_unsound = np.zeros((2, len(stated)), dtype=np.bool_)
-        self._support = np.full(len(stated), np.nan)  # share of a part's pixels that have its stated color
+        self._was_reliable, self._was_unreliable = np.zeros((2, len(stated)), dtype=np.bool_)
+        self._support = np.full(len(stated), np.nan)  # fraction of a part's pixels in its stated color
         self._as_stated: bool | None = None  # whether the body has the stated colors on the whole, where that is known
         self.body = np.full_like(stated, UNIFORM)
         self.scene = np.full(N_COLORS, UNIFORM, dtype=np.float32)
@@ -156,12 +195,19 @@ class RegionColors:
 
     def learn(
         self, bgr: np.ndarray, region: Region, labels: np.ndarray, rate: float, guard_px: int, reach_px: int,
-        sound: np.ndarray | None = None,
+        reliable: np.ndarray | None = None,
     ) -> None:  # fmt: skip
-        """Mix in the colors of one image, whose body shows as ``labels`` (1 + shape, 0 beside it) on ``region``.
+        """Mix in the colors of one image.
 
-        Within ``guard_px`` of the outline nothing is learnt as body or as surroundings; surroundings are what lies within
-        ``reach_px`` of it. Nothing is learnt of parts that are not ``sound`` (n_shapes,).
+        Parameters
+        ----------
+        bgr : (height, width, 3) uint8.
+        region : (u0, v0, u1, v1) around the body.
+        labels : (h, w) uint8 on the region, 1 + shape, 0 beside the body.
+        rate : weight of this image, 0..1.
+        guard_px : nothing nearer to the outline is learned as surroundings.
+        reach_px : surroundings are what lies so near to the outline.
+        reliable : (n_shapes,) bool, parts that are where they are drawn; nothing is learned of others.
         """
         u0, v0, u1, v1 = region
         body = (labels > 0).view(np.uint8)
@@ -171,38 +217,38 @@ class RegionColors:
         around = near > cv2.dilate(body, square).view(np.bool_)
         kinds = np.zeros(256, dtype=np.uint8)  # by label
         kinds[1 : len(self._classes) + 1] = 1 + self._classes
-        if sound is not None:
-            kinds[1 : len(sound) + 1][~sound] = 0
-            self._was_sound[self._classes[sound]] = True
-            self._was_unsound[self._classes[~sound]] = True
+        if reliable is not None:
+            kinds[1 : len(reliable) + 1][~reliable] = 0
+            self._was_reliable[self._classes[reliable]] = True
+            self._was_unreliable[self._classes[~reliable]] = True
         counts, scene = np.zeros_like(self._parts), np.zeros(N_COLORS, dtype=np.float32)
         crop = np.ascontiguousarray(bgr[v0:v1, u0:u1])
         count_colors(crop, cv2.LUT(labels, kinds) * inner, around, counts, scene)
         mix_classes(self._parts, counts, np.float32(rate), self._kinds, self._support)
         mix_counts(self._around, scene, np.float32(rate))
-        if self._as_stated is not False and self._stated.any() and not self._was_sound.all():
+        if self._as_stated is not False and self._stated.any() and not self._was_reliable.all():
             self._shades = self._stated * np.maximum(_above_chance(bgr, crop, near), 0.0)
             self._shades /= np.maximum(self._shades.sum(axis=1, keepdims=True), 1e-12)
         self._tabulate()
 
     def _tabulate(self) -> None:
-        trusted = ~self._was_sound & bool(self._as_stated)
+        trusted = ~self._was_reliable & bool(self._as_stated)
         borne_out = (self._support > _SUPPORT) | bool(self._as_stated)
         fill_classes(
-            self._parts, self._shades, self._stated, trusted, self._was_unsound, borne_out, self._prior_share, self.body
+            self._parts, self._shades, self._stated, trusted, self._was_unreliable, borne_out, self._prior_share, self.body
         )  # fmt: skip
         fill_density(self._around, self._around, 0.0, self._around, 0.0, self.scene)
         self.knows = True
 
 
 def trust_stated_colors(cameras: Sequence[RegionColors]) -> None:
-    """Say whether the body has the stated colors on the whole, by what all cameras have learnt of it.
+    """Say whether the body has the stated colors on the whole, by what all cameras have learned of it.
 
     Where it has, a part that is not where it should be is expected to have them, too, whatever is seen in its place.
     """
     support = np.array([colors._support for colors in cameras])
-    told = np.isfinite(support)
-    means = np.where(told, support, 0.0).sum(axis=0)[told.any(axis=0)] / told.sum(axis=0)[told.any(axis=0)]
+    observed = np.isfinite(support)
+    means = np.where(observed, support, 0.0).sum(axis=0)[observed.any(axis=0)] / observed.sum(axis=0)[observed.any(axis=0)]
     as_stated = means.size > 0 and float(np.median(means)) > _AS_STATED
     for colors in cameras:
         colors._as_stated = as_stated and colors._prior_share > 0.0

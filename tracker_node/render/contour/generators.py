@@ -43,7 +43,7 @@ def _unit_normal(row):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def cone_contour(dims, T, center, n_samples, out):
+def _cone_contour(dims, T, center, n_samples, out):
     """Fill ``out`` with 2 * n_samples rows for one cone; returns how many (0 when the camera is inside the cone)."""
     a, b, k, z1, z2 = dims[0], dims[1], dims[2], dims[3], dims[4]
     wx, wy, wz = center[0] - T[0, 3], center[1] - T[1, 3], center[2] - T[2, 3]
@@ -76,7 +76,7 @@ def cone_contour(dims, T, center, n_samples, out):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def ellipsoid_contour(dims, T, center, n_samples, out):
+def _ellipsoid_contour(dims, T, center, n_samples, out):
     """Fill ``out`` with n_samples rows for one ellipsoid; returns how many (0 when the camera is inside)."""
     rx, ry, rz = dims[0], dims[1], dims[2]
     wx, wy, wz = center[0] - T[0, 3], center[1] - T[1, 3], center[2] - T[2, 3]
@@ -117,18 +117,25 @@ def ellipsoid_contour(dims, T, center, n_samples, out):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def shape_contour(kind, dims, T, center, n_samples, out):
+def _shape_contour(kind, dims, T, center, n_samples, out):
     """Sliding contour samples of one shape; ``out`` (>= 2 n_samples, `N_COLUMNS`). Returns their number."""
     if kind == CONE:
-        return cone_contour(dims, T, center, n_samples, out)
+        return _cone_contour(dims, T, center, n_samples, out)
     if kind == ELLIPSOID:
-        return ellipsoid_contour(dims, T, center, 2 * n_samples, out)
+        return _ellipsoid_contour(dims, T, center, 2 * n_samples, out)
     return 0
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def world_spheres(Ts_world_shape, bounds, out):
-    """Bounding spheres (n, 4) in the world."""
+    """Bounding spheres of all shapes in the world.
+
+    Parameters
+    ----------
+    Ts_world_shape : (n, 4, 4) world from shape, meters.
+    bounds : (n, 4) center in the frame of the shape and radius, meters, as of `ShapeArrays`.
+    out : (n, 4), filled with center in the world and radius.
+    """
     for i in range(bounds.shape[0]):
         for r in range(3):
             out[i, r] = (
@@ -146,11 +153,19 @@ def draw_contour(shapes, shape, T, center, n_samples, anew, picks, n_picks, out)
 
     Parameters
     ----------
-    shapes : `ShapeArrays.packed`. T : world from shape. center : of the camera, in the world.
+    shapes : `ShapeArrays.packed`.
+    shape : index of the shape.
+    T : (4, 4) world from shape.
+    center : (3,) of the camera, world, meters.
     n_samples : samples of one generator line.
     anew : whether ``picks`` are made now (see `picks`), or used as they were made for a body nearby.
-    picks : (`SAMPLES` * n_samples, `N_PICK_COLUMNS`), of which the first ``n_picks[shape]`` are used.
-    out : (`SAMPLES` * n_samples, `N_COLUMNS`); the number of filled rows is returned.
+    picks : (`SAMPLES` * n_samples, `N_PICK_COLUMNS`).
+    n_picks : (n_shapes,) how many of ``picks`` are in use, by shape.
+    out : (`SAMPLES` * n_samples, `N_COLUMNS`), filled from its first row on.
+
+    Returns
+    -------
+    int : how many rows are filled.
     """
     kind, dims, surfaces = shapes[0][shape], shapes[1][shape], shapes[3]
     if kind == OTHER:
@@ -164,6 +179,6 @@ def draw_contour(shapes, shape, T, center, n_samples, anew, picks, n_picks, out)
             n_picks[shape] = pick_caps(dims, T, center, n_samples, picks)
         n = n_picks[shape]
         cap_rows(dims, T, center, picks, n, out)
-        return n + shape_contour(kind, dims, T, center, n_samples, out[n:])
+        return n + _shape_contour(kind, dims, T, center, n_samples, out[n:])
     n_picks[shape] = 0
-    return shape_contour(kind, dims, T, center, n_samples, out)
+    return _shape_contour(kind, dims, T, center, n_samples, out)

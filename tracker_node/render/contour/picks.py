@@ -43,7 +43,21 @@ _LEAST_ON_RIM = 8  # samples all around
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def pick_edges(surfaces, shape, T, center, most, picks):
-    """Spread ``most`` picks evenly, as the camera sees them, over the edges of a solid that it may see; returns how many."""
+    """Spread picks evenly, as the camera sees them, over the edges of a solid that it may see.
+
+    Parameters
+    ----------
+    surfaces : `ShapeArrays.surfaces`.
+    shape : index of the shape.
+    T : (4, 4) world from shape.
+    center : (3,) of the camera, world, meters.
+    most : how many picks to make.
+    picks : (``most`` or more, `N_PICK_COLUMNS`), filled.
+
+    Returns
+    -------
+    int : ``most``, or 0 where no edge may be seen.
+    """
     ranges, edges = surfaces[0], surfaces[1]
     first, n = ranges[shape, FIRST_EDGE], ranges[shape, N_EDGES]
     ox, oy, oz, _, _, _ = to_shape(T, center, 0.0, 0.0, 0.0)
@@ -87,7 +101,20 @@ def pick_edges(surfaces, shape, T, center, most, picks):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def pick_caps(dims, T, center, n_samples, picks):
-    """Picks on the rims of a cone's caps, as far apart as those of its lines and at most ``n_samples`` each; returns how many."""
+    """Picks on the rims of a cone's caps, as far apart as those of its lines.
+
+    Parameters
+    ----------
+    dims : (5,) a, b, k, z1, z2 of the cone, as of `ShapeArrays`.
+    T : (4, 4) world from shape.
+    center : (3,) of the camera, world, meters.
+    n_samples : samples of one generator line; a rim has at most as many.
+    picks : (2 * n_samples or more, `N_PICK_COLUMNS`), filled from its first row on.
+
+    Returns
+    -------
+    int : how many picks are made.
+    """
     a, b, k, z1, z2 = dims[0], dims[1], dims[2], dims[3], dims[4]
     ox, oy, oz, _, _, _ = to_shape(T, center, 0.0, 0.0, 0.0)
     constant = a * b * (1.0 + k * oz)
@@ -124,19 +151,39 @@ def _finish(T, ox, oy, oz, px, py, pz, tx, ty, tz, side, row):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def edge_rows(surfaces, T, center, picks, n, out):
-    """Rows of `contour` for the first ``n`` picks of a box or mesh."""
+    """Contour samples (see `generators`) of the picks of a box or mesh.
+
+    Parameters
+    ----------
+    surfaces : `ShapeArrays.surfaces`.
+    T : (4, 4) world from shape.
+    center : (3,) of the camera, world, meters.
+    picks : (., `N_PICK_COLUMNS`) of `pick_edges`.
+    n : how many of them are used.
+    out : (., `generators.N_COLUMNS`), whose first ``n`` rows are filled.
+    """
     edges = surfaces[1]
     ox, oy, oz, _, _, _ = to_shape(T, center, 0.0, 0.0, 0.0)
     for j in range(n):
-        edge, share = edges[int(picks[j, SOURCE])], picks[j, PLACE]
+        edge, part = edges[int(picks[j, SOURCE])], picks[j, PLACE]
         tx, ty, tz = edge[END] - edge[START], edge[END + 1] - edge[START + 1], edge[END + 2] - edge[START + 2]
-        _finish(T, ox, oy, oz, edge[START] + share * tx, edge[START + 1] + share * ty, edge[START + 2] + share * tz, tx, ty, tz,
+        _finish(T, ox, oy, oz, edge[START] + part * tx, edge[START + 1] + part * ty, edge[START + 2] + part * tz, tx, ty, tz,
                 picks[j, SIDE], out[j])  # fmt: skip
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def cap_rows(dims, T, center, picks, n, out):
-    """Rows of `contour` for the first ``n`` picks of a cone."""
+    """Contour samples (see `generators`) of the picks of a cone.
+
+    Parameters
+    ----------
+    dims : (5,) a, b, k, z1, z2 of the cone.
+    T : (4, 4) world from shape.
+    center : (3,) of the camera, world, meters.
+    picks : (., `N_PICK_COLUMNS`) of `pick_caps`.
+    n : how many of them are used.
+    out : (., `generators.N_COLUMNS`), whose first ``n`` rows are filled.
+    """
     ox, oy, oz, _, _, _ = to_shape(T, center, 0.0, 0.0, 0.0)
     for j in range(n):
         z = dims[3] if picks[j, SOURCE] == 0.0 else dims[4]
@@ -147,4 +194,15 @@ def cap_rows(dims, T, center, picks, n, out):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def has_caps(surfaces, shape):
+    """Whether the rims of a shape's end caps are contours.
+
+    Parameters
+    ----------
+    surfaces : `ShapeArrays.surfaces`.
+    shape : index of the shape.
+
+    Returns
+    -------
+    bool : False for all shapes but cones.
+    """
     return surfaces[0][shape, CAPS] != 0

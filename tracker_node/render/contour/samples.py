@@ -25,9 +25,17 @@ _BISECTIONS = 6  # of a chord
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def project_samples(params, R, t, rows, count, outward_px, pixels, outwards):
-    """Fill the first ``count`` ``pixels`` (., `N_PIXEL_COLUMNS`) for contour samples ``rows``.
+    """Project contour samples into the image.
 
-    ``outwards``: how many metres ``outward_px`` are there; negative where the camera cannot see that far aside.
+    Parameters
+    ----------
+    params : (`N_PARAMS`,) of the lens.
+    R, t : (3, 3) and (3,) camera from world, meters.
+    rows : (., `N_COLUMNS`) contour samples in the world.
+    count : how many of them are used.
+    outward_px : a distance in the image, pixels.
+    pixels : (., `N_PIXEL_COLUMNS`), whose first ``count`` rows are filled.
+    outwards : (.,) filled with how many meters ``outward_px`` are at each; negative where the camera has no pixel for it.
     """
     plain = params[5] == 0.0  # no distortion: without a call
     for i in range(count):
@@ -60,16 +68,23 @@ def project_samples(params, R, t, rows, count, outward_px, pixels, outwards):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def collect_samples(shapes, Ts, spheres, camera, n_samples, outward_px, rows, pixels, info):
-    """Fill one row for every contour sample that the camera sees; returns their number.
+    """Fill one row for every contour sample that the camera sees.
 
     Parameters
     ----------
     shapes : `ShapeArrays.packed`.
-    Ts : (n_shapes, 4, 4) world from shape. spheres : (n_shapes, 4) of `contour.world_spheres`.
+    Ts : (n_shapes, 4, 4) world from shape.
+    spheres : (n_shapes, 4) of `generators.world_spheres`.
     camera : (params, R_cam_world, t_cam_world, center).
     n_samples : samples of one generator line.
     outward_px : how far beyond the contour it is decided what lies there.
-    rows : (n, `N_COLUMNS`) of `contour`. pixels : (n, `N_PIXEL_COLUMNS`). info : (n, `N_INFO_COLUMNS`) int32.
+    rows : (n, `N_COLUMNS`) of `generators`, n from `most_samples`.
+    pixels : (n, `N_PIXEL_COLUMNS`).
+    info : (n, `N_INFO_COLUMNS`) int32.
+
+    Returns
+    -------
+    int : how many rows are filled.
     """
     params, R, t, center = camera
     n_shapes, most = shapes[0].shape[0], SAMPLES * n_samples
@@ -104,7 +119,18 @@ def collect_samples(shapes, Ts, spheres, camera, n_samples, outward_px, rows, pi
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def keep_inside(rows, pixels, info, n, width, height):
-    """Keep those of the first ``n`` samples that lie on an image of so many pixels, in their order; returns their number."""
+    """Keep those samples that lie on the image, in their order.
+
+    Parameters
+    ----------
+    rows, pixels, info : of `collect_samples`, changed in place.
+    n : how many of them are in use.
+    width, height : of the image, pixels.
+
+    Returns
+    -------
+    int : how many are left.
+    """
     kept = 0
     for j in range(n):
         if -0.5 <= pixels[j, U] < width - 0.5 and -0.5 <= pixels[j, V] < height - 0.5:
@@ -116,10 +142,19 @@ def keep_inside(rows, pixels, info, n, width, height):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def chords_px(shapes, Ts, camera, rows, pixels, info, n, reach_px, chords):
-    """How far its shape reaches from each of ``n`` contour samples: fill ``chords`` (., 2), against the normal and along it.
+    """How far its shape reaches from each contour sample, in the image.
 
-    Pixels up to ``reach_px``, to a sixtieth of it; along the normal for creases only. For a shape that is not convex: where
-    lines of sight at some distances miss it.
+    For a shape that is not convex: to where lines of sight at some distances miss it.
+
+    Parameters
+    ----------
+    shapes : `ShapeArrays.packed`.
+    Ts : (n_shapes, 4, 4) world from shape.
+    camera : (params, R_cam_world, t_cam_world, center).
+    rows, pixels, info : of `collect_samples`.
+    n : how many of them are used.
+    reach_px : largest distance; results are good to a sixtieth of it.
+    chords : (., 2) pixels, filled: against the normal and, for creases only, along it.
     """
     _, R, _, center = camera
     kinds, dims, surfaces = shapes[0], shapes[1], shapes[3]
@@ -156,7 +191,17 @@ def chords_px(shapes, Ts, camera, rows, pixels, info, n, reach_px, chords):
 
 
 def most_samples(shapes, n_samples: int) -> int:
-    """How many rows `collect_samples` may fill."""
+    """How many rows `collect_samples` may fill.
+
+    Parameters
+    ----------
+    shapes : `ShapeArrays.packed`.
+    n_samples : samples of one generator line.
+
+    Returns
+    -------
+    int : a bound, whatever the pose.
+    """
     return SAMPLES * n_samples * len(shapes[0])
 
 

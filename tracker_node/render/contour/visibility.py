@@ -23,7 +23,15 @@ _MARGIN = 1.1
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def view_shapes(Ts_world_shape, spheres, center, views):
-    """Fill ``views`` (n, `N_VIEW_COLUMNS`) for a camera at ``center``; ``spheres`` (n, 4) of `contour.world_spheres`."""
+    """Fill the view of every shape from a camera: what the search for shapes in the way asks for again and again.
+
+    Parameters
+    ----------
+    Ts_world_shape : (n, 4, 4) world from shape.
+    spheres : (n, 4) of `generators.world_spheres`.
+    center : (3,) of the camera, world, meters.
+    views : (n, `N_VIEW_COLUMNS`), filled.
+    """
     for s in range(spheres.shape[0]):
         wx, wy, wz = (center[0] - Ts_world_shape[s, 0, 3], center[1] - Ts_world_shape[s, 1, 3],
                       center[2] - Ts_world_shape[s, 2, 3])  # fmt: skip
@@ -39,7 +47,18 @@ def view_shapes(Ts_world_shape, spheres, center, views):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def nearby_shapes(views, shape, out):
-    """Indices of shapes whose bounding spheres overlap that of ``shape`` as the camera sees them; returns their number."""
+    """Shapes whose bounding spheres overlap that of ``shape`` as the camera sees them.
+
+    Parameters
+    ----------
+    views : (n, `N_VIEW_COLUMNS`) of `view_shapes`.
+    shape : index of the shape.
+    out : (n,) int64, filled with their indices from its start on.
+
+    Returns
+    -------
+    int : how many there are.
+    """
     count = 0
     for other in range(views.shape[0]):
         if other == shape:
@@ -55,7 +74,21 @@ def nearby_shapes(views, shape, out):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def interval(kind, dims, s, ox, oy, oz, ux, uy, uz):
-    """Where the ray o + t u is inside a cone or ellipsoid ``dims[s]``, all in its own frame: (hit, t_in, t_out)."""
+    """Where a ray is inside a cone or ellipsoid, all in the frame of the shape.
+
+    Parameters
+    ----------
+    kind : `CONE` or `ELLIPSOID`.
+    dims : (n, 5) of `ShapeArrays`.
+    s : index of the shape.
+    ox, oy, oz : origin of the ray, meters.
+    ux, uy, uz : its direction, of any length.
+
+    Returns
+    -------
+    hit : whether it is inside anywhere on the whole line.
+    t_in, t_out : there, in lengths of the direction from the origin.
+    """
     if kind == ELLIPSOID:
         ax, ay, az = 1.0 / dims[s, 0], 1.0 / dims[s, 1], 1.0 / dims[s, 2]
         ox, oy, oz = ox * ax, oy * ay, oz * az
@@ -116,9 +149,19 @@ def interval(kind, dims, s, ox, oy, oz, ux, uy, uz):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def ray_interval(shapes, s, T, center, dx, dy, dz):
-    """Where the ray center + t * (dx, dy, dz) is inside a shape: (hit, t_in, t_out).
+    """Where a ray of the world is inside a shape of any kind.
 
-    Of a box or mesh: where it meets it first after the camera, with no end.
+    Parameters
+    ----------
+    shapes : `ShapeArrays.packed`.
+    s : index of the shape.
+    T : (4, 4) world from shape.
+    center : (3,) origin of the ray, world, meters.
+    dx, dy, dz : its direction, of any length.
+
+    Returns
+    -------
+    hit, t_in, t_out : as of `interval`; of a box or mesh the first point after the camera, and no end (`NO_HIT`).
     """
     if shapes[0][s] == OTHER:
         t = solid_hit(shapes[3], s, T, center, dx, dy, dz, NO_HIT, False)
@@ -129,12 +172,25 @@ def ray_interval(shapes, s, T, center, dx, dy, dz):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def classify_samples(shapes, views, shape, Ts, nearby, n_nearby, center, rows, count, picks, n_picks, outwards, classes, beyonds):
-    """Which of the ``count`` contour samples of a shape are seen, and what lies beyond them? Fills ``classes`` and ``beyonds``.
+    """Decide which contour samples of a shape are seen, and what lies beyond them.
 
-    `HIDDEN`: another part (or another side of the same) is in front of the point, or encloses it; also, where ``outwards`` is
-    negative. `OUTER`: just outside the contour (``outwards`` metres along the normal) the line of sight meets no part: the
-    point belongs to the outline of the whole body; -1 lies beyond. `INNER`: it meets one, the nearest of which is told. A crease
-    (of the first ``n_picks``) is inner, with its own shape beyond.
+    `HIDDEN`: another part (or another side of the same) is in front of the point, or encloses it; also where ``outwards`` is
+    negative. `OUTER`: just outside the contour the line of sight meets no part: the point belongs to the outline of the whole
+    body. `INNER`: it meets one. A crease is inner, with its own shape beyond.
+
+    Parameters
+    ----------
+    shapes : `ShapeArrays.packed`.
+    views : of `view_shapes`.
+    shape : index of the shape.
+    Ts : (n_shapes, 4, 4) world from shape.
+    nearby, n_nearby : of `nearby_shapes`.
+    center : (3,) of the camera, world, meters.
+    rows, count : (., `N_COLUMNS`) contour samples, and how many of them are used.
+    picks, n_picks : the first ``n_picks`` samples are of these picks.
+    outwards : (.,) meters along the normal to where it is decided what lies beyond.
+    classes : (.,) filled with the class of each sample.
+    beyonds : (.,) filled with the index of the shape that is nearest beyond it, -1 where there is none.
     """
     kinds, dims, surfaces = shapes[0], shapes[1], shapes[3]
     may_hide_itself = kinds[shape] == OTHER and surfaces[0][shape, SORT] == MESH

@@ -144,6 +144,16 @@ class LensCamera(Camera):
         self._projection = projection
 
     def get_projection_matrix(self, width: int | None = None, height: int | None = None) -> np.ndarray:
+        """The matrix that was given.
+
+        Parameters
+        ----------
+        width, height : not used; pyrender passes them.
+
+        Returns
+        -------
+        (4, 4) clip coordinates from the camera's.
+        """
         return self._projection
 
 
@@ -153,7 +163,7 @@ class _Program(ShaderProgram):
 
 
 class _Programs(ShaderProgramCache):
-    """Two programs, with a picture and without; pyrender's choice of files is ignored."""
+    """Two programs, with a texture and without; pyrender's choice of files is ignored."""
 
     def get_program(
         self, vertex_shader: str, fragment_shader: str, geometry_shader: str | None = None, defines: dict | None = None
@@ -237,7 +247,7 @@ class LambertRenderer(Renderer):
         self._main_fb_dims = size
 
     def _read_main_framebuffer(self, scene: Any, flags: int) -> tuple[np.ndarray, np.ndarray]:
-        """RGBA (h, w, 4) uint8 and depth (h, w) float32, metres along the optical axis; infinite where there is nothing."""
+        """RGBA (h, w, 4) uint8 and depth (h, w) float32, meters along the optical axis; infinite where there is nothing."""
         width, height = self.viewport_width, self.viewport_height
         GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb)
         color = GL.glReadPixels(0, 0, width, height, GL.GL_RGBA, GL.GL_UNSIGNED_BYTE)
@@ -246,5 +256,5 @@ class LambertRenderer(Renderer):
         depth = np.frombuffer(depth, dtype=np.float32).reshape(height, width)[::-1]
         camera = scene.main_camera_node.camera
         near, far = np.float32(camera.znear), np.float32(camera.zfar)
-        metres = near * far / (far - depth * (far - near))
-        return color, np.where(color[:, :, 3] > 0, metres, np.float32(np.inf))
+        meters = near * far / (far - depth * (far - near))
+        return color, np.where(color[:, :, 3] > 0, meters, np.float32(np.inf))

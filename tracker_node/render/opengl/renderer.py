@@ -111,7 +111,7 @@ def _line(error: Exception) -> str:
     return f"{type(error).__name__}: {text[0]}" if text else type(error).__name__
 
 
-_NEAREST = 0.01  # metres: what is nearer is cut away, since the depth buffer has no room for it
+_NEAREST = 0.01  # meters: what is nearer is cut away, since the depth buffer has no room for it
 _CROP_STEP = 32  # crops are rounded up to this, so that few sizes of images occur
 
 
@@ -148,14 +148,37 @@ class PyrenderRenderer:
         self._context.close()
 
     def render_view(self, configuration: Configuration, camera: Camera, region: Region | None = None) -> RenderedView:
-        """Labels and depth of a body as ``camera`` sees it, on the whole image or a part of it."""
+        """Labels and depth of a body, as of `Renderer.render_view`.
+
+        Parameters
+        ----------
+        configuration : the posed body.
+        camera : with its lens and pose.
+        region : (u0, v0, u1, v1) of the image to draw; the whole image without it.
+
+        Returns
+        -------
+        Labels and depth on the region.
+        """
         view = self.render_color(configuration, camera, (), region)
         return RenderedView(view.labels, view.depth, view.region)
 
     def render_color(
         self, configuration: Configuration, camera: Camera, lights: Sequence[Light] = (), region: Region | None = None
     ) -> ColoredView:
-        """The same with colors, in steps of one grey level (see `camera.light`)."""
+        """Labels, depth and colors of a body, in steps of one gray level (see `camera.light`).
+
+        Parameters
+        ----------
+        configuration : the posed body.
+        camera : with its lens, pose, gain and gamma.
+        lights : in the world; none stands for an ambient light of intensity one.
+        region : (u0, v0, u1, v1) of the image to draw; the whole image without it.
+
+        Returns
+        -------
+        Labels, depth and colors on the region.
+        """
         region = checked_region(region, camera.model)
         height, width = region[3] - region[1], region[2] - region[0]
         labels, depth = np.zeros((height, width), dtype=np.uint8), np.full((height, width), np.inf, dtype=np.float32)
@@ -163,9 +186,9 @@ class PyrenderRenderer:
         extent = body_extent(configuration, camera, region)
         if extent is not None:
             crop = _rounded_up(extent, region)
-            color, metres = self._draw(configuration, camera, lights, crop)
+            color, meters = self._draw(configuration, camera, lights, crop)
             rows, columns = slice(crop[1] - region[1], crop[3] - region[1]), slice(crop[0] - region[0], crop[2] - region[0])
-            rgb[rows, columns], labels[rows, columns], depth[rows, columns] = color[..., :3], color[..., 3], metres
+            rgb[rows, columns], labels[rows, columns], depth[rows, columns] = color[..., :3], color[..., 3], meters
         return ColoredView(labels, depth, region, rgb)
 
     def _show(self, model: ArticulatedModel) -> None:

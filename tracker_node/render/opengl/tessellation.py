@@ -17,21 +17,21 @@ from ...model.shapes.primitives import Box, Ellipsoid, Mesh, Primitive, Truncate
 ELLIPSOID_SUBDIVISIONS = 4  # of an icosahedron: 5120 triangles, about 90 around
 CONE_SEGMENTS, CONE_RINGS, CAP_RINGS = 96, 12, 3
 FLAT_CELLS = 32  # the longest edge of a box is divided into so many
-MESH_CELLS = 16  # the edges of a mesh are divided until they are as short as that share of its diagonal...
+MESH_CELLS = 16  # the edges of a mesh are divided until they are as short as that fraction of its diagonal...
 MESH_FACES = 20_000  # ...unless it has that many triangles already
 _CAP_SIDES = (-1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """Triangles with one picture or none.
+    """Triangles with one texture or none.
 
     Attributes
     ----------
-    vertices, normals : (n, 3) in the frame of the shape, metres; unit outward normals of the surface itself.
+    vertices, normals : (n, 3) in the frame of the shape, meters; unit outward normals of the surface itself.
     faces : (m, 3), counter-clockwise seen from outside.
     colors : (n, 3) RGB in 0..1.
-    uv, texture : (n, 2) with v upward, and the picture (h, w, 3) uint8 RGB that replaces ``colors``; or None.
+    uv, texture : (n, 2) with v upward, and the texture (h, w, 3) uint8 RGB that replaces ``colors``; or None.
     two_sided : whether it is seen from behind as well.
     """
 
@@ -45,7 +45,17 @@ class Patch:
 
 
 def tessellate(primitive: Primitive, color_rgb: tuple[int, int, int]) -> tuple[Patch, ...]:
-    """The surface of ``primitive`` as triangles; ``color_rgb`` (0..255) is shown where it has no colors of its own."""
+    """The surface of a shape as triangles.
+
+    Parameters
+    ----------
+    primitive : of any kind.
+    color_rgb : 0..255, shown where it has no colors of its own.
+
+    Returns
+    -------
+    One patch, or one for each face of a box.
+    """
     color = np.asarray(color_rgb, dtype=np.float64) / 255.0
     if isinstance(primitive, Ellipsoid):
         return (_ellipsoid(primitive, color),)

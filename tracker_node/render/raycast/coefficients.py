@@ -1,6 +1,6 @@
 """Shapes as seen along the rays of one camera: closed forms in the inverse depth w = 1 / z.
 
-A ray is p = (x, y, 1) / w with (x, y) the undistorted normalised coordinates of a pixel. Inside a convex shape w lies between
+A ray is p = (x, y, 1) / w with (x, y) the undistorted normalized coordinates of a pixel. Inside a convex shape w lies between
 bounds that are linear in (x, y), plus or minus the square root of a quadratic for a curved surface. All set-up is in float64 and
 relative to a point in the middle of the shape's image, so that the pixel loops can do with float32.
 """
@@ -80,9 +80,18 @@ def _quadric(camera, ray, signs, coefficients):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def shape_coefficients(kind, dims, T, coefficients):
-    """Fill ``coefficients`` (`N_COEFFICIENTS`,) for one shape at ``T`` = T_cam_shape; returns how its surface bounds w.
+    """Coefficients of one shape in a camera; a shape that the camera is inside of is invisible.
 
-    A shape that the camera is inside of is invisible.
+    Parameters
+    ----------
+    kind : `CONE`, `ELLIPSOID` or `BOX`.
+    dims : (5,) as of `ShapeArrays`; of a box its size, meters.
+    T : (4, 4) camera from shape.
+    coefficients : (`N_COEFFICIENTS`,), filled.
+
+    Returns
+    -------
+    How its surface bounds the inverse depth: `BETWEEN`, `ABOVE`, `BELOW` or `INVISIBLE`.
     """
     middle = 0.5 * (dims[3] + dims[4]) if kind == CONE else 0.0
     mx, my, mz = T[0, 2] * middle + T[0, 3], T[1, 2] * middle + T[1, 3], T[2, 2] * middle + T[2, 3]
@@ -127,7 +136,7 @@ def shape_coefficients(kind, dims, T, coefficients):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _grow(T, x, y, z, box):
-    """Grow ``box`` (x0, y0, x1, y1) by the normalised coordinates of a shape's point; False when it is not in front."""
+    """Grow ``box`` (x0, y0, x1, y1) by the normalized coordinates of a shape's point; False when it is not in front."""
     pz = T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3]
     if pz < NEAR:
         return False
@@ -159,7 +168,16 @@ def _ellipsoid_box(dims, T, box):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def farthest_depth(kind, dims, T):
-    """Largest z, in the camera frame, of a shape's points."""
+    """Largest depth of a shape's points.
+
+    Parameters
+    ----------
+    kind, dims, T : as of `shape_coefficients`.
+
+    Returns
+    -------
+    z in the camera frame, meters.
+    """
     depth = T[2, 3]
     if kind == ELLIPSOID:
         return depth + math.sqrt((T[2, 0] * dims[0]) ** 2 + (T[2, 1] * dims[1]) ** 2 + (T[2, 2] * dims[2]) ** 2)
@@ -172,7 +190,17 @@ def farthest_depth(kind, dims, T):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def normalized_box(kind, dims, T, box):
-    """Normalised coordinates (x0, y0, x1, y1) that enclose a shape; False when part of it is not in front of the camera."""
+    """A rectangle of rays that encloses a shape.
+
+    Parameters
+    ----------
+    kind, dims, T : as of `shape_coefficients`.
+    box : (4,) filled with x0, y0, x1, y1 in normalized coordinates.
+
+    Returns
+    -------
+    bool : False when part of the shape is not in front of the camera, and ``box`` says nothing.
+    """
     if kind == ELLIPSOID:
         return _ellipsoid_box(dims, T, box)
     box[0], box[1], box[2], box[3] = BIG, BIG, -BIG, -BIG
@@ -197,10 +225,17 @@ def normalized_box(kind, dims, T, box):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def pixel_box(params, box, limits, region, out):
-    """Pixels ``out`` (u0, v0, u1, v1) within ``region`` that see into the normalised ``box``, rather too many than too few.
+    """Pixels that see into a rectangle of rays, rather too many than too few.
 
-    ``limits`` encloses the rays of the image. A lens bends the edges of the box: they are sampled, with a margin from
-    how much the samples bend.
+    A lens bends the edges of the rectangle: they are sampled, with a margin from how much the samples bend.
+
+    Parameters
+    ----------
+    params : (`N_PARAMS`,) of the lens.
+    box : (4,) x0, y0, x1, y1, normalized coordinates.
+    limits : (4,) of `RayTable`, which enclose the rays of the image.
+    region : (4,) u0, v0, u1, v1, within which pixels count.
+    out : (4,) filled with u0, v0, u1, v1; the upper left corner of the region twice where there are none.
     """
     x0, y0, x1, y1 = max(box[0], limits[0]), max(box[1], limits[1]), min(box[2], limits[2]), min(box[3], limits[3])
     out[0], out[1], out[2], out[3] = region[0], region[1], region[0], region[1]

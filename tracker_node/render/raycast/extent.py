@@ -46,13 +46,34 @@ _corners: Callable[[ArticulatedModel], np.ndarray] = MadeOnce(_make_corners)
 
 
 def corners_in_camera(configuration: Configuration, camera: Camera) -> np.ndarray:
-    """(n_shapes, 8, 3) corners of boxes around the shapes, camera frame, metres."""
+    """Corners of boxes around the shapes.
+
+    Parameters
+    ----------
+    configuration : the posed body.
+    camera : with its pose.
+
+    Returns
+    -------
+    (n_shapes, 8, 3) camera frame, meters.
+    """
     T = camera.T_cam_world @ configuration.Ts_world_shape
     return _corners(configuration.model) @ np.swapaxes(T[:, :3, :3], 1, 2) + T[:, None, :3, 3]
 
 
 def body_extent(configuration: Configuration, camera: Camera, region: Region) -> Region | None:
-    """A part of ``region`` that holds all that ``camera`` can see of the body there, and a little more; None if nothing."""
+    """A part of an image that holds all that a camera can see of a body there, and a little more.
+
+    Parameters
+    ----------
+    configuration : the posed body.
+    camera : with its lens and pose.
+    region : (u0, v0, u1, v1) that counts.
+
+    Returns
+    -------
+    (u0, v0, u1, v1) within the region; None if the body is not in it.
+    """
     corners = corners_in_camera(configuration, camera)
     low, high = corners[..., 2].min(axis=1, initial=np.inf), corners[..., 2].max(axis=1, initial=-np.inf)
     if (high < NEAR).all():

@@ -109,10 +109,18 @@ def _box(c, label, xs, ys, rows, columns, row_offset, column_offset, buffer):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def draw_shape(kind, bounds, c, label, xs, ys, box, row_offset, column_offset, buffer):
-    """Draw one shape into ``buffer`` (int32; its corner is pixel (column_offset, row_offset) of the image).
+    """Draw one shape into a buffer.
 
-    ``box`` (u0, v0, u1, v1) limits the pixels; columns are widened to whole groups of sixteen, which is harmless since
-    every pixel is tested.
+    Columns are widened to whole groups of sixteen, which is harmless since every pixel is tested.
+
+    Parameters
+    ----------
+    kind, bounds, c : kind of the shape, and result and coefficients of `coefficients.shape_coefficients`.
+    label : 1 + index of the shape.
+    xs, ys : of `RayTable`.
+    box : (u0, v0, u1, v1) the pixels to test.
+    row_offset, column_offset : the pixel of the image at the corner of the buffer.
+    buffer : (h, w) int32, changed in place.
     """
     rows = (box[1], box[3])
     columns = (box[0] // LANES * LANES, box[2])
@@ -128,7 +136,14 @@ def draw_shape(kind, bounds, c, label, xs, ys, box, row_offset, column_offset, b
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def unpack_labels(buffer, columns, labels):
-    """Labels (h, w) uint8 of ``buffer`` from column ``columns`` on."""
+    """Labels out of a buffer.
+
+    Parameters
+    ----------
+    buffer : (h, .) int32 of `draw_shape`.
+    columns : where in it the result's first column is.
+    labels : (h, w) uint8, filled.
+    """
     for v in range(labels.shape[0]):
         for u in range(labels.shape[1]):
             labels[v, u] = buffer[v, u + columns] & LABEL_BITS
@@ -136,7 +151,14 @@ def unpack_labels(buffer, columns, labels):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def unpack_depth(buffer, columns, depth):
-    """Depth (h, w) float32 in metres; infinite where nothing is."""
+    """Depth out of a buffer.
+
+    Parameters
+    ----------
+    buffer : (h, .) int32 of `draw_shape`.
+    columns : where in it the result's first column is.
+    depth : (h, w) float32, filled: meters, infinite where nothing is.
+    """
     keep, half = np.int32(~LABEL_BITS), np.int32(128)
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):
@@ -147,7 +169,14 @@ def unpack_depth(buffer, columns, depth):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def unpack_mask(buffer, columns, mask):
-    """Mask (h, w) uint8, 255 where anything is."""
+    """Mask out of a buffer.
+
+    Parameters
+    ----------
+    buffer : (h, .) int32 of `draw_shape`.
+    columns : where in it the result's first column is.
+    mask : (h, w) uint8, filled: 255 where anything is, else 0.
+    """
     for v in range(mask.shape[0]):
         for u in range(mask.shape[1]):
             mask[v, u] = 255 if buffer[v, u + columns] > 0 else 0

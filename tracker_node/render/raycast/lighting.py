@@ -23,7 +23,17 @@ N_COLUMNS = 13
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def lights_in_camera(packed, T_cam_world):
-    """Lights (n, `N_COLUMNS`) float32 in the camera frame, of `camera.light.pack_lights`."""
+    """Lights in the frame of a camera, as `irradiance` takes them.
+
+    Parameters
+    ----------
+    packed : (n, `N_LIGHT_COLUMNS`) of `camera.light.pack_lights`, world.
+    T_cam_world : (4, 4).
+
+    Returns
+    -------
+    (n, `N_COLUMNS`) float32.
+    """
     out = np.zeros((packed.shape[0], N_COLUMNS), dtype=np.float32)
     for i in range(packed.shape[0]):
         kind = packed[i, packing.KIND]
@@ -46,7 +56,18 @@ def lights_in_camera(packed, T_cam_world):
 
 @pixel_function
 def irradiance(lights, x, y, z, nx, ny, nz):
-    """Light (r, g, b) on a surface at (x, y, z) with unit normal (nx, ny, nz), in the frame of ``lights``."""
+    """Light on a point of a surface.
+
+    Parameters
+    ----------
+    lights : of `lights_in_camera`.
+    x, y, z : the point, in the frame of ``lights``, meters.
+    nx, ny, nz : its unit normal there.
+
+    Returns
+    -------
+    r, g, b : float32, factors of the surface's color.
+    """
     r, g, b = _ZERO, _ZERO, _ZERO
     for i in range(lights.shape[0]):
         h = lights[i, NEARNESS]
@@ -62,7 +83,19 @@ def irradiance(lights, x, y, z, nx, ny, nz):
 
 @pixel_function
 def displayed(color, light, gain, power):
-    """What a camera of ``gain`` and gamma 1 / ``power`` shows of a surface of ``color`` under ``light``, one channel."""
+    """What a camera shows of a surface, one channel.
+
+    Parameters
+    ----------
+    color : of the surface, 0..255.
+    light : of `irradiance`.
+    gain : of the camera.
+    power : 1 / gamma of the camera.
+
+    Returns
+    -------
+    float32 in 0..255.
+    """
     factor = gain * light
     if power != _ONE:  # not as a power: that the compiler takes for cheap, and does it always
         factor = np.exp2(power * np.log2(factor + _TINY))

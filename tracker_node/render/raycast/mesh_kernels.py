@@ -22,13 +22,20 @@ _ZERO = np.float32(0.0)
 
 _MARGIN = 1e-3  # pixels: rounding
 _EDGE = 1e-7  # of x, y: triangles reach that far over their edges, so that no ray on a common edge passes between by rounding
-_SHORT_BEND = 0.25  # pixels, of edges too short to look at
+_SHORT_BEND = 0.25  # pixels, of edges too short to sample
 _NARROW = 8  # pixels: narrower triangles are drawn one pixel at a time
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def mesh_box(points, params, limits, region, out):
-    """Pixel box ``out`` (4,) within ``region`` of points (n, 3) in the camera frame; the region if some are not in front."""
+    """Pixels that may see a mesh; all of the region if some of its points are not in front of the camera.
+
+    Parameters
+    ----------
+    points : (n, 3) of `pose_vertices`.
+    params, limits, region : as of `coefficients.pixel_box`.
+    out : (4,) u0, v0, u1, v1, changed unless all points are behind the camera.
+    """
     box = np.array([1e30, 1e30, -1e30, -1e30])
     nearest, farthest = 1e30, -1e30
     for i in range(points.shape[0]):
@@ -46,9 +53,15 @@ def mesh_box(points, params, limits, region, out):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def pose_vertices(vertices, T_cam_world, T_world_shape, params, points, pixels):
-    """Vertices (n, 3) in the camera frame, ``points`` (n, 3), and where they are in the image, ``pixels`` (n, 2).
+    """Vertices of a mesh as a camera sees them.
 
-    Pixels are not a number where a vertex is behind the camera, or the lens has no pixel for it.
+    Parameters
+    ----------
+    vertices : (n, 3) in the frame of the shape, meters.
+    T_cam_world, T_world_shape : (4, 4).
+    params : (`N_PARAMS`,) of the lens.
+    points : (n, 3), filled: camera frame, meters.
+    pixels : (n, 2), filled; not a number where a vertex is behind the camera, or the lens has no pixel for it.
     """
     T = np.zeros((3, 4))
     for i in range(3):
@@ -101,10 +114,22 @@ def _low_and_high(values, column, i, j, k):
 def draw_mesh(
     points, pixels, faces, closed, params, region, label, first, xs, ys, row_offset, column_offset, rows, buffer, numbers
 ):  # fmt: skip
-    """Triangles of ``points`` and ``pixels`` of `pose_vertices`, also those that reach behind the camera.
+    """Draw the triangles of a mesh into a buffer, also those that reach behind the camera.
 
-    ``rows`` (m, `N_TRIANGLE_COLUMNS`) float32 receives the triangles that may be seen, and ``numbers`` (like ``buffer``) the
-    number, from ``first`` on, of the one that is in front. Of a ``closed`` mesh the triangles that face away are left out.
+    Parameters
+    ----------
+    points, pixels : of `pose_vertices`.
+    faces : (m, 3) indices of vertices.
+    closed : leave the triangles out that face away.
+    params : (`N_PARAMS`,) of the lens.
+    region : (u0, v0, u1, v1) the pixels to draw.
+    label : 1 + index of the shape.
+    first : number of the first triangle.
+    xs, ys : of `RayTable`.
+    row_offset, column_offset : the pixel of the image at the corner of the buffer.
+    rows : (m, `N_TRIANGLE_COLUMNS`) float32, filled for the triangles that may be seen.
+    buffer : (h, w) int32 of `kernels`, changed in place.
+    numbers : (h, w) int32, receives the number of the triangle that is in front.
     """
     for t in range(faces.shape[0]):
         i, j, k = faces[t, 0], faces[t, 1], faces[t, 2]

@@ -90,7 +90,16 @@ def _draw_shapes(kinds, bounds, coefficients, xs, ys, boxes, row_offset, column_
 
 
 def checked_region(region: Region | None, model: CameraModel) -> Region:
-    """``region``, or the whole image.
+    """A region that lies within the image.
+
+    Parameters
+    ----------
+    region : (u0, v0, u1, v1), or None for the whole image.
+    model : the lens, which knows the image's size.
+
+    Returns
+    -------
+    (u0, v0, u1, v1).
 
     Raises
     ------
@@ -131,7 +140,19 @@ class Cast:
 
 
 def cast(configuration: Configuration, camera: Camera, region: Region, frames: bool = True) -> Cast:
-    """Cast the rays of ``region`` against a body; ``frames`` fills what `shading.surface_at` needs."""
+    """Cast the rays of a part of an image against a body.
+
+    Parameters
+    ----------
+    configuration : the posed body.
+    camera : with its lens and pose.
+    region : (u0, v0, u1, v1) of the image.
+    frames : fill what `shading.surface_at` needs.
+
+    Returns
+    -------
+    What is in front at each pixel, and what it was made of.
+    """
     table, drawables = ray_table(camera.model), _drawables(configuration.model)
     n = len(drawables.kinds)
     T_cam_world, Ts_world_shape = camera.T_cam_world, configuration.Ts_world_shape
@@ -169,7 +190,7 @@ def cast(configuration: Configuration, camera: Camera, region: Region, frames: b
     if frames:
         surfaces = surface_arrays(configuration.model)
         fill_frames(
-            drawables.kinds, bounds, drawables.dims, surfaces.colors, surfaces.pictures, params, T_cam_world, Ts_world_shape,
+            drawables.kinds, bounds, drawables.dims, surfaces.colors, surfaces.textures, params, T_cam_world, Ts_world_shape,
             shape_frames,
         )  # fmt: skip
     return Cast(buffer, numbers, (u0, v0, u1, v1), u0 - start, table, coefficients, shape_frames, triangles)
@@ -181,13 +202,19 @@ def _part(inner: Region, outer: Region) -> tuple[slice, slice]:
 
 
 def render_view(configuration: Configuration, camera: Camera, region: Region | None = None) -> RenderedView:
-    """Labels and depth of a body as ``camera`` sees it.
+    """Labels and depth of a body in a camera.
 
     Shapes that the camera is inside of are not drawn. Where two shapes have the same depth (to 3e-5) the later one shows.
 
     Parameters
     ----------
+    configuration : the posed body.
+    camera : with its lens and pose.
     region : (u0, v0, u1, v1) of the image to render; the whole image without it.
+
+    Returns
+    -------
+    Labels and depth on the region.
     """
     region = checked_region(region, camera.model)
     found = cast(configuration, camera, region, frames=False)
@@ -200,7 +227,16 @@ def render_view(configuration: Configuration, camera: Camera, region: Region | N
 
 
 def render_mask(configuration: Configuration, camera: Camera, region: Region | None = None) -> np.ndarray:
-    """Mask (h, w) uint8 of a body as ``camera`` sees it, 255 where it is: `render_view` without the rest."""
+    """Mask of a body in a camera: `render_view` without the rest.
+
+    Parameters
+    ----------
+    configuration, camera, region : as of `render_view`.
+
+    Returns
+    -------
+    (h, w) uint8, 255 where the body is, else 0.
+    """
     region = checked_region(region, camera.model)
     found = cast(configuration, camera, region, frames=False)
     mask = np.zeros((region[3] - region[1], region[2] - region[0]), dtype=np.uint8)
@@ -211,14 +247,21 @@ def render_mask(configuration: Configuration, camera: Camera, region: Region | N
 def render_color(
     configuration: Configuration, camera: Camera, lights: Sequence[Light] = (), region: Region | None = None
 ) -> ColoredView:
-    """Labels, depth and colors of a body under ``lights`` (`camera.light`), as ``camera`` shows it.
+    """Labels, depth and colors of a body under lights, as a camera shows it.
 
-    Colors are those at the middle of each pixel; a picture whose texels are smaller than pixels is averaged over about as many
+    Colors are those at the middle of each pixel; a texture whose texels are smaller than pixels is averaged over about as many
     as a pixel covers along its longer side.
 
     Parameters
     ----------
+    configuration : the posed body.
+    camera : with its lens, pose, gain and gamma.
+    lights : in the world; none stands for an ambient light of intensity one (`camera.light`).
     region : (u0, v0, u1, v1) of the image to render; the whole image without it.
+
+    Returns
+    -------
+    Labels, depth and colors on the region.
     """
     region = checked_region(region, camera.model)
     found, surfaces = cast(configuration, camera, region), surface_arrays(configuration.model)
@@ -239,17 +282,18 @@ def render_color(
 class RaycastRenderer:
     """The functions of this module as a `Renderer`."""
 
-    def render_view(self, configuration: Configuration, camera: Camera, region: Region | None = None) -> RenderedView:
-        return render_view(configuration, camera, region)
-
-    def render_color(
-        self, configuration: Configuration, camera: Camera, lights: Sequence[Light] = (), region: Region | None = None
-    ) -> ColoredView:
-        return render_color(configuration, camera, lights, region)
+    render_view = staticmethod(render_view)
+    render_color = staticmethod(render_color)
 
 
 def render_labels(configuration: Configuration, camera: Camera, margin_px: int = 0) -> tuple[Region, np.ndarray] | None:
     """Where a body is in the image, and its labels there: what tracking asks for, in the least time.
+
+    Parameters
+    ----------
+    configuration : the posed body.
+    camera : with its lens and pose.
+    margin_px : how far around the body the region reaches.
 
     Returns
     -------

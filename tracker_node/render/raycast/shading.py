@@ -26,28 +26,38 @@ from . import mesh_kernels as mesh
 from .coefficients import ABOVE, BELOW, BETWEEN, BOX, LINE, ORIGIN, QUADRATIC, UPPER
 from .kernels import LABEL_BITS, pixel_function, pixel_loop
 from .lighting import displayed, irradiance
-from .surface_arrays import NO_PICTURE, sample
+from .surface_arrays import NO_TEXTURE, sample
 
 _ZERO, _HALF, _ONE, _BIG, _TINY = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(1e30), np.float32(1e-30)
 
 # Columns of a frame: rotation R_cam_shape row by row, place, then what each kind needs
 # (curved: gradient of the surface as a matrix and an offset, outward normal of the cap on the camera's side; box: on which side
 # of each pair of faces the camera is, 1 or -1, and half its size); kind and bounds as the ray-caster has them; width and height
-# of a pixel in normalised coordinates; colors and pictures of the faces of a box (of others: of the whole)
+# of a pixel in normalized coordinates; colors and textures of the faces of a box (of others: of the whole)
 ROTATION, PLACE, GRADIENT, GRADIENT_OFFSET, CAP, SIDES, HALF_SIZE = 0, 9, 12, 21, 24, 12, 15
-KIND, BOUNDS, PIXEL, COLORS, PICTURES = 27, 28, 29, 31, 49
+KIND, BOUNDS, PIXEL, COLORS, TEXTURES = 27, 28, 29, 31, 49
 N_FRAME_COLUMNS = 55
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def fill_frames(kinds, bounds, dims, colors, pictures, params, T_cam_world, Ts_world_shape, frames):
-    """Fill ``frames`` (n, `N_FRAME_COLUMNS`); ``colors`` (n, 6, 3) and ``pictures`` (n, 6) of `SurfaceArrays`."""
+def fill_frames(kinds, bounds, dims, colors, textures, params, T_cam_world, Ts_world_shape, frames):
+    """Fill what `surface_at` needs of each shape.
+
+    Parameters
+    ----------
+    kinds, bounds, dims : (n,), (n,) and (n, 5) of the shapes, as the ray-caster has them.
+    colors, textures : (n, 6, 3) and (n, 6) of `SurfaceArrays`.
+    params : (`N_PARAMS`,) of the lens.
+    T_cam_world : (4, 4).
+    Ts_world_shape : (n, 4, 4).
+    frames : (n, `N_FRAME_COLUMNS`), filled.
+    """
     R, t, o, scale = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
     for s in range(kinds.shape[0]):
         row = frames[s]
         row[KIND], row[BOUNDS], row[PIXEL], row[PIXEL + 1] = kinds[s], bounds[s], 1.0 / params[0], 1.0 / params[1]
         for i in range(6):
-            row[PICTURES + i] = pictures[s, i]
+            row[TEXTURES + i] = textures[s, i]
             for j in range(3):
                 row[COLORS + 3 * i + j] = colors[s, i, j]
         for i in range(3):
@@ -128,8 +138,8 @@ def _box_at(c, s, x, y):
 def _box_color(c, frames, levels, texels, s, axis, x, y, w):
     positive = frames[s, SIDES + axis] > _ZERO
     face = 2 * axis + (0 if positive else 1)
-    picture, color = int(frames[s, PICTURES + face]), COLORS + 3 * face
-    if picture == NO_PICTURE:
+    texture, color = int(frames[s, TEXTURES + face]), COLORS + 3 * face
+    if texture == NO_TEXTURE:
         return frames[s, color], frames[s, color + 1], frames[s, color + 2]
     # Axes of the face that run right and up to a viewer outside, z (of the faces +z and -z: y) upright
     up = 2 if axis < 2 else 1
@@ -147,7 +157,7 @@ def _box_color(c, frames, levels, texels, s, axis, x, y, w):
     along_a, along_b = ax * px + ay * py + az * pz, bx * px + by * py + bz * pz
     dx, dy = frames[s, PIXEL] * z, frames[s, PIXEL + 1] * z
     return sample(
-        levels, texels, picture,
+        levels, texels, texture,
         _HALF + ax * tx + ay * ty + az * tz, _HALF + bx * tx + by * ty + bz * tz,
         (ax - along_a * wx) * dx, (bx - along_b * wx) * dx, (ay - along_a * wy) * dy, (by - along_b * wy) * dy,
     )  # fmt: skip
@@ -171,15 +181,15 @@ def _triangle_at(c, frames, corners, levels, texels, s, t, x, y):
         frames[s, 3] * nx + frames[s, 4] * ny + frames[s, 5] * nz,
         frames[s, 6] * nx + frames[s, 7] * ny + frames[s, 8] * nz,
     )
-    # Color, or place in the picture
+    # Color, or place in the texture
     k0 = a * corners[t, 0, 3] + b * corners[t, 1, 3] + d * corners[t, 2, 3]
     k1 = a * corners[t, 0, 4] + b * corners[t, 1, 4] + d * corners[t, 2, 4]
     k2 = a * corners[t, 0, 5] + b * corners[t, 1, 5] + d * corners[t, 2, 5]
-    picture = int(frames[s, PICTURES])
-    if picture != NO_PICTURE:
+    texture = int(frames[s, TEXTURES])
+    if texture != NO_TEXTURE:
         dx, dy = frames[s, PIXEL] * z, frames[s, PIXEL + 1] * z
         k0, k1, k2 = sample(
-            levels, texels, picture, k0, k1,
+            levels, texels, texture, k0, k1,
             (c[t, 3] * corners[t, 0, 3] + c[t, 6] * corners[t, 1, 3] + c[t, 9] * corners[t, 2, 3] - k0 * wx) * dx,
             (c[t, 3] * corners[t, 0, 4] + c[t, 6] * corners[t, 1, 4] + c[t, 9] * corners[t, 2, 4] - k1 * wx) * dx,
             (c[t, 4] * corners[t, 0, 3] + c[t, 7] * corners[t, 1, 3] + c[t, 10] * corners[t, 2, 3] - k0 * wy) * dy,
@@ -198,11 +208,11 @@ def surface_at(coefficients, frames, triangles, corners, levels, texels, shape, 
     corners, levels, texels : of `surface_arrays.SurfaceArrays`.
     shape : index of the shape.
     number : of the triangle, when the shape is a mesh.
-    x, y : undistorted normalised coordinates of the pixel, float32.
+    x, y : undistorted normalized coordinates of the pixel, float32.
 
     Returns
     -------
-    (x, y, z, nx, ny, nz, r, g, b) float32: camera frame, metres; RGB of 0..255.
+    (x, y, z, nx, ny, nz, r, g, b) float32: camera frame, meters; RGB of 0..255.
     """
     kind = frames[shape, KIND]
     if kind == OTHER:
@@ -221,7 +231,17 @@ def surface_at(coefficients, frames, triangles, corners, levels, texels, shape, 
 
 @pixel_function
 def number_at(numbers, row, column):
-    """Number of the triangle in front; ``numbers`` (0, 0) of a body without meshes has none."""
+    """Number of the triangle in front at a pixel.
+
+    Parameters
+    ----------
+    numbers : (h, w) of `raycaster.Cast`; (0, 0) of a body without meshes.
+    row, column : of the buffer.
+
+    Returns
+    -------
+    int32 : 0 for a body without meshes.
+    """
     return numbers[row, column] if numbers.shape[0] else np.int32(0)
 
 
@@ -230,7 +250,22 @@ def shade(
     buffer, numbers, column, xs, ys, u0, v0, coefficients, frames, triangles, corners, levels, texels,
     lights, gain, power, rgb, depth,
 ):  # fmt: skip
-    """Colors ``rgb`` (h, w, 3) and ``depth`` (h, w) of ``buffer`` from column ``column`` on, whose first pixel is (u0, v0)."""
+    """Colors and depth of what a buffer shows.
+
+    Parameters
+    ----------
+    buffer, numbers : of `raycaster.Cast`.
+    column : of the buffer where the result begins.
+    xs, ys : of `RayTable`.
+    u0, v0 : the pixel of the image where the result begins.
+    coefficients, frames, triangles : of `raycaster.Cast`.
+    corners, levels, texels : of `SurfaceArrays`.
+    lights : of `lighting.lights_in_camera`.
+    gain : (3,) of the camera, R, G, B.
+    power : 1 / gamma of the camera.
+    rgb : (h, w, 3) float32 in 0..255, filled where something is.
+    depth : (h, w) float32, meters, filled where something is.
+    """
     for i in range(rgb.shape[0]):
         for j in range(rgb.shape[1]):
             packed = buffer[i, column + j]

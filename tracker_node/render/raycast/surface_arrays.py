@@ -13,8 +13,8 @@ from ...model.shapes.primitives import Box, Mesh
 from ..ray_table import MadeOnce
 from .kernels import pixel_function
 
-NO_PICTURE = -1
-N_LEVELS = 12  # of a picture, each half as large as the one before; the last ones repeat once there is but one pixel
+NO_TEXTURE = -1
+N_LEVELS = 12  # of a texture, each half as large as the one before; the last ones repeat once there is but one pixel
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,15 +25,15 @@ class SurfaceArrays:
     ----------
     colors : (n, 6, 3) float32 RGB, 0..255, of the faces of a box in the order of `primitives.BOX_FACES`; six times the
         same of other shapes.
-    pictures : (n, 6) index of the picture on each face of a box (of a mesh: six times the same), or `NO_PICTURE`.
+    textures : (n, 6) index of the texture on each face of a box (of a mesh: six times the same), or `NO_TEXTURE`.
     corners : (m, 3, 6) float32, of the corners of the triangles: unit normal (shape frame), and color as in ``colors``, or with
-        a picture (u, v, 0), u to the right and v **downward**, 0..1 over the whole picture.
-    levels : (k, `N_LEVELS`, 3) first texel, width and height of each level of each picture.
+        a texture (u, v, 0), u to the right and v **downward**, 0..1 over the whole texture.
+    levels : (k, `N_LEVELS`, 3) first texel, width and height of each level of each texture.
     texels : (t, 3) uint8 RGB, row by row.
     """
 
     colors: np.ndarray
-    pictures: np.ndarray
+    textures: np.ndarray
     corners: np.ndarray
     levels: np.ndarray
     texels: np.ndarray
@@ -47,16 +47,16 @@ class _Album:
         self.texels: list[np.ndarray] = [np.zeros((0, 3), dtype=np.uint8)]
         self._size = 0
 
-    def add(self, picture: np.ndarray) -> int:
+    def add(self, texture: np.ndarray) -> int:
         rows: list[tuple[int, int, int]] = []
         for _ in range(N_LEVELS):
-            height, width = picture.shape[:2]
+            height, width = texture.shape[:2]
             if not rows or rows[-1][1:] != (width, height):
                 start = self._size
-                self.texels.append(picture.reshape(-1, 3))
+                self.texels.append(texture.reshape(-1, 3))
                 self._size += width * height
             rows.append((start, width, height))
-            picture = cv2.resize(picture, (max(1, width // 2), max(1, height // 2)), interpolation=cv2.INTER_AREA)
+            texture = cv2.resize(texture, (max(1, width // 2), max(1, height // 2)), interpolation=cv2.INTER_AREA)
         self.levels.append(rows)
         return len(self.levels) - 1
 
@@ -82,7 +82,7 @@ def _corner_normals(mesh: Mesh) -> np.ndarray:
 
 def _make_surface_arrays(model: ArticulatedModel) -> SurfaceArrays:
     n, album = len(model.shapes), _Album()
-    colors, pictures = np.empty((n, 6, 3), dtype=np.float32), np.full((n, 6), NO_PICTURE, dtype=np.int64)
+    colors, textures = np.empty((n, 6, 3), dtype=np.float32), np.full((n, 6), NO_TEXTURE, dtype=np.int64)
     corners = [np.zeros((0, 3, 6))]
     for i, shape in enumerate(model.shapes):
         primitive = shape.primitive
@@ -92,13 +92,13 @@ def _make_surface_arrays(model: ArticulatedModel) -> SurfaceArrays:
                 colors[i] = primitive.face_colors_rgb
             for j, texture in enumerate(primitive.textures or ()):
                 if texture is not None:
-                    pictures[i, j] = album.add(texture)
+                    textures[i, j] = album.add(texture)
         elif isinstance(primitive, Mesh):
             corners.append(np.concatenate([_corner_normals(primitive), _corner_colors(primitive, shape.color_rgb)], axis=-1))
             if primitive.texture is not None:
-                pictures[i] = album.add(primitive.texture)
+                textures[i] = album.add(primitive.texture)
     levels = np.array(album.levels, dtype=np.int64).reshape(-1, N_LEVELS, 3)
-    return SurfaceArrays(colors, pictures, np.concatenate(corners).astype(np.float32), levels, np.concatenate(album.texels))
+    return SurfaceArrays(colors, textures, np.concatenate(corners).astype(np.float32), levels, np.concatenate(album.texels))
 
 
 surface_arrays: Callable[[ArticulatedModel], SurfaceArrays] = MadeOnce(_make_surface_arrays)
@@ -109,7 +109,7 @@ _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 
 @pixel_function
 def _bilinear(texels, start, width, height, u, v):
-    """Color (r, g, b) of a level of a picture at (u, v), 0..1 from its upper left corner; its border goes on outside."""
+    """Color (r, g, b) of a level of a texture at (u, v), 0..1 from its upper left corner; its border goes on outside."""
     x = min(max(u * np.float32(width) - _HALF, _ZERO), np.float32(width - 1))
     y = min(max(v * np.float32(height) - _HALF, _ZERO), np.float32(height - 1))
     i, j = int(x), int(y)
@@ -127,20 +127,29 @@ def _bilinear(texels, start, width, height, u, v):
 
 
 @pixel_function
-def sample(levels, texels, picture, u, v, ux, vx, uy, vy):
-    """Color (r, g, b) of a picture at (u, v), of the levels whose texels are about as large as a pixel.
+def sample(levels, texels, texture, u, v, ux, vx, uy, vy):
+    """Color of a texture, of the levels whose texels are about as large as a pixel.
 
-    ``levels`` and ``texels`` are of `surface_arrays.SurfaceArrays`; (ux, vx) and (uy, vy) are what one pixel to the right, and
-    one down, changes (u, v) by.
+    Parameters
+    ----------
+    levels, texels : of `SurfaceArrays`.
+    texture : index of the texture.
+    u, v : place, 0..1 from its upper left corner.
+    ux, vx : what one pixel to the right changes (u, v) by.
+    uy, vy : what one pixel down changes (u, v) by.
+
+    Returns
+    -------
+    r, g, b : float32 in 0..255.
     """
-    width, height = levels[picture, 0, 1], levels[picture, 0, 2]
+    width, height = levels[texture, 0, 1], levels[texture, 0, 2]
     ux, uy, vx, vy = ux * np.float32(width), uy * np.float32(width), vx * np.float32(height), vy * np.float32(height)
     square = max(ux * ux + vx * vx, uy * uy + vy * vy)
     if not square > _ONE:
-        return _bilinear(texels, levels[picture, 0, 0], width, height, u, v)
+        return _bilinear(texels, levels[texture, 0, 0], width, height, u, v)
     level = min(_HALF * np.log2(square), np.float32(N_LEVELS - 2))
     k = int(level)
     f = level - np.float32(k)
-    r0, g0, b0 = _bilinear(texels, levels[picture, k, 0], levels[picture, k, 1], levels[picture, k, 2], u, v)
-    r1, g1, b1 = _bilinear(texels, levels[picture, k + 1, 0], levels[picture, k + 1, 1], levels[picture, k + 1, 2], u, v)
+    r0, g0, b0 = _bilinear(texels, levels[texture, k, 0], levels[texture, k, 1], levels[texture, k, 2], u, v)
+    r1, g1, b1 = _bilinear(texels, levels[texture, k + 1, 0], levels[texture, k + 1, 1], levels[texture, k + 1, 2], u, v)
     return r0 + f * (r1 - r0), g0 + f * (g1 - g0), b0 + f * (b1 - b0)

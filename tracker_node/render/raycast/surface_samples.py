@@ -17,7 +17,7 @@ from .surface_arrays import surface_arrays
 
 _N_COLUMNS = 9
 _SAME_NORMAL = 0.8  # cosine of the angle between the normals of one face, within a few pixels
-_SAME_COLOR = 20.0  # grey levels
+_SAME_COLOR = 20.0  # gray levels
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class SurfaceSamples:
     Attributes
     ----------
     pixels : (n, 2) whole (u, v).
-    points, normals : (n, 3) in the world, metres and unit length.
+    points, normals : (n, 3) in the world, meters and unit length.
     colors_rgb : (n, 3) in 0..255, of the surface.
     shapes : (n,) index of the shape.
     """
@@ -40,12 +40,18 @@ class SurfaceSamples:
 
 
 def surface_samples(configuration: Configuration, camera: Camera, rim: int = 0) -> SurfaceSamples:
-    """All pixels at which ``camera`` sees the body.
+    """All pixels at which a camera sees a body.
 
     Parameters
     ----------
+    configuration : the posed body.
+    camera : with its lens and pose.
     rim : pixels nearer than this to the background, to another shape or to another face (normal, color) are left out: a sensor
         mixes the two there.
+
+    Returns
+    -------
+    Points, normals and colors of the surface, with their pixels.
     """
     whole = 0, 0, camera.model.width, camera.model.height
     found, surfaces = cast(configuration, camera, whole), surface_arrays(configuration.model)
