@@ -22,7 +22,7 @@ import numpy as np
 from tracker_node.cli.synthesize import Request, default_motions, produce, show_progress
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.evaluate import Evaluation, EvaluationOptions, evaluate
-from tracker_node.evaluation.truth.joints import load_truth
+from tracker_node.evaluation.truth.files import load_truth
 from tracker_node.loaders.images.source import SourceOptions
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
 from tracker_node.loaders.model.state_yaml import load_state

@@ -20,11 +20,11 @@ from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.cli.sample import prepare
 from tracker_node.errors import SourceError
 from tracker_node.evaluation.evaluate import Evaluation, EvaluationOptions, SilhouetteScores, evaluate
-from tracker_node.evaluation.masks import still_difference
+from tracker_node.evaluation.masks import reference
 from tracker_node.evaluation.masks.reference import CameraMasks, load_reference_masks, read_still
 from tracker_node.evaluation.metrics import intersection_over_union
 from tracker_node.evaluation.truth.association import Trajectories
-from tracker_node.evaluation.truth.joints import load_truth
+from tracker_node.evaluation.truth.files import load_truth
 from tracker_node.loaders.data_files import data_file
 from tracker_node.loaders.images.background_file import load_plates, resized_plates
 from tracker_node.loaders.images.source import open_camera_source
@@ -84,7 +84,7 @@ def load_clip(
     small = replace(full, cameras=tuple(replace(camera, model=camera.model.resized(*SIZE)) for camera in full))
     drawn = data_file(DRAWN_MASKS)
     masks = load_reference_masks(write_masks(sample, drawn))
-    key = _fingerprint(full, [drawn, Path(still_difference.__file__)])
+    key = _fingerprint(full, [drawn, Path(reference.__file__)])
     with ThreadPoolExecutor(2) as pool:
         parts = list(pool.map(lambda camera: _camera_part(camera, masks[camera.name], cache, key), full))
     stamps = parts[0].stamps_ns

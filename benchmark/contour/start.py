@@ -32,7 +32,7 @@ from tracker_node.camera.rig import CameraRig
 from tracker_node.cli.synthesize import FIGURE_IMAGES, Request, default_motions
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.truth.association import Trajectories, truth_at
-from tracker_node.evaluation.truth.joints import load_truth
+from tracker_node.evaluation.truth.files import load_truth
 from tracker_node.evaluation.truth.landmarks import EVALUATED_JOINTS
 from tracker_node.loaders.images.background_file import load_plates
 from tracker_node.model.articulated import ArticulatedModel

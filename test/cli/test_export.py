@@ -12,7 +12,7 @@ from helpers.bodies.two_links import two_links
 from helpers.sources.small_disk import limited_files
 from tracker_node.cli.export import FORMATS
 from tracker_node.cli.main import main
-from tracker_node.evaluation.truth.joints import load_truth
+from tracker_node.evaluation.truth.files import load_truth
 from tracker_node.loaders.model.model_yaml import dump_model
 from tracker_node.loaders.motion.c3d_file import load_c3d
 from tracker_node.loaders.motion.opensim_table import load_table

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.evaluation.intervals import Interval, instants, intervals, reacquisition_times
+from tracker_node.evaluation.metrics import Interval, instants, intervals, reacquisition_times
 
 
 @pytest.mark.parametrize(

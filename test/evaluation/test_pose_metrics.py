@@ -12,8 +12,7 @@ from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
 from tracker_node.evaluation import pose_metrics as measures
-from tracker_node.evaluation.intervals import Interval, intervals, reacquisition_times
-from tracker_node.evaluation.spread import spread_of
+from tracker_node.evaluation.metrics import Interval, intervals, reacquisition_times, spread_of
 
 SEEDS = st.integers(0, 2**32 - 1)
 

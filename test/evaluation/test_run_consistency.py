@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tracker_node.evaluation import run_consistency as module
-from tracker_node.evaluation.run_consistency import NeesSeries
+from tracker_node.evaluation import consistency as module
+from tracker_node.evaluation.consistency import NeesSeries
 
 
 def series(values, bounds=((0.5, 1.5), (0.5, 1.5))):

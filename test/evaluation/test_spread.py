@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.evaluation.spread import spread_of
+from tracker_node.evaluation.metrics import spread_of
 
 
 def test_a_spread_is_of_sizes():

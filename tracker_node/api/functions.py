@@ -11,7 +11,7 @@ from ..errors import TrackerError
 from ..evaluation.evaluate import EvaluationOptions
 from ..evaluation.motion.run_export import ExportRequest, export_run, format_of
 from ..evaluation.review import review
-from ..evaluation.truth_files import truth_of
+from ..evaluation.truth.files import truth_of
 from ..runs.data import load_run
 from ..runs.images import first_image_of
 from ..runs.offline import OfflineRun, Progress, run_offline

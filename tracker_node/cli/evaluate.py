@@ -74,7 +74,7 @@ def _review(args: argparse.Namespace, path: str, name: str, model_path: str | No
     from ..errors import TrackerError
     from ..evaluation.evaluate import EvaluationOptions
     from ..evaluation.review import review
-    from ..evaluation.truth_files import truth_of
+    from ..evaluation.truth.files import truth_of
     from ..loaders.model.model_yaml import load_model
     from ..runs.data import load_run
     from ..runs.images import file_of, first_image_of

@@ -11,29 +11,19 @@ from ..model.articulated import ArticulatedModel
 from ..runs.data import RunData
 from ..tracking.estimate import Status
 from . import pose_metrics
+from .consistency import NeesSeries, landmark_nees, state_nees
 from .evaluate import Evaluation, EvaluationOptions, SilhouetteScores, aligned, evaluate, expected_sets
-from .intervals import instants, intervals, reacquisition_times
 from .masks.silhouettes import Picture
-from .run_consistency import NeesSeries, landmark_nees, state_nees
-from .spread import Spread, spread_of
+from .metrics import Spread, instants, intervals, reacquisition_times, spread_of
 from .state_errors import ROWS, RigidErrors, SegmentErrors, StateErrors, link_poses, rigid_errors, segment_errors, state_errors
-from .truth.association import Trajectories, image_period_ns
+from .truth.association import image_period_ns
+from .truth.files import Truth
 from .truth.landmarks import common_bones
 from .truth.states import TrueStates
 
 STAGES = ("observe", "optimize", "total")
 PERCENTILES = (50, 95, 99)
 _LENGTHS_MM = {"mpjpe": "raw", "mpjpe_offset_free": "offset_free"}
-
-
-@dataclass(frozen=True, eq=False)
-class Truth:
-    """What a run is held against; ``..._own_time``: their stamps count from their own first row."""
-
-    joints: Trajectories | None = None
-    states: TrueStates | None = None
-    joints_own_time: bool = False
-    states_own_time: bool = False
 
 
 @dataclass(frozen=True, eq=False)

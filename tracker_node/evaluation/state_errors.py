@@ -12,8 +12,8 @@ from ..model.configuration import Configuration, State
 from ..model.pose_variables import N_ROOT, ROOT_NAMES, variable_names
 from ..render.opengl.tessellation import tessellate
 from ..runs.data import RunData
+from .metrics import Spread, spread_of
 from .pose_metrics import add_errors, add_s_errors, mean_rotation, rotation_errors
-from .spread import Spread, spread_of
 from .truth.states import TrueStates, unwrapped
 
 # Trewartha, Yeadon & Knight, Table 1: in this order, under these names

@@ -8,11 +8,12 @@ import pytest
 
 from tracker_node.errors import FileFormatError, SourceError, TrackerError
 from tracker_node.evaluation.masks.reference import (
+    channel_gains,
     load_reference_masks,
     polygon_mask,
     read_still,
+    still_difference_mask,
 )
-from tracker_node.evaluation.masks.still_difference import channel_gains, still_difference_mask
 from tracker_node.evaluation.metrics import intersection_over_union
 from tracker_node.loaders.data_files import data_file
 from tracker_node.loaders.images.source import open_source

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tracker_node.evaluation.masks import still_difference as module
-from tracker_node.evaluation.masks.still_difference import StillDifference, channel_gains, still_difference_mask
+from tracker_node.evaluation.masks import reference as module
+from tracker_node.evaluation.masks.reference import StillDifference, channel_gains, still_difference_mask
 
 T = StillDifference()
 

@@ -18,9 +18,8 @@ from helpers.bodies.moving_person import moving
 from helpers.bodies.two_links import two_links
 from tracker_node.errors import FileFormatError, ModelError, UnknownNameError
 from tracker_node.evaluation.motion.coordinates import load_coordinates, model_coordinates, opensim_coordinates
-from tracker_node.evaluation.motion.export import FORMATS, markers_of
+from tracker_node.evaluation.motion.export import FORMATS, ExportOptions, markers_of
 from tracker_node.evaluation.motion.export_csv import TABLES, tables, write_tables
-from tracker_node.evaluation.motion.export_options import ExportOptions
 from tracker_node.evaluation.motion.isb_angles import isb_angles
 from tracker_node.evaluation.motion.kinematics import state_kinematics
 from tracker_node.loaders.motion.opensim_table import NumberTable, dump_table

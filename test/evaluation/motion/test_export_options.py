@@ -5,7 +5,7 @@ import pytest
 
 from helpers.bodies.moving_person import moving
 from tracker_node.errors import FileFormatError, UnknownNameError
-from tracker_node.evaluation.motion.export_options import ExportOptions
+from tracker_node.evaluation.motion.export import ExportOptions
 
 MODEL = moving(1).model
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from helpers.bodies.stick_person import PERIOD_NS, motion, write_run
+from tracker_node.evaluation.consistency import NeesSeries
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.report import tables
 from tracker_node.evaluation.review import Review, Truth, review
-from tracker_node.evaluation.run_consistency import NeesSeries
 from tracker_node.evaluation.truth.association import Trajectories
 from tracker_node.runs.data import load_run
 

@@ -8,7 +8,7 @@ import pytest
 
 from helpers.bodies.stick_person import PERIOD_NS, Motion, motion, write_run
 from tracker_node.evaluation.evaluate import EvaluationOptions
-from tracker_node.evaluation.intervals import instants
+from tracker_node.evaluation.metrics import instants
 from tracker_node.evaluation.report.charts import error_chart, joint_map, status_strips
 from tracker_node.evaluation.report.curves import curves
 from tracker_node.evaluation.report.tables import loss_table

@@ -6,7 +6,7 @@ import pytest
 from helpers.cameras.render_scenes import LENSES, look_at
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import FileFormatError
-from tracker_node.evaluation.truth.joints import load_truth
+from tracker_node.evaluation.truth.files import load_truth
 from tracker_node.loaders.motion.trc import load_trc
 from tracker_node.loaders.rig.clicks import load_clicks
 from tracker_node.loaders.rig.control_points import load_control_points, load_places

@@ -56,7 +56,7 @@ def _check_evaluation(args: argparse.Namespace, entry: EvaluateEntry) -> None:
     from ...errors import FileFormatError
     from ...evaluation.masks.reference import load_reference_masks
     from ...evaluation.report.summary import parse_target
-    from ...evaluation.truth_files import truth_of
+    from ...evaluation.truth.files import truth_of
     from ...loaders.model.model_yaml import load_model
 
     for target in entry.targets:

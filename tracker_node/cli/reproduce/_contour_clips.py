@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ...calibration.balancing import has_plates
 from ...errors import TrackerError
-from ...evaluation.truth.joints import load_truth
+from ...evaluation.truth.files import load_truth
 from ...experiments.contour.tracked_clip import Clip, synthetic_clip
 from ...loaders.images.background_file import load_plates, resized_plates
 from ...loaders.images.source import SourceOptions

@@ -14,7 +14,7 @@ from ...loaders.motion.trc import METERS_PER_UNIT
 from ...loaders.whole_file import whole_file
 from ...runs.motion import RunMotion
 from .coordinates import model_coordinates, opensim_coordinates
-from .export_options import ExportOptions
+from .export import ExportOptions
 from .isb_angles import isb_angles
 from .kinematics import StateKinematics, derivatives
 

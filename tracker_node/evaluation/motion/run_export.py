@@ -9,10 +9,9 @@ from ...errors import FileFormatError
 from ...model.articulated import ArticulatedModel
 from ...runs.data import RunData
 from ...runs.motion import LOST, RunMotion, at_constant_rate, motion_of_run
-from .export import AT_CONSTANT_RATE
+from .export import AT_CONSTANT_RATE, ExportOptions
 from .export import FORMATS as WRITERS
 from .export_csv import tables, write_tables
-from .export_options import ExportOptions
 from .kinematics import SHORTEST, StateKinematics, state_kinematics
 
 FORMATS = ("trc", "mot", "sto", "c3d", "bvh", "tum", "csv")

@@ -8,9 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...report.document import Column, Table, Value, sign_of
-from ..intervals import intervals
+from ..metrics import SPREAD_TITLES, Spread, intervals, spread_of
 from ..review import PERCENTILES, Review
-from ..spread import SPREAD_TITLES, Spread, spread_of
 
 
 def joint_table(review: Review) -> Table | None:

@@ -1,4 +1,4 @@
-"""Truth that a run is compared with: joints, states, and which instant belongs to which image set.
+"""Truth that a run is compared with: joints, states, and which time of it belongs to which image set.
 
-Begin with `joints` and `association`.
+Begin with `files` and `association`.
 """

@@ -13,7 +13,7 @@ from ...camera.rig import CameraRig
 from ...errors import SourceError, TrackerError
 from ...evaluation.evaluate import Evaluation, EvaluationOptions, evaluate
 from ...evaluation.truth.association import Trajectories
-from ...evaluation.truth.joints import load_truth
+from ...evaluation.truth.files import load_truth
 from ...loaders.images.background_file import load_plates
 from ...loaders.images.source import SourceOptions
 from ...loaders.model.model_yaml import load_model

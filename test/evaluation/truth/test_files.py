@@ -5,7 +5,7 @@ import pytest
 
 from helpers.bodies.stick_person import motion, write_truth
 from tracker_node.errors import FileFormatError
-from tracker_node.evaluation.truth.joints import load_truth
+from tracker_node.evaluation.truth.files import load_truth
 from tracker_node.loaders.motion.c3d_file import dump_c3d
 from tracker_node.loaders.motion.trc import MarkerTrajectories, dump_trc
 
