@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from tracker_node.report.palette import CYCLE, GREY
+from tracker_node.report.document import CYCLE, GREY
 
 
 @dataclass(frozen=True, eq=False)

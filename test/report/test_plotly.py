@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tracker_node.report.document import Bars, Chart, HeatMap, Line, Strip, Strips, Table
-from tracker_node.report.plotly import COLUMNS, figure_of, plain
+from tracker_node.report.html import COLUMNS, figure_of, plain
 
 
 def test_lines_break_where_nothing_is_known_and_json_has_them():

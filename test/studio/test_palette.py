@@ -9,8 +9,7 @@ import pytest
 from tracker_node.evaluation.report.charts import LIMB_COLORS, STATUS_COLORS, TRUTH_COLORS
 from tracker_node.loaders.layouts import foxglove as foxglove_layout
 from tracker_node.render.palette import STATES, WORDS, rgb_of
-from tracker_node.studio.palette import palette_css
-from tracker_node.studio.server import WEB_FOLDER
+from tracker_node.studio.server import WEB_FOLDER, palette_css
 from tracker_node.tracking.estimate import LimbStatus, Status
 
 # Machado, Oliveira and Fernandes, IEEE TVCG 15 (2009), severity 1.0; of linear RGB

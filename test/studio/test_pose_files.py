@@ -7,8 +7,7 @@ from helpers.cameras.small_clip import body, motion
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.studio.live.page import Desk, Errand
-from tracker_node.studio.pose_files import ExistsError, PoseFiles
-from tracker_node.studio.session import StudioFiles, StudioSession
+from tracker_node.studio.session import ExistsError, PoseFiles, StudioFiles, StudioSession
 
 STATE, OTHER = motion(2)
 

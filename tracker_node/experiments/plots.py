@@ -16,7 +16,7 @@ from ..camera.rig import Camera, CameraRig
 from ..model.configuration import Configuration
 from ..render.raycast.raycaster import render_color
 from ..render.renderer import ColoredView
-from ..report.palette import CYCLE, GREY
+from ..report.document import CYCLE, GREY
 
 _BACKGROUND = 255
 

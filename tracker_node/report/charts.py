@@ -12,8 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from .document import TIME, Bars, Block, Chart, Curve, HeatMap, Line, Strips
-from .palette import GREY, RED
+from .document import GREY, RED, TIME, Bars, Block, Chart, Curve, HeatMap, Line, Strips
 
 _SMALL = 7
 

@@ -8,7 +8,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .palette import BLUE
+# Colors that stay distinct for color-blind readers (Okabe and Ito), and that of ink
+BLUE, ORANGE, GREEN, RED, PURPLE, GREY = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#777777"
+SKY = "#56b4e9"
+CYCLE = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, "#999933", GREY)
+BLACK = "#1d2730"
 
 TIME = "time since image 0 [s]"
 

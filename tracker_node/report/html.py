@@ -1,10 +1,14 @@
-"""A document as one page with everything inside: tables, pictures, and charts that plotly draws in the browser."""
+"""A document as one page with everything inside: tables, pictures, and charts that plotly draws in the browser.
+
+Charts are made as plain dictionaries: plotly's Python objects are not needed for them.
+"""
 
 from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from importlib.resources import files
 from typing import Any
 
@@ -13,8 +17,27 @@ import jinja2
 import numpy as np
 from markupsafe import Markup
 
-from .document import Block, Cell, Column, Curves, Document, Pictures, Table, Value, cell_text
-from .plotly import curve_data, figure_of
+from .document import (
+    BLACK,
+    GREY,
+    RED,
+    TIME,
+    Bars,
+    Block,
+    Cell,
+    Chart,
+    Column,
+    Curve,
+    Curves,
+    Document,
+    HeatMap,
+    Line,
+    Pictures,
+    Strips,
+    Table,
+    Value,
+    cell_text,
+)
 
 JPEG_QUALITY = 80
 # The bundle of npm's plotly.js-cartesian-dist-min: a third of the whole library, which a browser takes a second longer to read
@@ -88,3 +111,137 @@ def _sheet_of(block: Pictures) -> list[list[tuple[str, str, str]]]:
 def _jpeg_uri(bgr: np.ndarray) -> str:
     _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     return f"data:image/jpeg;base64,{base64.b64encode(data.tobytes()).decode()}"
+
+
+DIGITS = 5  # significant ones: far more than a screen shows
+X_DIGITS = 9  # those of times, which one zooms into
+COLUMNS = 400  # of a heat map
+_GRID = "#e8ecef"
+_FONT = {"family": "system-ui, Segoe UI, Roboto, DejaVu Sans, sans-serif", "size": 12, "color": BLACK}
+
+
+def figure_of(block: Block) -> dict[str, Any] | None:
+    """``{"data": [...], "layout": {...}}`` of a chart; None for other blocks."""
+    if isinstance(block, Chart):
+        return _chart(block)
+    if isinstance(block, Bars):
+        return _bars(block)
+    if isinstance(block, Strips):
+        return _strips(block)
+    return _heat_map(block) if isinstance(block, HeatMap) else None
+
+
+def curve_data(curve: Curve) -> dict[str, Any]:
+    """One curve as the page's script draws it."""
+    panels = [{"title": title, "lines": [_trace(line) for line in lines]} for title, lines in curve.panels]
+    return {"group": curve.group, "name": curve.name, "unit": curve.unit, "panels": panels}
+
+
+def plain(values: Iterable[float], digits: int = DIGITS) -> list[float | None]:
+    """Numbers with so many significant digits; None for what JSON has not."""
+    return [None if not math.isfinite(value) else float(f"{value:.{digits}g}") for value in map(float, values)]
+
+
+def _chart(chart: Chart) -> dict[str, Any]:
+    layout = _layout(320)
+    layout["xaxis"] |= {"title": {"text": chart.x_label}}
+    layout["yaxis"] |= {"title": {"text": chart.y_label}}
+    if chart.log_y:
+        layout["yaxis"] |= {"type": "log", "exponentformat": "none", "dtick": _log_ticks(chart)}
+    elif chart.y_max is not None:
+        layout["yaxis"]["range"] = [chart.y_min, chart.y_max * 1.03]
+    elif chart.y_min == 0:
+        layout["yaxis"]["rangemode"] = "tozero"
+    layout["shapes"] = [_band(*band) for band in chart.bands] + [_level(y) for y, _ in chart.levels]
+    layout["annotations"] = [_level_label(y, text, chart.log_y) for y, text in chart.levels]
+    return {"data": [_trace(line) for line in chart.lines], "layout": layout}
+
+
+def _log_ticks(chart: Chart) -> str | int:
+    """A tick for each decade; at 2 and 5 of it as well where there are few decades."""
+    values = np.concatenate([line.y[np.isfinite(line.y) & (line.y > 0)] for line in chart.lines])
+    few = len(values) and math.log10(values.max() / values.min()) < 2.5
+    return "D2" if few else 1
+
+
+def _trace(line: Line) -> dict[str, Any]:
+    mode = "lines+markers" if line.points else "lines"
+    style = {"color": line.color, "width": line.width, "dash": "dash" if line.dashed else "solid"}
+    return {"type": "scatter", "mode": mode, "name": line.label, "x": plain(line.x, X_DIGITS), "y": plain(line.y), "line": style}
+
+
+def _bars(bars: Bars) -> dict[str, Any]:
+    data = [
+        {"type": "bar", "name": label, "x": list(bars.categories), "y": plain(values), "marker": {"color": color}}
+        for label, values, color in bars.series
+    ]
+    layout = _layout(340) | {"barmode": "group", "bargap": 0.25}
+    layout["yaxis"] |= {"title": {"text": bars.y_label}}
+    layout["xaxis"] |= {"showgrid": False, "automargin": True}
+    return {"data": data, "layout": layout}
+
+
+def _strips(block: Strips) -> dict[str, Any]:
+    """One trace for every kind of strip, so that the legend names each once."""
+    data = []
+    for label, color in dict.fromkeys((strip.label, strip.color) for strip in block.strips):
+        of = [strip for strip in block.strips if (strip.label, strip.color) == (label, color)]
+        data.append({
+            "type": "bar", "orientation": "h", "name": label, "marker": {"color": color, "line": {"width": 0}},
+            "y": [strip.row for strip in of], "base": plain((strip.start for strip in of), X_DIGITS),
+            "x": plain((strip.end - strip.start for strip in of), X_DIGITS),
+            "customdata": plain((strip.end for strip in of), X_DIGITS),
+            "hovertemplate": f"{label}, %{{base:.2f}} to %{{customdata:.2f}} s<extra>%{{y}}</extra>",
+        })  # fmt: skip
+    layout = _layout(110 + 30 * len(block.rows)) | {"barmode": "overlay", "bargap": 0.25, "hovermode": "closest"}
+    layout["xaxis"] |= {"title": {"text": TIME}, "showgrid": False}
+    layout["yaxis"] |= {
+        "categoryorder": "array",
+        "categoryarray": list(block.rows)[::-1],
+        "showgrid": False,
+        "fixedrange": True,
+        "automargin": True,
+    }
+    return {"data": data, "layout": layout}
+
+
+def _heat_map(block: HeatMap) -> dict[str, Any]:
+    """At most `COLUMNS` columns, for a browser draws each cell by itself: the largest value of neighboring instants in each."""
+    step = -(-len(block.times) // COLUMNS)
+    firsts = np.arange(0, len(block.times), step)
+    values = np.fmax.reduceat(block.values, firsts, axis=0)
+    data = {
+        "type": "heatmap", "x": plain(block.times[firsts], X_DIGITS), "y": list(block.rows),
+        "z": [plain(row) for row in values.T],
+        "colorscale": "Viridis", "zmin": 0, "zmax": block.top, "colorbar": {"title": {"text": block.label}, "thickness": 12},
+        "hovertemplate": "%{y}, %{x:.2f} s: %{z:.1f}<extra></extra>",
+    }  # fmt: skip
+    layout = _layout(110 + 20 * len(block.rows)) | {"hovermode": "closest"}
+    layout["xaxis"] |= {"title": {"text": TIME}, "showgrid": False}
+    layout["yaxis"] |= {"autorange": "reversed", "showgrid": False, "fixedrange": True, "automargin": True}
+    return {"data": [data], "layout": layout}
+
+
+def _layout(height: int) -> dict[str, Any]:
+    axis: dict[str, Any] = {"gridcolor": _GRID, "zeroline": False, "linecolor": "#b8c1c8", "ticks": "outside"}
+    return {
+        "height": height, "margin": {"l": 60, "r": 12, "t": 30, "b": 44}, "font": _FONT, "hovermode": "x unified",
+        "paper_bgcolor": "#fff", "plot_bgcolor": "#fff", "xaxis": dict(axis), "yaxis": dict(axis), "showlegend": True,
+        "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}, "hoverlabel": {"namelength": -1},
+    }  # fmt: skip
+
+
+def _band(start: float, end: float) -> dict[str, Any]:
+    edges = plain([start, end], X_DIGITS)
+    return {"type": "rect", "xref": "x", "yref": "paper", "x0": edges[0], "x1": edges[1], "y0": 0, "y1": 1,
+            "fillcolor": RED, "opacity": 0.15, "line": {"width": 0}, "layer": "below"}  # fmt: skip
+
+
+def _level(y: float) -> dict[str, Any]:
+    line = {"color": GREY, "width": 1, "dash": "dot"}
+    return {"type": "line", "xref": "paper", "yref": "y", "x0": 0, "x1": 1, "y0": y, "y1": y, "line": line}
+
+
+def _level_label(y: float, text: str, log: bool) -> dict[str, Any]:
+    return {"xref": "paper", "yref": "y", "x": 1, "y": math.log10(y) if log else y, "text": text, "showarrow": False,
+            "xanchor": "right", "yanchor": "bottom", "font": {"size": 11, "color": GREY}}  # fmt: skip

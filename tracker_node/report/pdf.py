@@ -14,8 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from . import charts as plots
-from .document import Block, Cell, Curves, Document, Pictures, Table
-from .palette import BLACK, BLUE, GREEN, GREY, ORANGE, RED
+from .document import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Block, Cell, Curves, Document, Pictures, Table
 from .print_layout import MARGIN_IN, PAGE_IN, SMALLEST, WIDTH_IN, TablePart, table_parts, wrapped
 
 _ROW_IN = 0.152

@@ -12,15 +12,15 @@ from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import Response
-from starlette.routing import BaseRoute, Mount
+from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from ..errors import SourceError, TrackerError
+from ..render.palette import STATES, WORDS
 from .endpoints import Answer, get, image
-from .palette import ROUTE as PALETTE
 from .security import Access, OnlyOwnPages
 from .session import StudioSession
-from .unexpected_errors import UnexpectedErrors
 
 WEB_FOLDER = Path(__file__).parent / "web"
 
@@ -40,7 +40,7 @@ def make_app(
     routes: list[BaseRoute] = [
         get("/api/session", lambda: session_facts(session)),
         image("/images/{camera}/{number}", session.needed_images),
-        PALETTE,
+        Route("/palette.css", _palette),
     ]
     for page in pages:
         routes += page(session)
@@ -107,3 +107,42 @@ async def _not_written(request: Request, error: Exception) -> Response:
     assert isinstance(error, OSError)
     where = f"{error.filename}: " if error.filename else ""
     return Answer({"error": f"{where}{error.strerror or error}"}, status_code=400)
+
+
+class UnexpectedErrors:
+    """ASGI middleware that answers errors without a handler by status 500 with a sentence, as a user's mistakes are answered.
+
+    Parameters
+    ----------
+    tell : is given each error, once.
+    """
+
+    def __init__(self, app: ASGIApp, tell: Callable[[Exception], object]):
+        self._app, self._tell = app, tell
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        begun = False
+
+        async def noticed(message: Message) -> None:
+            nonlocal begun
+            begun = True
+            await send(message)
+
+        try:
+            await self._app(scope, receive, noticed)
+        except Exception as error:
+            self._tell(error)
+            if scope["type"] == "http" and not begun:
+                sentence = f"an error inside the studio ({type(error).__name__}): its terminal says more"
+                await Answer({"error": sentence}, status_code=500)(scope, receive, send)
+
+
+def palette_css() -> str:
+    """The colors of states as CSS variables: ``--tracking`` and so on for areas, ``--tracking-word`` for text."""
+    areas = [f"--{state}: {color};" for state, color in STATES.items()]
+    words = [f"--{state}-word: {color};" for state, color in WORDS.items()]
+    return f":root {{ {' '.join([*areas, *words])} }}\n"
+
+
+async def _palette(request: Request) -> Response:
+    return Response(palette_css(), media_type="text/css")

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from tracker_node.studio.playback.curves import continuous_angles, continuous_rotations
+from tracker_node.studio.playback.page import continuous_angles, continuous_rotations
 
 
 def test_a_turn_about_a_slanted_axis_goes_on_past_half_and_full_turns():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from helpers.cameras.camera_rigs import circle_rig
-from tracker_node.studio.pose.contour_score import ContourScore, _share
+from tracker_node.studio.pose.score import ContourScore, _share
 
 
 def test_a_share_needs_ten_samples():

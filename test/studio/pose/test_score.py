@@ -8,8 +8,7 @@ from helpers.cameras.small_clip import make_clip
 from tracker_node.loaders.images.background_file import load_plates
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import State
-from tracker_node.studio.pose.color_score import ColorScore
-from tracker_node.studio.pose.contour_score import ContourScore
+from tracker_node.studio.pose.score import ColorScore, ContourScore
 from tracker_node.tracking.config import TrackerConfig
 
 

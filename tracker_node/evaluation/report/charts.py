@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...render.palette import STATES
-from ...report.document import Bars, Chart, HeatMap, Line, Strip, Strips, strips_of
-from ...report.palette import BLACK, BLUE, CYCLE, GREEN, ORANGE, RED
+from ...report.document import BLACK, BLUE, CYCLE, GREEN, ORANGE, RED, Bars, Chart, HeatMap, Line, Strip, Strips, strips_of
 from ...tracking.estimate import LimbStatus, Status
 from .. import pose_metrics
 from ..metrics import LOST_JOINT_M

@@ -17,7 +17,7 @@ from ...render.contour.samples import CLASS, OUTER, U, V
 from ...render.overlay import draw_overlay
 from ...render.raycast.raycaster import render_labels
 from ...render.shape_arrays import ShapeArrays
-from ...report.palette import ORANGE
+from ...report.document import ORANGE
 from ...tracking.config import TrackerConfig
 from ..plots import body_box
 

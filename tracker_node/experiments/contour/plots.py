@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...report.palette import BLACK, BLUE, GREEN, GREY, ORANGE, RED
+from ...report.document import BLACK, BLUE, GREEN, GREY, ORANGE, RED
 from ..plots import Profile, body_box, plain_axes
 from .errors import PUBLISHED, TITLES
 

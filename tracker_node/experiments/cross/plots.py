@@ -12,7 +12,7 @@ from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...model.pose_variables import N_ROOT, ROOT_NAMES, to_variables
 from ...render.overlay import target_through_mask
-from ...report.palette import BLUE, GREEN, GREY, ORANGE, PURPLE
+from ...report.document import BLUE, GREEN, GREY, ORANGE, PURPLE
 from ..rigid_tracking import UNITS, VARIABLES
 
 _STYLES = ((GREY, "-", 3.5), (BLUE, "-", 1.4), (GREEN, "--", 1.4), (ORANGE, ".", 1.0), (PURPLE, ":", 1.4))

@@ -21,8 +21,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from ...errors import FileFormatError, TrackerError
 from ...loaders.yaml_file import FileModel, Number, validate
 from ..endpoints import get, json_object, post
-from ..pose_files import PoseFiles
-from ..session import StudioSession
+from ..session import PoseFiles, StudioSession
 
 if TYPE_CHECKING:
     from ...ros.live.view import LiveView

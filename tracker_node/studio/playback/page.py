@@ -17,7 +17,6 @@ from ..endpoints import get, image, post
 from ..images import RecordedImages
 from ..outlines import OutlineDrawer
 from ..session import StudioSession, made_once
-from .curves import continuous_angles, continuous_rotations
 from .run import PlayedRun, open_run
 
 _ROTATION = [3, 4, 5]  # columns of the root's rotation vector
@@ -118,3 +117,25 @@ def routes(session: StudioSession) -> Sequence[BaseRoute]:
 
 def _units(model: ArticulatedModel) -> list[str]:
     return ["m" if unit == "m" else "deg" for unit in model.chain.dof_units]
+
+
+def continuous_angles(angles: np.ndarray) -> np.ndarray:
+    """(n,) radians, each within half a turn of the finite one before; others stay as they are."""
+    found, sound = np.array(angles), np.isfinite(angles)
+    found[sound] = np.unwrap(angles[sound])
+    return found
+
+
+def continuous_rotations(vectors: np.ndarray) -> np.ndarray:
+    """(n, 3) rotation vectors, radians, of the same rotations, each nearest to the finite one before; others stay as they are.
+
+    One rotation has a vector for every number of full turns about its axis, so the components cannot be treated one by one.
+    """
+    found, before = np.array(vectors), np.zeros(3)
+    for i in np.flatnonzero(np.isfinite(vectors).all(axis=1)):
+        angle = np.linalg.norm(vectors[i])
+        along = vectors[i] if angle > 0.0 else before  # after full turns no axis is left but that of the turns
+        axis = along / max(np.linalg.norm(along), np.finfo(float).tiny)
+        turns = np.round((before @ axis - angle) / (2.0 * np.pi))
+        found[i] = before = vectors[i] + 2.0 * np.pi * turns * axis
+    return found

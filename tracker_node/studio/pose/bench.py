@@ -16,9 +16,7 @@ from ...tracking.estimate import TrackEstimate
 from ...tracking.tracker import Tracker
 from ..outlines import working_rig
 from ..session import StudioSession
-from .color_score import ColorScore
-from .contour_score import ContourScore
-from .score import PoseScore, PoseScorer
+from .score import ColorScore, ContourScore, PoseScore, PoseScorer
 
 _KEPT_SETS = 4
 

@@ -15,8 +15,7 @@ from ...loaders.yaml_file import FileModel, Number, numbers
 from ...model.configuration import State
 from ..endpoints import get, post
 from ..outlines import OutlineDrawer
-from ..pose_files import ExistsError, PoseFiles
-from ..session import StudioSession, made_once
+from ..session import ExistsError, PoseFiles, StudioSession, made_once
 from .bench import PoseBench
 from .drag import MODES, Grip, drag
 from .values import dof_groups, state_of, values_of
