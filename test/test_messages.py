@@ -9,9 +9,11 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-STATUS_VALUES = {"INITIALISING": 0, "TRACKING": 1, "DEGRADED": 2, "LOST": 3}
-DEFINITION = "msgs/msg/TrackedState.msg"
-TYPE_NAME = "tracker_msgs/msg/TrackedState"
+from tracker_node.tracking.estimate import LimbStatus, Status
+
+STATUS_VALUES = {"INITIALIZING": 0, "TRACKING": 1, "DEGRADED": 2, "LOST": 3}
+LIMB_VALUES = {"LIMB_TRACKING": 1, "LIMB_DEGRADED": 2, "LIMB_LOST": 3, "LIMB_UNSEEN": 4}
+TYPES = {"TrackedState": "msgs/msg/TrackedState.msg", "StateCovariance": "msgs/msg/StateCovariance.msg"}
 
 
 def test_tracked_state_of_the_installed_package() -> None:
@@ -19,7 +21,7 @@ def test_tracked_state_of_the_installed_package() -> None:
     for name, value in STATUS_VALUES.items():
         assert getattr(messages.TrackedState, name) == value
     state = messages.TrackedState(dof_names=["root_x"], values=[1.5])
-    assert state.status == messages.TrackedState.INITIALISING
+    assert state.status == messages.TrackedState.INITIALIZING
     assert list(state.values) == [1.5]
 
 
@@ -30,33 +32,40 @@ def test_set_state_of_the_installed_package() -> None:
     assert services.SetState.Response().success is False
 
 
+def store_of_ours(repository: Path) -> Typestore:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for name, path in TYPES.items():
+        store.register(get_types_from_msg((repository / path).read_text(), f"tracker_msgs/msg/{name}"))
+    return store
+
+
 def test_definition_is_read_without_ros(repository: Path) -> None:
     """rosbags, which reads and writes our bags, understands the definition and its constants."""
-    types = get_types_from_msg((repository / DEFINITION).read_text(), TYPE_NAME)
-    store = get_typestore(Stores.ROS2_JAZZY)
-    store.register(types)
-    tracked_state = store.types[TYPE_NAME]
-    assert {name: getattr(tracked_state, name) for name in STATUS_VALUES} == STATUS_VALUES
+    tracked_state = store_of_ours(repository).types["tracker_msgs/msg/TrackedState"]
+    values = STATUS_VALUES | LIMB_VALUES
+    assert {name: getattr(tracked_state, name) for name in values} == values
+    assert {status.name: int(status) for status in Status} == STATUS_VALUES
+    assert {f"LIMB_{status.name}": int(status) for status in LimbStatus} == LIMB_VALUES
 
 
-def test_definition_and_installed_package_have_the_same_fields(repository: Path) -> None:
+@pytest.mark.parametrize("name", TYPES)
+def test_definition_and_installed_package_have_the_same_fields(repository: Path, name: str) -> None:
     messages = pytest.importorskip("tracker_msgs.msg", reason="ROS is not installed")
-    types = get_types_from_msg((repository / DEFINITION).read_text(), TYPE_NAME)
-    _, fields = types[TYPE_NAME]
-    installed = messages.TrackedState.get_fields_and_field_types()
+    _, fields = store_of_ours(repository).fielddefs[f"tracker_msgs/msg/{name}"]
+    installed = getattr(messages, name).get_fields_and_field_types()
     assert [name for name, _ in fields] == list(installed)
 
 
 def test_ros_and_the_reader_without_ros_agree_on_every_field(repository: Path) -> None:
     messages = pytest.importorskip("tracker_msgs.msg", reason="ROS is not installed")
-    serialization = pytest.importorskip("rclpy.serialization", reason="ROS is not installed")
+    pytest.importorskip("rclpy.serialization", reason="ROS is not installed")
     state = messages.TrackedState(
         status=messages.TrackedState.DEGRADED,
         status_reason="cam02 gave no image",
         dof_names=["root_x", "root_y"],
         values=[0.1, -0.2],
-        covariance=[4.0, 1.0, 1.0, 9.0],
-        velocity_covariance=[1.0, 0.5, 0.5, 2.0],
+        residual=2.5,
+        residual_unit="gray levels",
         cameras=["cam01", "cam02"],
         camera_samples=[120, 0],
         limbs=["trunk", "left_hand"],
@@ -65,15 +74,26 @@ def test_ros_and_the_reader_without_ros_agree_on_every_field(repository: Path) -
         limb_reasons=["", "outline not found"],
         total_ms=12.5,
     )
-    store = get_typestore(Stores.ROS2_JAZZY)
-    store.register(get_types_from_msg((repository / DEFINITION).read_text(), TYPE_NAME))
-    without_ros = bytes(store.serialize_cdr(store.types[TYPE_NAME](**_plain(state, store)), TYPE_NAME))
-    assert serialization.deserialize_message(without_ros, messages.TrackedState) == state
+    _assert_same_bytes(state, repository)
+    _assert_same_bytes(
+        messages.StateCovariance(
+            dof_names=["root_x", "root_y"], covariance=[4.0, 1.0, 1.0, 9.0], velocity_covariance=[1.0, 0.5, 0.5, 2.0]
+        ),
+        repository,
+    )
+
+
+def _assert_same_bytes(message: Any, repository: Path) -> None:
+    from rclpy import serialization
+
+    store, type_name = store_of_ours(repository), f"tracker_msgs/msg/{type(message).__name__}"
+    without_ros = bytes(store.serialize_cdr(store.types[type_name](**_plain(message, store)), type_name))
+    assert serialization.deserialize_message(without_ros, type(message)) == message
     # rclpy's buffer may be longer than the message, which rosbags refuses, and what it holds there and in the
     # padding is noise. What a subscription delivers has the exact length.
-    by_ros = bytes(serialization.serialize_message(state))[: len(without_ros)]
-    read = store.deserialize_cdr(by_ros, TYPE_NAME)
-    assert store.serialize_cdr(read, TYPE_NAME) == without_ros
+    by_ros = bytes(serialization.serialize_message(message))[: len(without_ros)]
+    read = store.deserialize_cdr(by_ros, type_name)
+    assert store.serialize_cdr(read, type_name) == without_ros
 
 
 def _plain(message: Any, store: Typestore) -> dict[str, Any]:

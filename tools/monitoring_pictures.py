@@ -88,7 +88,7 @@ def corners_of(marker) -> np.ndarray:
 
 def draw_overlays(reader: BagReader, share: float, path: Path) -> None:
     """Every camera's overlay, side by side."""
-    topics = [topic for topic in sorted(reader.topics) if topic.endswith("/overlay")]
+    topics = [topic for topic in sorted(reader.topics) if topic.endswith("/overlay/compressed")]
     pictures = [cv2.imdecode(np.frombuffer(at(reader, topic, share).data, np.uint8), cv2.IMREAD_COLOR) for topic in topics]
     height = 480
     pictures = [cv2.resize(p, (p.shape[1] * height // p.shape[0], height), interpolation=cv2.INTER_AREA) for p in pictures]

@@ -101,7 +101,7 @@ def _cone_figures(result: Evaluation) -> dict[str, float | int]:
         "cones.joint_error_mm": result.raw.mean_mm,
         "cones.joint_error_max_mm": float(1e3 * result.raw.errors_m[result.raw.valid].max()),
         "cones.iterations": float(result.iterations.mean()),
-        "cones.residual_px": float(result.residual_px.mean()),
+        "cones.residual_px": float(result.residual.mean()),
         "cones.lost_sets": int(result.lost.sum()) + result.missing_sets,
         "cones.sets": result.image_sets,
     }
@@ -115,7 +115,7 @@ def _mannequin_figures(result: Evaluation) -> dict[str, float | int]:
         "lost_limbs": len(result.lost_limbs),
         "lost_sets": int(result.lost.sum()) + result.missing_sets,
         "iterations": float(result.iterations.mean()),
-        "residual_px": float(result.residual_px.mean()),
+        "residual_px": float(result.residual.mean()),
         "sets": result.image_sets,
     }
     return {f"{result.name}.{key}": value for key, value in figures.items()}

@@ -108,7 +108,7 @@ def own_start(clip: Clip, config: TrackerConfig, args: argparse.Namespace) -> tu
     for image_set in clip.sets:
         estimate = tracker.step(image_set)
         times.append(estimate.timings.total_ms)
-        if estimate.status is not Status.INITIALISING:
+        if estimate.status is not Status.INITIALIZING:
             break
     else:
         raise TrackerError(f"no start was found: {estimate.status_reason}")

@@ -111,7 +111,7 @@ def accuracy(run: Run, states: list[State], name: str) -> dict[str, float | int]
     """Means and maxima of the errors of the root, the middle of the box, over all image sets that are not lost."""
     off = np.array([e.state.difference(truth) for e, truth in zip(run.estimates, states, strict=True)])
     position, angle = np.linalg.norm(off[:, :3], axis=1), np.linalg.norm(off[:, 3:6], axis=1)
-    said = np.array([e.status in (Status.LOST, Status.INITIALISING) for e in run.estimates])
+    said = np.array([e.status in (Status.LOST, Status.INITIALIZING) for e in run.estimates])
     lost = said | (position > LOST_M) | (angle > LOST_RAD)
     kept = position[~lost], angle[~lost]
     mean, highest = ((np.mean, np.max) if len(kept[0]) else (lambda _: np.nan,) * 2)  # fmt: skip

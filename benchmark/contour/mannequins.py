@@ -94,7 +94,7 @@ def person_figures(result: Evaluation) -> dict[str, float | int]:
         "mpjpe_raw_mm": result.raw.mean_mm,
         "lost_limbs": len(result.lost_limbs),
         "lost_sets": int(result.lost.sum()) + result.missing_sets,
-        "residual_px": float(result.residual_px.mean()),
+        "residual_px": float(result.residual.mean()),
         "sets": result.image_sets,
     }
     return {f"{result.name}.{key}": value for key, value in figures.items()}

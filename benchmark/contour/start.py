@@ -180,7 +180,7 @@ def trial_from(first: int, recording: Recording, tracker: Tracker) -> Trial:
         began = time.perf_counter()
         estimate = tracker.step(image_set)
         times.append(time.perf_counter() - began)
-        if estimate.status is Status.INITIALISING:
+        if estimate.status is Status.INITIALIZING:
             until += 1
         else:
             states.append(estimate.state)

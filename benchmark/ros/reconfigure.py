@@ -76,7 +76,7 @@ class Totals:
     at_s: float
     in_transport: int
     overflowed: int
-    superseded: int
+    skipped: int
     states: int
 
     @property
@@ -118,8 +118,8 @@ class Watcher:
             sum(int(self.counts.get(f"tracker: {name}", {}).get(key, "0")) for name in cameras)
             for key in ("lost in transport", "overflowed")
         )
-        superseded = int(self.counts.get("tracker: status", {}).get("image sets superseded", "0"))
-        return Totals(time.monotonic(), in_transport, overflowed, superseded, self.states)
+        skipped = int(self.counts.get("tracker: status", {}).get("image sets skipped", "0"))
+        return Totals(time.monotonic(), in_transport, overflowed, skipped, self.states)
 
     def change(self, values: dict[str, object], spin: Callable[[Callable[[], object], str], None]) -> float:
         """Set parameters; how long it takes until they are in effect [s]."""
@@ -186,8 +186,8 @@ def measure(clip: Clip, config: TrackerConfig, rounds: int) -> dict[str, float |
             "reconfigure.seconds": changed.at_s - began.at_s,
             "reconfigure.states": changed.states - began.states,
             "reconfigure.states_without_changes": alone.states - changed.states,
-            "reconfigure.sets_left_out": changed.superseded - began.superseded,
-            "reconfigure.sets_left_out_without_changes": alone.superseded - changed.superseded,
+            "reconfigure.sets_left_out": changed.skipped - began.skipped,
+            "reconfigure.sets_left_out_without_changes": alone.skipped - changed.skipped,
         }
 
 

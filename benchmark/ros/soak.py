@@ -260,7 +260,7 @@ def figures(
     status, sets = heard.accounts["tracker: status"], heard.accounts["tracker: image sets"]
     growth = {name: growth_percent(samples, from_s) for name, samples in heard.memory.items()}
     latencies = heard.latencies_ms(span_ns[0])
-    tracked, superseded = int(status["image sets tracked"]), int(status["image sets superseded"])
+    tracked, skipped = int(status["image sets tracked"]), int(status["image sets skipped"])
     formed = int(sets["complete"]) + int(sets["of fewer cameras"])
     accounted = {camera: _arrived(heard.accounts[f"tracker: {camera}"]) for camera in published}
     used = sum(int(heard.accounts[f"tracker: {camera}"]["used"]) for camera in published)
@@ -276,11 +276,11 @@ def figures(
         "soak.images_used": used,
         "soak.images_left_out": sum(accounted.values()) - used,
         "soak.lost": heard.lost(*span_ns),
-        "soak.superseded": superseded,
+        "soak.skipped": skipped,
         "soak.not_formed": sum(int(n) for name, n in sets.items() if name.startswith("not formed")),
         "soak.lost_in_transport": sum(n - cut_off if n > 0 else n for n in missing.values()),
         "soak.unaccounted_images": sum(abs(_unaccounted(heard.accounts[f"tracker: {camera}"])) for camera in published),
-        "soak.unaccounted_sets": formed - tracked - superseded,
+        "soak.unaccounted_sets": formed - tracked - skipped,
         "soak.recorder_lost": tracked - recorded_counts["/tracker/state"],
         "soak.memory_growth_percent": max(growth.values()),
     }

@@ -4,7 +4,7 @@
 The sender is `tracker_node camera_ingest` on moving, noisy images that are decoded into memory beforehand, so that decoding is
 not what is measured. The receiver is the tracker node itself: its subscriptions, inbox, worker thread, synchronizer and
 publishers; only the body is not fitted. Latency is from an image set's stamp, the time at which it was due, to the moment at
-which the synchronized set is handed to the tracker. An image is lost unless it is in a synchronized set; a set is superseded when
+which the synchronized set is handed to the tracker. An image is lost unless it is in a synchronized set; a set is skipped when
 the worker thread finds a newer one beside it, which happens on a machine that is busy with other things.
 """
 
@@ -112,7 +112,7 @@ def figures(sent: dict[str, int], received: dict, elapsed_s: float, used: tuple[
         "transport.sent": n_sent,
         "transport.lost": n_sent - sum(in_sets.values()),
         "transport.sets": len(latencies),
-        "transport.superseded_sets": received["superseded"],
+        "transport.skipped_sets": received["skipped"],
         "transport.rate_hz": n_sent / N_CAMERAS / max(received["span_s"] + 1.0 / RATE_HZ, 1e-9),
         "transport.latency_ms_p50": float(np.percentile(latencies, 50)),
         "transport.latency_ms_p95": float(np.percentile(latencies, 95)),
@@ -164,7 +164,7 @@ def receive(rig_file: str, result_file: str, ready_file: str) -> int:
             spin(node, stop)
         finally:
             node.close()
-            counters, superseded = node.counters(), node.superseded
+            counters, skipped = node.counters(), node.skipped
             node.destroy_node()
     stamps = [stamp for stamp, _ in arrivals_ns]
     Path(result_file).write_text(
@@ -172,7 +172,7 @@ def receive(rig_file: str, result_file: str, ready_file: str) -> int:
             "latencies_ms": [1e-6 * (arrival - stamp) for stamp, arrival in arrivals_ns],
             "span_s": 1e-9 * (max(stamps) - min(stamps)) if stamps else 0.0,
             "used": {camera: counter["used"] for camera, counter in counters.items()},
-            "superseded": superseded,
+            "skipped": skipped,
         })
     )
     return 0

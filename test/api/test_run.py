@@ -27,7 +27,7 @@ def test_states_are_those_of_the_file(run, folder):
     table, file = run.states(), read_states(folder / "by_command" / "states.csv")
     assert np.array_equal(table["stamp_ns"], file.stamps_ns) and table["status"].tolist() == [row.status for row in file.rows]
     assert np.array_equal(table[list(file.dof_names)], file.values)
-    assert table["residual"].tolist() == [row.residual_px for row in file.rows]
+    assert table["residual"].tolist() == [row.residual for row in file.rows]
     assert table.index.name == "time_s" and table.index[0] == 0.0 and table.index[1] == pytest.approx(1.0 / 30.0)
 
 

@@ -19,7 +19,7 @@ def test_states_and_covariances_are_those_of_the_command_line(folder, tmp_path):
         assert np.array_equal(run.stamps_ns, by_command.stamps_ns) and len(run) == 6
         assert np.array_equal(run.data.values, by_command.data.values) and run.status == by_command.status
         assert np.array_equal(run.data.details.covariances, by_command.data.details.covariances)
-        assert np.array_equal(run.data.residual_px, by_command.data.residual_px)
+        assert np.array_equal(run.data.residual, by_command.data.residual)
     for file in ("states.csv", "joints.csv", "poses.csv"):
         assert (tmp_path / "run" / file).read_bytes() == (folder / "by_command" / file).read_bytes()
 

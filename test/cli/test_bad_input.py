@@ -128,8 +128,8 @@ def test_a_run_that_is_lost_throughout_says_so_and_has_a_status_of_its_own(outco
 
 
 @pytest.mark.parametrize(("counts", "given", "words"), [
-    ({"INITIALISING": 9}, False, "found in none of 9 image sets (nothing moves): give --initial-state"),
-    ({"INITIALISING": 4, "LOST": 5}, False, "tracked in none of 9 image sets (mostly: nothing moves); likely the start was"),
+    ({"INITIALIZING": 9}, False, "found in none of 9 image sets (nothing moves): give --initial-state"),
+    ({"INITIALIZING": 4, "LOST": 5}, False, "tracked in none of 9 image sets (mostly: nothing moves); likely the start was"),
     ({}, True, "no image set was formed"),
 ])  # fmt: skip
 def test_what_is_said_of_a_run_without_a_tracked_set(capsys, counts, given, words):

@@ -58,7 +58,7 @@ def test_the_run_says_which_sets_have_no_state(clip):
     folder = clip.folder / "run"
     for part in (folder, folder / "smoothed"):
         states = read_states(part / "states.csv")
-        assert states.status[:N_WITHOUT] == ("INITIALISING",) * N_WITHOUT
+        assert states.status[:N_WITHOUT] == ("INITIALIZING",) * N_WITHOUT
         assert np.isnan(states.values).all(axis=1).tolist() == NO_STATE
         with_state = states.stamps_ns[N_WITHOUT:].tolist()
         assert read_joints(part / "joints.csv").stamps_ns.tolist() == with_state
@@ -73,10 +73,10 @@ def test_the_run_says_which_sets_have_no_state(clip):
 def test_it_is_loaded_with_nothing_where_nothing_is_known(clip, part):
     run = load_run(clip.folder / "run" / part)
     assert (~run.has_state).tolist() == NO_STATE and run.believed.tolist() == run.has_state.tolist()
-    assert np.isnan(run.residual_px).tolist() == NO_STATE
+    assert np.isnan(run.residual).tolist() == NO_STATE
     assert run.details is not None and not run.details.covariances[:N_WITHOUT].any()
     assert run.details.covariances[N_WITHOUT:].any(axis=(1, 2)).all()
-    with pytest.raises(ValueError, match="a state, got 0, INITIALISING"):
+    with pytest.raises(ValueError, match="a state, got 0, INITIALIZING"):
         run.configuration(clip.model, 0)
 
 
@@ -95,9 +95,9 @@ def test_evaluated_they_count_as_lost(clip, tmp_path, part, recwarn):
     ]  # fmt: skip
     assert figures["run.mpjpe_mm"] < 10.0 and figures["run.segment_position_mm"] < 10.0
     assert figures["run.losses"] == 1 and figures["run.not_reacquired"] == 0
-    assert 0.0 < figures["run.residual_px"] < 2.0 and figures["run.said_lost_sets"] == 0
+    assert 0.0 < figures["run.residual"] < 2.0 and figures["run.said_lost_sets"] == 0
     page = (tmp_path / "report.html").read_text()
-    assert "Without a state" in page and ("initialising" in page)
+    assert "Without a state" in page and ("initializing" in page)
     assert (tmp_path / "report.pdf").exists() == (not part)
     assert not [str(w.message) for w in recwarn if issubclass(w.category, RuntimeWarning)]
 
@@ -150,7 +150,7 @@ def test_the_very_sets_are_tracked_again(clip, tmp_path):
 def test_it_is_played_without_a_body_where_there_is_none(clip):
     desk = PlaybackDesk(open_session(StudioFiles(rig=clip.rig_file, model=clip.model_file, run=clip.folder / "run")))
     run = desk.run()
-    assert run["problem"] == "" and [value is None for value in run["residual_px"]] == NO_STATE
+    assert run["problem"] == "" and [value is None for value in run["residual"]] == NO_STATE
     bodies = [desk.drawn(AskedRow(row=row))["cameras"]["cam01"]["parts"] for row in range(N)]
     assert [not parts for parts in bodies] == NO_STATE
     curve = desk.curve(AskedCurve(name="root_rz"))["values"]
@@ -167,6 +167,6 @@ def test_a_run_that_never_found_the_body(clip, tmp_path, capsys):
     assert (figures["run.lost_sets"], figures["run.sets_without_state"], figures["run.mpjpe_mm"]) == (2, 2, None)
     capsys.readouterr()
     assert main(["export", str(run), "--to", "trc", "-o", str(tmp_path / "x.trc")]) == 2
-    assert "not LOST, got '2 INITIALISING'" in capsys.readouterr().err
+    assert "not LOST, got '2 INITIALIZING'" in capsys.readouterr().err
     assert main(["calibrate", "body", "--from-run", str(run), "-o", str(tmp_path / "x.yaml"), "--quiet"]) == 2
-    assert "got '2 INITIALISING'" in capsys.readouterr().err
+    assert "got '2 INITIALIZING'" in capsys.readouterr().err

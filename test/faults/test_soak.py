@@ -48,7 +48,7 @@ def test_two_minutes(tmp_path):
     assert figures["soak.unaccounted_images"] == 0, said
     assert figures["soak.unaccounted_sets"] == 0
     assert figures["soak.recorder_lost"] == 0
-    n_sent, n_formed = figures["soak.images"] / N_CAMERAS, figures["soak.tracked"] + figures["soak.superseded"]
+    n_sent, n_formed = figures["soak.images"] / N_CAMERAS, figures["soak.tracked"] + figures["soak.skipped"]
     assert n_formed <= figures["soak.images_used"] <= N_CAMERAS * n_formed
     accounted = figures["soak.images_used"] + figures["soak.images_left_out"] + figures["soak.lost_in_transport"]
     assert 0 <= figures["soak.images"] - accounted <= N_CAMERAS  # the last set may go down with the ingest
@@ -83,7 +83,7 @@ def test_images_that_go_down_with_their_process_are_the_last(states, lost):
     heard = soak.Heard([1, 2, 3], {stamp: stamp + 10 for stamp in states})
     heard.memory["tracker"] = [(float(t), 100.0) for t in range(5)]
     heard.accounts = {
-        "tracker: status": {"image sets tracked": "2", "image sets superseded": "0"},
+        "tracker: status": {"image sets tracked": "2", "image sets skipped": "0"},
         "tracker: image sets": {"complete": "2", "of fewer cameras": "0", "not formed, late": "0"},
         **{
             f"tracker: {camera}": {"images per second": "9.9", "received": "2", **dict.fromkeys(soak.FATES, "0"), "used": "2"}

@@ -12,10 +12,10 @@ from tracker_node.tracking.estimate import Status
 
 def test_states_of_a_folder(tmp_path):
     tracked = motion(6)
-    run = load_run(write_run(tmp_path / "run", tracked, ["INITIALISING", *["TRACKING"] * 4, "LOST"]))
+    run = load_run(write_run(tmp_path / "run", tracked, ["INITIALIZING", *["TRACKING"] * 4, "LOST"]))
     assert run.stamps_ns.tolist() == tracked.stamps_ns.tolist()
-    assert run.status.tolist() == [Status.INITIALISING, *[Status.TRACKING] * 4, Status.LOST]
-    assert run.cameras == () and run.camera_residuals_px.shape == (6, 0)
+    assert run.status.tolist() == [Status.INITIALIZING, *[Status.TRACKING] * 4, Status.LOST]
+    assert run.cameras == () and run.camera_residuals.shape == (6, 0)
     landmarks = run.configuration(tracked.model, 3).landmarks_world
     assert landmarks == pytest.approx(tracked.landmarks_m[3], abs=1e-12)
 
@@ -28,7 +28,7 @@ def test_states_of_a_bag_in_order_of_stamps(tmp_path, inside):
     run = load_run(path)
     assert run.stamps_ns.tolist() == tracked.stamps_ns.tolist()
     assert run.cameras == ("cam01", "cam02")
-    assert run.camera_residuals_px[:, 1].tolist() == [3.0, 4.0] * 3
+    assert run.camera_residuals[:, 1].tolist() == [3.0, 4.0] * 3
     assert run.configuration(tracked.model, 5).landmarks_world == pytest.approx(tracked.landmarks_m[5], abs=1e-9)
 
 
@@ -37,8 +37,8 @@ def test_figures_per_camera_come_from_the_bag_beside_the_states(tmp_path):
     folder = write_run(tmp_path / "run", tracked)
     write_state_bag(folder / "bag", tracked)
     run = load_run(folder)
-    assert run.residual_px.tolist() == [2.0, 3.0] * 3  # of states.csv
-    assert run.camera_residuals_px[:, 0].tolist() == [2.0, 3.0] * 3
+    assert run.residual.tolist() == [2.0, 3.0] * 3  # of states.csv
+    assert run.camera_residuals[:, 0].tolist() == [2.0, 3.0] * 3
 
 
 def test_smoothed_states_and_a_bag_belong_to_the_run_beside_them(tmp_path):

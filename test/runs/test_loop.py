@@ -83,7 +83,7 @@ def test_requests_forget_what_they_say(forgets_state, forgets_clock):
 
 @pytest.mark.parametrize(
     ("status", "told"),
-    [(Status.TRACKING, "take over"), (Status.DEGRADED, "take over"), (Status.LOST, "state"), (Status.INITIALISING, "look anew")],
+    [(Status.TRACKING, "take over"), (Status.DEGRADED, "take over"), (Status.LOST, "state"), (Status.INITIALIZING, "look anew")],
 )
 def test_another_tracker_begins_where_the_old_one_has_left_the_body(status, told):
     old, new = held(status=status), held()

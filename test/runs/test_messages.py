@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from helpers.ros.estimates import estimate_of
 from helpers.ros.samples import arm, small_rig, some_estimate, tracked_arm
 from tracker_node.camera.model import CameraModel
 from tracker_node.errors import CalibrationError
-from tracker_node.loaders.bag.message_types import TRACKED_STATE, typestore
+from tracker_node.loaders.bag.message_types import STATE_COVARIANCE, TRACKED_STATE, typestore
 from tracker_node.loaders.bag.messages import message_of
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.bag.stamps import time_of
@@ -19,8 +20,9 @@ from tracker_node.runs import messages
 from tracker_node.runs.outputs import BODY_OUTPUTS, CAMERA_OUTPUTS, MARKER_ARRAY, Tracked
 from tracker_node.runs.writer import RunWriter
 from tracker_node.tracking.camera_fault import CameraFault
-from tracker_node.tracking.estimate import LimbReport, LimbStatus, Status, TrackEstimate
+from tracker_node.tracking.estimate import GRAY_LEVELS, LimbReport, LimbStatus, Status, TrackEstimate
 
+ENDS = ("state", "state_covariance", "pose", "joint_states")
 LENSES = {
     "none": np.zeros(0),
     "plumb_bob": np.array([-0.3, 0.1, 0.002, -0.001]),
@@ -39,7 +41,8 @@ def there_and_back(type_name: str, content: messages.Content) -> Any:
 
 
 def state_there_and_back(estimate: TrackEstimate) -> TrackEstimate:
-    return messages.estimate_of(there_and_back(TRACKED_STATE, messages.tracked_state(estimate, arm(), "world")))
+    state = there_and_back(TRACKED_STATE, messages.tracked_state(estimate, arm(), "world"))
+    return estimate_of(state, there_and_back(STATE_COVARIANCE, messages.state_covariance(estimate, arm(), "world")))
 
 
 def lens(name: str) -> CameraModel:
@@ -59,7 +62,8 @@ def test_an_estimate_survives() -> None:
         "status",
         "status_reason",
         "score",
-        "residual_px",
+        "residual",
+        "residual_unit",
         "cameras",
         "iterations",
         "evaluations",
@@ -115,16 +119,17 @@ def estimates() -> dict[str, TrackEstimate]:
     plain = some_estimate(tracked_arm())
     limbs = tuple(LimbReport(f"limb {i}", status, "hidden" * i, i / 3) for i, status in enumerate(LimbStatus))
     unknown = replace(plain, velocity_covariance=None, information=None, limbs=())
-    numpy_scalars = {"score": np.float32(1.5), "residual_px": 2, "iterations": np.int64(3), "evaluations": np.uint8(4)}
+    numpy_scalars = {"score": np.float32(1.5), "residual": 2, "iterations": np.int64(3), "evaluations": np.uint8(4)}
     fault = CameraFault("cam2", "turned", 0.05, 0.01, 5)
     slices = {"covariance": np.asfortranarray(plain.covariance), "velocity": np.repeat(plain.velocity, 2)[::2]}
     return {
         "degraded": plain,
         "tracking": replace(plain, status=Status.TRACKING, status_reason=""),
         "lost": replace(unknown, status=Status.LOST, status_reason="Arm verloren – ganz"),
-        "initialising": replace(unknown, status=Status.INITIALISING, state=State.neutral(tracked_arm())),
+        "initializing": replace(unknown, status=Status.INITIALIZING, state=State.neutral(tracked_arm())),
         "limbs": replace(plain, limbs=limbs),
         "faults": replace(plain, status=Status.TRACKING, faults=(fault,)),
+        "of colors": replace(plain, residual_unit=GRAY_LEVELS),
         "other numbers": replace(plain, **numpy_scalars),
         "no camera": replace(plain, cameras=()),
         "before 1970": replace(plain, stamp_ns=-1),
@@ -180,7 +185,7 @@ def test_nodes_and_offline_runs_say_the_same_in_the_same_bytes(name: str, rig) -
     of_a_known_body = {"TwistWithCovarianceStamped", "PoseWithCovarianceStamped", "JointState"}
     assert of_a_known_body & told == (of_a_known_body if estimate.status.known else set())
     assert ("CompressedImage" in told) == estimate.status.has_state
-    assert {"TrackedState", "Image", "MarkerArray", "TransformStamped"} <= told
+    assert {"TrackedState", "StateCovariance", "Image", "MarkerArray", "TransformStamped"} <= told
 
 
 def test_a_message_that_is_filled_again_says_nothing_of_before(rig) -> None:
@@ -226,10 +231,10 @@ def test_images_are_the_same_live_and_offline(shape: tuple[int, ...], encoding: 
 def test_what_cannot_say_that_it_is_wrong_is_not_written_while_the_body_is_not_known(tmp_path):
     """As the node does."""
     rig, model = small_rig(tmp_path), tracked_arm()
-    statuses = [Status.INITIALISING, Status.TRACKING, Status.LOST, Status.DEGRADED]
+    statuses = [Status.INITIALIZING, Status.TRACKING, Status.LOST, Status.DEGRADED]
     with RunWriter(tmp_path / "run", rig, model) as writer:
         for i, status in enumerate(statuses):
             writer.append(replace(some_estimate(model, i), status=status), ImageSet(i, ()))
     with BagReader(tmp_path / "run/bag") as reader:
-        stamps = {end: [stamp for stamp, _ in reader.decoded(f"/tracker/{end}")] for end in ("state", "pose", "joint_states")}
-    assert stamps == {"state": [0, 1, 2, 3], "pose": [1, 3], "joint_states": [1, 3]}
+        stamps = {end: [stamp for stamp, _ in reader.decoded(f"/tracker/{end}")] for end in ENDS}
+    assert stamps == {"state": [0, 1, 2, 3], "state_covariance": [0, 1, 2, 3], "pose": [1, 3], "joint_states": [1, 3]}

@@ -109,9 +109,9 @@ def test_the_files_agree_with_each_other(clip: Clip, finished: tuple[Path, dict]
         joint_messages = [message for _, message in reader.decoded("/tracker/joint_states")]
         infos = [message for _, message in reader.decoded("/cam02/camera_info")]
         masks = [message for _, message in reader.decoded("/tracker/cam02/mask")]
-        seen = [message for _, message in reader.decoded("/tracker/cam02/target_through_mask")]
+        seen = [message for _, message in reader.decoded("/tracker/cam02/masked_image/compressed")]
     assert np.array([message.values for message in messages]).tobytes() == states.values.tobytes()
-    assert [message.residual_px for message in messages] == [row.residual_px for row in states.rows]
+    assert [message.residual for message in messages] == [row.residual for row in states.rows]
     assert [message.pose.pose.orientation.w for message in pose_messages] == poses[:, 6].tolist()
     assert (np.array([message.position for message in joint_messages]) == states.values[:, 6:]).all()
     assert joint_messages[0].name == ["shoulder_x", "shoulder_y", "elbow_flexion"]

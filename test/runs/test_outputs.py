@@ -32,10 +32,20 @@ def test_an_offline_run_announces_what_a_pipeline_records(tmp_path):
     live = dict(topic.lstrip("/").partition(":")[::2] for topic in pipeline.recorded_topics())
     live = {f"/{name}": kind for name, kind in live.items() if name != "diagnostics" and not name.startswith("tf")}
     assert {name: kind or "std_msgs/msg/String" for name, kind in live.items()} == written
-    assert sorted(pipeline.recorded_names()) == ["joint_states", "mask", "pose", "state", "target_through_mask"]
+    assert sorted(pipeline.recorded_names()) == ["joint_states", "mask", "masked_image", "pose", "state", "state_covariance"]
 
 
 def test_only_what_is_requested_is_recorded_besides_what_is_always_made():
-    assert [output.name for output in recorded(BODY_OUTPUTS, ["twist"])] == ["pose", "joint_states", "state"]
+    assert [output.name for output in recorded(BODY_OUTPUTS, ["twist"])] == ["pose", "joint_states", "state_covariance", "state"]
     assert [output.name for output in recorded(CAMERA_OUTPUTS, ["overlay"])] == ["overlay"]
     assert recorded(CAMERA_OUTPUTS, []) == []
+
+
+def test_a_node_makes_covariances_only_while_somebody_listens_but_a_bag_holds_them():
+    assert [output.name for output in BODY_OUTPUTS if output.on_request] == ["twist", "state_covariance"]
+
+
+def test_jpegs_have_the_names_that_image_transport_looks_for():
+    topics = [output.topic for output in (*BODY_OUTPUTS, *CAMERA_OUTPUTS)]
+    assert topics[-3:] == ["mask", "overlay/compressed", "masked_image/compressed"]
+    assert topics[:-3] == ["twist", "pose", "joint_states", "state_covariance", "state"]

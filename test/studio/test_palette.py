@@ -57,7 +57,7 @@ def test_a_lost_body_is_drawn_in_the_color_of_lost():
 def test_no_page_has_colors_of_states_of_its_own():
     style = (WEB_FOLDER / "style.css").read_text()
     assert style.startswith('@import url("/palette.css");')
-    for name, state in (("good", "tracking"), ("fair", "degraded"), ("bad", "lost"), ("first", "initialising")):
+    for name, state in (("good", "tracking"), ("fair", "degraded"), ("bad", "lost"), ("first", "initializing")):
         assert f"--{name}: var(--{state});" in style
     own = re.compile(rf"({'|'.join(STATES)}|good|fair|bad)\W{{1,3}}#[0-9a-f]{{3}}", re.IGNORECASE)
     assert not [script.name for script in WEB_FOLDER.glob("*.js") if own.search(script.read_text())]

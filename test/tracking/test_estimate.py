@@ -10,7 +10,7 @@ from tracker_node.tracking.estimate import LimbStatus, Status
 
 def test_states_and_which_may_be_used():
     assert [(s.name, int(s), s.has_state, s.known) for s in Status] == [
-        ("INITIALISING", 0, False, False), ("TRACKING", 1, True, True), ("DEGRADED", 2, True, True), ("LOST", 3, True, False),
+        ("INITIALIZING", 0, False, False), ("TRACKING", 1, True, True), ("DEGRADED", 2, True, True), ("LOST", 3, True, False),
     ]  # fmt: skip
     assert [(s.name, int(s)) for s in LimbStatus] == [("UNSEEN", 0), ("TRACKING", 1), ("DEGRADED", 2), ("LOST", 3)]
 

@@ -41,7 +41,7 @@ def test_the_body_is_followed(clip, tracked):
     assert errors.max() < 60.0
     assert [e.status for e in tracked] == [Status.TRACKING] * len(clip.sets)
     assert [e.status_reason for e in tracked] == [""] * len(clip.sets)
-    assert max(e.residual_px for e in tracked) < 1.0
+    assert max(e.residual for e in tracked) < 1.0
     assert all(report.samples > 100 and report.stamp_ns == e.stamp_ns for e in tracked for report in e.cameras)
 
 
@@ -116,7 +116,7 @@ def test_without_a_state_and_a_search_it_waits_and_learns_nothing(clip, tracked)
     tracker = Tracker(clip.rig, clip.model, from_dict({"initialization.enabled": False}), clip.plates)
     for image_set in clip.sets[:3]:
         estimate = tracker.step(image_set)
-        assert estimate.status is Status.INITIALISING
+        assert estimate.status is Status.INITIALIZING
         assert "initial state" in estimate.status_reason
         assert estimate.covariance[0, 0] > 100.0  # m^2: anywhere
         assert not estimate.velocity.any()

@@ -27,7 +27,7 @@ def states(run: RunData) -> pandas.DataFrame:
     pd = extra_module("pandas", "data")
     columns: dict[str, Any] = {"stamp_ns": run.stamps_ns, "status": [Status(int(number)).name for number in run.status]}
     columns |= dict(zip(run.dof_names, run.values.T, strict=True))
-    columns |= {"residual": run.residual_px, "iterations": run.iterations}
+    columns |= {"residual": run.residual, "iterations": run.iterations}
     return pd.DataFrame(columns, index=_times(pd, run.stamps_ns))
 
 
@@ -85,7 +85,7 @@ def dataset(run: RunData, motion: RunMotion) -> xarray.Dataset:
     variables: dict[str, Any] = {
         "state": (("time", "dof"), run.values, {"long_name": "root pose and joint angles, world axes"}),
         "status": (("time",), names),
-        "residual": (("time",), run.residual_px),
+        "residual": (("time",), run.residual),
         "iterations": (("time",), run.iterations),
         "position": (("time", "landmark", "axis"), _positions(motion), {"units": "m", "long_name": "landmarks, world axes"}),
     }
@@ -99,7 +99,7 @@ def dataset(run: RunData, motion: RunMotion) -> xarray.Dataset:
     }
     if run.cameras:
         coordinates["camera"] = list(run.cameras)
-        variables["camera_residual"] = (("time", "camera"), run.camera_residuals_px)
+        variables["camera_residual"] = (("time", "camera"), run.camera_residuals)
     if run.details is not None:
         coordinates["dof_2"] = list(run.dof_names)
         variables["covariance"] = (("time", "dof", "dof_2"), run.details.covariances)

@@ -1,4 +1,4 @@
-"""``tracker_node migrate``: files of version 0.1 under the present names."""
+"""``tracker_node migrate``: files, bags and runs of version 0.1 under the present names."""
 
 from __future__ import annotations
 
@@ -6,13 +6,18 @@ import argparse
 import sys
 from pathlib import Path
 
-SUMMARY = "rewrite parameters or a rig of version 0.1 with the present names; the old file is kept beside it"
-EXAMPLE = "tracker_node migrate tracker.yaml"
+SUMMARY = "rewrite a bag, a run, parameters, a rig or a body of version 0.1 with the present names; the old one is kept beside it"
+EXAMPLE = """tracker_node migrate tracker.yaml
+  tracker_node migrate out/run1"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("file", metavar="FILE", help="rig.yaml, or tracker.yaml, plain or as a ROS parameter file")
-    parser.add_argument("-o", "--output", metavar="FILE", help="where to write (default: there; the old one to FILE.old)")
+    parser.add_argument(
+        "file",
+        metavar="FILE|BAG|RUN",
+        help="a bag, the folder of a run, rig.yaml, model.yaml, or tracker.yaml (plain or as a ROS parameter file)",
+    )
+    parser.add_argument("-o", "--output", metavar="FILE", help="where to write (default: there; the old one to NAME.old)")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -21,7 +26,7 @@ def run(args: argparse.Namespace) -> int:
     path = Path(args.file)
     output = Path(args.output) if args.output else path
     dropped = migrate(path, output)
-    print(f"wrote {output}{f'; the old file is {path.name}.old' if output == path else ''}")
+    print(f"wrote {output}{f'; the old one is {path.name}.old' if output == path else ''}")
     for name in dropped:
         print(f"left out: {name}, which has no effect with these modalities", file=sys.stderr)
     return 0

@@ -175,8 +175,8 @@ class _Progress:
         self._next = now + (0.2 if self._terminal else 5.0)
         total = f"/{expected}" if expected else ""
         rate = done / max(now - self._began, 1e-9)
-        what = f"{estimate.residual_px:.1f} px"
-        if estimate.status.name == "INITIALISING":
+        what = f"{estimate.residual:.1f} {estimate.residual_unit}"
+        if estimate.status.name == "INITIALIZING":
             what = estimate.status_reason
         text = f"{done}{total} image sets, {rate:.1f} a second, {estimate.status.name}, {what}"
         end = "\r" if self._terminal and done != expected else "\n"

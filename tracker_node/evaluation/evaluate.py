@@ -103,10 +103,10 @@ class Evaluation:
     lost: np.ndarray  # (n,) bool
     lost_limbs: tuple[str, ...]
     status: np.ndarray  # (n,)
-    residual_px: np.ndarray
+    residual: np.ndarray
     iterations: np.ndarray  # (n,) NaN without a state
     cameras: tuple[str, ...]
-    camera_residuals_px: np.ndarray  # (n, c), 0 where there is none
+    camera_residuals: np.ndarray  # (n, c), 0 where there is none
     silhouettes: SilhouetteScores = field(default_factory=SilhouetteScores)
 
     @property
@@ -144,9 +144,9 @@ class Evaluation:
             "lag_images": self.lag_images,
         }
         figures.update({f"iou_{camera}": _mean(ious) for camera, ious in self.silhouettes.ious.items()})
-        figures["residual_px"] = _mean(self.residual_px)
+        figures["residual_px"] = _mean(self.residual)
         for i, camera in enumerate(self.cameras):
-            figures[f"residual_px_{camera}"] = _mean(self.camera_residuals_px[self.camera_residuals_px[:, i] > 0, i])
+            figures[f"residual_px_{camera}"] = _mean(self.camera_residuals[self.camera_residuals[:, i] > 0, i])
         figures["iterations"] = _mean(self.iterations)
         figures["bone_length_std_mm"] = _mean(self.bones.estimate_std_mm)
         figures["truth_bone_length_std_mm"] = _mean(self.bones.truth_std_mm)
@@ -208,10 +208,10 @@ def evaluate(
         lost=metrics.lost_sets(run.has_state, said_lost, errors, valid),
         lost_limbs=_lost_limbs(joints, errors, valid),
         status=run.status,
-        residual_px=run.residual_px,
+        residual=run.residual,
         iterations=np.where(run.has_state, run.iterations, np.nan),
         cameras=run.cameras,
-        camera_residuals_px=run.camera_residuals_px,
+        camera_residuals=run.camera_residuals,
     )
 
 

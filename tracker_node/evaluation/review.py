@@ -249,9 +249,9 @@ def _against_states(run: RunData, model: ArticulatedModel, truth: TrueStates) ->
 
 def _own(run: RunData) -> dict[str, float | int]:
     """What stands in `Evaluation.metrics` too, of a run without truth."""
-    figures: dict[str, float | int] = {"residual_px": _mean(run.residual_px[run.has_state])}
+    figures: dict[str, float | int] = {"residual_px": _mean(run.residual[run.has_state])}
     for i, camera in enumerate(run.cameras):
-        seen = run.camera_residuals_px[run.camera_residuals_px[:, i] > 0, i]
+        seen = run.camera_residuals[run.camera_residuals[:, i] > 0, i]
         figures[f"residual_px_{camera}"] = _mean(seen)
     return figures | {"iterations": _mean(run.iterations[run.has_state])}
 

@@ -37,7 +37,7 @@ class Axis:
 
     ``direction`` (3,) unit, in the frame that the preceding axes have made; ``lower``/``upper`` in radians (metres); ``neutral``
     is where the weak prior pulls to, ``stiffness`` (1/rad^2, 1/m^2) how strongly (0: free; roll-like axes need some).
-    ``follows``: the axis that drives it, if one does.
+    ``mimic``: the axis that drives it, if one does.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Axis:
     neutral: float = 0.0
     stiffness: float = 0.0
     prismatic: bool = False
-    follows: Following | None = None
+    mimic: Following | None = None
 
     def __post_init__(self):
         if abs(np.linalg.norm(self.direction) - 1.0) > 1e-6:
@@ -195,9 +195,9 @@ class KinematicChain:
                 f"degree-of-freedom names must be unique; repeated: {sorted({x for x in names if names.count(x) > 1})}"
             )
         for axis in axes:
-            if axis.follows is not None and (axis.follows.leader not in names or axis.follows.leader == axis.name):
+            if axis.mimic is not None and (axis.mimic.leader not in names or axis.mimic.leader == axis.name):
                 others = [name for name in names if name != axis.name]
-                raise UnknownNameError(f"axis that '{axis.name}' follows", axis.follows.leader, others)
+                raise UnknownNameError(f"axis that '{axis.name}' follows", axis.mimic.leader, others)
         link_moved_by = np.zeros((n, N_ROOT_DOF + len(axes)), dtype=np.bool_)
         for i, dofs in enumerate(moved):
             link_moved_by[i, sorted(dofs)] = True
@@ -216,8 +216,8 @@ class KinematicChain:
             for dof in range(first, first + int(self.axis_count[i])):
                 carried_by[dof] = link_moved_by[i] & (np.arange(len(carried_by)) < dof)
         set_(self, "carried_by", carried_by)
-        followers = [(i, axis.follows) for i, axis in enumerate(axes) if axis.follows is not None]
-        set_(self, "couplings", tuple((i, names.index(follows.leader), follows) for i, follows in followers))
+        followers = [(i, axis.mimic) for i, axis in enumerate(axes) if axis.mimic is not None]
+        set_(self, "couplings", tuple((i, names.index(mimic.leader), mimic) for i, mimic in followers))
         set_(self, "lower", np.array([axis.lower for axis in axes]))
         set_(self, "upper", np.array([axis.upper for axis in axes]))
         set_(self, "neutral", self.followed(np.array([axis.neutral for axis in axes])))

@@ -6,14 +6,14 @@ After Okabe and Ito: distinct for color-blind readers, too. `WORDS` are darker, 
 from __future__ import annotations
 
 STATES = {
-    "initialising": "#56b4e9",
+    "initializing": "#56b4e9",
     "tracking": "#009e73",
     "degraded": "#e69f00",
     "lost": "#d55e00",
     "unseen": "#d5dadf",
 }
 WORDS = {
-    "initialising": "#23749f",
+    "initializing": "#23749f",
     "tracking": "#00765a",
     "degraded": "#8a5a00",
     "lost": "#a84300",

@@ -75,7 +75,7 @@ class PipelineOptions:
         """``name:type`` of everything that goes into the bag."""
         of_body, of_cameras = self._recorded_outputs
         topics = [
-            *(f"tracker/{output.name}:{output.type_name}" for output in of_body),
+            *(f"tracker/{output.topic}:{output.type_name}" for output in of_body),
             DESCRIPTION,  # latched: recorded when its publisher is there and has said so
             "/diagnostics:diagnostic_msgs/msg/DiagnosticArray",
         ]
@@ -87,7 +87,7 @@ class PipelineOptions:
             topics.append(f"{camera}/camera_info:{CAMERA_INFO}")
             if self.images:
                 topics.append(f"{camera}/image_raw:{IMAGE}")
-            topics += [f"tracker/{camera}/{output.name}:{output.type_name}" for output in of_cameras]
+            topics += [f"tracker/{camera}/{output.topic}:{output.type_name}" for output in of_cameras]
         return topics
 
     def recorded_names(self) -> list[str]:
@@ -98,7 +98,7 @@ class PipelineOptions:
     @property
     def _recorded_outputs(self) -> tuple[list[Output], list[Output]]:
         """Of the body, of each camera."""
-        requested = ["mask"] * self.masks + ["overlay"] * self.overlays + ["target_through_mask"] * self.through_masks
+        requested = ["mask"] * self.masks + ["overlay"] * self.overlays + ["masked_image"] * self.through_masks
         return recorded(BODY_OUTPUTS, requested), recorded(CAMERA_OUTPUTS, requested)
 
 
@@ -108,22 +108,22 @@ class Progress:
 
     began_s: float = field(default_factory=time.monotonic)
     sets: int = 0
-    status: Status = Status.INITIALISING
-    residual_px: float = 0.0
+    status: Status = Status.INITIALIZING
+    residual: str = ""
     statuses: Counter = field(default_factory=Counter)
     first_s: float = 0.0
 
     def add(self, message: TrackedState) -> None:
         self.sets += 1
         self.first_s = self.first_s or time.monotonic()
-        self.status, self.residual_px = Status(message.status), message.residual_px
+        self.status, self.residual = Status(message.status), f"{message.residual:.1f} {message.residual_unit}"
         self.statuses[self.status] += 1
 
     def line(self, n_expected: int | None) -> str:
         elapsed_s = time.monotonic() - self.first_s if self.first_s else 0.0
         rate = (self.sets - 1) / elapsed_s if elapsed_s > 0 else 0.0
         total = f"/{n_expected}" if n_expected else ""
-        return f"{self.sets}{total} image sets, {rate:.1f} a second, {self.status.name}, {self.residual_px:.1f} px"
+        return f"{self.sets}{total} image sets, {rate:.1f} a second, {self.status.name}, {self.residual}"
 
 
 class Pipeline:

@@ -12,14 +12,14 @@ import numpy as np
 from ..camera.rig import CameraRig
 from ..errors import FileFormatError
 from ..loaders.bag.files import STORAGE_SUFFIXES
-from ..loaders.bag.message_types import TRACKED_STATE
+from ..loaders.bag.message_types import STATE_COVARIANCE, TRACKED_STATE
 from ..loaders.bag.reader import BagReader
 from ..loaders.json_values import read_json
 from ..loaders.motion.motion_file import CovarianceTrajectory, read_covariances
 from ..loaders.motion.trajectory_file import read_states
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..tracking.estimate import LimbStatus, Status, TrackEstimate
+from ..tracking.estimate import PX, LimbStatus, Status, TrackEstimate
 from .smoothed_writer import FOLDER as SMOOTHED
 
 STATES_FILE, COVARIANCES_FILE, INFO_FILE, BAG_FOLDER = "states.csv", "covariances.csv", "run.json", "bag"
@@ -75,9 +75,9 @@ class RunData:
     stamps_ns : (n,) of the image sets.
     status : (n,) numbers of `tracking.estimate.Status`.
     values : (n, n_dof) as `model.configuration.State.to_values`, in the order of ``dof_names``; NaN in sets without a state: the
-        body had not been found (status INITIALISING).
-    residual_px : (n,) rms over all cameras, NaN without a state. iterations : (n,).
-    camera_residuals_px, camera_samples : (n, c), per name of ``cameras``; c = 0 when the run does not tell.
+        body had not been found (status INITIALIZING).
+    residual : (n,) rms over all cameras in ``residual_unit``, NaN without a state. iterations : (n,).
+    camera_residuals, camera_samples : (n, c), per name of ``cameras``; c = 0 when the run does not tell.
     info : content of ``run.json``, empty without one.
     details : None for a run without a bag.
     """
@@ -87,13 +87,14 @@ class RunData:
     stamps_ns: np.ndarray
     status: np.ndarray
     values: np.ndarray
-    residual_px: np.ndarray
+    residual: np.ndarray
     iterations: np.ndarray
     cameras: tuple[str, ...]
-    camera_residuals_px: np.ndarray
+    camera_residuals: np.ndarray
     camera_samples: np.ndarray
     bag: Path | None = None
     info: Mapping[str, Any] = field(default_factory=dict)
+    residual_unit: str = PX
     details: RunDetails | None = None
 
     @classmethod
@@ -117,21 +118,22 @@ class RunData:
             stamps_ns=np.array([e.stamp_ns for e in estimates], dtype=np.int64),
             status=np.array([int(e.status) for e in estimates]),
             values=np.array([e.state.to_values() for e in estimates]),
-            residual_px=np.array([e.residual_px for e in estimates]),
+            residual=np.array([e.residual for e in estimates]),
             iterations=np.array([e.iterations for e in estimates]),
             cameras=rig.names,
-            camera_residuals_px=np.array([[c.residual_px for c in e.cameras] for e in estimates]),
+            camera_residuals=np.array([[c.residual for c in e.cameras] for e in estimates]),
             camera_samples=np.array([[c.samples for c in e.cameras] for e in estimates]),
+            residual_unit=next((e.residual_unit for e in estimates), PX),
         )._without_guesses()
 
     def _without_guesses(self) -> RunData:
         """NaN instead of the neutral state that is written before the body is found."""
         found = self.has_state & np.array([Status(int(status)).has_state for status in self.status], dtype=bool)
-        values, residual_px = np.where(found[:, None], self.values, np.nan), np.where(found, self.residual_px, np.nan)
+        values, residual = np.where(found[:, None], self.values, np.nan), np.where(found, self.residual, np.nan)
         details = self.details
         if details is not None:
             details = replace(details, covariances=np.where(found[:, None, None], details.covariances, np.float32(0.0)))
-        return replace(self, values=values, residual_px=residual_px, details=details)
+        return replace(self, values=values, residual=residual, details=details)
 
     def __len__(self) -> int:
         return len(self.stamps_ns)
@@ -148,7 +150,7 @@ class RunData:
 
     @property
     def status_text(self) -> str:
-        """How many sets have each status, for messages: ``12 INITIALISING, 3 LOST``."""
+        """How many sets have each status, for messages: ``12 INITIALIZING, 3 LOST``."""
         counts = [(int((self.status == int(status)).sum()), status.name) for status in Status]
         return ", ".join(f"{count} {name}" for count, name in counts if count)
 
@@ -210,7 +212,7 @@ def load_run(path: str | Path, topic: str | None = None) -> RunData:
     bag = _bag_in(path)
     info = run_info(path)
     if path.is_dir() and (path / STATES_FILE).exists():
-        run = _from_csv(path / STATES_FILE)
+        run = replace(_from_csv(path / STATES_FILE), residual_unit=str(info.get("residual_unit", PX)))
         if bag is not None:
             run = _with_cameras_of(run, _from_bag(bag, topic))
         elif (path / COVARIANCES_FILE).exists():  # of a smoothed run
@@ -272,10 +274,10 @@ def _from_csv(path: Path) -> RunData:
         stamps_ns=states.stamps_ns,
         status=np.array([Status[row.status] for row in rows], dtype=int),
         values=states.values,
-        residual_px=np.array([row.residual_px for row in rows]),
+        residual=np.array([row.residual for row in rows]),
         iterations=np.array([row.iterations for row in rows], dtype=int),
         cameras=(),
-        camera_residuals_px=np.zeros((len(rows), 0)),
+        camera_residuals=np.zeros((len(rows), 0)),
         camera_samples=np.zeros((len(rows), 0), dtype=int),
     )
     return _in_order(run)
@@ -290,7 +292,8 @@ def _from_bag(path: Path, topic: str | None) -> RunData:
         found = reader.topic(topics[0])
         if found.type_name != TRACKED_STATE:
             raise FileFormatError(path, found.name, f"messages of type {TRACKED_STATE}", found.type_name)
-        messages = [message for _, message in reader.decoded(found.name)]
+        messages = state_messages(reader, found.name)
+        covariances = _covariances(reader, f"{found.name}_covariance")
     first = messages[0] if messages else None
     dof_names = tuple(first.dof_names) if first else ()
     cameras = tuple(first.cameras) if first else ()
@@ -304,27 +307,64 @@ def _from_bag(path: Path, topic: str | None) -> RunData:
         stamps_ns=np.array([_nanoseconds(m.header.stamp) for m in messages], dtype=np.int64),
         status=np.array([m.status for m in messages], dtype=int),
         values=np.array([m.values for m in messages], dtype=np.float64).reshape(n, len(dof_names)),
-        residual_px=np.array([m.residual_px for m in messages], dtype=np.float64),
+        residual=np.array([m.residual for m in messages], dtype=np.float64),
         iterations=np.array([m.iterations for m in messages], dtype=int),
         cameras=cameras,
-        camera_residuals_px=np.array([m.camera_residuals_px for m in messages], dtype=np.float64).reshape(n, len(cameras)),
+        camera_residuals=np.array([m.camera_residuals for m in messages], dtype=np.float64).reshape(n, len(cameras)),
         camera_samples=np.array([m.camera_samples for m in messages], dtype=int).reshape(n, len(cameras)),
-        details=_details(path, messages, len(dof_names)),
+        residual_unit=next(filter(None, (str(m.residual_unit) for m in messages)), PX),
+        details=_details(path, messages, covariances, len(dof_names)),
     )
     return _in_order(run)
 
 
-def _details(path: Path, messages: Sequence[Any], n_dof: int) -> RunDetails:
-    judged = [tuple(getattr(m, "limbs", ())) for m in messages]  # none by version 0.1, nor before the body is found
+def state_messages(reader: BagReader, topic: str) -> list[Any]:
+    """Messages of type TrackedState, in the order of recording.
+
+    Parameters
+    ----------
+    reader : of the bag.
+    topic : name of the states' topic.
+
+    Returns
+    -------
+    messages : with the fields of the type.
+
+    Raises
+    ------
+    FileFormatError : the bag is of version 0.1, or damaged.
+    """
+    if is_old(reader, topic):
+        expected = "states under their present names (`tracker_node migrate` rewrites bags and runs)"
+        raise FileFormatError(reader.path, topic, expected, "those of version 0.1")
+    return [message for _, message in reader.decoded(topic)]
+
+
+def is_old(reader: BagReader, topic: str) -> bool:
+    """Whether a topic of tracked states was written by version 0.1."""
+    return "residual_px" in reader.topic(topic).definition
+
+
+def _covariances(reader: BagReader, topic: str) -> dict[int, np.ndarray]:
+    """(n_dof * n_dof,) by the stamp of the state."""
+    if topic not in reader.topics or reader.topic(topic).type_name != STATE_COVARIANCE:
+        return {}
+    return {_nanoseconds(m.header.stamp): m.covariance for _, m in reader.decoded(topic)}
+
+
+def _details(path: Path, messages: Sequence[Any], covariances: Mapping[int, np.ndarray], n_dof: int) -> RunDetails:
+    judged = [tuple(m.limbs) for m in messages]  # none before the body is found
     n, limbs = len(messages), next(filter(None, judged), ())
     if any(found not in (limbs, ()) for found in judged):
         raise FileFormatError(path, "limbs", "the same limbs throughout", "a change within the bag")
     details = RunDetails.unknown(n, n_dof, limbs)
     for i, m in enumerate(messages):
-        if len(getattr(m, "limb_status", ())):
+        if len(m.limb_status):
             details.limb_status[i] = m.limb_status
         details.timings_ms[i] = m.observe_ms, m.optimize_ms, m.total_ms
-        details.covariances[i] = np.reshape(m.covariance, (n_dof, n_dof))
+        covariance = covariances.get(_nanoseconds(m.header.stamp))
+        if covariance is not None and len(covariance) == n_dof**2:
+            details.covariances[i] = np.reshape(covariance, (n_dof, n_dof))
     return details
 
 
@@ -336,7 +376,7 @@ def _in_order(run: RunData) -> RunData:
     """Sorted by stamp; of several states with one stamp the last, as a subscriber keeps it."""
     latest = {int(stamp): i for i, stamp in enumerate(run.stamps_ns)}
     rows = np.array([latest[stamp] for stamp in sorted(latest)], dtype=int)
-    per_set = ("stamps_ns", "status", "values", "residual_px", "iterations", "camera_residuals_px", "camera_samples")
+    per_set = ("stamps_ns", "status", "values", "residual", "iterations", "camera_residuals", "camera_samples")
     details = None if run.details is None else run.details.at(rows)
     return replace(run, details=details, **{name: getattr(run, name)[rows] for name in per_set})
 
@@ -355,7 +395,8 @@ def _with_cameras_of(run: RunData, bag: RunData) -> RunData:
     """``run`` with what the CSV does not hold, cameras and details, of the states of the same stamps in the bag."""
     row_of = {int(stamp): i for i, stamp in enumerate(bag.stamps_ns)}
     rows = np.array([row_of.get(int(stamp), -1) for stamp in run.stamps_ns], dtype=int)
-    residuals = np.where(rows[:, None] >= 0, bag.camera_residuals_px[rows], 0.0)
+    residuals = np.where(rows[:, None] >= 0, bag.camera_residuals[rows], 0.0)
     samples = np.where(rows[:, None] >= 0, bag.camera_samples[rows], 0)
     details = bag.details.at(rows) if bag.details is not None and bag.dof_names == run.dof_names else None
-    return replace(run, cameras=bag.cameras, camera_residuals_px=residuals, camera_samples=samples, details=details)
+    run = replace(run, cameras=bag.cameras, camera_residuals=residuals, camera_samples=samples)
+    return replace(run, residual_unit=bag.residual_unit, details=details)

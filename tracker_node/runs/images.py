@@ -283,7 +283,7 @@ def chosen_rows(run: RunData, n: int) -> list[int]:
     if not len(good):
         raise FileFormatError(run.path, "(states)", "image sets in which the body was tracked", run.status_text)
     parts = np.array_split(good, min(n, len(good)))
-    return [int(part[np.argmin(run.residual_px[part])]) for part in parts]
+    return [int(part[np.argmin(run.residual[part])]) for part in parts]
 
 
 def velocity_at(run: RunData, row: int) -> np.ndarray:

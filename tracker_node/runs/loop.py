@@ -97,7 +97,7 @@ class TrackingLoop:
             return
         if self.told is not None:
             self.told.tell(tracker)
-        elif self.tracked is not None and self.tracked.status is Status.INITIALISING:
+        elif self.tracked is not None and self.tracked.status is Status.INITIALIZING:
             tracker.look_anew()
         elif self.tracked is not None and not self._taken_over(tracker, old):
             tracker.set_state(self.tracked.state)

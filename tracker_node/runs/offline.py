@@ -22,7 +22,7 @@ from ..model.configuration import State
 from ..observation.image_set import ImageSet
 from ..report.metrics_file import command_line, cpu, versions
 from ..tracking.config import TrackerConfig, flatten
-from ..tracking.estimate import Status, TrackEstimate
+from ..tracking.estimate import GRAY_LEVELS, PX, Status, TrackEstimate
 from ..tracking.observability import unobservable
 from ..tracking.tracker import Tracker
 from .data import run_info
@@ -145,19 +145,19 @@ class _Record:
     stamps_ns: list[int] = field(default_factory=list)
     total_ms: list[float] = field(default_factory=list)
     iterations: list[int] = field(default_factory=list)
-    residual_px: list[float] = field(default_factory=list)
+    residual: list[float] = field(default_factory=list)
     faults: dict[tuple[str, str], dict[str, Any]] = field(default_factory=dict)
     untold: Counter[str] = field(default_factory=Counter)  # sets, by degree of freedom
 
     def add(self, estimate: TrackEstimate) -> None:
         self.status[estimate.status] += 1
-        if estimate.status in (Status.LOST, Status.INITIALISING) and estimate.status_reason:
+        if estimate.status in (Status.LOST, Status.INITIALIZING) and estimate.status_reason:
             self.reasons[estimate.status_reason] += 1
         self.stamps_ns.append(estimate.stamp_ns)
         self.total_ms.append(estimate.timings.total_ms)
         if estimate.status.has_state:
             self.iterations.append(estimate.iterations)
-            self.residual_px.append(estimate.residual_px)
+            self.residual.append(estimate.residual)
         names = [] if estimate.information is None else unobservable(estimate.information, self.model)
         self.untold.update(set(map(_what_mostly, names)))
         for fault in estimate.faults:
@@ -194,7 +194,8 @@ def _summary(run: OfflineRun, stream: ImageSetStream, record: _Record) -> dict[s
         "status_counts": {status.name: record.status[status] for status in Status},
         "ms_per_set": _percentiles(record.total_ms),
         "iterations": {"mean": _mean(record.iterations), "max": max(record.iterations, default=0)},
-        "residual_px": _percentiles(record.residual_px),
+        "residual": _percentiles(record.residual),
+        "residual_unit": PX if run.config.contours else GRAY_LEVELS,
         "wall_s": time.perf_counter() - record.began,
         "first_stamp_ns": record.stamps_ns[0] if record.stamps_ns else None,
         "last_stamp_ns": record.stamps_ns[-1] if record.stamps_ns else None,

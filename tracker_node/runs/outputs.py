@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..camera.rig import Camera, CameraRig
+from ..loaders.bag.message_types import STATE_COVARIANCE, TRACKED_STATE
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration
 from ..observation.image_set import ImageSet
@@ -19,6 +20,7 @@ from ..tracking.estimate import TrackEstimate
 from . import messages
 from .messages import COMPRESSED_IMAGE, IMAGE, Content
 
+ALWAYS, ON_REQUEST, NEVER = "always", "on request", "never"
 DESCRIPTION, STRING = "robot_description", "std_msgs/msg/String"  # latched: the body's URDF
 MARKERS, MARKER_ARRAY = "markers", "visualization_msgs/msg/MarkerArray"  # for a live view alone
 
@@ -59,17 +61,22 @@ class Output:
 
     Parameters
     ----------
-    name : after the tracker's name, or after the camera's.
+    name : for people and options.
     content : what a message says, of a `Tracked` and, of an output of each camera, a `Camera`; None: nothing this time.
-    on_request : made only while somebody listens, or where a run is asked to record it.
-    recorded : may be part of a run's bag.
+    on_request : made only while somebody listens.
+    in_bag : ALWAYS, ON_REQUEST (where a run is asked to record it), or NEVER.
     """
 
     name: str
     type_name: str
     content: Callable[..., Content | None]
     on_request: bool = False
-    recorded: bool = True
+    in_bag: str = ALWAYS
+
+    @property
+    def topic(self) -> str:
+        """Name of the topic after the tracker's, or the camera's; of JPEGs as image_transport looks for it."""
+        return f"{self.name}/compressed" if self.type_name == COMPRESSED_IMAGE else self.name
 
 
 def _pose(tracked: Tracked) -> Content | None:
@@ -89,6 +96,10 @@ def _state(tracked: Tracked) -> Content:
     return messages.tracked_state(tracked.estimate, tracked.model, tracked.frame_id)
 
 
+def _state_covariance(tracked: Tracked) -> Content:
+    return messages.state_covariance(tracked.estimate, tracked.model, tracked.frame_id)
+
+
 def _mask(tracked: Tracked, camera: Camera) -> Content:
     """The silhouette; empty before a state is found."""
     empty = np.zeros((camera.model.height, camera.model.width), np.uint8)
@@ -102,7 +113,7 @@ def _overlay(tracked: Tracked, camera: Camera) -> Content | None:
     return _drawn(draw_overlay, tracked, camera)
 
 
-def _target_through_mask(tracked: Tracked, camera: Camera) -> Content | None:
+def _masked_image(tracked: Tracked, camera: Camera) -> Content | None:
     from ..render.overlay import target_through_mask
 
     return _drawn(target_through_mask, tracked, camera)
@@ -118,10 +129,11 @@ def _drawn(draw: Callable[..., np.ndarray], tracked: Tracked, camera: Camera) ->
 
 
 BODY_OUTPUTS = (
-    Output("twist", "geometry_msgs/msg/TwistWithCovarianceStamped", _twist, on_request=True, recorded=False),
+    Output("twist", "geometry_msgs/msg/TwistWithCovarianceStamped", _twist, on_request=True, in_bag=NEVER),
     Output("pose", "geometry_msgs/msg/PoseWithCovarianceStamped", _pose),
     Output("joint_states", "sensor_msgs/msg/JointState", _joint_states),
-    Output("state", "tracker_msgs/msg/TrackedState", _state),
+    Output("state_covariance", STATE_COVARIANCE, _state_covariance, on_request=True),
+    Output("state", TRACKED_STATE, _state),
 )
 """Of the body. Pose, twist and joints cannot say that they are wrong: there are none while the body is not known.
 
@@ -129,9 +141,9 @@ The state is the last: whoever has seen it may rely on the rest being on its way
 """
 
 CAMERA_OUTPUTS = (
-    Output("mask", IMAGE, _mask, on_request=True),
-    Output("overlay", COMPRESSED_IMAGE, _overlay, on_request=True),
-    Output("target_through_mask", COMPRESSED_IMAGE, _target_through_mask, on_request=True),
+    Output("mask", IMAGE, _mask, on_request=True, in_bag=ON_REQUEST),
+    Output("overlay", COMPRESSED_IMAGE, _overlay, on_request=True, in_bag=ON_REQUEST),
+    Output("masked_image", COMPRESSED_IMAGE, _masked_image, on_request=True, in_bag=ON_REQUEST),
 )
 """Of each camera."""
 
@@ -142,10 +154,10 @@ def recorded(outputs: Sequence[Output], requested: Collection[str]) -> list[Outp
     Parameters
     ----------
     outputs : one of the lists of this module.
-    requested : names of outputs that are recorded besides those that are made of every image set.
+    requested : names of outputs that are recorded besides those that every bag holds.
 
     Returns
     -------
     outputs : in the order of the list.
     """
-    return [output for output in outputs if output.recorded and (not output.on_request or output.name in requested)]
+    return [o for o in outputs if o.in_bag == ALWAYS or (o.in_bag == ON_REQUEST and o.name in requested)]

@@ -14,6 +14,7 @@ from ..loaders.bag.reader import BagReader
 from ..loaders.bag.stamps import stamp_ns_of
 from ..loaders.images.source import ImageSource, SourceOptions
 from ..observation.image_set import CameraImage, ImageSet
+from .data import state_messages
 from .image_sets import ImageSetStream, bag_images, merged_images, opened_sources, topics_with_images
 from .messages import CAMERA_INFO
 
@@ -47,7 +48,7 @@ class RecordedRunStream(ImageSetStream):
         self._reader = reader
         self._options: SourceOptions | None = None
         topic = only_topic(reader, TRACKED_STATE, [tracked_state_topic] if tracked_state_topic else [])
-        self.sets = [recorded_set(message) for _, message in reader.decoded(topic)]
+        self.sets = [recorded_set(message) for message in state_messages(reader, topic)]
         self.n_expected = len(self.sets)
         self._needed = Counter(key for recorded in self.sets for key in recorded.images)
         self._read: Counter[str] = Counter()

@@ -42,7 +42,7 @@ def row_of(estimate: TrackEstimate, values: np.ndarray) -> StateRow:
         reason=estimate.status_reason,
         values=values,
         score=estimate.score,
-        residual_px=estimate.residual_px,
+        residual=estimate.residual,
         iterations=estimate.iterations,
         evaluations=estimate.evaluations,
     )

@@ -49,7 +49,7 @@ class RunWriter:
     output : folder, made here; it must not hold a run yet.
     tracker : name before the topics of the tracker.
     masks : also record ``<tracker>/<camera>/mask``, the model's silhouette.
-    through_masks : also record ``<tracker>/<camera>/target_through_mask``, the image where that is.
+    through_masks : also record ``<tracker>/<camera>/masked_image/compressed``, the image where that is.
 
     Raises
     ------
@@ -68,7 +68,7 @@ class RunWriter:
     ):
         self.output = Path(output)
         self._rig, self._model = rig, model
-        requested = ["mask"] * masks + ["target_through_mask"] * through_masks
+        requested = ["mask"] * masks + ["masked_image"] * through_masks
         self._of_body, self._of_cameras = recorded(BODY_OUTPUTS, requested), recorded(CAMERA_OUTPUTS, requested)
         self._prefix = f"/{tracker.strip('/')}"
         for name in (BAG, STATES, JOINTS, POSES, SUMMARY):
@@ -88,11 +88,11 @@ class RunWriter:
         """All topics, also when not a single set comes."""
         self.bag.add_topic(f"/{DESCRIPTION}", STRING, OfferedQos(durability="transient_local", depth=1))
         for output in self._of_body:
-            self.bag.add_topic(f"{self._prefix}/{output.name}", output.type_name, OfferedQos())
+            self.bag.add_topic(f"{self._prefix}/{output.topic}", output.type_name, OfferedQos())
         for camera in self._rig:
             self.bag.add_topic(f"/{camera.name}/camera_info", CAMERA_INFO, OfferedQos())
             for output in self._of_cameras:
-                self.bag.add_topic(f"{self._prefix}/{camera.name}/{output.name}", output.type_name, OfferedQos())
+                self.bag.add_topic(f"{self._prefix}/{camera.name}/{output.topic}", output.type_name, OfferedQos())
 
     def append(self, estimate: TrackEstimate, image_set: ImageSet) -> None:
         """One instant to all files; before a state is found, there is no row of joints and poses, and masks are empty.
@@ -123,10 +123,10 @@ class RunWriter:
                 info = camera_info(image.stamp_ns, camera.frame_id, camera.model)
                 self._write(f"/{camera.name}/camera_info", CAMERA_INFO, tracked, info)
             for output in self._of_cameras:
-                topic = f"{self._prefix}/{camera.name}/{output.name}"
+                topic = f"{self._prefix}/{camera.name}/{output.topic}"
                 self._write(topic, output.type_name, tracked, output.content(tracked, camera))
         for output in self._of_body:
-            self._write(f"{self._prefix}/{output.name}", output.type_name, tracked, output.content(tracked))
+            self._write(f"{self._prefix}/{output.topic}", output.type_name, tracked, output.content(tracked))
 
     def _write(self, topic: str, type_name: str, tracked: Tracked, content: Content | None) -> None:
         if content is not None:

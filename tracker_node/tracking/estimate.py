@@ -15,7 +15,7 @@ from .camera_fault import CameraFault
 class Status(IntEnum):
     """Same numbers as tracker_msgs/TrackedState."""
 
-    INITIALISING = 0
+    INITIALIZING = 0
     TRACKING = 1
     DEGRADED = 2
     LOST = 3
@@ -23,7 +23,7 @@ class Status(IntEnum):
     @property
     def has_state(self) -> bool:
         """False before a state is found: the estimate then holds the neutral state, which says nothing about the body."""
-        return self is not Status.INITIALISING
+        return self is not Status.INITIALIZING
 
     @property
     def known(self) -> bool:
@@ -32,12 +32,19 @@ class Status(IntEnum):
 
 
 class LimbStatus(IntEnum):
-    """Of one limb; same numbers as tracker_msgs/TrackedState. UNSEEN: hidden, or out of the images; its place is a guess."""
+    """Of one limb; same numbers as the constants ``LIMB_...`` of tracker_msgs/TrackedState.
 
-    UNSEEN = 0
+    UNSEEN: hidden, or out of the images; its place is a guess.
+    """
+
     TRACKING = 1
     DEGRADED = 2
     LOST = 3
+    UNSEEN = 4
+
+
+PX, GRAY_LEVELS = "px", "gray levels"
+"""Units of residuals: of contours, and of colors and texture."""
 
 
 @dataclass(frozen=True)
@@ -54,12 +61,13 @@ class LimbReport:
 class CameraReport:
     """One camera's part in an estimate.
 
-    ``stamp_ns`` of the image used, 0 when the camera gave none; ``residual_px`` rms over ``samples`` contour samples.
+    ``stamp_ns`` of the image used, 0 when the camera gave none; ``residual`` rms over ``samples`` image samples, in the unit of
+    the estimate.
     """
 
     camera: str
     stamp_ns: int
-    residual_px: float
+    residual: float
     samples: int
 
 
@@ -74,16 +82,19 @@ class Timings:
 
 @dataclass(frozen=True, eq=False)
 class TrackEstimate:
-    """Estimate of one instant.
+    """Estimate of one time step.
 
-    ``velocity`` (n_dof,) per second and ``covariance`` (n_dof, n_dof) are in the tangent of `model.configuration.State`
-    (metres, radians). ``score`` is the robust cost (px^2) at the solution, ``residual_px`` the rms distance of the contour
-    samples over all cameras. ``limbs`` is empty where the engine does not judge them: the trunk comes first, then the branches of
-    the kinematic tree. ``velocity_covariance`` (n_dof, n_dof) is None where nothing is known of it. ``information``
-    (n_dof, n_dof) is the inverse covariance that these images alone would give; None where they are not believed. ``pull``
-    (n_dof,) is that times the tangent from ``state`` to where they alone would have it: what the prediction holds them from.
-    ``arcs`` (n_dof, n_dof) is what of the covariance is not of errors along the tangent but of those that lead beside it.
-    ``faults`` are cameras that the others contradict.
+    Parameters
+    ----------
+    velocity, covariance : (n_dof,) per second and (n_dof, n_dof), in the tangent of `State` (meters, radians).
+    score : cost of the objective at the solution.
+    residual, residual_unit : rms over all cameras; `PX` where contours are compared, else `GRAY_LEVELS`.
+    limbs : the trunk, then the branches of the kinematic tree; empty where the engine does not judge them.
+    velocity_covariance : (n_dof, n_dof), None where it is not known.
+    information : (n_dof, n_dof) inverse covariance from these images alone; None where they have no weight.
+    pull : (n_dof,) ``information`` times the tangent from ``state`` to the optimum of these images alone.
+    arcs : (n_dof, n_dof) the second-order terms within ``covariance``.
+    faults : cameras that the others contradict.
     """
 
     stamp_ns: int
@@ -93,7 +104,7 @@ class TrackEstimate:
     velocity: np.ndarray
     covariance: np.ndarray
     score: float
-    residual_px: float
+    residual: float
     cameras: tuple[CameraReport, ...]
     iterations: int
     evaluations: int
@@ -104,6 +115,7 @@ class TrackEstimate:
     pull: np.ndarray | None = None
     arcs: np.ndarray | None = None
     faults: tuple[CameraFault, ...] = ()
+    residual_unit: str = PX
 
     def landmark_covariances(self, model: ArticulatedModel) -> np.ndarray:
         """(n_landmarks, 3, 3), m^2 in world axes: the covariance of the state carried to every landmark of ``model``."""

@@ -24,7 +24,7 @@ from .chamfer.engine import ContourEngine
 from .config import CHAMFER, COLOR_OVER_BACKGROUND, JOINT, REGION, TEXTURE, TrackerConfig, checked_combination
 from .covariance import ImageEvidence, fit_covariance
 from .engine import Engine, Images, Report, Verdict
-from .estimate import LimbStatus, Status, Timings, TrackEstimate
+from .estimate import GRAY_LEVELS, PX, LimbStatus, Status, Timings, TrackEstimate
 from .initialization.detector import body_size
 from .initialization.initializer import NOT_GIVEN, Starter
 from .motion.model import MotionModel, Passage, Prediction
@@ -174,7 +174,7 @@ class Tracker:
         done = time.perf_counter()
         if waiting:
             problem = NOT_GIVEN if self._starter is None else self._starter.problem
-            verdict, information = Verdict(Status.INITIALISING, problem), None
+            verdict, information = Verdict(Status.INITIALIZING, problem), None
         else:
             verdict = engine.judge(result, image_set)
             self.surety = verdict.surety
@@ -198,7 +198,8 @@ class Tracker:
             covariance=covariance,
             arcs=arcs,
             score=result.equations.cost,
-            residual_px=report.residual_px,
+            residual=report.residual_px,
+            residual_unit=PX if self.config.contours else GRAY_LEVELS,
             cameras=report.cameras,
             iterations=result.iterations,
             evaluations=result.evaluations,

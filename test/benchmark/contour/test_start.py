@@ -28,7 +28,7 @@ class Scripted:
 
     def step(self, image_set):
         self._sets += 1
-        status = Status.INITIALISING if self._sets < 3 else Status.TRACKING
+        status = Status.INITIALIZING if self._sets < 3 else Status.TRACKING
         joints = State.neutral(MODEL).joint_positions.copy()
         joints[MODEL.chain.dof_names.index("left_shoulder_elevation_front") - 6] += self._arm
         return SimpleNamespace(status=status, status_reason="", state=State(np.eye(4), joints))
@@ -53,6 +53,6 @@ def test_every_joint_must_be_near_the_truth(arm_deg, success):
 
 def test_a_body_that_is_never_found_is_a_failure():
     tracker = Scripted(0.0)
-    tracker.step = lambda image_set: SimpleNamespace(status=Status.INITIALISING, status_reason="", state=None)
+    tracker.step = lambda image_set: SimpleNamespace(status=Status.INITIALIZING, status_reason="", state=None)
     trial = contour_start.trial_from(20, recording(), tracker)
     assert not trial.success and trial.until == 10

@@ -12,7 +12,7 @@ WITHOUT, GIVE = (
 
 
 @pytest.mark.parametrize(
-    "counts", [{"TRACKING": 1, "LOST": 9}, {"DEGRADED": 1}, {"TRACKING": 3, "DEGRADED": 2, "INITIALISING": 1}]
+    "counts", [{"TRACKING": 1, "LOST": 9}, {"DEGRADED": 1}, {"TRACKING": 3, "DEGRADED": 2, "INITIALIZING": 1}]
 )
 def test_one_tracked_set_is_enough(counts, capsys):
     assert nothing_tracked("track", counts, "dark", True) == 0
@@ -31,11 +31,11 @@ def test_one_tracked_set_is_enough(counts, capsys):
          f" first images, or rig and images do not fit: {WITHOUT}"),
         ({"LOST": 7}, "", False,
          f"the body is LOST in all 7 image sets; likely the start was wrong, or rig and images do not fit: {GIVE}"),
-        ({"LOST": 7, "INITIALISING": 2}, "", False,
+        ({"LOST": 7, "INITIALIZING": 2}, "", False,
          f"the body is tracked in none of 9 image sets; likely the start was wrong, or rig and images do not fit: {GIVE}"),
-        ({"INITIALISING": 4, "LOST": 0}, "nobody there", False,
+        ({"INITIALIZING": 4, "LOST": 0}, "nobody there", False,
          f"the body was found in none of 4 image sets (nobody there): {GIVE}"),
-        ({"INITIALISING": 4}, "", True, f"the body was found in none of 4 image sets: {WITHOUT}"),
+        ({"INITIALIZING": 4}, "", True, f"the body was found in none of 4 image sets: {WITHOUT}"),
     ],
 )  # fmt: skip
 def test_what_was_seen_and_what_to_do(counts, reason, given, line, capsys):

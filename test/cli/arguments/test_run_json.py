@@ -64,4 +64,4 @@ def test_a_live_run_ends_with_its_counts(lost):
     assert found["expected_image_sets"] == 9 and found["cpu"] == "x"
     assert set(found["status_counts"]) == {status.name for status in Status}
     assert found["status_counts"]["TRACKING"] == 5 and found["status_counts"]["LOST"] == lost
-    assert found["status_counts"]["DEGRADED"] == 1 and found["status_counts"]["INITIALISING"] == 0
+    assert found["status_counts"]["DEGRADED"] == 1 and found["status_counts"]["INITIALIZING"] == 0

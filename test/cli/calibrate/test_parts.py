@@ -152,7 +152,7 @@ def body_options():
     return ScalingOptions(0.015)
 
 
-@pytest.mark.parametrize("status", ["LOST", "INITIALISING"])
+@pytest.mark.parametrize("status", ["LOST", "INITIALIZING"])
 def test_states_that_are_all_lost_are_refused(tmp_path, status):
     rows = (StateRow(0, status, "", State.neutral(MODEL).to_values()),)
     write_states(tmp_path / "states.csv", StateTrajectory(MODEL.chain.dof_names, rows))

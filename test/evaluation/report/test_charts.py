@@ -126,7 +126,7 @@ def with_cameras(found: Review) -> Review:
     """The first of two cameras sees nothing in the fourth set."""
     residuals = np.stack([1.0 + np.arange(N), np.full(N, 0.5)], axis=1)
     residuals[3, 0] = 0.0
-    return replace(found, run=replace(found.run, cameras=("a", "b"), camera_residuals_px=residuals))
+    return replace(found, run=replace(found.run, cameras=("a", "b"), camera_residuals=residuals))
 
 
 def test_residuals_are_of_each_camera_and_of_all(one, other):
@@ -135,7 +135,7 @@ def test_residuals_are_of_each_camera_and_of_all(one, other):
     assert [line.label for line in chart.lines] == ["a", "b", "all cameras"]
     np.testing.assert_allclose(first.y, [1.0, 2.0, 3.0, np.nan, *range(5, 11)])
     np.testing.assert_allclose(second.y, 0.5)
-    np.testing.assert_allclose(together.y, one.run.residual_px)
+    np.testing.assert_allclose(together.y, one.run.residual)
     assert [first.color, second.color] == list(charts.CYCLE[:2])
     whole, *each = charts.residual_charts([one, other])
     assert [line.label for line in whole.lines] == ["one", "other"]

@@ -93,7 +93,7 @@ def test_rows_of_a_file_in_order_of_time_the_last_of_a_stamp_and_only_those_with
     v = motion.values
     rows = [
         *((300, "TRACKING", v[3]), (100, "TRACKING", v[0]), (200, "LOST", v[2]), (100, "DEGRADED", v[1])),
-        *((400, "INITIALISING", v[4]), (500, "TRACKING", np.full(v.shape[1], np.nan)), (600, "TRACKING", v[5])),
+        *((400, "INITIALIZING", v[4]), (500, "TRACKING", np.full(v.shape[1], np.nan)), (600, "TRACKING", v[5])),
     ]
     found = load_true_states(write(tmp_path / "a.csv", motion, rows))
     assert found.stamps_ns.tolist() == [100, 200, 300, 400, 500, 600]

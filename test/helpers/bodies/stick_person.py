@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from tracker_node.geometry import se3, so3
-from tracker_node.loaders.bag.message_types import TRACKED_STATE
+from tracker_node.loaders.bag.message_types import STATE_COVARIANCE, TRACKED_STATE
 from tracker_node.loaders.bag.messages import message_of
 from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.loaders.motion.trajectory_file import (
@@ -20,7 +20,7 @@ from tracker_node.model.articulated import ArticulatedModel, Landmark, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 from tracker_node.model.shapes.primitives import Ellipsoid, TruncatedCone
-from tracker_node.runs.messages import tracked_state
+from tracker_node.runs.messages import state_covariance, tracked_state
 from tracker_node.tracking.estimate import CameraReport, Status, Timings, TrackEstimate
 
 PERIOD_NS = 16_666_667
@@ -109,8 +109,11 @@ def write_state_bag(path: Path, tracked: Motion, cameras: tuple[str, ...] = ("ca
                 stamp, Status.TRACKING, "", tracked.states[i], zeros, np.diag(zeros), 1.0, 2.5, reports, 4, 5,
                 Timings(1.0, 2.0, 3.0),
             )  # fmt: skip
-            message = message_of(TRACKED_STATE, tracked_state(estimate, tracked.model, "world"))
-            writer.write_message("/person/state", stamp, message)
+            for topic, kind, content_of in (
+                ("/person/state", TRACKED_STATE, tracked_state),
+                ("/person/state_covariance", STATE_COVARIANCE, state_covariance),
+            ):
+                writer.write_message(topic, stamp, message_of(kind, content_of(estimate, tracked.model, "world")))
     return path
 
 

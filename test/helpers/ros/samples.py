@@ -73,7 +73,7 @@ def some_estimate(model: ArticulatedModel, stamp_ns: int = 1_234_567_890_123) ->
         velocity=random.normal(size=n),
         covariance=root @ root.T,
         score=12.5,
-        residual_px=1.75,
+        residual=1.75,
         cameras=(CameraReport("left", stamp_ns, 1.5, 310), CameraReport("right", 0, 0.0, 0)),
         iterations=4,
         evaluations=6,

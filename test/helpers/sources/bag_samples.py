@@ -43,7 +43,7 @@ def pose(stamp_ns: int):
     )
 
 
-def tracked_state(stamp_ns: int, residual_px: float = 1.5):
+def tracked_state(stamp_ns: int, residual: float = 1.5):
     types = typestore().types
     vector, quaternion = types["geometry_msgs/msg/Point"], types["geometry_msgs/msg/Quaternion"]
     return types[TRACKED_STATE](
@@ -57,13 +57,12 @@ def tracked_state(stamp_ns: int, residual_px: float = 1.5):
         dof_names=["root_x"],
         values=np.array([1.0]),
         velocities=np.zeros(1),
-        covariance=np.ones(1),
-        velocity_covariance=np.ones(1),
         score=0.0,
-        residual_px=residual_px,
+        residual=residual,
+        residual_unit="px",
         cameras=["cam01"],
         camera_stamps=[header(stamp_ns).stamp],
-        camera_residuals_px=np.array([residual_px]),
+        camera_residuals=np.array([residual]),
         camera_samples=np.array([25], dtype=np.uint32),
         limbs=["trunk"],
         limb_status=np.array([1], dtype=np.uint8),
@@ -87,7 +86,7 @@ def fill(writer: BagWriter, n_instants: int = 30, seed: int = 5) -> None:
         pixels = rng.integers(0, 256, (48, 64, 3), dtype=np.uint8)
         writer.write_message("/cam01/image_raw", stamp_ns, image(stamp_ns, pixels))
         writer.write_message("/chatter", stamp_ns + 10, text(f"instant {i}"))
-        writer.write_message("/tracker/state", stamp_ns + 20, tracked_state(stamp_ns, residual_px=float(i)))
+        writer.write_message("/tracker/state", stamp_ns + 20, tracked_state(stamp_ns, residual=float(i)))
 
 
 def write_bag(path: Path, n_instants: int = 30, **options) -> Path:

@@ -63,5 +63,5 @@ def assert_same_bits(a: list[TrackEstimate], b: list[TrackEstimate]) -> None:
         assert x.state.to_values().tobytes() == y.state.to_values().tobytes()
         assert x.covariance.tobytes() == y.covariance.tobytes()
         assert x.velocity.tobytes() == y.velocity.tobytes()
-        assert (x.status, x.status_reason, x.score, x.residual_px) == (y.status, y.status_reason, y.score, y.residual_px)
+        assert (x.status, x.status_reason, x.score, x.residual) == (y.status, y.status_reason, y.score, y.residual)
         assert (x.cameras, x.iterations, x.evaluations) == (y.cameras, y.iterations, y.evaluations)

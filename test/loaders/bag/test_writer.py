@@ -62,7 +62,7 @@ def test_rosbags_reads_every_message(bag: Path) -> None:
         read = [(c.topic, reader.deserialize(data, c.msgtype)) for c, _, data in reader.messages()]
     texts = [message.data for topic, message in read if topic == "/chatter"]
     assert texts == [f"instant {i}" for i in range(30)]
-    residuals = [message.residual_px for topic, message in read if topic == "/tracker/state"]
+    residuals = [message.residual for topic, message in read if topic == "/tracker/state"]
     assert residuals == [float(i) for i in range(30)]
 
 

@@ -70,7 +70,7 @@ def test_plotjuggler_plots_these_curves():
     found, _ = tabs()
     state = "/lab/tracker/state"
     assert list(found) == ["Fit", "Timings", "Joint angles", "Root", "Cameras"]
-    residuals = [f"{state}/residual_px", *(f"{state}/camera_residuals_px[{i}]" for i in range(3))]
+    residuals = [f"{state}/residual", *(f"{state}/camera_residuals[{i}]" for i in range(3))]
     assert curves(found["Fit"]) == [residuals, [f"{state}/status"], [f"{state}/iterations", f"{state}/evaluations"]]
     assert curves(found["Timings"]) == [[f"{state}/observe_ms", f"{state}/optimize_ms", f"{state}/total_ms"]]
     joints = "/lab/tracker/joint_states"
@@ -112,7 +112,7 @@ def test_foxglove_has_these_panels():
 def test_foxglove_plots_these_paths():
     paths = {name: [path["value"] for path in panel["paths"]] for name, panel in PANELS.items() if "paths" in panel}
     state = "/lab/tracker/state"
-    assert paths["Plot!residual"] == [f"{state}.residual_px", *(f"{state}.camera_residuals_px[{i}]" for i in range(3))]
+    assert paths["Plot!residual"] == [f"{state}.residual", *(f"{state}.camera_residuals[{i}]" for i in range(3))]
     assert paths["Plot!joints"] == [f"/lab/tracker/joint_states.position[{i}]" for i in (4, 0, 2)]
     assert [path["label"] for path in PANELS["Plot!joints"]["paths"]] == ["knee", "elbow", "hip"]
     assert [path["label"] for path in PANELS["Plot!residual"]["paths"]] == ["all cameras", "left", "right", "top"]
@@ -124,13 +124,13 @@ def test_foxglove_plots_these_paths():
 def test_foxglove_s_states_are_those_of_the_message():
     states = PANELS["StateTransitions!status"]["paths"][0]["customStates"]["states"]
     assert [(state["value"], state["label"]) for state in states] == [
-        ("0", "INITIALISING"), ("1", "TRACKING"), ("2", "DEGRADED"), ("3", "LOST"),
+        ("0", "INITIALIZING"), ("1", "TRACKING"), ("2", "DEGRADED"), ("3", "LOST"),
     ]  # fmt: skip
 
 
 def test_foxglove_shows_overlays_and_the_body():
     assert PANELS["Image!left"]["imageMode"] == {
-        "imageTopic": "/lab/tracker/left/overlay", "calibrationTopic": "/lab/left/camera_info", "rectifyImage": False,
+        "imageTopic": "/lab/tracker/left/overlay/compressed", "calibrationTopic": "/lab/left/camera_info", "rectifyImage": False,
     }  # fmt: skip
     body = PANELS["3D!body"]
     assert body["followTf"] == "room"

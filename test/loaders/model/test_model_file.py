@@ -9,8 +9,8 @@ from tracker_node.loaders.model.model_file import (
     BoxEntry,
     ConeEntry,
     EllipsoidEntry,
-    FollowsEntry,
     LoftEntry,
+    MimicEntry,
     ModelFile,
 )
 from tracker_node.loaders.yaml_file import validate
@@ -55,8 +55,8 @@ def test_an_axis_turns_by_degrees_or_slides_by_metres():
         ({"limits_m": [0.1, 0.2]}, "neutral_m", "a length within the limits [0.1, 0.2]"),
         ({"stiffness": -0.1}, "stiffness", "a number >= 0"),
         ({"direction": [0, 0, 0]}, "direction", "non-zero length"),
-        ({"follows": {"axis": "lead", "offset_m": 0.1}}, "follows.offset_m", "own unit"),
-        ({"limits_m": [0, 1], "follows": {"axis": "lead", "offset_deg": 1}}, "follows.offset_deg", "own unit"),
+        ({"mimic": {"axis": "lead", "offset_m": 0.1}}, "mimic.offset_m", "own unit"),
+        ({"limits_m": [0, 1], "mimic": {"axis": "lead", "offset_deg": 1}}, "mimic.offset_deg", "own unit"),
     ],
 )
 def test_what_an_axis_cannot_be(given, field, expected):
@@ -64,10 +64,10 @@ def test_what_an_axis_cannot_be(given, field, expected):
 
 
 def test_an_axis_follows_another_in_its_own_unit():
-    assert taken(AxisEntry, **AXIS, follows={"axis": "lead", "offset_deg": 5}).follows == FollowsEntry(
+    assert taken(AxisEntry, **AXIS, mimic={"axis": "lead", "offset_deg": 5}).mimic == MimicEntry(
         axis="lead", multiplier=1.0, offset_deg=5.0, offset_m=0.0
     )
-    assert taken(AxisEntry, **AXIS, limits_m=[0, 1], follows={"axis": "lead", "offset_m": 0.1}).follows.offset_m == 0.1
+    assert taken(AxisEntry, **AXIS, limits_m=[0, 1], mimic={"axis": "lead", "offset_m": 0.1}).mimic.offset_m == 0.1
     assert taken(AxisEntry, **AXIS, stiffness=0).stiffness == 0.0
 
 
@@ -217,9 +217,9 @@ def test_an_axis_follows_one_that_there_is():
     def following(name):
         return model(joints={
             "ab": joint("a", "b", {"name": "lead", "direction": [1, 0, 0]}),
-            "bc": joint("b", "c", AXIS | {"follows": {"axis": name}}),
+            "bc": joint("b", "c", AXIS | {"mimic": {"axis": name}}),
         })  # fmt: skip
 
-    assert taken(ModelFile, **following("lead")).joints["bc"].axes[0].follows.axis == "lead"
+    assert taken(ModelFile, **following("lead")).joints["bc"].axes[0].mimic.axis == "lead"
     for name in ("bend", "nobody"):
-        refused(ModelFile, following(name), "joints.bc.axes.0.follows.axis", "one of ['lead']")
+        refused(ModelFile, following(name), "joints.bc.axes.0.mimic.axis", "one of ['lead']")

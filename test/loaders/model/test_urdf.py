@@ -154,7 +154,7 @@ def test_fingers_follow_each_other(tmp_path):
     (tmp_path / "again.urdf").write_text(urdf_of(model))
     (tmp_path / "state.yaml").write_text("root: {xyz: [0, 0, 0]}\njoints_m: {left_finger: 0.03}\n")
     for body in (model, load_model(tmp_path / "gripper.yaml"), load_model(tmp_path / "again.urdf")):
-        assert [axis.follows for axis in body.chain.axes] == [
+        assert [axis.mimic for axis in body.chain.axes] == [
             None, Following("left_finger", 1.0, 0.005), Following("right_finger", -40.0, 0.0)
         ]  # fmt: skip
         np.testing.assert_allclose(State.neutral(body).joint_positions, [0.01, 0.015, -0.6])

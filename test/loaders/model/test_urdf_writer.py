@@ -27,7 +27,7 @@ def robot(joints: tuple[Joint, ...] = (), shapes: tuple[Shape, ...] = (), links=
 def test_joints_have_a_link_for_each_axis():
     axes = (
         Axis("turn", (0.0, 0.0, 1.0), -1.5, 2.0),
-        Axis("slide", (1.0, 0.0, 0.0), -0.5, 0.25, prismatic=True, follows=Following("turn", 2.0, 0.125)),
+        Axis("slide", (1.0, 0.0, 0.0), -0.5, 0.25, prismatic=True, mimic=Following("turn", 2.0, 0.125)),
         Axis("spin", (0.0, 1.0, 0.0), -ENDLESS_RAD, ENDLESS_RAD),
     )
     joints = (Joint("j", "a", "b", at(1, 2, 3), axes), Joint("weld", "b", "c", at(4, 5, 6)))

@@ -34,7 +34,7 @@ def test_states_come_back_bit_for_bit(tmp_path_factory, values, stamp_ns, reason
     assert read.values.tobytes() == np.array([values]).tobytes()
     assert read.stamps_ns.tolist() == [stamp_ns]
     assert read.rows[0].reason == reason
-    assert (read.rows[0].score, read.rows[0].residual_px) == (12.5, 1 / 3)
+    assert (read.rows[0].score, read.rows[0].residual) == (12.5, 1 / 3)
     assert (read.rows[0].iterations, read.rows[0].evaluations) == (4, 6)
 
 
@@ -42,7 +42,7 @@ def test_the_header_says_the_units(tmp_path: Path) -> None:
     tf.write_states(tmp_path / "states.csv", tf.StateTrajectory(NAMES, ()))
     assert (tmp_path / "states.csv").read_text() == (
         "stamp_ns,status,reason,root_x_m,root_y_m,root_z_m,root_rx_rad,root_ry_rad,root_rz_rad,knee_flexion_rad,elbow_m_rad,"
-        "score,residual_px,iterations,evaluations\n"
+        "score,residual,iterations,evaluations\n"
     )
 
 

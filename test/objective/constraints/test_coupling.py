@@ -18,9 +18,9 @@ X = (1.0, 0.0, 0.0)
 def gears(leader: str = "crank") -> KinematicChain:
     axes = (
         Axis("crank", X, -2.0, 2.0),
-        Axis("rack", X, -0.1, 0.3, prismatic=True, follows=Following(leader, 0.2, 0.1)),
+        Axis("rack", X, -0.1, 0.3, prismatic=True, mimic=Following(leader, 0.2, 0.1)),
         Axis("free", X),
-        Axis("hand", X, follows=Following("rack", -3.0)),
+        Axis("hand", X, mimic=Following("rack", -3.0)),
     )
     return KinematicChain(("a", "b"), (Joint("gear", "a", "b", np.eye(4), axes),))
 

@@ -117,7 +117,7 @@ def test_markers_say_whose_they_are_and_when():
         assert marker.header.stamp.sec * 10**9 + marker.header.stamp.nanosec == estimate.stamp_ns
 
 
-@pytest.mark.parametrize(("status", "alpha"), [(Status.TRACKING, 1.0), (Status.DEGRADED, 0.6), (Status.INITIALISING, 0.6)])
+@pytest.mark.parametrize(("status", "alpha"), [(Status.TRACKING, 1.0), (Status.DEGRADED, 0.6), (Status.INITIALIZING, 0.6)])
 def test_a_body_that_is_tracked_has_its_own_colors(status, alpha):
     _, _, markers = markers_of(status)
     cone = markers[1].color

@@ -9,13 +9,13 @@ pytest.importorskip("rclpy")
 from geometry_msgs.msg import Pose, PoseWithCovarianceStamped, TwistWithCovarianceStamped
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
-from tracker_msgs.msg import TrackedState
+from tracker_msgs.msg import StateCovariance, TrackedState
 
+from helpers.ros.estimates import estimate_of
 from helpers.ros.samples import arm, some_estimate, some_state
 from tracker_node.errors import TrackerError, UnknownNameError
 from tracker_node.ros.conversions import message_of, stamp_ns_of, transform_of_pose, values_with_changes
 from tracker_node.runs import messages
-from tracker_node.runs.messages import estimate_of
 
 
 @pytest.fixture
@@ -25,6 +25,10 @@ def model():
 
 def tracked_state_message(estimate, model):
     return message_of(TrackedState, messages.tracked_state(estimate, model, "world"))
+
+
+def covariance_message(estimate, model):
+    return message_of(StateCovariance, messages.state_covariance(estimate, model, "world"))
 
 
 def sent(message):
@@ -37,23 +41,24 @@ def test_tracked_state_there_and_back(model):
     assert isinstance(message, TrackedState) and message.header.frame_id == "world"
     assert message.dof_names == list(model.chain.dof_names)
     assert np.array_equal(np.array(message.values), estimate.state.to_values())  # bit for bit
-    back = estimate_of(message)
-    names = ("stamp_ns", "status", "status_reason", "score", "residual_px", "cameras", "iterations", "evaluations", "timings")
-    for name in (*names, "limbs"):
+    back = estimate_of(message, sent(covariance_message(estimate, model)))
+    names = ("stamp_ns", "status", "status_reason", "score", "residual", "residual_unit", "cameras", "iterations", "evaluations")
+    for name in (*names, "timings", "limbs"):
         assert getattr(back, name) == getattr(estimate, name)
     assert np.array_equal(back.covariance, estimate.covariance) and np.array_equal(back.velocity, estimate.velocity)
     assert np.array_equal(back.velocity_covariance, estimate.velocity_covariance)
     unknown = replace(estimate, velocity_covariance=None)
-    assert estimate_of(sent(tracked_state_message(unknown, model))).velocity_covariance is None
+    assert not len(sent(covariance_message(unknown, model)).velocity_covariance)
+    assert estimate_of(message, sent(covariance_message(unknown, model))).velocity_covariance is None
     assert np.allclose(back.state.T_world_root, estimate.state.T_world_root, atol=1e-12)
     assert np.array_equal(back.state.joint_positions, estimate.state.joint_positions)
 
 
 def test_numpy_scalars_and_integers_arrive_as_what_they_are(model):
     """Unchecked message fields turn them into garbage."""
-    fields = {**some_estimate(model).__dict__, "score": np.float32(1.5), "residual_px": 2, "iterations": np.int64(3)}
+    fields = {**some_estimate(model).__dict__, "score": np.float32(1.5), "residual": 2, "iterations": np.int64(3)}
     message = sent(tracked_state_message(type(some_estimate(model))(**fields), model))
-    assert (message.score, message.residual_px, message.iterations) == (1.5, 2.0, 3)
+    assert (message.score, message.residual, message.iterations) == (1.5, 2.0, 3)
 
 
 def test_pose_with_covariance(model):

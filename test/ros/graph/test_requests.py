@@ -17,12 +17,12 @@ from tracker_msgs.msg import TrackedState
 from tracker_msgs.srv import SetState
 
 from helpers.ros.cameras import PERIOD_NS, Cameras, N, files_of, image_set_of, options_of, tracker_of
+from helpers.ros.estimates import estimate_of
 from helpers.ros.graph import stamps
 from helpers.ros.samples import moving_state, placed
 from tracker_node.model.configuration import State
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.ros.conversions import camera_info_message
-from tracker_node.runs.messages import estimate_of
 from tracker_node.tracking.estimate import Status
 
 

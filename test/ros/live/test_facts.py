@@ -12,7 +12,7 @@ from tracker_node.ros.live.facts import LiveDiagnostics, LiveTracker
 
 
 def state(age_s=0.05, status=1, **fields):
-    message = TrackedState(status=status, residual_px=1.5, total_ms=20.0, **fields)
+    message = TrackedState(status=status, residual=1.5, residual_unit="px", total_ms=20.0, **fields)
     message.header.stamp = stamp_message(time.time_ns() - round(age_s * 1e9))
     return message
 
@@ -40,12 +40,12 @@ def test_old_states_are_forgotten_and_the_numbers_go_on(monkeypatch):
 
 def test_a_point_has_the_figures_of_its_state():
     (point,) = points(state(0.25))
-    assert (point.status, point.residual_px, point.total_ms) == (live_facts.Status(1).name, 1.5, 20.0)
+    assert (point.status, point.residual, point.total_ms) == (live_facts.Status(1).name, 1.5, 20.0)
     assert point.latency_ms == pytest.approx(250.0, abs=30.0)
     (unknown,) = points(state(status=99))
     assert unknown.status == "STATUS 99"
-    (nothing,) = points(TrackedState(residual_px=float("nan"), total_ms=float("inf")))
-    assert (nothing.residual_px, nothing.total_ms) == (None, None)
+    (nothing,) = points(TrackedState(residual=float("nan"), total_ms=float("inf")))
+    assert (nothing.residual, nothing.total_ms) == (None, None)
 
 
 @pytest.mark.parametrize(("age_s", "known"), [(-0.05, True), (-0.3, False), (599.0, True), (601.0, False)])
@@ -81,7 +81,7 @@ def test_facts_are_plain_values():
     message = state(
         status_reason="two cameras", model="stick", iterations=4, dof_names=["x", "y"], values=[1.0, float("nan")],
         limbs=["arm", "leg"], limb_status=[1, 77], limb_lost_probability=[0.25, 0.5], limb_reasons=["", "hidden"],
-        cameras=["a"], camera_residuals_px=[2.5], camera_samples=[30],
+        cameras=["a"], camera_residuals=[2.5], camera_samples=[30],
     )  # fmt: skip
     message.header.stamp = stamp_message(1_500_000_000)
     tracker.take(message)
@@ -89,8 +89,8 @@ def test_facts_are_plain_values():
     assert 0.0 <= facts.pop("age_s") < 5.0
     name = live_facts._name(live_facts.Status, 1)
     assert facts == {
-        "status": name, "reason": "two cameras", "model": "stick", "stamp_s": pytest.approx(1.5), "residual_px": 1.5,
-        "iterations": 4, "dofs": [["x", 1.0], ["y", None]],
+        "status": name, "reason": "two cameras", "model": "stick", "stamp_s": pytest.approx(1.5),
+        "residual": 1.5, "residual_unit": "px", "iterations": 4, "dofs": [["x", 1.0], ["y", None]],
         "limbs": [["arm", live_facts.LimbStatus(1).name, 0.25, ""], ["leg", "LIMBSTATUS 77", 0.5, "hidden"]],
         "cameras": [["a", 2.5, 30]],
     }  # fmt: skip

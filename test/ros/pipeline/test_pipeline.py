@@ -55,9 +55,10 @@ def test_everything_is_tracked_and_recorded(launch, recording, tmp_path):
     assert counts.pop("/robot_description") == 1
     assert counts.pop("/diagnostics") >= 1
     cameras = ("cam1", "cam2", "cam3")
-    expected = {"/tracker/state", "/tracker/pose", "/tracker/joint_states", "/tracker/markers"}
+    expected = {"/tracker/state", "/tracker/state_covariance", "/tracker/pose", "/tracker/joint_states", "/tracker/markers"}
     expected |= {f"/{camera}/{topic}" for camera in cameras for topic in ("image_raw", "camera_info")}
-    expected |= {f"/tracker/{camera}/{topic}" for camera in cameras for topic in ("mask", "overlay", "target_through_mask")}
+    pictures = ("mask", "overlay/compressed", "masked_image/compressed")
+    expected |= {f"/tracker/{camera}/{topic}" for camera in cameras for topic in pictures}
     assert counts == dict.fromkeys(expected, 12)
 
 

@@ -11,11 +11,12 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
-from tracker_msgs.msg import TrackedState
+from tracker_msgs.msg import StateCovariance, TrackedState
 from tracker_msgs.srv import SetState
 from visualization_msgs.msg import MarkerArray
 
 from helpers.ros.cameras import PERIOD_NS, N, image_set_of, options_of, tracker_of
+from helpers.ros.estimates import estimate_of
 from helpers.ros.graph import stamps
 from helpers.ros.samples import moving_state, placed
 from tracker_node.loaders.model.urdf_writer import urdf_of
@@ -30,7 +31,7 @@ from tracker_node.ros.conversions import (
     transform_of_pose,
 )
 from tracker_node.ros.qos import LATCHED
-from tracker_node.runs.messages import estimate_of, pose_of
+from tracker_node.runs.messages import pose_of
 from tracker_node.tracking.estimate import Status
 
 
@@ -39,17 +40,18 @@ def test_two_processes_say_what_the_tracker_says(probe, launch, recording, check
     """All topics of all image sets; the states are those of the same calls in this process, bit for bit."""
     states, poses = probe.listen(TrackedState, "tracker/state"), probe.listen(PoseWithCovarianceStamped, "tracker/pose")
     joints, masks = probe.listen(JointState, "tracker/joint_states"), probe.listen(Image, "tracker/cam2/mask")
-    overlays, markers = probe.listen(CompressedImage, "tracker/cam1/overlay"), probe.listen(MarkerArray, "tracker/markers")
+    overlays = probe.listen(CompressedImage, "tracker/cam1/overlay/compressed")
+    markers, covariances = probe.listen(MarkerArray, "tracker/markers"), probe.listen(StateCovariance, "tracker/state_covariance")
     description = probe.listen(String, "robot_description", LATCHED)
     files = ["--rig", recording / "rig.yaml", "--model", recording / "model.yaml", "--initial-state", recording / "state.yaml"]
     environment = {"ROS_PYTHON_CHECK_FIELDS": checked}
-    wait = ("--wait-for", "state=2", "pose=1", "joint_states=1")
+    wait = ("--wait-for", "state=2", "pose=1", "joint_states=1", "state_covariance=1")
     tracker = launch("tracker", *files, "--lossless", *wait, env=environment)
     consumed = ("--as-fast-as-consumed", "--wait-for-subscribers", "1")
     ingest = launch("camera_ingest", "--rig", recording / "rig.yaml", "--rate", "30", *consumed, env=environment)
     probe.spin_until(lambda: len(states) == N, f"{N} states")
     assert ingest.wait() == 0, ingest.err
-    probe.spin_until(lambda: all(len(x) == N for x in (poses, joints, masks, overlays, markers)), "the other topics")
+    probe.spin_until(lambda: all(len(x) == N for x in (poses, covariances, joints, masks, overlays, markers)), "the other topics")
     tracker.interrupt()
     assert tracker.wait() == 0 and "Traceback" not in tracker.err
     options = options_of(recording)
@@ -57,11 +59,12 @@ def test_two_processes_say_what_the_tracker_says(probe, launch, recording, check
     for i, message in enumerate(states):
         expected = tracker_here.step(image_set_of(recording, i))
         assert np.array_equal(np.array(message.values), expected.state.to_values())
-        assert np.array_equal(estimate_of(message).covariance, expected.covariance)
+        assert np.array_equal(estimate_of(message, covariances[i]).covariance, expected.covariance)
         assert (message.status, message.iterations) == (expected.status, expected.iterations)
         assert estimate_of(message).cameras == expected.cameras
         drawn = render_mask(Configuration(options.model, expected.state), options.rig["cam2"])
         assert np.array_equal(camera_image_of("cam2", masks[i]).pixels, drawn) and drawn.any()
+    assert stamps(states) == stamps(covariances)
     assert stamps(states) == stamps(poses) == stamps(joints) == stamps(masks) == [round(i * 1e9 / 30.0) for i in range(N)]
     assert [d.data for d in description] == [urdf_of(options.model)]
 

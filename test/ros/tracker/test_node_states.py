@@ -45,7 +45,7 @@ def said(node, part="calibration"):
 
 def test_before_it_is_configured_there_is_nothing(make):
     node = make()
-    assert node.superseded == 0 and node.counters() == {} and node.fatal is None and not node.has_subscribers({})
+    assert node.skipped == 0 and node.counters() == {} and node.fatal is None and not node.has_subscribers({})
     assert node.autostart and not make(autostart=False).autostart
     assert said(node, "lifecycle") == (OK, "unconfigured")
     node._take_setup()  # of no worker
@@ -54,9 +54,9 @@ def test_before_it_is_configured_there_is_nothing(make):
 def test_once_it_is_configured_the_worker_is_asked(make):
     node = make(initial_state=START)
     assert node.configure() and node._worker._initial_state is START and node._worker.lossless
-    node._worker.counts.superseded = 3
+    node._worker.counts.skipped = 3
     node._worker._thread.fatal = error = RuntimeError("gone")
-    assert node.superseded == 3 and node.fatal is error and set(node.counters()) == {"cam1", "cam2", "cam3"}
+    assert node.skipped == 3 and node.fatal is error and set(node.counters()) == {"cam1", "cam2", "cam3"}
     assert node.has_subscribers({}) and node.has_subscribers({"state": 0}) and not node.has_subscribers({"state": 1})
     node._worker._thread.fatal = None
 

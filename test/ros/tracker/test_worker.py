@@ -96,7 +96,7 @@ def test_the_newest_two_sets_win_and_the_others_are_counted(probe, build):
     bench.tracker.go.set()
     probe.spin_until(lambda: len(bench.states) == 3, "three states")
     assert stamps(bench.states) == [0, 3 * 33_000_000, 4 * 33_000_000]
-    assert bench.node.superseded == 2
+    assert bench.node.skipped == 2
 
 
 def test_waiting_images_are_bounded_and_the_loss_is_counted(probe, build):
@@ -109,7 +109,7 @@ def test_waiting_images_are_bounded_and_the_loss_is_counted(probe, build):
     bench.tracker.go.set()
     probe.spin_until(lambda: len(bench.states) == 3, "three states")
     assert stamps(bench.states)[-1] == 10 * 33_000_000
-    assert bench.node._inbox.overflowed == {"cam1": 6, "cam2": 6, "cam3": 6} and bench.node.superseded == 2
+    assert bench.node._inbox.overflowed == {"cam1": 6, "cam2": 6, "cam3": 6} and bench.node.skipped == 2
     said = bench.said("cam2")
     assert any(level == DiagnosticStatus.WARN and "images are lost (overflowed" in message for level, message in said)
 
@@ -189,7 +189,7 @@ def test_looking_anew_outlasts_a_change_of_parameters(probe, build):
     assert probe.ask(Trigger, "tracker/reinitialize", Trigger.Request()).success
     bench.change_parameters(11.0)
     probe.spin_until(lambda: bench.tracker.told == ["look anew"] * 2, "told to both trackers")
-    bench.tracker.status = Status.INITIALISING
+    bench.tracker.status = Status.INITIALIZING
     bench.send(0)
     probe.spin_until(lambda: len(bench.states) == 1, "a state")
     bench.change_parameters(12.0)
@@ -332,12 +332,12 @@ def test_parameters_change_after_a_failed_first_set_and_the_start_stays_as_confi
 
 def test_a_search_goes_on_after_a_set_that_failed_in_it(probe, build):
     bench = build(lossless=True)
-    bench.tracker.status, bench.tracker.failing = Status.INITIALISING, {33_000_000}
+    bench.tracker.status, bench.tracker.failing = Status.INITIALIZING, {33_000_000}
     bench.tracker.go.set()
     bench.send(0)
     bench.send(1)
     probe.spin_until(lambda: len(bench.states) == 2, "a guess and a failure")
-    assert [s.status for s in bench.states] == [Status.INITIALISING, Status.LOST]
+    assert [s.status for s in bench.states] == [Status.INITIALIZING, Status.LOST]
     bench.change_parameters(11.0)
     probe.spin_until(lambda: bench.tracker.told == ["look anew"], "the search, told to the new tracker")
 
@@ -357,7 +357,7 @@ def test_nothing_is_kept_of_a_recording_that_begins_again_with_a_failure(probe, 
     assert bench.tracker.told == ["reset"]
 
 
-@pytest.mark.parametrize("status", [Status.LOST, Status.INITIALISING])
+@pytest.mark.parametrize("status", [Status.LOST, Status.INITIALIZING])
 def test_what_cannot_say_that_it_is_wrong_is_not_sent_while_the_body_is_not_known(probe, build, status):
     bench = build(lossless=True)
     topics = {"pose": PoseWithCovarianceStamped, "twist": TwistWithCovarianceStamped, "joint_states": JointState}

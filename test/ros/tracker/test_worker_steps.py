@@ -72,22 +72,22 @@ def test_what_a_new_worker_knows(bench):
 def test_the_newest_two_of_those_that_wait_are_tracked_and_no_more(tmp_path):
     bench = Bench(tmp_path, lossless=False)
     bench.step(10, 20)
-    assert bench.stamps == [10, 20] and bench.counts.superseded == 0
+    assert bench.stamps == [10, 20] and bench.counts.skipped == 0
     bench.step(30, 40, 50, 60, 70)
-    assert bench.stamps == [10, 20, 60, 70] and bench.counts.superseded == 3 and bench.counts.tracked == 4
+    assert bench.stamps == [10, 20, 60, 70] and bench.counts.skipped == 3 and bench.counts.tracked == 4
 
 
 def test_a_lossless_worker_supersedes_none(bench):
     bench.step(10, 20, 30, 40)
-    assert bench.stamps == [10, 20, 30, 40] and bench.counts.superseded == 0
+    assert bench.stamps == [10, 20, 30, 40] and bench.counts.skipped == 0
 
 
-@pytest.mark.parametrize(("finishing", "tracked", "superseded"), [(False, 1, 2), (True, 3, 0)])
-def test_a_stop_between_image_sets_leaves_the_rest_and_counts_it(bench, finishing, tracked, superseded):
+@pytest.mark.parametrize(("finishing", "tracked", "skipped"), [(False, 1, 2), (True, 3, 0)])
+def test_a_stop_between_image_sets_leaves_the_rest_and_counts_it(bench, finishing, tracked, skipped):
     bench.worker._finishing = finishing
     bench.worker._on_estimate = lambda *_: bench.worker._thread.stopping.set()
     bench.step(10, 20, 30)
-    assert (bench.counts.tracked, bench.counts.superseded) == (tracked, superseded)
+    assert (bench.counts.tracked, bench.counts.skipped) == (tracked, skipped)
 
 
 def test_an_image_set_is_at_work_only_while_it_is_tracked(bench):
@@ -106,7 +106,7 @@ def test_requests_are_obeyed_between_image_sets(bench):
 def test_image_sets_without_lenses_are_counted_one_by_one(tmp_path):
     bench = Bench(tmp_path, lenses=False)
     bench.step(10, 20)
-    assert bench.counts.superseded == 2 and bench.counts.tracked == 0 and bench.estimates == []
+    assert bench.counts.skipped == 2 and bench.counts.tracked == 0 and bench.estimates == []
 
 
 def test_a_failed_image_set_is_lost_where_the_body_was_and_says_how_long_it_took(bench):
@@ -206,7 +206,7 @@ def test_a_lost_body_is_begun_at_and_not_taken_over(bench):
 
 
 def test_a_search_goes_on_with_a_new_tracker(bench):
-    bench.tracker.status = Status.INITIALISING
+    bench.tracker.status = Status.INITIALIZING
     bench.step(10)
     new = HeldTracker()
     bench.worker.use(bench.setup(new))

@@ -52,8 +52,8 @@ class FakeTracker:
         self.asked: list[str] = []
         self.images = 0
         self._state = self.node.create_publisher(TrackedState, "~/state", RESULT)
-        self._overlay = self.node.create_publisher(CompressedImage, "~/left/overlay", RESULT)
-        self._other_overlay = self.node.create_publisher(CompressedImage, "~/right/overlay", RESULT)
+        self._overlay = self.node.create_publisher(CompressedImage, "~/left/overlay/compressed", RESULT)
+        self._other_overlay = self.node.create_publisher(CompressedImage, "~/right/overlay/compressed", RESULT)
         self._raw = self.node.create_publisher(Image, "/left/image_raw", RESULT)
         self._diagnostics = self.node.create_publisher(DiagnosticArray, "/diagnostics", RESULT)
         self.node.create_service(Trigger, "~/reset", self._on_reset)
@@ -91,7 +91,8 @@ class FakeTracker:
         return response
 
     def _say(self) -> None:
-        state = TrackedState(status=self.status, status_reason=self.reason, model="lamp", residual_px=self.residual)
+        state = TrackedState(status=self.status, status_reason=self.reason, model="lamp", residual=self.residual)
+        state.residual_unit = "px"
         state.header.stamp = stamp_message(time.time_ns() - 20_000_000)
         state.limbs, state.limb_status, state.limb_reasons = ["left_hand"], [1], [""]
         state.limb_lost_probability = [0.25]
@@ -288,7 +289,7 @@ def test_a_real_tracker_is_seen_and_reset(ros_domain_id, tmp_path):
 
 def test_a_page_that_asks_seldom_gets_the_newest_image_only(fake):
     with running_studio() as studio, connect(own_page(studio)[0], **own_page(studio)[1]) as stream:
-        wanted = {"topics": {"/fake/left/overlay": 0}}
+        wanted = {"topics": {"/fake/left/overlay/compressed": 0}}
         images = []
         while not images:
             images = ask(stream, wanted)

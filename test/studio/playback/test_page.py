@@ -66,7 +66,7 @@ def test_reasons_come_from_the_bag_or_the_table(clip, tmp_path):
     assert open_run(open_session(files(clip, run=tmp_path / "table"))).reasons == of_bag
     assert len(of_bag) == 3 and all("2 of 3 cameras" in reason for reason in of_bag)
     shown = PlaybackDesk(open_session(files(clip, run=tmp_path / "run"))).run()
-    residuals = dict(zip(shown["residual_cameras"], zip(*shown["camera_residuals_px"], strict=True), strict=True))
+    residuals = dict(zip(shown["residual_cameras"], zip(*shown["camera_residuals"], strict=True), strict=True))
     assert residuals["cam03"] == (None, None, None) and all(value > 0.0 for value in residuals["cam01"])
 
 
@@ -136,7 +136,7 @@ def test_the_page_says_what_the_run_says(page, clip):
         shown = page.inner_text("#state")
         assert run.status[i] == 1 and "tracking" in shown.lower()
         numbers = [float(number) for number in re.findall(r"([\d.]+) px", shown)]  # of all, then of each camera, rounded
-        assert numbers[:2] == pytest.approx([run.residual_px[i], run.camera_residuals_px[i, 0]], abs=0.0055)
+        assert numbers[:2] == pytest.approx([run.residual[i], run.camera_residuals[i, 0]], abs=0.0055)
         assert f"{(i / RATE_HZ):.3f} s" in page.inner_text("#where")
         page.keyboard.press("ArrowRight")
     assert run.details is None or not run.details.limbs or run.details.limbs[0] in page.inner_text("#state")

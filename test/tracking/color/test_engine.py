@@ -55,7 +55,7 @@ def test_contours_take_over_from_colors(clip, tracked):
     found = track(clip, modalities=["color", "chamfer"], combination="sequential")
     assert clip.errors_mm(found).mean() < 8.0
     assert [e.status for e in found] == [Status.TRACKING] * N_SETS
-    assert max(e.residual_px for e in found) < 1.0  # in pixels, as of contours
+    assert max(e.residual for e in found) < 1.0  # in pixels, as of contours
 
 
 @pytest.fixture(scope="module")
@@ -152,7 +152,7 @@ def test_without_a_state_it_waits(clip):
     for more in ({}, {"modalities": ["color", "region"], "combination": "sequential"}):
         tracker = Tracker(clip.rig, clip.model, from_dict(LEARNT | more | {"initialization.enabled": False}))
         estimate = tracker.step(clip.sets[0])
-        assert (estimate.status, estimate.status_reason) == (Status.INITIALISING, "no initial state has been given")
+        assert (estimate.status, estimate.status_reason) == (Status.INITIALIZING, "no initial state has been given")
         assert estimate.covariance[0, 0] > 1.0  # m^2: anywhere
         assert [(r.samples, r.stamp_ns) for r in estimate.cameras] == [(0, clip.sets[0].stamp_ns)] * 4
 

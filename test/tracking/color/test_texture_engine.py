@@ -75,7 +75,7 @@ def searches(monkeypatch) -> list:
 def test_it_waits_for_a_state_without_looking(searches):
     tracker = Tracker(rig(), MODEL, CONFIG)
     waiting = tracker.step(image_set(0, film(None)))
-    assert waiting.status is Status.INITIALISING
+    assert waiting.status is Status.INITIALIZING
     assert not searches
     tracker.set_state(TRUE)
     assert tracker.step(image_set(PERIOD_NS, film())).status is Status.TRACKING
@@ -100,7 +100,7 @@ def test_a_lost_plate_is_reported_where_it_stays():
     objective.set_images(film(None))
     there = objective.evaluate(estimate.state)
     assert [camera.samples for camera in estimate.cameras] == list(there.camera_points)
-    np.testing.assert_allclose([camera.residual_px for camera in estimate.cameras], there.camera_rms)
+    np.testing.assert_allclose([camera.residual for camera in estimate.cameras], there.camera_rms)
 
 
 def test_a_camera_that_shows_something_else_is_named():
@@ -132,6 +132,6 @@ def test_a_camera_without_an_image_has_no_residual():
     without = ImageSet(found.stamp_ns, found.images[1:])
     estimate = Tracker(rig(), MODEL, CONFIG, initial_state=TRUE).step(without)
     first, *others = estimate.cameras
-    assert (first.stamp_ns, first.residual_px, first.samples) == (0, 0.0, 0)
-    assert all(other.residual_px > 0.0 for other in others)
+    assert (first.stamp_ns, first.residual, first.samples) == (0, 0.0, 0)
+    assert all(other.residual > 0.0 for other in others)
     assert estimate.status is Status.DEGRADED

@@ -48,7 +48,7 @@ def test_a_person_is_found_with_plates_twice_the_same():
 def test_a_tracker_without_an_initial_state_finds_the_person_and_follows():
     tracker = Tracker(SCENE.rig, SCENE.model, CONFIG, SCENE.plates)
     nobody = tracker.step(SCENE.image_set(0, SCENE.images(None)))
-    assert nobody.status is Status.INITIALISING and "nothing of the size of a body stands out" in nobody.status_reason
+    assert nobody.status is Status.INITIALIZING and "nothing of the size of a body stands out" in nobody.status_reason
     tracker.reset()
     for number in range(3):
         estimate = tracker.step(SCENE.image_set(number, SCENE.images(WALKING, number)))
@@ -106,7 +106,7 @@ def test_one_camera_finds_the_person_where_it_looks():
 def test_an_initial_state_is_waited_for_where_the_search_is_off():
     tracker = Tracker(SCENE.rig, SCENE.model, from_dict({"initialization": {"enabled": False}}), SCENE.plates)
     estimate = tracker.step(SCENE.image_set(0, SCENE.images(WALKING)))
-    assert (estimate.status, estimate.status_reason) == (Status.INITIALISING, "no initial state has been given")
+    assert (estimate.status, estimate.status_reason) == (Status.INITIALIZING, "no initial state has been given")
 
 
 def test_limbs_are_the_unbranched_stretches():

@@ -102,7 +102,7 @@ def test_residuals_are_of_each_camera_and_of_all(begun):
     report = made.report(result, SCENE.image_set(3, images))
     assert [camera.camera for camera in report.cameras] == ["cam0", "cam1", "cam2"]
     assert {camera.stamp_ns for camera in report.cameras} == {100_000_000}
-    each = np.array([camera.residual_px for camera in report.cameras])
+    each = np.array([camera.residual for camera in report.cameras])
     assert each.min() <= report.residual_px <= each.max()
     assert min(camera.samples for camera in report.cameras) > 20
     without = made.report(result, SCENE.image_set(3, [images[0], None, images[2]]))

@@ -141,7 +141,7 @@ def _placed(model, markers, states_file: str, options):
     trajectory = read_states(states_file)
     if tuple(trajectory.dof_names) != tuple(model.chain.dof_names):
         raise FileFormatError(states_file, "columns", f"the degrees of freedom of {model.name}", trajectory.dof_names)
-    tracked = [i for i, row in enumerate(trajectory.rows) if row.status not in ("LOST", "INITIALISING")]
+    tracked = [i for i, row in enumerate(trajectory.rows) if row.status not in ("LOST", "INITIALIZING")]
     if not tracked:
         raise FileFormatError(states_file, "rows", "at least one state that is not lost", f"none in {len(trajectory.rows)} rows")
     seconds = (trajectory.stamps_ns - trajectory.stamps_ns[0]) * 1e-9 + markers.times_s[0]

@@ -11,7 +11,7 @@ from ..arguments.topics import add_topics_argument, with_topics
 SUMMARY = "track a body in the images of ROS cameras"
 EXAMPLE = "tracker_node tracker --rig rig.yaml --model person.yaml --initial-state start.yaml"
 SETTLE_S = 0.3  # between our discovery of a subscriber and its discovery of us; what is sent before is lost
-OUTPUTS = ("state", "pose", "joint_states", "markers", "mask", "overlay", "target_through_mask")
+OUTPUTS = ("state", "state_covariance", "pose", "joint_states", "markers", "mask", "overlay", "masked_image")
 
 
 def add_body_arguments(parser: argparse.ArgumentParser, required: bool = True) -> None:
@@ -46,8 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         type=listeners,
         metavar="TOPIC=N",
-        help="begin when these outputs have N subscribers: state, pose, joint_states, markers, or mask, overlay,"
-        " target_through_mask (of every camera)",
+        help="begin when these outputs have N subscribers: state, state_covariance, pose, joint_states, markers, or mask,"
+        " overlay, masked_image (of every camera)",
     )
     parser.add_argument("--compressed", action="store_true", help="subscribe to <cam>/image_raw/compressed")
     parser.add_argument(

@@ -152,7 +152,7 @@ def pck_chart(reviews: Sequence[Review]) -> Chart | None:
 
 def residual_charts(reviews: Sequence[Review]) -> Iterator[Chart]:
     """Rms contour distance: of all cameras, and of each camera of every run."""
-    whole = [_line(i, review, review.run.residual_px, reviews) for i, review in enumerate(reviews)]
+    whole = [_line(i, review, review.run.residual, reviews) for i, review in enumerate(reviews)]
     if len(reviews) > 1:
         yield Chart(
             "residuals",
@@ -163,9 +163,9 @@ def residual_charts(reviews: Sequence[Review]) -> Iterator[Chart]:
         )
     for review in reviews:
         run, name = review.run, f" of {review.name}" if len(reviews) > 1 else ""
-        seen = np.where(run.camera_residuals_px > 0, run.camera_residuals_px, np.nan)
+        seen = np.where(run.camera_residuals > 0, run.camera_residuals, np.nan)
         lines = [Line(camera, *review.over_time(seen[:, i]), CYCLE[i % len(CYCLE)], 1.1) for i, camera in enumerate(run.cameras)]
-        lines.append(Line("all cameras", *review.over_time(run.residual_px), BLACK, 2.0))
+        lines.append(Line("all cameras", *review.over_time(run.residual), BLACK, 2.0))
         note = "Distance of the predicted contours from those seen, after the fit."
         yield Chart(f"residuals_{review.name}", f"Residuals{name} per camera", note, y_label="rms [px]", lines=lines)
 

@@ -19,7 +19,7 @@ from ..motion.coordinates import load_coordinates
 from .association import Trajectories, between
 
 COORDINATES = (".mot", ".sto")
-_NO_TRUTH = ("LOST", "INITIALISING")
+_NO_TRUTH = ("LOST", "INITIALIZING")
 
 
 @dataclass(frozen=True, eq=False)

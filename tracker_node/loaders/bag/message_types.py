@@ -23,7 +23,8 @@ from rosbags.typesys.store import Typestore
 from ...errors import TrackerError
 
 TRACKED_STATE = "tracker_msgs/msg/TrackedState"
-_OWN_DEFINITIONS = {TRACKED_STATE: "definitions/TrackedState.msg"}
+STATE_COVARIANCE = "tracker_msgs/msg/StateCovariance"
+_OWN_DEFINITIONS = {name: f"definitions/{name.rpartition('/')[2]}.msg" for name in (TRACKED_STATE, STATE_COVARIANCE)}
 _SEPARATOR = "=" * 80
 
 

@@ -10,7 +10,7 @@ from ...render.palette import STATES
 from ..whole_file import write_whole
 from .viewed_graph import ViewedGraph, color_of
 
-_STATUS = ("INITIALISING", "TRACKING", "DEGRADED", "LOST")
+_STATUS = ("INITIALIZING", "TRACKING", "DEGRADED", "LOST")
 _STATUS_COLORS = tuple(STATES[name.lower()] for name in _STATUS)
 
 
@@ -24,7 +24,9 @@ def foxglove_layout(graph: ViewedGraph) -> dict[str, Any]:
     """The layout as Foxglove exports and imports it: the panels' settings by their ids, and a tree of the ids."""
     state = graph.topic("state")
     plots = {
-        "Plot!residual": _plot("Residual, px", [(f"{state}.residual_px", "all cameras"), *_camera_residuals(graph)]),
+        "Plot!residual": _plot(
+            "Residual, px or gray levels", [(f"{state}.residual", "all cameras"), *_camera_residuals(graph)]
+        ),
         "Plot!effort": _plot("Steps of the optimizer", [(f"{state}.iterations", "iterations")]),
         "Plot!timings": _plot(
             "Time for an image set, ms", [(f"{state}.{name}_ms", name) for name in ("observe", "optimize", "total")]
@@ -82,7 +84,7 @@ def _three_dee(graph: ViewedGraph) -> dict[str, Any]:
 
 
 def _image(graph: ViewedGraph, name: str) -> dict[str, Any]:
-    topics = {"imageTopic": graph.topic(f"{name}/overlay"), "calibrationTopic": graph.resolved(f"{name}/camera_info")}
+    topics = {"imageTopic": graph.topic(f"{name}/overlay/compressed"), "calibrationTopic": graph.resolved(f"{name}/camera_info")}
     return {"foxglovePanelTitle": name, "imageMode": {**topics, "rectifyImage": False}}
 
 
@@ -102,7 +104,7 @@ def _status(state: str) -> dict[str, Any]:
 
 
 def _camera_residuals(graph: ViewedGraph) -> list[tuple[str, str]]:
-    return [(f"{graph.topic('state')}.camera_residuals_px[{i}]", name) for i, name in enumerate(graph.cameras)]
+    return [(f"{graph.topic('state')}.camera_residuals[{i}]", name) for i, name in enumerate(graph.cameras)]
 
 
 def _plot(title: str, curves: list[tuple[str, str]]) -> dict[str, Any]:

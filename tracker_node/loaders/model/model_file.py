@@ -69,7 +69,7 @@ Degrees = Annotated[tuple[float, float], BeforeValidator(_limits_deg)]
 Metres = Annotated[tuple[float, float], BeforeValidator(_limits_m)]
 
 
-class FollowsEntry(FileModel):
+class MimicEntry(FileModel):
     """Position = multiplier * that of the leading axis + offset, in radians and metres but for ``offset_deg``."""
 
     axis: str
@@ -88,7 +88,14 @@ class AxisEntry(FileModel):
     limits_m: Metres | None = None
     neutral_m: Number = 0.0
     stiffness: Number = 0.0
-    follows: FollowsEntry | None = None
+    mimic: MimicEntry | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _refuse_follows(cls, values: Any) -> Any:
+        if isinstance(values, dict) and "follows" in values:
+            raise problem("its present name, mimic (`tracker_node migrate` rewrites files)", values["follows"], "follows")
+        return values
 
     @model_validator(mode="after")
     def _sound(self) -> AxisEntry:
@@ -104,10 +111,10 @@ class AxisEntry(FileModel):
             raise problem(f"{what} within the limits [{lower:g}, {upper:g}]", neutral, field)
         if self.stiffness < 0.0:
             raise problem("a number >= 0", self.stiffness, "stiffness")
-        if self.follows is not None:
+        if self.mimic is not None:
             wrong = "offset_deg" if self.slides else "offset_m"
-            if wrong in self.follows.model_fields_set:
-                raise problem("an offset in the axis's own unit", wrong, f"follows.{wrong}")
+            if wrong in self.mimic.model_fields_set:
+                raise problem("an offset in the axis's own unit", wrong, f"mimic.{wrong}")
         return self
 
     @property
@@ -311,6 +318,6 @@ class ModelFile(FileModel):
         for name, joint in self.joints.items():
             for i, axis in enumerate(joint.axes):
                 others = [other for other in seen if other not in (axis.name, *ROOT_DOF_NAMES)]
-                if axis.follows is not None and axis.follows.axis not in others:
+                if axis.mimic is not None and axis.mimic.axis not in others:
                     expected = f"another axis, one of {sorted(others)}"
-                    raise problem(expected, axis.follows.axis, f"joints.{name}.axes.{i}.follows.axis")
+                    raise problem(expected, axis.mimic.axis, f"joints.{name}.axes.{i}.mimic.axis")

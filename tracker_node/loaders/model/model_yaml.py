@@ -112,15 +112,15 @@ def rpy_deg_of(rotation: np.ndarray) -> tuple[float, float, float]:
 def _axis(entry: AxisEntry) -> Axis:
     direction = np.array(entry.direction) / np.linalg.norm(entry.direction)
     x, y, z = direction.tolist()
-    follows = None
-    if entry.follows is not None:
-        offset = entry.follows.offset_m if entry.slides else float(np.deg2rad(entry.follows.offset_deg))
-        follows = Following(entry.follows.axis, entry.follows.multiplier, offset)
+    mimic = None
+    if entry.mimic is not None:
+        offset = entry.mimic.offset_m if entry.slides else float(np.deg2rad(entry.mimic.offset_deg))
+        mimic = Following(entry.mimic.axis, entry.mimic.multiplier, offset)
     if entry.limits_m is not None:
-        return Axis(entry.name, (x, y, z), *entry.limits_m, entry.neutral_m, entry.stiffness, True, follows)
+        return Axis(entry.name, (x, y, z), *entry.limits_m, entry.neutral_m, entry.stiffness, True, mimic)
     lower, upper = np.deg2rad(entry.limits_deg)
     neutral = float(np.clip(np.deg2rad(entry.neutral_deg), lower, upper))
-    return Axis(entry.name, (x, y, z), float(lower), float(upper), neutral, entry.stiffness, False, follows)
+    return Axis(entry.name, (x, y, z), float(lower), float(upper), neutral, entry.stiffness, False, mimic)
 
 
 def _axis_values(axis: Axis) -> dict[str, Any]:
@@ -134,11 +134,11 @@ def _axis_values(axis: Axis) -> dict[str, Any]:
         values[f"neutral_{unit}"] = tidy(axis.neutral)
     if axis.stiffness != 0.0:
         values["stiffness"] = float(axis.stiffness)
-    if axis.follows is not None:
-        following = axis.follows
-        values["follows"] = {"axis": following.leader, "multiplier": float(following.multiplier)}
+    if axis.mimic is not None:
+        following = axis.mimic
+        values["mimic"] = {"axis": following.leader, "multiplier": float(following.multiplier)}
         if following.offset != 0.0:
-            values["follows"][f"offset_{unit}"] = tidy(following.offset)
+            values["mimic"][f"offset_{unit}"] = tidy(following.offset)
     return values
 
 

@@ -93,7 +93,7 @@ def load_state(path: str | Path, model: ArticulatedModel) -> State:
     named = {*content.joints_deg, *content.joints_m}
     followed = model.chain.followed(positions)
     for i, axis in enumerate(model.chain.axes):
-        if axis.follows is not None and axis.name not in named:
+        if axis.mimic is not None and axis.name not in named:
             positions[i] = followed[i]
     state = State(content.root.transform(), positions)
     try:

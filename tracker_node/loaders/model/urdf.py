@@ -101,9 +101,9 @@ def _axes(name: str, kind: str, node: Node) -> tuple[tuple[Axis, ...], np.ndarra
     if kind == "spherical":
         x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
         return (Axis(f"{name}_x", x), Axis(f"{name}_y", y), Axis(f"{name}_z", z)), np.eye(4)
-    direction, follows = _direction(node), _following(node)
+    direction, mimic = _direction(node), _following(node)
     if kind == "continuous":
-        return (Axis(name, direction, -ENDLESS_RAD, ENDLESS_RAD, follows=follows),), np.eye(4)
+        return (Axis(name, direction, -ENDLESS_RAD, ENDLESS_RAD, mimic=mimic),), np.eye(4)
     limit = node.needed("limit")
     lower, upper = limit.number("lower", 0.0), limit.number("upper", 0.0)
     if lower > upper:
@@ -112,7 +112,7 @@ def _axes(name: str, kind: str, node: Node) -> tuple[tuple[Axis, ...], np.ndarra
     if lower == upper:
         motion = lower * np.array(direction)
         return (), se3.exp(np.append(motion, np.zeros(3)) if slides else np.append(np.zeros(3), motion))
-    return (Axis(name, direction, lower, upper, min(max(0.0, lower), upper), 0.0, slides, follows),), np.eye(4)
+    return (Axis(name, direction, lower, upper, min(max(0.0, lower), upper), 0.0, slides, mimic),), np.eye(4)
 
 
 def _following(node: Node) -> Following | None:
@@ -157,6 +157,6 @@ def _check_leaders(joints: list[Joint], nodes: dict[str, Node]) -> None:
     for joint in joints:
         for axis in joint.axes:
             others = sorted(name for name in axes if name != axis.name)
-            if axis.follows is not None and axis.follows.leader not in others:
+            if axis.mimic is not None and axis.mimic.leader not in others:
                 expected = f"another joint that moves, one of {others}"
-                raise nodes[joint.name].needed("mimic").error(expected, axis.follows.leader, "joint")
+                raise nodes[joint.name].needed("mimic").error(expected, axis.mimic.leader, "joint")

@@ -47,9 +47,9 @@ def _add_joints(robot: ElementTree.Element, model: ArticulatedModel, link_index:
         ElementTree.SubElement(joint, "axis", xyz=_numbers(axis.direction))
         limits = {} if axis.endless else {"lower": f"{axis.lower:.9g}", "upper": f"{axis.upper:.9g}"}
         ElementTree.SubElement(joint, "limit", {**limits, "effort": "0", "velocity": "100"})
-        if axis.follows is not None:
-            following = {"multiplier": f"{axis.follows.multiplier:.9g}", "offset": f"{axis.follows.offset:.9g}"}
-            ElementTree.SubElement(joint, "mimic", {"joint": axis.follows.leader, **following})
+        if axis.mimic is not None:
+            following = {"multiplier": f"{axis.mimic.multiplier:.9g}", "offset": f"{axis.mimic.offset:.9g}"}
+            ElementTree.SubElement(joint, "mimic", {"joint": axis.mimic.leader, **following})
         if not last:
             ElementTree.SubElement(robot, "link", name=child)
         parent, origin = child, np.eye(4)

@@ -19,7 +19,7 @@ from ...model.kinematic_chain import N_ROOT_DOF
 from ..csv_file import CsvTable, CsvWriter, exact
 
 LEADING_COLUMNS = ("stamp_ns", "status", "reason")
-TRAILING_COLUMNS = ("score", "residual_px", "iterations", "evaluations")
+TRAILING_COLUMNS = ("score", "residual", "iterations", "evaluations")
 JOINT_COLUMNS = ("stamp_ns", "landmark", "x", "y", "z")
 POSE_COLUMNS = ("stamp_ns", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 _N_ROOT_TRANSLATION = 3
@@ -29,8 +29,9 @@ _N_ROOT_TRANSLATION = 3
 class StateRow:
     """One instant of ``states.csv``.
 
-    ``values`` (n_dof,) as `model.configuration.State.to_values`: metres and radians; all NaN where there is no state, which the
-    file shows by empty cells. ``status`` is the name of the status, ``score`` the objective's value in its own unit.
+    ``values`` (n_dof,) as `model.configuration.State.to_values`: meters and radians; all NaN where there is no state, which the
+    file shows by empty cells. ``status`` is the name of the status, ``score`` the objective's value in its own unit,
+    ``residual`` in the unit that ``run.json`` names.
     """
 
     stamp_ns: int
@@ -38,7 +39,7 @@ class StateRow:
     reason: str
     values: np.ndarray
     score: float = 0.0
-    residual_px: float = 0.0
+    residual: float = 0.0
     iterations: int = 0
     evaluations: int = 0
 
@@ -94,7 +95,7 @@ class StatesWriter(CsvWriter):
         if len(row.values) != len(self.dof_names):
             raise ValueError(f"expected {len(self.dof_names)} values, got {len(row.values)}")
         numbers = [""] * len(row.values) if np.isnan(row.values).all() else [exact(value) for value in row.values]
-        tail = [exact(row.score), exact(row.residual_px), int(row.iterations), int(row.evaluations)]
+        tail = [exact(row.score), exact(row.residual), int(row.iterations), int(row.evaluations)]
         self.write_rows([[int(row.stamp_ns), row.status, row.reason, *numbers, *tail]])
 
 
@@ -148,6 +149,9 @@ def read_states(path: str | Path) -> StateTrajectory:
     """
     table = CsvTable(path)
     table.expect_prefix(LEADING_COLUMNS)
+    if "residual_px" in table.header:
+        expected = "columns under their present names (`tracker_node migrate` rewrites bags and runs)"
+        raise FileFormatError(path, "header", expected, "those of version 0.1")
     if table.header[-len(TRAILING_COLUMNS) :] != TRAILING_COLUMNS:
         raise FileFormatError(path, "header", f"last columns {', '.join(TRAILING_COLUMNS)}", table.header)
     columns = table.header[len(LEADING_COLUMNS) : -len(TRAILING_COLUMNS)]
@@ -157,7 +161,7 @@ def read_states(path: str | Path) -> StateTrajectory:
     first, last = len(LEADING_COLUMNS), len(LEADING_COLUMNS) + len(names)
     rows = []
     for cells in table.rows():
-        score, residual_px, iterations, evaluations = range(last, last + len(TRAILING_COLUMNS))
+        score, residual, iterations, evaluations = range(last, last + len(TRAILING_COLUMNS))
         rows.append(
             StateRow(
                 stamp_ns=cells.integer(0),
@@ -165,7 +169,7 @@ def read_states(path: str | Path) -> StateTrajectory:
                 reason=cells.text[2],
                 values=cells.numbers(first, last) if any(cells.text[first:last]) else np.full(last - first, np.nan),
                 score=cells.number(score),
-                residual_px=cells.number(residual_px),
+                residual=cells.number(residual),
                 iterations=cells.integer(iterations),
                 evaluations=cells.integer(evaluations),
             )

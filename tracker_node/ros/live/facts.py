@@ -28,7 +28,7 @@ class StatePoint:
     number: int
     arrival_s: float
     status: str
-    residual_px: float | None
+    residual: float | None
     total_ms: float | None
     latency_ms: float | None
 
@@ -47,7 +47,7 @@ class LiveTracker:
         number = self._history[-1].number + 1 if self._history else 1
         self._history.append(
             StatePoint(
-                number, time.monotonic(), _name(Status, message.status), finite(message.residual_px), finite(message.total_ms),
+                number, time.monotonic(), _name(Status, message.status), finite(message.residual), finite(message.total_ms),
                 1e3 * latency_s if likely else None,
             )
         )  # fmt: skip
@@ -68,14 +68,15 @@ class LiveTracker:
         if message is None:
             return None
         limbs = zip(message.limbs, message.limb_status, message.limb_lost_probability, message.limb_reasons, strict=False)
-        cameras = zip(message.cameras, message.camera_residuals_px, message.camera_samples, strict=False)
+        cameras = zip(message.cameras, message.camera_residuals, message.camera_samples, strict=False)
         return {
             "age_s": time.monotonic() - self._history[-1].arrival_s,
             "status": _name(Status, message.status),
             "reason": message.status_reason,
             "model": message.model,
             "stamp_s": 1e-9 * stamp_ns_of(message.header.stamp),
-            "residual_px": finite(message.residual_px),
+            "residual": finite(message.residual),
+            "residual_unit": message.residual_unit,
             "iterations": message.iterations,
             "dofs": [[name, finite(value)] for name, value in zip(message.dof_names, message.values, strict=False)],
             "limbs": [[name, _name(LimbStatus, status), finite(lost), reason] for name, status, lost, reason in limbs],

@@ -16,7 +16,7 @@ from ..diagnostics import ERROR, OK, PAUSED, WARN, Diagnostics
 from .setup import WorkerCounts
 from .worker import TrackingWorker
 
-_LEVELS = {Status.INITIALISING: WARN, Status.TRACKING: OK, Status.DEGRADED: WARN, Status.LOST: ERROR}
+_LEVELS = {Status.INITIALIZING: WARN, Status.TRACKING: OK, Status.DEGRADED: WARN, Status.LOST: ERROR}
 _LIMB_LEVELS = {LimbStatus.TRACKING: OK, LimbStatus.UNSEEN: WARN, LimbStatus.DEGRADED: WARN, LimbStatus.LOST: ERROR}
 _REMEMBERED = 150  # image sets that percentiles are of
 _ENOUGH = 20  # of them, for a verdict
@@ -64,7 +64,7 @@ class TrackerDiagnostics:
         self._latency_ms: deque[float] = deque(maxlen=_REMEMBERED)
         self._processing_ms: deque[float] = deque(maxlen=_REMEMBERED)
         self._spread_ms: deque[float] = deque(maxlen=_REMEMBERED)
-        self._before_s, self._tracked_before, self._superseded_before = time.monotonic(), 0, 0
+        self._before_s, self._tracked_before, self._skipped_before = time.monotonic(), 0, 0
         self._sets_before: Mapping[str, int] = {}
         self._jumps_of_clock, self._jumps_before = 0, (0, 0)  # of stamps, and of the clock
         self._silent = 0
@@ -88,15 +88,15 @@ class TrackerDiagnostics:
         self._spread_ms.append(1e-6 * (max(stamps) - min(stamps)))
         values = {
             "image sets tracked": counts.tracked,
-            "image sets superseded": counts.superseded,
+            "image sets skipped": counts.skipped,
             "image sets lost": counts.lost,
             "image sets failed": counts.failed,
-            "residual [px]": float(estimate.residual_px),
+            f"residual [{estimate.residual_unit}]": float(estimate.residual),
             "total [ms]": float(estimate.timings.total_ms),
         }
         said = estimate.status.name + (f": {estimate.status_reason}" if estimate.status_reason else "")
         status, level = estimate.status, _LEVELS[estimate.status]
-        level = self._lasting("start", level, status == Status.INITIALISING, estimate.stamp_ns, _START_S)
+        level = self._lasting("start", level, status == Status.INITIALIZING, estimate.stamp_ns, _START_S)
         level = self._lasting("status", level, status == Status.DEGRADED, estimate.stamp_ns)
         self._diagnostics.report("status", level, said, values)
         for limb in estimate.limbs:
@@ -123,11 +123,11 @@ class TrackerDiagnostics:
         """Once a second, while the node is active."""
         now, counts = time.monotonic(), worker.counts
         elapsed_s = max(now - self._before_s, 1e-3)
-        tracked, superseded = counts.tracked - self._tracked_before, counts.superseded - self._superseded_before
-        self._before_s, self._tracked_before, self._superseded_before = now, counts.tracked, counts.superseded
-        values = {"image sets per second": tracked / elapsed_s, "superseded per second": superseded / elapsed_s}
+        tracked, skipped = counts.tracked - self._tracked_before, counts.skipped - self._skipped_before
+        self._before_s, self._tracked_before, self._skipped_before = now, counts.tracked, counts.skipped
+        values = {"image sets per second": tracked / elapsed_s, "skipped per second": skipped / elapsed_s}
         self._silent = 0 if tracked or worker.busy else self._silent + 1
-        too_slow = self._left_out.too_many(tracked, superseded)
+        too_slow = self._left_out.too_many(tracked, skipped)
         self._diagnostics.report("rate", *_rate_verdict(worker, tracked, self._silent, too_slow), values)
         self._report_sets(worker)
         self._report_clock(worker.formation.clock_jumps)

@@ -164,7 +164,7 @@ class TrackerNode(ManagedNode):
         return bool(self._parameters_of_node.fixed["autostart"])
 
     def has_subscribers(self, wanted: Mapping[str, int]) -> bool:
-        """Whether outputs (state, pose, joint_states, mask, overlay, target_through_mask) have at least so many subscribers."""
+        """Whether outputs of `runs.outputs`, by their names, have at least so many subscribers."""
         outputs = self._outputs
         return outputs is not None and all(outputs.subscriber_count(topic) >= count for topic, count in wanted.items())
 
@@ -178,9 +178,9 @@ class TrackerNode(ManagedNode):
         return {} if self._worker is None else self._worker.formation.counters
 
     @property
-    def superseded(self) -> int:
+    def skipped(self) -> int:
         """Image sets that were not tracked since a newer one was there."""
-        return 0 if self._worker is None else self._worker.counts.superseded
+        return 0 if self._worker is None else self._worker.counts.skipped
 
     # Parameters and calibration
 

@@ -60,9 +60,9 @@ class TrackerOutputs:
         self._node, self._mismatches, self._model = node, mismatches, model
         self._world, self._root = rig.world_frame, frame_prefix + model.chain.links[0]
         self._publishers: list[Publisher] = []
-        self._of_body = [(output, self._channel(output, output.name)) for output in BODY_OUTPUTS]
+        self._of_body = [(output, self._channel(output)) for output in BODY_OUTPUTS]
         self._of_cameras = {
-            camera.name: [(output, self._channel(output, f"{camera.name}/{output.name}")) for output in CAMERA_OUTPUTS]
+            camera.name: [(output, self._channel(output, f"{camera.name}/")) for output in CAMERA_OUTPUTS]
             for camera in rig
         }
         marker_array = message_class(MARKER_ARRAY)
@@ -77,9 +77,9 @@ class TrackerOutputs:
             frames = [(self._world, camera.frame_id, camera.T_world_cam) for camera in rig]
             self._created(TFMessage, "/tf_static", qos_profile=LATCHED).publish(_tf_message(0, frames))
 
-    def _channel(self, output: Output, topic: str) -> _Channel:
+    def _channel(self, output: Output, prefix: str = "") -> _Channel:
         class_ = message_class(output.type_name)
-        return _Channel(self._publisher(class_, f"~/{topic}"), class_())
+        return _Channel(self._publisher(class_, f"~/{prefix}{output.topic}"), class_())
 
     def _publisher(self, message_type, topic: str) -> Publisher:
         events = self._mismatches.of_publisher(topic, topic)

@@ -60,7 +60,7 @@ class WorkerCounts:
     """What became of images and image sets; read by the diagnostics."""
 
     tracked: int = 0
-    superseded: int = 0  # sets not tracked since a newer one was there
+    skipped: int = 0  # sets not tracked since a newer one was there
     lost: int = 0
     failed: int = 0  # sets at which the tracker raised an error
     refused: Counter[str] = field(default_factory=Counter)  # camera -> images that could not be used
@@ -93,7 +93,7 @@ def unknown_estimate(stamp_ns: int, reason: str, state: State, cameras: tuple[st
         velocity=np.zeros(n),
         covariance=np.eye(n) * 1e6,
         score=0.0,
-        residual_px=0.0,
+        residual=0.0,
         cameras=tuple(CameraReport(name, 0, 0.0, 0) for name in cameras),
         iterations=0,
         evaluations=0,

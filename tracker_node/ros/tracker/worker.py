@@ -239,11 +239,11 @@ class TrackingWorker:
 
     def _track(self, sets: list[ImageSet]) -> None:
         if not self._lossless and len(sets) > _AT_ONCE:
-            self.counts.superseded += len(sets) - _AT_ONCE
+            self.counts.skipped += len(sets) - _AT_ONCE
             sets = sets[-_AT_ONCE:]
         for i, image_set in enumerate(sets):
             if self._thread.stopping.is_set() and not self._finishing:
-                self.counts.superseded += len(sets) - i
+                self.counts.skipped += len(sets) - i
                 return
             self.at_work_since_s = time.monotonic()
             self._step(image_set)
@@ -253,7 +253,7 @@ class TrackingWorker:
     def _step(self, image_set: ImageSet) -> None:
         loop = self._loop
         if loop.tracker is None:  # a camera has been added since whose lens is not known
-            self.counts.superseded += 1
+            self.counts.skipped += 1
             return
         told, began = loop.told, time.perf_counter()
         try:

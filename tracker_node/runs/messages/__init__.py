@@ -1,11 +1,11 @@
-"""What the messages of a run say, as plain mappings of field -> value; and estimates and lenses of messages that were read.
+"""What the messages of a run say, as plain mappings of field -> value; and lenses of messages that were read.
 
 No message class of anybody here: `ros.conversions` writes such a mapping into the classes of ROS, `loaders.bag.messages` into
 those of bags, so the live node and the offline run say the same. Begin with `estimates`.
 """
 
 from .cameras import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE, camera_info, compressed_image, image, jpeg_of, lens_of
-from .estimates import estimate_of, joint_state, pose, tracked_state, twist
+from .estimates import joint_state, pose, state_covariance, tracked_state, twist
 from .markers import changed_markers, markers
 from .parts import Content, header, pose_of, transforms
 
@@ -17,7 +17,6 @@ __all__ = [
     "camera_info",
     "changed_markers",
     "compressed_image",
-    "estimate_of",
     "header",
     "image",
     "joint_state",
@@ -26,6 +25,7 @@ __all__ = [
     "markers",
     "pose",
     "pose_of",
+    "state_covariance",
     "tracked_state",
     "transforms",
     "twist",

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from ...loaders.bag.stamps import stamp_ns_of, time_of
+from ...loaders.bag.stamps import time_of
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import State
 from ...model.kinematic_chain import N_ROOT_DOF
-from ...tracking.estimate import CameraReport, LimbReport, LimbStatus, Status, Timings, TrackEstimate
+from ...tracking.estimate import TrackEstimate
 from .parts import Content, header, pose_of, xyz
 
 _NOTHING = np.zeros(0)
@@ -29,7 +26,6 @@ def tracked_state(estimate: TrackEstimate, model: ArticulatedModel, frame_id: st
     -------
     content : the message as field -> value.
     """
-    spread = estimate.velocity_covariance
     return {
         "header": header(estimate.stamp_ns, frame_id),
         "status": int(estimate.status),
@@ -39,13 +35,12 @@ def tracked_state(estimate: TrackEstimate, model: ArticulatedModel, frame_id: st
         "dof_names": model.chain.dof_names,
         "values": estimate.state.to_values(),
         "velocities": estimate.velocity,
-        "covariance": estimate.covariance.ravel(),
-        "velocity_covariance": _NOTHING if spread is None else spread.ravel(),
         "score": estimate.score,
-        "residual_px": estimate.residual_px,
+        "residual": estimate.residual,
+        "residual_unit": estimate.residual_unit,
         "cameras": [report.camera for report in estimate.cameras],
         "camera_stamps": [time_of(report.stamp_ns) for report in estimate.cameras],
-        "camera_residuals_px": [report.residual_px for report in estimate.cameras],
+        "camera_residuals": [report.residual for report in estimate.cameras],
         "camera_samples": [report.samples for report in estimate.cameras],
         "limbs": [limb.name for limb in estimate.limbs],
         "limb_status": [int(limb.status) for limb in estimate.limbs],
@@ -56,6 +51,28 @@ def tracked_state(estimate: TrackEstimate, model: ArticulatedModel, frame_id: st
         "observe_ms": estimate.timings.observe_ms,
         "optimize_ms": estimate.timings.optimize_ms,
         "total_ms": estimate.timings.total_ms,
+    }
+
+
+def state_covariance(estimate: TrackEstimate, model: ArticulatedModel, frame_id: str) -> Content:
+    """tracker_msgs/StateCovariance: the covariances of a `tracked_state`.
+
+    Parameters
+    ----------
+    estimate : what the tracker says of one image set.
+    model : the body.
+    frame_id : name of the world frame.
+
+    Returns
+    -------
+    content : the message as field -> value.
+    """
+    velocity = estimate.velocity_covariance
+    return {
+        "header": header(estimate.stamp_ns, frame_id),
+        "dof_names": model.chain.dof_names,
+        "covariance": estimate.covariance.ravel(),
+        "velocity_covariance": _NOTHING if velocity is None else velocity.ravel(),
     }
 
 
@@ -125,33 +142,3 @@ def joint_state(estimate: TrackEstimate, model: ArticulatedModel, frame_id: str)
         "position": estimate.state.joint_positions,
         "velocity": estimate.velocity[N_ROOT_DOF:],
     }
-
-
-def estimate_of(message: Any) -> TrackEstimate:
-    """The estimate in a TrackedState, of a graph or of a bag.
-
-    The root's rotation comes from the rotation vector in ``values``, so ``state.to_values()`` agrees to rounding; for exact
-    comparisons use the message's own ``values``.
-    """
-    n = len(message.values)
-    reports = zip(message.cameras, message.camera_stamps, message.camera_residuals_px, message.camera_samples, strict=True)
-    limbs: Any = ()
-    if hasattr(message, "limbs"):  # bags of version 0.1 have none
-        limbs = zip(message.limbs, message.limb_status, message.limb_reasons, message.limb_lost_probability, strict=True)
-    spread = getattr(message, "velocity_covariance", ())
-    return TrackEstimate(
-        stamp_ns=stamp_ns_of(message.header.stamp),
-        status=Status(int(message.status)),
-        status_reason=message.status_reason,
-        state=State.from_values(np.array(message.values)),
-        velocity=np.array(message.velocities),
-        covariance=np.array(message.covariance).reshape(n, n),
-        score=float(message.score),
-        residual_px=float(message.residual_px),
-        cameras=tuple(CameraReport(name, stamp_ns_of(stamp), float(px), int(n)) for name, stamp, px, n in reports),
-        iterations=int(message.iterations),
-        evaluations=int(message.evaluations),
-        timings=Timings(float(message.observe_ms), float(message.optimize_ms), float(message.total_ms)),
-        limbs=tuple(LimbReport(name, LimbStatus(int(status)), reason, float(p)) for name, status, reason, p in limbs),
-        velocity_covariance=np.array(spread).reshape(n, n) if len(spread) else None,
-    )

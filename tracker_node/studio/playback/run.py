@@ -14,7 +14,7 @@ from ...loaders.bag.message_types import TRACKED_STATE
 from ...loaders.bag.reader import BagReader
 from ...loaders.motion.trajectory_file import read_states
 from ...model.articulated import ArticulatedModel
-from ...runs.data import STATES_FILE, RunData, load_run
+from ...runs.data import STATES_FILE, RunData, load_run, state_messages
 from ...runs.images import image_bag_of, options_of, rig_from_bag, rig_of_run, source_options_of
 from ...runs.recorded_sets import RecordedRunStream, RecordedSet, recorded_set
 from ..images import RecordedImages
@@ -70,7 +70,7 @@ def _recorded(data: RunData) -> tuple[dict[int, RecordedSet], tuple[str, ...]]:
         reason_of, sets = {row.stamp_ns: row.reason for row in rows}, {}
     else:
         with BagReader(data.bag) as reader:
-            messages = [message for _, message in reader.decoded(only_topic(reader, TRACKED_STATE, []))]
+            messages = state_messages(reader, only_topic(reader, TRACKED_STATE, []))
         sets = {found.stamp_ns: found for found in map(recorded_set, messages)}
         reason_of = {recorded_set(message).stamp_ns: str(message.status_reason) for message in messages}
     return sets, tuple(reason_of.get(stamp_ns, "") for stamp_ns in data.stamps_ns.tolist())

@@ -63,7 +63,7 @@ def dof_groups(model: ArticulatedModel, values: Sequence[float]) -> list[dict[st
 def _axis_dof(axis: Axis, index: int) -> dict[str, Any]:
     per = 1.0 if axis.prismatic else 180.0 / np.pi
     limits = (-180.0, 180.0) if axis.endless else (axis.lower * per, axis.upper * per)
-    return _dof(axis.name, index, "m" if axis.prismatic else "deg", limits, axis.neutral * per, axis.follows is not None)
+    return _dof(axis.name, index, "m" if axis.prismatic else "deg", limits, axis.neutral * per, axis.mimic is not None)
 
 
 def _dof(name: str, index: int, unit: str, limits: tuple[float, float], neutral: float | None, driven: bool) -> dict[str, Any]:

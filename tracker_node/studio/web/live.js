@@ -99,8 +99,8 @@ function wantedTopics() {
     if (kind === "camera") {
       const camera = topic.match(/([^/]+)\/image_raw(\/compressed)?$/); // in the order of names a compressed topic comes later, and wins
       if (camera) found.set(camera[1], topic);
-    } else if (topic.startsWith(`${chosen()}/`) && topic.endsWith(`/${kind}`)) {
-      found.set(topic.slice(chosen().length + 1, -kind.length - 1), topic);
+    } else if (topic.startsWith(`${chosen()}/`) && topic.endsWith(`/${kind}/compressed`)) {
+      found.set(topic.slice(chosen().length + 1, -`/${kind}/compressed`.length), topic);
     }
   }
   return found;
@@ -179,7 +179,7 @@ function showStatus(tracker) {
   const recent = (points[chosen()] ?? []).filter((point) => news.now_s - point[1] < 10);
   const of = (name, share) => percentile(recent.map((point) => point[CURVES[name]]), share);
   const rows = !state ? [] : [
-    ["body", state.model], ["sets per second", tracker.rate_hz.toFixed(1)], ["residual", `${format(state.residual_px)} px`],
+    ["body", state.model], ["sets per second", tracker.rate_hz.toFixed(1)], ["residual", `${format(state.residual)} ${state.residual_unit}`],
     ["for a set, p50 / p95", `${format(of("total", 0.5))} / ${format(of("total", 0.95))} ms`],
     ["latency, p50 / p95", `${format(of("latency", 0.5))} / ${format(of("latency", 0.95))} ms`],
     ...state.cameras.map(([name, residual, samples]) => [name, samples ? `${format(residual)} px of ${samples} samples` : "no part in the fit"]),

@@ -1,6 +1,6 @@
 // Curves of the last minute, and the shades of statuses.
 
-export const SHADES = { TRACKING: "good", DEGRADED: "fair", INITIALISING: "first", LOST: "bad" };
+export const SHADES = { TRACKING: "good", DEGRADED: "fair", INITIALIZING: "first", LOST: "bad" };
 const style = getComputedStyle(document.documentElement); // of palette.css
 const color = (status) => style.getPropertyValue(`--${status.toLowerCase()}`).trim() || "#a9b3bf";
 const SECONDS = 60;

@@ -16,9 +16,9 @@ export function showState(container, run, row) {
     const said = run.limb_statuses[run.limb_status[row][i]];
     return line(name, STATUS_COLOR[said], said);
   });
-  const cameras = run.residual_cameras.map((name, i) => line(name, "", pixels(run.camera_residuals_px[row][i])));
+  const cameras = run.residual_cameras.map((name, i) => line(name, "", residual(run, run.camera_residuals[row][i])));
   container.replaceChildren(
-    word, make("div", { id: "reason" }, run.reasons[row]), make("div", { class: "soft" }, `residual ${pixels(run.residual_px[row])}`),
+    word, make("div", { id: "reason" }, run.reasons[row]), make("div", { class: "soft" }, `residual ${residual(run, run.residual[row])}`),
     make("table", {}, ...limbs), make("table", {}, ...cameras));
 }
 
@@ -29,7 +29,7 @@ function line(name, color, value) {
 }
 
 /** A camera that had no part in the fit has no residual. */
-function pixels(value) { return `${value === null ? "–" : value.toFixed(2)} px`; }
+function residual(run, value) { return `${value === null ? "–" : value.toFixed(2)} ${run.residual_unit}`; }
 
 /** The list of degrees of freedom, and the curves of those that are chosen, below the strips of a timeline. */
 export class Curves {
@@ -73,7 +73,7 @@ export class Curves {
     const { run } = this;
     const strips = [{ name: "status", colors: run.status.map((status) => STATUS_COLOR[run.statuses[status]]) }];
     run.limbs.forEach((name, i) => strips.push({ name: words(name), colors: run.limb_status.map((row) => STATUS_COLOR[run.limb_statuses[row[i]]]) }));
-    const plots = [{ name: "residual", unit: "px", curves: [{ values: run.residual_px, color: "#455468" }] }];
+    const plots = [{ name: "residual", unit: run.residual_unit, curves: [{ values: run.residual, color: "#455468" }] }];
     for (const [unit, sign] of [["deg", "°"], ["m", "m"]]) {
       const curves = [...this.chosen].filter(([, curve]) => curve.unit === unit);
       if (curves.length) plots.push({ name: "", unit: sign, curves: curves.map(([name, { values, color }]) => ({ name: words(name), values, color })) });

@@ -160,7 +160,7 @@ class PosePage {
 
 function showFitted(answer) {
   const kind = { TRACKING: "good", DEGRADED: "fair" }[answer.status] ?? "bad";
-  const residual = answer.residual_px === null ? "" : `residual ${answer.residual_px.toFixed(1)} px, `;
+  const residual = answer.residual === null ? "" : `residual ${answer.residual.toFixed(1)} ${answer.unit}, `;
   const said = make("div", { class: "soft" }, `${residual}fitted in ${answer.seconds.toFixed(1)} s`);
   $("fitted").replaceChildren(make("b", { class: kind }, answer.status.toLowerCase()), answer.reason ? `: ${answer.reason}` : "", said);
   $("fitted").title = answer.limbs.map((limb) => `${words(limb.name)}: ${limb.status.toLowerCase()} ${limb.reason}`).join("\n");

@@ -3,7 +3,7 @@
 import { clamp } from "/common.js";
 
 const style = getComputedStyle(document.documentElement); // of palette.css
-const STATES = ["initialising", "tracking", "degraded", "lost", "unseen"];
+const STATES = ["initializing", "tracking", "degraded", "lost", "unseen"];
 export const STATUS_COLOR = Object.fromEntries(STATES.map((state) => [state, style.getPropertyValue(`--${state}`).trim()]));
 export const CURVE_COLORS = ["#1667c7", "#c2551e", "#7a3fb5", "#1d8a7a", "#b8336a", "#6b6b00"];
 const WIDE = { left: 150, right: 56 }, NARROW = { left: 88, right: 44 }, NARROW_PX = 600;
