@@ -21,7 +21,7 @@ from tracker_node.errors import TrackerError
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.ros.child_process import Child
 
-RESULTS = ("state", "pose", "joint_states")
+RESULTS = ("state", "state_covariance", "pose", "joint_states")
 TOPICS = (*(f"/cam{i + 1}/image_raw" for i in range(N_CAMERAS)), *(f"/tracker/{name}" for name in RESULTS))
 READY = "recorder: ready"
 RECORDED = "/cam[0-9]+/image_raw|/tracker/.*"
@@ -182,7 +182,7 @@ def losses_s(last_ns: Mapping[str, int], killed_ns: int) -> dict[str, float]:
 def _result_messages() -> dict[str, Any]:
     from geometry_msgs.msg import PoseWithCovarianceStamped
     from sensor_msgs.msg import JointState
-    from tracker_msgs.msg import TrackedState
+    from tracker_msgs.msg import StateCovariance, TrackedState
 
     from tracker_node.model.humans.human import human_model
 
@@ -190,8 +190,8 @@ def _result_messages() -> dict[str, Any]:
     n = len(names)
     joints = JointState(name=names[6:], position=[0.0] * (n - 6), velocity=[0.0] * (n - 6))
     state = TrackedState(dof_names=names, values=[0.0] * n, velocities=[0.0] * n, model="human")
-    state.covariance = state.velocity_covariance = [0.0] * (n * n)
-    return dict(zip(RESULTS, (state, PoseWithCovarianceStamped(), joints), strict=True))
+    covariance = StateCovariance(dof_names=names, covariance=[0.0] * (n * n), velocity_covariance=[0.0] * (n * n))
+    return dict(zip(RESULTS, (state, covariance, PoseWithCovarianceStamped(), joints), strict=True))
 
 
 def publish_results() -> int:

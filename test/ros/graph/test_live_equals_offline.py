@@ -64,7 +64,7 @@ def assert_same_states(live: Path, offline: Path) -> None:
         assert old.residual_unit == new.residual_unit
     covariances = [decoded(bag, "/tracker/state_covariance") for bag in (live, offline)]
     for states, of_states in zip((before, after), covariances, strict=True):
-        assert [message.header for message in states] == [message.header for message in of_states]
+        assert [repr(message.header) for message in states] == [repr(message.header) for message in of_states]
     for old, new in zip(*covariances, strict=True):
         assert len(old.covariance) == len(old.dof_names) ** 2
         for name in ("covariance", "velocity_covariance"):

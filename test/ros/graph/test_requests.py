@@ -13,7 +13,7 @@ from rclpy.qos import qos_profile_sensor_data
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image
 from std_srvs.srv import SetBool, Trigger
-from tracker_msgs.msg import TrackedState
+from tracker_msgs.msg import StateCovariance, TrackedState
 from tracker_msgs.srv import SetState
 
 from helpers.ros.cameras import PERIOD_NS, Cameras, N, files_of, image_set_of, options_of, tracker_of
@@ -109,14 +109,17 @@ def test_velocity_with_covariance(probe, start_tracker):
     """The root's, as in the state; both are the world's axes."""
     _, states, cameras = start_tracker()
     twists = probe.listen(TwistWithCovarianceStamped, "tracker/twist")
-    probe.spin_until(lambda: probe.node.count_subscribers("/tracker/twist") == 1, "the subscription")
+    covariances = probe.listen(StateCovariance, "tracker/state_covariance")
+    for name in ("twist", "state_covariance"):
+        probe.spin_until(lambda name=name: probe.node.count_subscribers(f"/tracker/{name}") == 1, "the subscription")
     for i in range(3):
         cameras.send(i)
-    probe.spin_until(lambda: len(states) == 3 and twists and stamps(twists)[-1] == stamps(states)[-1], "velocities")
+    probe.spin_until(lambda: len(states) == 3 and stamps(twists)[-1:] == stamps(states)[-1:], "velocities")
+    probe.spin_until(lambda: stamps(covariances)[-1:] == stamps(states)[-1:], "covariances")
     twist, n = twists[-1].twist, len(states[-1].values)
     linear, angular = twist.twist.linear, twist.twist.angular
     assert [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z] == states[-1].velocities[:6].tolist()
-    covariance = np.reshape(states[-1].velocity_covariance, (n, n))[:6, :6]
+    covariance = np.reshape(covariances[-1].velocity_covariance, (n, n))[:6, :6]
     assert np.array_equal(np.reshape(twist.covariance, (6, 6)), covariance) and np.linalg.eigvalsh(covariance).min() > 0.0
 
 

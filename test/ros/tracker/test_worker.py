@@ -10,7 +10,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import Image, JointState
 from std_srvs.srv import SetBool, Trigger
-from tracker_msgs.msg import TrackedState
+from tracker_msgs.msg import StateCovariance, TrackedState
 from tracker_msgs.srv import SetState
 
 from helpers.ros.graph import TIMEOUT_S, stamps
@@ -125,14 +125,16 @@ def test_lossless_tracks_every_set_in_order(probe, build):
 
 def test_a_failing_tracker_is_said_to_be_lost_and_goes_on(probe, build):
     bench = build(lossless=True)
+    covariances = probe.listen(StateCovariance, "tracker/state_covariance")
+    probe.spin_until(lambda: probe.node.count_subscribers("/tracker/state_covariance") == 1, "the subscription")
     bench.tracker.failing = {33_000_000}
     bench.tracker.go.set()
     for i in range(3):
         bench.send(i)
-    probe.spin_until(lambda: len(bench.states) == 3, "a state for every set")
+    probe.spin_until(lambda: len(bench.states) == len(covariances) == 3, "a state for every set")
     assert [s.status for s in bench.states] == [Status.DEGRADED, Status.LOST, Status.DEGRADED]
     assert "no good" in bench.states[1].status_reason
-    assert np.array_equal(bench.states[1].values, bench.states[0].values) and bench.states[1].covariance[0] > 1e3
+    assert np.array_equal(bench.states[1].values, bench.states[0].values) and covariances[1].covariance[0] > 1e3
 
 
 def test_a_publisher_that_does_not_match_is_on_the_diagnostics(probe, build):
