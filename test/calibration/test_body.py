@@ -16,10 +16,9 @@ from tracker_node.geometry import se3
 from tracker_node.loaders.motion.trc import MarkerTrajectories, load_trc
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.humans.ellipsoids import ellipsoid_human
 from tracker_node.model.humans.human import human_model
-from tracker_node.model.humans.landmark_names import MARKER_OF_LANDMARK
-from tracker_node.model.humans.measures import HumanMeasures
+from tracker_node.model.humans.measures import MARKER_OF_LANDMARK, HumanMeasures
+from tracker_node.model.humans.surfaces18 import ellipsoid_human
 from tracker_node.model.scaling import LinkScale, scaled_by_link
 
 HUMAN = human_model()

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.camera.model import CameraModel
-from tracker_node.camera.plausible_lens import FARTHEST, LARGEST_COEFFICIENT, LONGEST, SHORTEST, plausible
+from tracker_node.camera.model import FARTHEST, LARGEST_COEFFICIENT, LONGEST, SHORTEST, CameraModel, plausible
 
 SIDE = 800  # of the image, the longer one
 PLACES = {"fx": (0, 0), "fy": (1, 1), "skew": (0, 1), "cx": (0, 2), "cy": (1, 2)}

@@ -1,4 +1,4 @@
-"""Rigs in millimetres and centimetres are told from metres by how far their cameras stand apart."""
+"""Rigs in millimeters and centimeters are told from metres by how far their cameras stand apart."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def test_metres_are_metres():
     check_metres(cameras([1, 1, 1]), 1.8)
 
 
-@pytest.mark.parametrize(("factor", "unit", "by"), [(1000, "millimetres", "1000"), (100, "centimetres", "100")])
+@pytest.mark.parametrize(("factor", "unit", "by"), [(1000, "millimeters", "1000"), (100, "centimeters", "100")])
 def test_all_cameras_in_another_unit_are_refused_with_the_factor(factor, unit, by):
     with pytest.raises(TrackerError, match=rf"^rig: The cameras are \d+ m apart: .* in {unit}.*Divide it by {by}\.") as told:
         check_metres(cameras([factor] * 3), 1.8)

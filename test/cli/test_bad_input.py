@@ -158,7 +158,7 @@ def test_with_no_source_at_all_nothing_is_begun(outcome):
 MISTAKES = {
     "millimetres": (
         lambda folder: in_millimetres(folder / "rig.yaml", folder / "rig.yaml"),
-        ["rig", "millimetres, a rig is in metres", "Divide it by 1000", "rig check"],
+        ["rig", "millimeters, a rig is in meters", "Divide it by 1000", "rig check"],
     ),
     "uncalibrated": (edit("rig.yaml", "150.0", "0.0"), ["cam01", "uncalibrated (K[0] = 0)"]),
     "two parents": (

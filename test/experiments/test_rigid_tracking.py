@@ -19,8 +19,7 @@ from tracker_node.experiments.rigid_tracking import (
     track,
 )
 from tracker_node.geometry import se3
-from tracker_node.model.configuration import State
-from tracker_node.model.pose_variables import from_variables
+from tracker_node.model.configuration import State, from_variables
 
 TRUTH = from_variables(np.array([0.3, -0.2, 1.1, 3.5, 0.1, 0.7]))
 

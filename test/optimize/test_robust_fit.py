@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from helpers.numeric.analytic_scores import RIGID, AnalyticScore, state_at
-from tracker_node.model.configuration import State
-from tracker_node.model.pose_variables import from_variables, to_variables
+from tracker_node.model.configuration import State, from_variables, to_variables
 from tracker_node.optimize.robust_fit import RobustFitOptions, fit_robustly
 from tracker_node.optimize.robust_start import RobustStartOptions
 from tracker_node.optimize.simplex import POLISH, search_simplex

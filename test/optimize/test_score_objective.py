@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from helpers.bodies.bodies import crane
-from tracker_node.model import pose_variables
+from tracker_node.model import configuration
 from tracker_node.model.configuration import State
 from tracker_node.optimize.score_objective import VariableSpace
 
 MODEL = crane()
 CHAIN = MODEL.chain
-SIZE = pose_variables.N_ROOT + CHAIN.n_axes
+SIZE = configuration.N_ROOT + CHAIN.n_axes
 
 
 class Sums:
@@ -21,11 +21,11 @@ class Sums:
 
     def score(self, state):
         self.asked.append(("one", self.row_step))
-        return float(pose_variables.to_variables(state).sum())
+        return float(configuration.to_variables(state).sum())
 
     def scores(self, states):
         self.asked.append((len(states), self.row_step))
-        return np.array([float(pose_variables.to_variables(state).sum()) for state in states])
+        return np.array([float(configuration.to_variables(state).sum()) for state in states])
 
     def at_row_step(self, row_step):
         return Sums(row_step, self.asked)
@@ -92,7 +92,7 @@ def test_a_result_converged_where_the_rule_was_met_and_something_was_scored(scor
     result = space().result(x, score, ended)
     assert result.converged == converged
     assert result.score == score
-    assert np.allclose(pose_variables.to_variables(result.state), x)
+    assert np.allclose(configuration.to_variables(result.state), x)
 
 
 def test_no_trace_is_kept_unless_it_is_asked_for():

@@ -16,7 +16,7 @@ from ..geometry import se3
 from ..loaders.motion.trc import MarkerTrajectories
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..model.humans.landmark_names import known_landmarks, mirrored_name
+from ..model.humans.measures import known_landmarks, mirrored_name
 from ..model.scaling import LinkScale, scaled_by_link, scaled_uniformly, with_landmarks
 from .pose import PoseOptions, fit_state_to_landmarks
 

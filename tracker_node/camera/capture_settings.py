@@ -23,8 +23,8 @@ class CaptureSettings:
     exposure_us : exposure time, microseconds; None leaves the device as it is.
     gain : in the units of the device.
     controls : further controls of the device by name (``white_balance_automatic``), as ``v4l2-ctl --list-ctrls`` has them.
-    bayer : one of `BAYER_PATTERNS` where grey images are a color mosaic; pixel formats of devices that are one say it.
-    publish : ``color`` (bgr8), ``mono`` (mono8), ``native`` (grey images as mono8, mosaics as ``bayer_*8``), or ``jpeg``: the
+    bayer : one of `BAYER_PATTERNS` where gray images are a color mosaic; pixel formats of devices that are one say it.
+    publish : ``color`` (bgr8), ``mono`` (mono8), ``native`` (gray images as mono8, mosaics as ``bayer_*8``), or ``jpeg``: the
         bytes of a source of JPEG images as they are.
     camera_info_url : where the lens is kept, see `loaders.rig.camera_info_url`; None for that of the rig.
     """

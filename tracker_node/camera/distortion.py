@@ -1,4 +1,4 @@
-"""Lens distortion of normalised image coordinates, with derivatives (numba kernels, and their ids).
+"""Lens distortion of normalized image coordinates, with derivatives (numba kernels, and their ids).
 
 Models and coefficient orders are those of sensor_msgs/CameraInfo and OpenCV:
 
@@ -24,7 +24,17 @@ N_PACKED = 8  # coefficients, padded with zeros
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def distort(model_id, k, x, y):
-    """Distorted coordinates of (x, y) and the 2x2 derivative: (xd, yd, xd_x, xd_y, yd_x, yd_y)."""
+    """Distorted coordinates of a point, and their derivative.
+
+    Parameters
+    ----------
+    model_id, k : one of `MODEL_IDS`, and its coefficients (`N_PACKED`,), padded with zeros.
+    x, y : normalized image coordinates.
+
+    Returns
+    -------
+    (xd, yd, xd_x, xd_y, yd_x, yd_y).
+    """
     if model_id == 0:
         return x, y, 1.0, 0.0, 0.0, 1.0
     r2 = x * x + y * y
@@ -68,7 +78,17 @@ def distort(model_id, k, x, y):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def undistort(model_id, k, xd, yd):
-    """Newton inverse of `distort`: (x, y, converged)."""
+    """Newton inverse of `distort`.
+
+    Parameters
+    ----------
+    model_id, k : one of `MODEL_IDS`, and its coefficients (`N_PACKED`,), padded with zeros.
+    xd, yd : distorted normalized coordinates.
+
+    Returns
+    -------
+    (x, y, converged).
+    """
     x, y = xd, yd
     if model_id == 2:  # start from the inverse of the pure equidistant map, since tan() is far from linear
         rd = math.sqrt(xd * xd + yd * yd)
@@ -89,7 +109,17 @@ def undistort(model_id, k, xd, yd):
 
 
 def monotonic_radius(model_id: int, k: np.ndarray, limit: float = 8.0) -> float:
-    """Largest radius up to which distortion keeps points in order (beyond it the polynomial folds back)."""
+    """Largest radius up to which distortion keeps points in order; beyond it the polynomial folds back.
+
+    Parameters
+    ----------
+    model_id, k : one of `MODEL_IDS`, and its coefficients (`N_PACKED`,).
+    limit : largest radius that is examined.
+
+    Returns
+    -------
+    Radius in normalized coordinates; infinite if nothing folds up to ``limit``.
+    """
     if model_id == 0:
         return np.inf
     return float(_first_fold(model_id, k, np.linspace(0.0, limit, 4001)[1:]))

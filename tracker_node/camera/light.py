@@ -30,7 +30,7 @@ class Light:
     ----------
     kind : one of `KINDS`.
     intensity : (r, g, b); a surface that faces a light of intensity one is shown in its own color.
-    position : (3,) metres, of a point or spot light.
+    position : (3,) meters, of a point or spot light.
     direction : (3,) in which a directional or spot light shines; any length.
     half_angle : radians from a spot's axis to the edge of its cone.
     """

@@ -1,6 +1,6 @@
-"""One calibrated lens: projection, its derivative, and rays.
+"""One calibrated lens: projection, its derivative, rays, and whether a real lens can be so.
 
-Pixels (u, v) have integer coordinates at pixel centres; camera axes are optical (x right, y down, z forward).
+Pixels (u, v) have integer coordinates at pixel centers; camera axes are optical (x right, y down, z forward).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from . import distortion as _distortion
 
-NEAR = 1e-3  # metres: a point nearer than this, or behind the camera, is not visible
+NEAR = 1e-3  # meters: a point nearer than this, or behind the camera, is not visible
 
 # Layout of the packed parameters that kernels take: fx fy cx cy skew model_id r2_max (unused) k0..k7
 N_PARAMS = 8 + _distortion.N_PACKED
@@ -20,9 +20,16 @@ N_PARAMS = 8 + _distortion.N_PACKED
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def project_point(params, x, y, z):
-    """Pixel of a point in the camera frame and its derivative.
+    """Pixel of a point, and its derivative.
 
-    Returns (valid, u, v, u_x, u_y, u_z, v_x, v_y, v_z); invalid when behind the camera or where the lens model folds.
+    Parameters
+    ----------
+    params : (`N_PARAMS`,) as `CameraModel.params`.
+    x, y, z : meters in the camera frame.
+
+    Returns
+    -------
+    (valid, u, v, u_x, u_y, u_z, v_x, v_y, v_z), px and px/m; invalid behind the camera or where the lens model folds.
     """
     if z < NEAR:
         return False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -111,7 +118,7 @@ class CameraModel:
     params: np.ndarray = field(init=False, repr=False, compare=False)
 
     def project(self, points_cam: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Pixels (..., 2) of points (..., 3) in the camera frame (metres), and a validity mask (...)."""
+        """Pixels (..., 2) of points (..., 3) in the camera frame (meters), and a validity mask (...)."""
         pixels, _, valid = self.project_with_jacobian(points_cam)
         return pixels, valid
 
@@ -134,15 +141,21 @@ class CameraModel:
         return rays.reshape(*pixels.shape[:-1], 3), valid.reshape(pixels.shape[:-1])
 
     def in_image(self, pixels: np.ndarray) -> np.ndarray:
-        """True where a pixel (..., 2) lies on the image (half a pixel beyond the outer centres included)."""
+        """True where a pixel (..., 2) lies on the image (half a pixel beyond the outer centers included)."""
         u, v = pixels[..., 0], pixels[..., 1]
         return (u >= -0.5) & (v >= -0.5) & (u < self.width - 0.5) & (v < self.height - 0.5)
 
     def mapped(self, pixel_map: np.ndarray, width: int, height: int) -> CameraModel:
-        """The same lens seen in other pixels: ``new = pixel_map @ (u, v, 1)``, ``pixel_map`` (2, 3) upper triangular.
+        """The same lens in other pixels, ``new = pixel_map @ (u, v, 1)``: of resized images, or of a video in pixels of its own.
 
-        Distortion works on normalised coordinates, so only K changes. Used for resized images and for videos whose pixels
-        are not those of the calibration.
+        Parameters
+        ----------
+        pixel_map : (2, 3) upper triangular.
+        width, height : of the new images, px.
+
+        Returns
+        -------
+        Lens with another K; distortion works on normalized coordinates and stays.
         """
         pixel_map = np.asarray(pixel_map, dtype=np.float64)
         if pixel_map.shape != (2, 3) or pixel_map[1, 0] != 0.0:
@@ -158,6 +171,44 @@ class CameraModel:
         return f"image size contradicts the calibration: expected {self.width}x{self.height}, got {width}x{height}"
 
     def resized(self, width: int, height: int) -> CameraModel:
-        """The lens after the image is resampled to ``width`` x ``height`` (pixel-centre convention of cv2.resize)."""
+        """The lens after the image is resampled (pixel-center convention of cv2.resize).
+
+        Parameters
+        ----------
+        width, height : of the resampled image, px.
+
+        Returns
+        -------
+        Lens with another K.
+        """
         sx, sy = width / self.width, height / self.height
         return self.mapped(np.array([[sx, 0.0, 0.5 * sx - 0.5], [0.0, sy, 0.5 * sy - 0.5]]), width, height)
+
+
+SHORTEST, LONGEST = 0.01, 1000.0  # focal lengths, in image sides
+FARTHEST = 10.0  # the principal point beyond the image, in image sides
+LARGEST_COEFFICIENT = 1e6
+
+
+def plausible(model: CameraModel) -> CameraModel:
+    """A lens from outside, if it can be a real one.
+
+    Raises
+    ------
+    ValueError : naming the value that no lens has, what is expected and what came; numbers that are not finite, too.
+    """
+    side = float(max(model.width, model.height))
+    K = model.K
+    _refuse_outside("fx", K[0, 0], SHORTEST * side, LONGEST * side)
+    _refuse_outside("fy", K[1, 1], SHORTEST * side, LONGEST * side)
+    _refuse_outside("skew", K[0, 1], -LONGEST * side, LONGEST * side)
+    _refuse_outside("cx", K[0, 2], -FARTHEST * side, FARTHEST * side)
+    _refuse_outside("cy", K[1, 2], -FARTHEST * side, FARTHEST * side)
+    for i, coefficient in enumerate(model.distortion):
+        _refuse_outside(f"distortion coefficient {i + 1}", coefficient, -LARGEST_COEFFICIENT, LARGEST_COEFFICIENT)
+    return model
+
+
+def _refuse_outside(name: str, value: float, low: float, high: float) -> None:
+    if not low <= value <= high:
+        raise ValueError(f"{name}: expected {low:g} to {high:g}, got {float(value):g}")

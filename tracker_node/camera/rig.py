@@ -1,4 +1,4 @@
-"""Cameras with a name and a place in the world, and the rig of all of them."""
+"""Cameras with a name and a place in the world, the rig of all of them, and epipolar curves between two."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Camera:
     Parameters
     ----------
     name : used for topics; its frame id is ``<name>_optical_frame``.
-    T_world_cam : (4, 4), p_world = T_world_cam @ p_cam, metres.
+    T_world_cam : (4, 4), p_world = T_world_cam @ p_cam, meters.
     source : where its images come from (`loaders.source_address`); None for a camera that something else publishes.
     topic : of its images in a ROS graph, ``camera_info`` beside it; None for ``<name>/image_raw``.
     capture : how they are taken, and as what they are published.
@@ -66,7 +66,7 @@ class Camera:
 
     @property
     def center(self) -> np.ndarray:
-        """Optical centre in the world, metres (3,)."""
+        """Optical center in the world, meters (3,)."""
         return self.T_world_cam[:3, 3]
 
     def project(self, points_world: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -106,3 +106,44 @@ class CameraRig:
     def subset(self, names: list[str] | tuple[str, ...]) -> CameraRig:
         """The rig of the named cameras only, in the given order."""
         return CameraRig(tuple(self[name] for name in names), self.world_frame, self.lights)
+
+
+_NEAREST_M, _FARTHEST_M, _N_DEPTHS = 0.05, 200.0, 400
+
+
+def epipolar_curve(camera: Camera, pixel: np.ndarray, other: Camera) -> np.ndarray:
+    """Where one camera's pixel can be in another camera's image.
+
+    Depths along the ray go from 5 cm to 200 m in steps of two percent.
+
+    Parameters
+    ----------
+    camera, pixel : one camera of a rig, and (2,) on its image.
+    other : the other camera.
+
+    Returns
+    -------
+    (k, 2) pixels of ``other`` from near to far, bent as its lens is: the longest stretch of the ray that is on the image, and
+    one place beyond each of its ends. Empty where the ray is not in view.
+    """
+    rays, ok = camera.model.rays(np.asarray(pixel, dtype=np.float64)[None])
+    if not ok[0]:
+        return np.zeros((0, 2))
+    depths = np.geomspace(_NEAREST_M, _FARTHEST_M, _N_DEPTHS)
+    pixels, valid = other.project(se3.apply(camera.T_world_cam, depths[:, None] * rays))
+    first, last = _longest_run(valid & other.model.in_image(pixels))
+    if first == last:
+        return np.zeros((0, 2))
+    first -= first > 0 and bool(valid[first - 1])
+    last += last < len(valid) and bool(valid[last])
+    return pixels[first:last]
+
+
+def _longest_run(inside: np.ndarray) -> tuple[int, int]:
+    """Start and end (exclusive) of the longest stretch of True; (0, 0) without any."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
+    if not len(edges):
+        return 0, 0
+    starts, ends = edges[::2], edges[1::2]
+    longest = int(np.argmax(ends - starts))
+    return int(starts[longest]), int(ends[longest])

@@ -1,4 +1,4 @@
-"""Places of cameras in another unit than metres, told by how far the cameras stand apart."""
+"""Detection of camera positions in another unit than meters, from the distances between the cameras."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import TrackerError
 from .rig import Camera
 
-LARGEST_ROOM_M = 100.0  # a camera farther than this from the others is hardly meant in metres
+LARGEST_ROOM_M = 100.0  # a camera farther than this from the others is hardly meant in meters
 LEAST_PX = 20.0  # a body that is smaller in the images is not tracked
 
 
@@ -23,7 +23,7 @@ class WrongUnit:
     cameras : the ones that stand too far away, by name.
     all_of_them : these are all cameras of the rig.
     apart_m : how far they stand from the others, as it is written.
-    factor : by which their places become metres.
+    factor : by which their places become meters.
     """
 
     cameras: tuple[str, ...]
@@ -38,15 +38,15 @@ class WrongUnit:
         who = f"The cameras are {self.apart_m:.0f} m apart"
         if not self.all_of_them:
             who = f"{names}: stands {self.apart_m:.0f} m from the others"
-        unit = "millimetres" if self.factor < 5e-3 else "centimetres"
+        unit = "millimeters" if self.factor < 5e-3 else "centimeters"
         return (
-            f"{who}: the translation of T_world_cam seems to be in {unit}, a rig is in metres ({self.apart_m * self.factor:.2f} m"
+            f"{who}: the translation of T_world_cam seems to be in {unit}, a rig is in meters ({self.apart_m * self.factor:.2f} m"
             f" then). Divide it by {1 / self.factor:.0f}."
         )
 
 
 def wrong_unit(cameras: Sequence[Camera]) -> WrongUnit | None:
-    """Whether cameras stand farther apart than any room is large; None where they do not, and for a single camera."""
+    """Evidence that cameras stand farther apart than any room is large; None without it, and for a single camera."""
     if len(cameras) < 2:
         return None
     centers = np.array([camera.center for camera in cameras])
@@ -62,11 +62,16 @@ def wrong_unit(cameras: Sequence[Camera]) -> WrongUnit | None:
 
 
 def check_metres(cameras: Sequence[Camera], size_m: float) -> None:
-    """Refuse cameras in another unit, for a body of ``size_m`` between them; one that is really large is tracked from far away.
+    """Refuse cameras in another unit; a rig that is really large sees a body of this size from far away, too small to track.
+
+    Parameters
+    ----------
+    cameras : of the rig.
+    size_m : size of the body that is to be tracked between them.
 
     Raises
     ------
-    TrackerError : saying what ``rig check`` says.
+    TrackerError : with the sentence that ``rig check`` writes.
     """
     wrong = wrong_unit(cameras)
     if wrong is None:

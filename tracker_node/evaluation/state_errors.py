@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..model.articulated import ArticulatedModel
-from ..model.configuration import Configuration, State
-from ..model.pose_variables import N_ROOT, ROOT_NAMES, variable_names
+from ..model.configuration import N_ROOT, ROOT_NAMES, Configuration, State, variable_names
 from ..render.opengl.tessellation import tessellate
 from ..runs.data import RunData
 from .metrics import Spread, spread_of

@@ -13,8 +13,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from ..model.configuration import State
-from ..model.pose_variables import N_ROOT, ROOT_NAMES, from_variables, to_variables
+from ..model.configuration import N_ROOT, ROOT_NAMES, State, from_variables, to_variables
 from ..optimize.score_objective import ScoreObjective
 
 VARIABLES = ("vertical", "ap", "lateral", "somersault", "tilt", "twist")  # in the order of the paper's Table 1

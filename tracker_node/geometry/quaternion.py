@@ -1,4 +1,4 @@
-"""Quaternions, used only at the doors; the order is always in the name."""
+"""Quaternions of files and messages; the order of the components is always in the name."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def xyzw_from_matrix(rotation: np.ndarray) -> np.ndarray:
 
 
 def matrix_from_wxyz(q_wxyz: np.ndarray) -> np.ndarray:
-    """Rotation matrix (3, 3) of a quaternion (w, x, y, z), normalised first. Raises ValueError on zero length."""
+    """Rotation matrix (3, 3) of a quaternion (w, x, y, z), normalized first. Raises ValueError on zero length."""
     q = np.asarray(q_wxyz, dtype=np.float64)
     norm = np.linalg.norm(q)
     if not np.isfinite(norm) or norm < 1e-12:

@@ -8,7 +8,16 @@ from . import so3
 
 
 def from_rotation_translation(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
-    """T (4, 4) with p_target = rotation @ p_source + translation (metres)."""
+    """Rigid transform with p_target = rotation @ p_source + translation.
+
+    Parameters
+    ----------
+    rotation, translation : (3, 3); (3,) meters.
+
+    Returns
+    -------
+    T_target_source (4, 4).
+    """
     transform = np.eye(4)
     transform[:3, :3] = rotation
     transform[:3, 3] = translation
@@ -27,7 +36,16 @@ def inverse(transform: np.ndarray) -> np.ndarray:
 
 
 def apply(transform: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Map points (..., 3) by one transform (4, 4)."""
+    """Points mapped by one transform.
+
+    Parameters
+    ----------
+    transform, points : T_target_source (4, 4); (..., 3) meters in the source frame.
+
+    Returns
+    -------
+    (..., 3) meters in the target frame.
+    """
     return np.asarray(points, dtype=np.float64) @ transform[:3, :3].T + transform[:3, 3]
 
 
@@ -60,7 +78,17 @@ def log(transform: np.ndarray) -> np.ndarray:
 
 
 def is_rigid(transform: np.ndarray, tolerance: float = 1e-6) -> bool:
-    """True for a 4x4 matrix with a proper rotation and last row (0, 0, 0, 1)."""
+    """Whether a matrix is a proper rotation with a translation.
+
+    Parameters
+    ----------
+    transform : of any shape.
+    tolerance : of each entry of R R^T and of the last row, which is to be (0, 0, 0, 1).
+
+    Returns
+    -------
+    False also for other shapes than (4, 4), reflections, and entries that are not finite.
+    """
     transform = np.asarray(transform)
     if transform.shape != (4, 4) or not np.all(np.isfinite(transform)):
         return False
@@ -81,12 +109,16 @@ def nearest_rigid(transform: np.ndarray) -> np.ndarray:
 
 
 def rigid_fit(source: np.ndarray, target: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
-    """T (4, 4) with ``T @ source ~ target`` for points (n, 3), least squares (Kabsch 1976, proper rotation).
+    """Rigid transform between two point sets, by least squares (Kabsch 1976, proper rotation).
 
     Parameters
     ----------
-    source, target : (n, 3).
-    weights : (n,) of the points; default: all the same.
+    source, target : (n, 3) meters, the same points in two frames.
+    weights : (n,) of the points; None: all the same.
+
+    Returns
+    -------
+    T_target_source (4, 4) with ``T @ source ~ target``.
     """
     source_mean, target_mean = (np.average(points, axis=0, weights=weights) for points in (source, target))
     goal = target - target_mean

@@ -107,15 +107,31 @@ def _left_jacobian_inverse(w):
 
 
 def from_axis_angle(axis: np.ndarray, angle: float) -> np.ndarray:
-    """Rotation matrix about a unit ``axis`` (3,) by ``angle`` radians."""
+    """Rotation about an axis.
+
+    Parameters
+    ----------
+    axis, angle : (3,) unit vector; radians.
+
+    Returns
+    -------
+    (3, 3).
+    """
     return exp(np.asarray(axis, dtype=np.float64) * angle)
 
 
 def from_somersault_tilt_twist(somersault: float, tilt: float, twist: float) -> np.ndarray:
-    """Root orientation from successive rotations about the lateral (y), frontal (x) and longitudinal (z) axes.
+    """Root orientation from successive rotations: R = Ry(somersault) Rx(tilt) Rz(twist).
 
-    Radians; R = Ry(somersault) Rx(tilt) Rz(twist), body axes x forward, y left, z up (REP-103). With a rotation of +1 rad
-    the somersault is forward (the head moves along +x).
+    Body axes are x forward, y left, z up (REP-103).
+
+    Parameters
+    ----------
+    somersault, tilt, twist : radians about the lateral, frontal and longitudinal axis; a forward somersault counts up.
+
+    Returns
+    -------
+    R_world_root (3, 3).
     """
     sy, cy, sx, cx = math.sin(somersault), math.cos(somersault), math.sin(tilt), math.cos(tilt)
     sz, cz = math.sin(twist), math.cos(twist)

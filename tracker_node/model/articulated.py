@@ -19,7 +19,7 @@ DEFAULT_COLOR_RGB = (180, 180, 180)  # of a shape whose color nobody has stated
 
 @dataclass(frozen=True)
 class Shape:
-    """A primitive fixed to a link at ``T_link_shape`` (4, 4), with a colour (r, g, b) in 0..255."""
+    """A primitive fixed to a link at ``T_link_shape`` (4, 4), with a color (r, g, b) in 0..255."""
 
     name: str
     link: str
@@ -31,7 +31,6 @@ class Shape:
         if not se3.is_rigid(self.T_link_shape):
             raise ValueError(f"shape '{self.name}': expected a rigid T_link_shape, got {self.T_link_shape}")
 
-
     @property
     def has_color(self) -> bool:
         """False for a shape whose color nobody has stated (it is shown in gray)."""
@@ -41,7 +40,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class Landmark:
-    """A named point (joint centre, marker) fixed to ``link`` at ``position`` (3,) metres."""
+    """A named point (joint center, marker) fixed to ``link`` at ``position`` (3,) meters."""
 
     name: str
     link: str

@@ -1,12 +1,17 @@
-"""States, and a model in a state.
+"""States, their variables in the words of biomechanics, and a model in a state.
 
 A `State` is a point of the manifold SE(3) x R^n. Its tangent, in the order of ``KinematicChain.dof_names``, is (root
 translation in world axes; small rotation of the root about world axes through its origin; joint angles): the axes in which
 geometry_msgs/PoseWithCovariance states a covariance.
+
+The variables are position, somersault, tilt, twist and joint angles. Trewartha et al. describe orientation by successive
+rotations of the pelvis about a lateral horizontal, a frontal and a longitudinal axis: with x forward, y to the left and z up,
+R = Ry(somersault) Rx(tilt) Rz(twist). Stepping and simplex walk them one by one; they are ambiguous only at a tilt of 90 degrees.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -27,7 +32,17 @@ class State:
 
     @classmethod
     def neutral(cls, model: ArticulatedModel, T_world_root: np.ndarray | None = None) -> State:
-        """Every joint at its neutral angle, and driven ones where their leaders put them."""
+        """State with every joint at its neutral angle, and driven joints where their leaders put them.
+
+        Parameters
+        ----------
+        model : body.
+        T_world_root : (4, 4); None for the world's origin.
+
+        Returns
+        -------
+        State of ``model``.
+        """
         return cls(np.eye(4) if T_world_root is None else T_world_root, model.chain.neutral.copy())
 
     def retract(self, tangent: np.ndarray) -> State:
@@ -59,7 +74,11 @@ MOST_RAD = 8.0 * np.pi  # of an angle
 
 
 def refuse_implausible(model: ArticulatedModel, values: np.ndarray) -> None:
-    """Whether the values of a state that comes from outside can be those of a body in the room.
+    """Refuse a state from outside that no body in a room can have.
+
+    Parameters
+    ----------
+    model, values : body; (n_dof,) as `State.to_values`, meters and radians.
 
     Raises
     ------
@@ -101,7 +120,7 @@ class Configuration:
 
     @property
     def landmarks_world(self) -> np.ndarray:
-        """(n_landmarks, 3) metres, in the order of ``model.landmark_names``."""
+        """(n_landmarks, 3) meters, in the order of ``model.landmark_names``."""
         T = self.Ts_world_link[self.model.landmark_links]
         return np.einsum("nij,nj->ni", T[:, :3, :3], self.model.landmark_positions) + T[:, :3, 3]
 
@@ -112,3 +131,56 @@ class Configuration:
         columns = v[None] + np.cross(w[None], points[:, None, :])  # (n, n_dof, 3)
         columns *= self.model.chain.link_moved_by[self.model.landmark_links][:, :, None]
         return np.swapaxes(columns, 1, 2)
+
+
+ROOT_NAMES = ("x", "y", "z", "somersault", "tilt", "twist")
+N_ROOT = len(ROOT_NAMES)
+
+
+def angles_of(rotation: np.ndarray, near: np.ndarray | None = None) -> np.ndarray:
+    """Somersault, tilt and twist of a rotation.
+
+    Parameters
+    ----------
+    rotation : R_world_root (3, 3).
+    near : (3,) angles to stay close to: full turns are added, and the other of the two solutions taken, so that a somersault may
+        count beyond 180 degrees. Without it the tilt lies within +-90 degrees.
+
+    Returns
+    -------
+    (3,) radians.
+    """
+    first = np.array(so3.to_somersault_tilt_twist(rotation))
+    if near is None:
+        return first
+    other = first * [1.0, -1.0, 1.0] + math.pi
+    turns = [angles + 2.0 * math.pi * np.round((near - angles) / (2.0 * math.pi)) for angles in (first, other)]
+    return min(turns, key=lambda angles: float(np.abs(angles - near).sum()))
+
+
+def variable_names(model: ArticulatedModel) -> tuple[str, ...]:
+    """Names of the variables, in order."""
+    return (*ROOT_NAMES, *(axis.name for axis in model.chain.axes))
+
+
+def to_variables(state: State, near: np.ndarray | None = None) -> np.ndarray:
+    """Variables of a state.
+
+    Parameters
+    ----------
+    state : of any model.
+    near : (6 + n_axes,) variables that settle full turns, see `angles_of`.
+
+    Returns
+    -------
+    (6 + n_axes,): position in meters, then angles in radians (meters where an axis slides).
+    """
+    angles = angles_of(state.T_world_root[:3, :3], None if near is None else near[3:6])
+    return np.concatenate([state.T_world_root[:3, 3], angles, state.joint_positions])
+
+
+def from_variables(variables: np.ndarray) -> State:
+    """Inverse of `to_variables`."""
+    variables = np.asarray(variables, dtype=np.float64)
+    rotation = so3.from_somersault_tilt_twist(variables[3], variables[4], variables[5])
+    return State(se3.from_rotation_translation(rotation, variables[:3]), variables[N_ROOT:].copy())

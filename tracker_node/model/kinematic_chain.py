@@ -23,7 +23,7 @@ ENDLESS_RAD = 2000.0 * np.pi  # a turn that no stop ends has these limits: finit
 class Following:
     """An axis that another one drives, as gears and gripper fingers are: position = ``multiplier`` * leader + ``offset``.
 
-    Positions are in radians and metres.
+    Positions are in radians and meters.
     """
 
     leader: str
@@ -35,7 +35,7 @@ class Following:
 class Axis:
     """One degree of freedom: a turn, or with ``prismatic`` a slide.
 
-    ``direction`` (3,) unit, in the frame that the preceding axes have made; ``lower``/``upper`` in radians (metres); ``neutral``
+    ``direction`` (3,) unit, in the frame that the preceding axes have made; ``lower``/``upper`` in radians (meters); ``neutral``
     is where the weak prior pulls to, ``stiffness`` (1/rad^2, 1/m^2) how strongly (0: free; roll-like axes need some).
     ``mimic``: the axis that drives it, if one does.
     """
@@ -82,9 +82,16 @@ class Joint:
 def forward_kinematics(parents, offsets, axis_start, axis_count, directions, T_world_root, positions, Ts_world_link, twists):
     """World transforms of all links and the spatial twist of every degree of freedom.
 
-    ``Ts_world_link`` (n_links, 4, 4) and ``twists`` (6 + n_axes, 6) are filled. A twist is (v, omega) *at the world origin*: a
-    body point p moved by dof i has velocity v + omega x p. Root: translation along world axes, then rotation about world axes
-    through the root's origin. ``directions`` (n_axes, 4): unit axis, and 1 where it slides.
+    A twist is (v, omega) *at the world origin*: a body point p moved by dof i has velocity v + omega x p. Root: translation along
+    world axes, then rotation about world axes through the root's origin.
+
+    Parameters
+    ----------
+    parents, offsets : (n_links,) index, -1 for the root; (n_links, 4, 4) T_parent_joint.
+    axis_start, axis_count : (n_links,) first axis of a link's joint, and their number.
+    directions : (n_axes, 4) unit axis, and 1 where it slides.
+    T_world_root, positions : (4, 4); (n_axes,) radians, meters where an axis slides.
+    Ts_world_link, twists : (n_links, 4, 4) and (6 + n_axes, 6), which are filled.
     """
     for i in range(4):
         for j in range(4):
@@ -168,7 +175,7 @@ class KinematicChain:
     axes: tuple[Axis, ...] = field(init=False, repr=False, compare=False)
     link_moved_by: np.ndarray = field(init=False, repr=False, compare=False)  # (n_links, n_dof) bool
     carried_by: np.ndarray = field(init=False, repr=False, compare=False)  # (n_dof, n_dof) bool: axes, by those before them
-    lower: np.ndarray = field(init=False, repr=False, compare=False)  # (n_axes,) radians, metres; read-only
+    lower: np.ndarray = field(init=False, repr=False, compare=False)  # (n_axes,) radians, meters; read-only
     upper: np.ndarray = field(init=False, repr=False, compare=False)
     neutral: np.ndarray = field(init=False, repr=False, compare=False)  # driven axes where their leaders put them
     couplings: tuple[tuple[int, int, Following], ...] = field(init=False, repr=False, compare=False)  # (axis, leader, how)

@@ -28,16 +28,33 @@ class LinkScale:
 
 
 def scaled_uniformly(model: ArticulatedModel, factor: float) -> ArticulatedModel:
-    """The same body, ``factor`` times as large."""
+    """The same body in another size.
+
+    Parameters
+    ----------
+    model, factor : body; size relative to it.
+
+    Returns
+    -------
+    Body with all lengths times ``factor``.
+    """
     scale = LinkScale((factor, factor, factor), (factor, factor, factor))
     return scaled_by_link(model, dict.fromkeys(model.chain.links, scale))
 
 
 def scaled_by_link(model: ArticulatedModel, scales: Mapping[str, LinkScale]) -> ArticulatedModel:
-    """The body with each link stretched by its scale; a link without one stays.
+    """The body with each link stretched.
 
     Shapes stay what they are (a cone stays a cone): the stretch is taken along the shape's own axes, which is exact where those
     are axes of the link.
+
+    Parameters
+    ----------
+    model, scales : body; link -> its scale, a link without one stays.
+
+    Returns
+    -------
+    Stretched body.
 
     Raises
     ------
@@ -56,7 +73,16 @@ def scaled_by_link(model: ArticulatedModel, scales: Mapping[str, LinkScale]) -> 
 
 
 def with_landmarks(model: ArticulatedModel, positions: Mapping[str, np.ndarray]) -> ArticulatedModel:
-    """The body with some landmarks moved within their links (name -> (3,) metres)."""
+    """The body with some landmarks moved within their links.
+
+    Parameters
+    ----------
+    model, positions : body; landmark -> (3,) meters in the frame of its link.
+
+    Returns
+    -------
+    Body with these landmarks, in the same order.
+    """
     for name in positions:
         model.landmark_index(name)
     landmarks = []
@@ -88,7 +114,16 @@ def _landmark(landmark: Landmark, scale: LinkScale) -> Landmark:
 
 
 def scaled_primitive(primitive: Primitive, factors: np.ndarray) -> Primitive:
-    """A shape stretched along its own axes by ``factors`` (3,); it stays what it is."""
+    """A shape stretched along its own axes; a cone stays a cone.
+
+    Parameters
+    ----------
+    primitive, factors : shape; (3,) positive.
+
+    Returns
+    -------
+    Shape of the same kind.
+    """
     x, y, z = (float(factor) for factor in factors)
     if isinstance(primitive, TruncatedCone):
         return TruncatedCone(primitive.a * x, primitive.b * y, primitive.k / z, primitive.z1 * z, primitive.z2 * z)

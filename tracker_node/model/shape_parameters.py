@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .articulated import ArticulatedModel, Landmark, Shape
-from .humans.landmark_names import mirrored_name
+from .humans.measures import mirrored_name
 from .kinematic_chain import KinematicChain
 from .scaling import scaled_primitive
 from .shapes.primitives import Primitive, TruncatedCone
@@ -52,7 +52,7 @@ class ShapeSpace:
     log_places : (n_links, 3, n) logarithm of the scale of what is fixed to a link, along the link's axes, by s.
     log_sizes : (n_shapes, 3, n) of each shape along its own axes.
     tapers : (n_shapes, n) logarithm of the ratio of end radii that is added.
-    shifts : (n_shapes, 3, n) move of a shape along its link's axes, metres.
+    shifts : (n_shapes, 3, n) move of a shape along its link's axes, meters.
     """
 
     def __init__(self, model: ArticulatedModel, symmetric: bool = True, groups: tuple[str, ...] = GROUPS):
@@ -159,7 +159,17 @@ class ShapeSpace:
 
 
 def tapered(primitive: Primitive, taper: float) -> Primitive:
-    """A cone whose ratio of end radii is exp(``taper``) times as large, their geometric mean kept; other shapes as they are."""
+    """A cone with another ratio of end radii, their geometric mean kept.
+
+    Parameters
+    ----------
+    primitive : shape; others than cones stay as they are.
+    taper : logarithm of the factor of the ratio.
+
+    Returns
+    -------
+    Shape of the same kind.
+    """
     if not isinstance(primitive, TruncatedCone) or taper == 0.0:
         return primitive
     z1, z2, k = primitive.z1, primitive.z2, primitive.k
@@ -178,7 +188,7 @@ def _children(model: ArticulatedModel, link: int) -> np.ndarray:
 
 
 def half_extents(primitive: Primitive) -> np.ndarray:
-    """(3,) half of what a shape measures along its own axes, metres."""
+    """(3,) half of what a shape measures along its own axes, meters."""
     if isinstance(primitive, TruncatedCone):
         scale = 1.0 + 0.5 * primitive.k * (primitive.z1 + primitive.z2)
         return np.array([primitive.a * scale, primitive.b * scale, 0.5 * (primitive.z2 - primitive.z1)])

@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from ..model import pose_variables
+from ..model import configuration
 from ..model.configuration import State
 from ..model.kinematic_chain import KinematicChain
 
@@ -64,9 +64,9 @@ class VariableSpace:
     """Pose variables within the joints' limits, scored and counted."""
 
     def __init__(self, objective: ScoreObjective, start: State, chain: KinematicChain, keep_trace: bool = False):
-        free = np.full(pose_variables.N_ROOT, np.inf)
+        free = np.full(configuration.N_ROOT, np.inf)
         self.lower, self.upper = np.concatenate([-free, chain.lower]), np.concatenate([free, chain.upper])
-        self.start = np.clip(pose_variables.to_variables(start), self.lower, self.upper)
+        self.start = np.clip(configuration.to_variables(start), self.lower, self.upper)
         self.size = len(self.start)
         self.evaluations = 0
         self.per_variable = np.zeros(self.size)
@@ -81,7 +81,7 @@ class VariableSpace:
 
     def scores(self, points: Sequence[np.ndarray], variable: int | None = None, active: Sequence[int] = ()) -> np.ndarray:
         """Scores (k,) of the points, counted for ``variable``, or shared out over the ``active`` ones."""
-        states = [pose_variables.from_variables(x) for x in points]
+        states = [configuration.from_variables(x) for x in points]
         values = np.array([self._objective.score(states[0])]) if len(states) == 1 else self._objective.scores(states)
         self.evaluations += len(states)
         if variable is not None:
@@ -95,6 +95,6 @@ class VariableSpace:
     def result(self, x: np.ndarray, score: float, converged: bool) -> SearchResult:
         """The answer at ``x``."""
         return SearchResult(
-            pose_variables.from_variables(x), x, score, self.evaluations, self.per_variable,
+            configuration.from_variables(x), x, score, self.evaluations, self.per_variable,
             converged and math.isfinite(score), tuple(self.trace or ()),
         )  # fmt: skip

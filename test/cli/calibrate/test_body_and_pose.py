@@ -12,8 +12,7 @@ from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajector
 from tracker_node.loaders.motion.trc import MarkerTrajectories, dump_trc
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
-from tracker_node.model.humans.landmark_names import MARKER_OF_LANDMARK
-from tracker_node.model.humans.measures import HumanMeasures
+from tracker_node.model.humans.measures import MARKER_OF_LANDMARK, HumanMeasures
 
 PERSON = human_model(HumanMeasures.of_stature(1.82))
 STATE = State.neutral(PERSON, se3.exp(np.array([1.0, 0.5, 0.95, 0.0, 0.0, 1.0])))

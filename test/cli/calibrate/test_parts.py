@@ -18,7 +18,7 @@ from tracker_node.loaders.motion.trc import MarkerTrajectories
 from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
-from tracker_node.model.humans.landmark_names import MARKER_OF_LANDMARK
+from tracker_node.model.humans.measures import MARKER_OF_LANDMARK
 
 MODEL = human_model()
 BOARD = ("--charuco", "4x5", "--square", "0.05")

@@ -24,9 +24,8 @@ from tracker_node.evaluation.motion.isb_angles import isb_angles
 from tracker_node.evaluation.motion.kinematics import state_kinematics
 from tracker_node.loaders.motion.opensim_table import NumberTable, dump_table
 from tracker_node.model.articulated import ArticulatedModel
-from tracker_node.model.configuration import Configuration, State
+from tracker_node.model.configuration import Configuration, State, from_variables
 from tracker_node.model.humans.human import human_model
-from tracker_node.model.pose_variables import from_variables
 from tracker_node.runs.motion import RunMotion
 
 GAPS = (0, 3, 4, 11)

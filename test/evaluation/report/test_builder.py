@@ -21,7 +21,7 @@ from tracker_node.evaluation.report.summary import Target, summary_table
 from tracker_node.evaluation.review import Review, Truth, review
 from tracker_node.evaluation.truth.association import Trajectories
 from tracker_node.evaluation.truth.states import TrueStates, unwrapped
-from tracker_node.model.pose_variables import variable_names
+from tracker_node.model.configuration import variable_names
 from tracker_node.report.document import Column, Document, Section, Table, strips_of
 from tracker_node.report.figure_files import file_name, write_figure_files
 from tracker_node.report.html import render_html

@@ -7,8 +7,7 @@ from helpers.bodies.moving_person import moving, write_run
 from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.truth.states import TrueStates, holds_states, load_true_states, unwrapped
 from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, write_states
-from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.pose_variables import to_variables, variable_names
+from tracker_node.model.configuration import Configuration, State, to_variables, variable_names
 
 
 def two_rows(valid=((True, True), (True, True), (True, False))):

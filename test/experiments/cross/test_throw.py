@@ -10,8 +10,7 @@ from tracker_node.experiments.cross import throw as cross
 from tracker_node.experiments.cross.film import film
 from tracker_node.experiments.cross.video_faults import TapeFaults
 from tracker_node.experiments.target_images import TargetStudio
-from tracker_node.model.configuration import Configuration
-from tracker_node.model.pose_variables import to_variables
+from tracker_node.model.configuration import Configuration, to_variables
 from tracker_node.observation.deinterlace import comb_ratio, interpolate_lines
 
 MODEL = model_of_cross()

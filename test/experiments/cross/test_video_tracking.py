@@ -8,7 +8,7 @@ import pytest
 from helpers.bodies.wooden_cross import cross
 from tracker_node.experiments.cross.throw import side_somersault, twisting_somersault
 from tracker_node.experiments.cross.video_tracking import extrapolated, refine_video, track_video, velocities
-from tracker_node.model.pose_variables import from_variables, to_variables
+from tracker_node.model.configuration import from_variables, to_variables
 
 PERIOD_S = 0.02
 TRIAL = twisting_somersault(cross())

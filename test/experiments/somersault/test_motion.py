@@ -19,9 +19,8 @@ from tracker_node.experiments.somersault.motion import (
     somersault_variables,
 )
 from tracker_node.geometry import so3
-from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.humans.ellipsoids import ellipsoid_human
-from tracker_node.model.pose_variables import to_variables
+from tracker_node.model.configuration import Configuration, State, to_variables
+from tracker_node.model.humans.surfaces18 import ellipsoid_human
 
 BODY = ellipsoid_human()
 

@@ -8,8 +8,7 @@ from scipy.optimize import minimize
 
 from tracker_node.experiments.somersault.surface_distance import distance_table, point_distances, segment_distances
 from tracker_node.model.articulated import ArticulatedModel, Shape
-from tracker_node.model.humans.ellipsoids import ellipsoid_human
-from tracker_node.model.humans.lofts import nurbs_human
+from tracker_node.model.humans.surfaces18 import ellipsoid_human, nurbs_human
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box, Ellipsoid
 

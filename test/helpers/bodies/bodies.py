@@ -5,7 +5,7 @@ import numpy as np
 from tracker_node.geometry import se3
 from tracker_node.model.articulated import ArticulatedModel, Landmark, Shape
 from tracker_node.model.configuration import State
-from tracker_node.model.humans.landmark_names import mirrored_name
+from tracker_node.model.humans.measures import mirrored_name
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 

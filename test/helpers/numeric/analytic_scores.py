@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tracker_node.model import pose_variables
+from tracker_node.model import configuration
 from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 
@@ -37,7 +37,7 @@ class AnalyticScore:
         return float(self.scores([state])[0])
 
     def scores(self, states: list[State]) -> np.ndarray:
-        points = [pose_variables.to_variables(state) for state in states]
+        points = [configuration.to_variables(state) for state in states]
         self.asked += points
         self.batches.append(len(points))
         self.row_steps += [self.row_step] * len(points)
@@ -49,4 +49,4 @@ class AnalyticScore:
 
 def state_at(*variables: float) -> State:
     """The state of these pose variables."""
-    return pose_variables.from_variables(np.array(variables))
+    return configuration.from_variables(np.array(variables))

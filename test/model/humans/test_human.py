@@ -8,8 +8,7 @@ from tracker_node.geometry import se3
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
-from tracker_node.model.humans.landmark_names import LANDMARK_OF_MARKER, mirrored_name
-from tracker_node.model.humans.measures import HumanMeasures
+from tracker_node.model.humans.measures import LANDMARK_OF_MARKER, HumanMeasures, mirrored_name
 from tracker_node.model.shapes.primitives import Ellipsoid, TruncatedCone
 
 MODEL = human_model()

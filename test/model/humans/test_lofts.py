@@ -9,9 +9,8 @@ from tracker_node.camera.model import CameraModel
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans import anthropometry as m
-from tracker_node.model.humans.ellipsoids import ellipsoid_human
-from tracker_node.model.humans.lofts import nurbs_human
 from tracker_node.model.humans.segments18 import body_lofts
+from tracker_node.model.humans.surfaces18 import ellipsoid_human, nurbs_human
 from tracker_node.model.shapes.nurbs import LoftedSolid, loft_surface
 from tracker_node.render.raycast.raycaster import render_mask
 

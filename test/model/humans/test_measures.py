@@ -50,7 +50,7 @@ def test_all_lengths_scale_and_ratios_stay():
 
 @pytest.mark.parametrize("stature", [0.39, 3.01, float("nan")])
 def test_statures_that_nobody_has(stature):
-    with pytest.raises(ValueError, match=f"expected a stature of 0.4 to 3 metres, got {stature}"):
+    with pytest.raises(ValueError, match=f"expected a stature of 0.4 to 3 meters, got {stature}"):
         HumanMeasures(stature=stature)
 
 

@@ -6,7 +6,7 @@ import trimesh
 
 from helpers.bodies.mesh_solids import ball, box, cone, is_inside, joined, outer_vertices, rod
 from tracker_node.geometry import so3
-from tracker_node.model.humans.lofts import nurbs_human
+from tracker_node.model.humans.surfaces18 import nurbs_human
 from tracker_node.model.shapes.mesh_capsules import capsules_in_mesh
 from tracker_node.model.shapes.primitives import Mesh
 from tracker_node.model.shapes.round_cones import END, END_RADIUS, N_CAPSULE, START, START_RADIUS, point_gaps

@@ -14,8 +14,8 @@ from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import CameraRig
 from tracker_node.experiments.cross.yellow_stick import yellow_stick
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.humans.ellipsoids import ellipsoid_human
 from tracker_node.model.humans.human import human_model
+from tracker_node.model.humans.surfaces18 import ellipsoid_human
 from tracker_node.objective.color.score import ColorObjective, ColorOptions, Verdict
 from tracker_node.render.raycast.raycaster import render_color
 

@@ -26,8 +26,7 @@ def run(args: argparse.Namespace) -> int:
     from ...experiments.plots import bodies_figure, matching_figure, plan_figure, save
     from ...experiments.somersault.surface_distance import distance_table, segment_distances
     from ...model.configuration import Configuration, State
-    from ...model.humans.ellipsoids import ellipsoid_human
-    from ...model.humans.lofts import nurbs_human
+    from ...model.humans.surfaces18 import ellipsoid_human, nurbs_human
     from ...report.metrics_file import write_metrics
     from ...report.page import Section, write_page
 

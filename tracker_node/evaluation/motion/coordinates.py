@@ -15,8 +15,8 @@ from ...loaders.images.stamps import stamps_from_first_ns
 from ...loaders.motion.bvh import AXES_Y_UP
 from ...loaders.motion.opensim_table import load_table
 from ...model.articulated import ArticulatedModel
+from ...model.configuration import ROOT_NAMES, angles_of, variable_names
 from ...model.kinematic_chain import N_ROOT_DOF
-from ...model.pose_variables import ROOT_NAMES, angles_of, variable_names
 from ...runs.motion import RunMotion
 from .isb_angles import LINK_FROM_ISB, cardan_angles
 
@@ -109,7 +109,7 @@ def load_coordinates(
 
     Returns
     -------
-    names (k) of `model.pose_variables.variable_names`, in that order, stamps (n,) ns, values (n, k) in metres and radians, valid
+    names (k) of `model.configuration.variable_names`, in that order, stamps (n,) ns, values (n, k) in metres and radians, valid
     (n, k).
 
     Raises

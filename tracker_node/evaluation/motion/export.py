@@ -16,7 +16,7 @@ from ...loaders.motion.opensim_table import NumberTable, dump_table
 from ...loaders.motion.trc import MarkerTrajectories, dump_trc
 from ...loaders.motion.tum import dump_tum
 from ...model.articulated import ArticulatedModel
-from ...model.humans.landmark_names import MARKER_OF_LANDMARK
+from ...model.humans.measures import MARKER_OF_LANDMARK
 from ...runs.motion import RunMotion, without_gaps
 from .coordinates import model_coordinates, opensim_coordinates
 from .isb_angles import isb_angles

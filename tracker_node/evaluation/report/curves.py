@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...model.pose_variables import ROOT_NAMES, variable_names
+from ...model.configuration import ROOT_NAMES, variable_names
 from ...report.document import BLACK, CYCLE, Curve, Curves, Line, Pictures
 from ..masks.silhouettes import Picture, contact_sheet
 from ..review import Review

@@ -14,7 +14,7 @@ from ...loaders.motion.c3d_file import load_c3d
 from ...loaders.motion.trajectory_file import read_joints
 from ...loaders.motion.trc import load_trc
 from ...model.articulated import ArticulatedModel
-from ...model.humans.landmark_names import landmark_of_marker
+from ...model.humans.measures import landmark_of_marker
 from .association import Trajectories
 from .states import TrueStates, holds_states, load_true_states
 

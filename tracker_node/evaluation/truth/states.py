@@ -12,9 +12,8 @@ from ...errors import FileFormatError
 from ...loaders.csv_file import CsvTable
 from ...loaders.motion.trajectory_file import LEADING_COLUMNS, read_states
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import Configuration, State
+from ...model.configuration import ROOT_NAMES, Configuration, State, from_variables, to_variables, variable_names
 from ...model.kinematic_chain import N_ROOT_DOF
-from ...model.pose_variables import ROOT_NAMES, from_variables, to_variables, variable_names
 from ..motion.coordinates import load_coordinates
 from .association import Trajectories, between
 
@@ -24,7 +23,7 @@ _NO_TRUTH = ("LOST", "INITIALIZING")
 
 @dataclass(frozen=True, eq=False)
 class TrueStates:
-    """Variables of a pose over time (see `model.pose_variables`), full turns counted on.
+    """Variables of a pose over time (see `model.configuration`), full turns counted on.
 
     Parameters
     ----------

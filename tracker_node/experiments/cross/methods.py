@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from ...model.configuration import State
-from ...model.pose_variables import N_ROOT
+from ...model.configuration import N_ROOT, State
 from ...objective.color.alignment import PhotometricOptions
 from ...objective.color.asynchronous_alignment import StaggeredPhotometricObjective
 from ...objective.color.asynchronous_score import StaggeredObjective

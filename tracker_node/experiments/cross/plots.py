@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import Configuration, State
-from ...model.pose_variables import N_ROOT, ROOT_NAMES, to_variables
+from ...model.configuration import N_ROOT, ROOT_NAMES, Configuration, State, to_variables
 from ...render.overlay import target_through_mask
 from ...report.document import BLUE, GREEN, GREY, ORANGE, PURPLE
 from ..rigid_tracking import UNITS, VARIABLES

@@ -15,8 +15,7 @@ from ...camera.model import CameraModel
 from ...camera.rig import Camera, CameraRig
 from ...geometry import se3
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import State
-from ...model.pose_variables import from_variables
+from ...model.configuration import State, from_variables
 from ...synthesis.scenes.scene import looking_at
 from ..free_flight import FreeFlight, mass_properties
 

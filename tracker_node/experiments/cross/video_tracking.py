@@ -10,8 +10,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ...model.configuration import State
-from ...model.pose_variables import from_variables, to_variables
+from ...model.configuration import State, from_variables, to_variables
 from ..rigid_tracking import Found, TrackedSequence
 
 Show = Callable[[int, np.ndarray | None], None]

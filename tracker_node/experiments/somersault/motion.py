@@ -19,9 +19,8 @@ from ...camera.rig import Camera, CameraRig
 from ...errors import UnknownNameError
 from ...geometry import se3
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import Configuration, State
+from ...model.configuration import Configuration, State, angles_of, from_variables
 from ...model.kinematic_chain import KinematicChain
-from ...model.pose_variables import angles_of, from_variables
 from ...synthesis.scenes.scene import looking_at
 from ..free_flight import GRAVITY, FreeFlight, MassProperties
 
@@ -61,7 +60,7 @@ class SomersaultRanges:
 
 
 def somersault_variables(n_images: int = 11, ranges: SomersaultRanges | None = None) -> np.ndarray:
-    """(n_images, 6) in the order of `pose_variables.ROOT_NAMES`, evenly spaced from take-off to landing."""
+    """(n_images, 6) in the order of `configuration.ROOT_NAMES`, evenly spaced from take-off to landing."""
     r = ranges or SomersaultRanges()
     s = np.linspace(0.0, 1.0, n_images)
     angles = _rotation(s)

@@ -10,8 +10,7 @@ import numpy as np
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
-from ...model.humans.ellipsoids import ellipsoid_human
-from ...model.humans.lofts import nurbs_human
+from ...model.humans.surfaces18 import ellipsoid_human, nurbs_human
 from ...render.raycast import raycaster
 from ..plots import bgr_of
 from ..target_images import TargetStudio

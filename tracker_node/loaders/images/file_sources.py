@@ -124,15 +124,15 @@ class FolderSource(ImageSource):
 
     def _content(self, file: str) -> np.ndarray | bytes | None:
         publish, keep = self.options.capture.publish, self.options.keep
-        grey = self.options.capture.bayer or (publish == "mono" and not keep)
+        gray = self.options.capture.bayer or (publish == "mono" and not keep)
         is_jpeg = Path(file).suffix.lower() in (".jpg", ".jpeg")
         shrinks = (self.width, self.height) != (self.native_width, self.native_height)
-        if publish == JPEG or (is_jpeg and (shrinks or keep) and publish == "color" and not grey):
+        if publish == JPEG or (is_jpeg and (shrinks or keep) and publish == "color" and not gray):
             data = _bytes(file)
             if publish == JPEG or _plain_size(data) == (self.native_width, self.native_height):
                 return data
         flags = cv2.IMREAD_ANYCOLOR if publish == "native" else cv2.IMREAD_COLOR
-        return cv2.imread(file, cv2.IMREAD_GRAYSCALE if grey else flags)
+        return cv2.imread(file, cv2.IMREAD_GRAYSCALE if gray else flags)
 
 
 def _bytes(file: str) -> bytes | None:

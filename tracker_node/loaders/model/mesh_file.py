@@ -15,7 +15,7 @@ from ..picture_file import write_picture
 
 
 def read_mesh(file: str | Path, scale: float, referrer: str | Path, field: str, texture: np.ndarray | None = None) -> Mesh:
-    """Mesh of a file, its coordinates times ``scale`` (1 for a file in metres, 0.001 for one in millimetres).
+    """Mesh of a file, its coordinates times ``scale`` (1 for a file in meters, 0.001 for one in millimeters).
 
     Colors of faces or vertices, texture and normals are taken over where the file has them.
 
@@ -111,7 +111,7 @@ def _named_in(file: Path, keyword: str) -> list[Path]:
 
 
 def write_mesh(mesh: Mesh, stem: Path) -> Path:
-    """Write a mesh with every digit of its vertices (metres), and say where.
+    """Write a mesh with every digit of its vertices (meters), and say where.
 
     OBJ with colors of vertices or, beside it, material and texture; colors of faces go to a PLY file, since OBJ has none.
     """

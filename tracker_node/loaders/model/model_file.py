@@ -15,27 +15,27 @@ from ...model.shapes.primitives import BOX_FACES
 from ..file_kind import BODY
 from ..yaml_file import FileModel, Number, PositiveNumber, is_number, numbers, problem
 
-LEAST_RANGE = 1e-6  # degrees or metres between an axis's limits; radians and back must not close it
+LEAST_RANGE = 1e-6  # degrees or meters between an axis's limits; radians and back must not close it
 Vector = numbers(3)
 
 
 def _positive_vector(value: Any) -> tuple[float, float, float]:
     ok = isinstance(value, (list, tuple)) and len(value) == 3
     if not ok or any(not is_number(v) or not v > 0 for v in value):
-        raise problem("3 positive numbers (metres)", value)
+        raise problem("3 positive numbers (meters)", value)
     return float(value[0]), float(value[1]), float(value[2])
 
 
 def _positive_pair(value: Any) -> tuple[float, float]:
     ok = isinstance(value, (list, tuple)) and len(value) == 2
     if not ok or any(not is_number(v) or not v > 0 for v in value):
-        raise problem("2 positive numbers (metres)", value)
+        raise problem("2 positive numbers (meters)", value)
     return float(value[0]), float(value[1])
 
 
 def _ring_spacing(value: Any) -> float:
     if not is_number(value) or not value >= 0.001:
-        raise problem("a number >= 0.001 (metres)", value)
+        raise problem("a number >= 0.001 (meters)", value)
     return float(value)
 
 
@@ -51,7 +51,7 @@ def _limits_deg(value: Any) -> tuple[float, float]:
 
 
 def _limits_m(value: Any) -> tuple[float, float]:
-    return _limits(value, "metres")
+    return _limits(value, "meters")
 
 
 def _limits(value: Any, unit: str) -> tuple[float, float]:
@@ -66,11 +66,11 @@ PositiveVector = Annotated[tuple[float, float, float], BeforeValidator(_positive
 PositivePair = Annotated[tuple[float, float], BeforeValidator(_positive_pair)]
 Color = Annotated[tuple[int, int, int], BeforeValidator(_color)]
 Degrees = Annotated[tuple[float, float], BeforeValidator(_limits_deg)]
-Metres = Annotated[tuple[float, float], BeforeValidator(_limits_m)]
+Meters = Annotated[tuple[float, float], BeforeValidator(_limits_m)]
 
 
 class MimicEntry(FileModel):
-    """Position = multiplier * that of the leading axis + offset, in radians and metres but for ``offset_deg``."""
+    """Position = multiplier * that of the leading axis + offset, in radians and meters but for ``offset_deg``."""
 
     axis: str
     multiplier: Number = 1.0
@@ -85,7 +85,7 @@ class AxisEntry(FileModel):
     direction: Vector  # type: ignore[valid-type]
     limits_deg: Degrees = (-180.0, 180.0)
     neutral_deg: Number = 0.0
-    limits_m: Metres | None = None
+    limits_m: Meters | None = None
     neutral_m: Number = 0.0
     stiffness: Number = 0.0
     mimic: MimicEntry | None = None
@@ -174,7 +174,7 @@ class ConeEntry(_ShapeBase):
 
     @property
     def span(self) -> tuple[float, float]:
-        """Both ends on the axis, metres."""
+        """Both ends on the axis, meters."""
         return (0.0, self.length) if self.length is not None else (self.z1, self.z2)  # type: ignore[return-value]
 
     @property

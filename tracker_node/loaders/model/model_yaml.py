@@ -94,7 +94,7 @@ def dump_model(model: ArticulatedModel, path: str | Path, comment: str = "") -> 
 
 
 def transform_of(xyz: tuple[float, ...], rpy_deg: tuple[float, ...]) -> np.ndarray:
-    """T (4, 4) of an offset (metres) and fixed-axis roll, pitch, yaw (degrees): R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    """T (4, 4) of an offset (meters) and fixed-axis roll, pitch, yaw (degrees): R = Rz(yaw) Ry(pitch) Rx(roll)."""
     roll, pitch, yaw = np.deg2rad(rpy_deg)
     rotation = so3.from_axis_angle(_Z, yaw) @ so3.from_axis_angle(_Y, pitch) @ so3.from_axis_angle(_X, roll)
     return se3.from_rotation_translation(rotation, np.array(xyz))

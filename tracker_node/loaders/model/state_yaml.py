@@ -32,11 +32,11 @@ class _Kind:
 
 
 _TURNS = _Kind("joints_deg", False, "turns", "an angle", "degrees", np.pi / 180.0, 1.0)
-_SLIDES = _Kind("joints_m", True, "slides", "a length", "metres", 1.0, 0.001)
+_SLIDES = _Kind("joints_m", True, "slides", "a length", "meters", 1.0, 0.001)
 
 
 class RootEntry(FileModel):
-    """Where the root link is: metres, and a quaternion or roll, pitch, yaw."""
+    """Where the root link is: meters, and a quaternion or roll, pitch, yaw."""
 
     xyz: numbers(3)  # type: ignore[valid-type]
     quaternion_xyzw: numbers(4) | None = None  # type: ignore[valid-type]

@@ -78,7 +78,7 @@ def _primitives(geometry: Node, colored: bool) -> list[tuple[str, np.ndarray, Pr
     if node.tag == "box":
         size = node.numbers("size", 3)
         if not min(size) > 0.0:
-            raise node.error("3 positive numbers (metres)", node.text("size"), "size")
+            raise node.error("3 positive numbers (meters)", node.text("size"), "size")
         return [("", here, Box(size))]  # type: ignore[arg-type]
     if node.tag == "sphere":
         radius = node.positive("radius")
@@ -86,7 +86,7 @@ def _primitives(geometry: Node, colored: bool) -> list[tuple[str, np.ndarray, Pr
     if node.tag == "ellipsoid":
         radii = node.numbers("radii", 3)
         if not min(radii) > 0.0:
-            raise node.error("3 positive numbers (metres)", node.text("radii"), "radii")
+            raise node.error("3 positive numbers (meters)", node.text("radii"), "radii")
         return [("", here, Ellipsoid(radii))]  # type: ignore[arg-type]
     if node.tag == "mesh":
         return [("", here, _mesh(node, colored))]

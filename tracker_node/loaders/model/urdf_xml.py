@@ -68,7 +68,7 @@ class Node:
     def positive(self, attribute: str) -> float:
         value = self.number(attribute)
         if not value > 0.0:
-            raise self.error("a positive number (metres)", value, attribute)
+            raise self.error("a positive number (meters)", value, attribute)
         return value
 
     def numbers(self, attribute: str, n: int, default: Sequence[float] | None = None) -> tuple[float, ...]:
@@ -88,7 +88,7 @@ class Node:
         return numbers
 
     def origin(self) -> np.ndarray:
-        """T (4, 4) of the <origin>: xyz in metres; rpy in radians about fixed axes, R = Rz(yaw) Ry(pitch) Rx(roll)."""
+        """T (4, 4) of the <origin>: xyz in meters; rpy in radians about fixed axes, R = Rz(yaw) Ry(pitch) Rx(roll)."""
         origin = self.one("origin")
         if origin is None:
             return np.eye(4)

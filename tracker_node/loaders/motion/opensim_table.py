@@ -1,7 +1,7 @@
 """Named numbers over time in OpenSim's tables: motions (``.mot``) and storages (``.sto``).
 
 A header of lines ``key=value`` that ends in ``endheader``, a line of column names, the first of them ``time``, and a row per
-instant. ``inDegrees`` tells of angles; lengths have no unit in the file and are metres in OpenSim.
+instant. ``inDegrees`` tells of angles; lengths have no unit in the file and are meters in OpenSim.
 """
 
 from __future__ import annotations

@@ -62,7 +62,7 @@ class StateTrajectory:
 
     @property
     def values(self) -> np.ndarray:
-        """(n, n_dof) metres and radians."""
+        """(n, n_dof) meters and radians."""
         return np.array([row.values for row in self.rows], dtype=np.float64).reshape(-1, len(self.dof_names))
 
     @property

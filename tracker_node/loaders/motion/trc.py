@@ -24,7 +24,7 @@ class MarkerTrajectories:
     ----------
     names : of the m markers.
     times_s : (n,) seconds.
-    positions_m : (n, m, 3) metres; zeros where not valid.
+    positions_m : (n, m, 3) meters; zeros where not valid.
     rate_hz : images per second as the file states it.
     valid : (n, m) bool.
     """

@@ -1,4 +1,4 @@
-"""Poses over time in the format of the TUM RGB-D benchmark: lines of ``stamp tx ty tz qx qy qz qw``, seconds and metres."""
+"""Poses over time in the format of the TUM RGB-D benchmark: lines of ``stamp tx ty tz qx qy qz qw``, seconds and meters."""
 
 from __future__ import annotations
 

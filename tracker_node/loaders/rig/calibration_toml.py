@@ -18,7 +18,7 @@ DIALECTS = ("pose2sim", "anipose", "caliscope")
 
 
 def dump_calibration_toml(rig: CameraRig, path: str | Path, dialect: str = "pose2sim") -> None:
-    """Write lenses and places, from the world to the camera, metres.
+    """Write lenses and places, from the world to the camera, meters.
 
     Raises
     ------

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...camera.distortion import COEFFICIENT_COUNTS
-from ...camera.model import CameraModel
-from ...camera.plausible_lens import plausible
+from ...camera.model import CameraModel, plausible
 from ...errors import CalibrationError, FileFormatError
 from ..yaml_file import read_mapping, write_mapping
 

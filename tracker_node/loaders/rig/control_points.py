@@ -1,6 +1,6 @@
 """Control points, places of which are known, as they were clicked on in the images: a CSV file.
 
-Columns ``camera,point,x,y,z,u,v``: one line for each camera that shows a point; metres in the world, pixels of the
+Columns ``camera,point,x,y,z,u,v``: one line for each camera that shows a point; meters in the world, pixels of the
 images. Before anybody has clicked on them, only their places are known: a CSV file ``point,x,y,z``.
 """
 
@@ -21,7 +21,7 @@ PLACE_COLUMNS = ("point", "x", "y", "z")
 
 @dataclass(frozen=True, eq=False)
 class ControlPoints:
-    """What one camera shows: ``names`` of the points, their ``points`` (n, 3) in metres and ``pixels`` (n, 2)."""
+    """What one camera shows: ``names`` of the points, their ``points`` (n, 3) in meters and ``pixels`` (n, 2)."""
 
     names: tuple[str, ...]
     points: np.ndarray
@@ -66,7 +66,7 @@ def dump_control_points(seen: Mapping[str, ControlPoints], path: str | Path) -> 
 
 
 def load_places(path: str | Path) -> dict[str, np.ndarray]:
-    """Point -> its place (3,), metres in the world, from columns ``point,x,y,z`` or a file of control points clicked on.
+    """Point -> its place (3,), meters in the world, from columns ``point,x,y,z`` or a file of control points clicked on.
 
     Raises
     ------

@@ -15,8 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ...camera.model import CameraModel
-from ...camera.plausible_lens import plausible
+from ...camera.model import CameraModel, plausible
 from ...camera.rig import Camera, CameraRig
 from ...errors import CalibrationError, FileFormatError
 from ...geometry import se3

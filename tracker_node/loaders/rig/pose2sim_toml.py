@@ -1,7 +1,7 @@
 """Camera calibrations in the TOML that Pose2Sim, aniposelib and Caliscope share.
 
 One table per camera: ``size`` [width, height], ``matrix`` (3 x 3), ``distortions`` (4 or 5 coefficients; 4 of the
-equidistant model with ``fisheye = true``), ``rotation`` (Rodrigues vector, radians) and ``translation`` (metres), both from
+equidistant model with ``fisheye = true``), ``rotation`` (Rodrigues vector, radians) and ``translation`` (meters), both from
 the world to the camera. Cameras that Caliscope is told to ``ignore`` are left out.
 """
 
@@ -13,8 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...camera.model import CameraModel
-from ...camera.plausible_lens import plausible
+from ...camera.model import CameraModel, plausible
 from ...camera.rig import Camera, CameraRig
 from ...errors import CalibrationError, FileFormatError
 from ...geometry import se3, so3
@@ -76,7 +75,7 @@ def _camera(path: Path, key: str, table: dict) -> Camera:
     if rotation.shape != (3, 3):
         raise FileFormatError(path, f"{key}.rotation", "a rotation vector (radians) or a 3 x 3 matrix", rotation.tolist())
     if translation.size != 3:
-        raise FileFormatError(path, f"{key}.translation", "3 numbers (metres)", translation.tolist())
+        raise FileFormatError(path, f"{key}.translation", "3 numbers (meters)", translation.tolist())
     T_cam_world = se3.from_rotation_translation(rotation, translation.ravel())
     if not se3.is_rigid(T_cam_world, tolerance=1e-5):
         raise FileFormatError(path, f"{key}.rotation", "a proper rotation", rotation.tolist())

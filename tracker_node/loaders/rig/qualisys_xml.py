@@ -1,6 +1,6 @@
 """Camera calibrations of Qualisys Track Manager (``.qca.txt``, which is XML), read and written.
 
-Lengths in the images are 1/64 pixels, places millimetres. The rows r1, r2, r3 of ``transform`` are the camera's axes in the
+Lengths in the images are 1/64 pixels, places millimeters. The rows r1, r2, r3 of ``transform`` are the camera's axes in the
 world, x right, y up and z backward. Distortion coefficients have no unit and are taken as they stand (Pose2Sim divides by 64).
 """
 
@@ -11,8 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...camera.model import CameraModel
-from ...camera.plausible_lens import plausible
+from ...camera.model import CameraModel, plausible
 from ...camera.rig import Camera, CameraRig
 from ...errors import CalibrationError, FileFormatError
 from ...geometry import se3

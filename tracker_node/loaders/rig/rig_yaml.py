@@ -12,8 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from ...camera.capture_settings import CaptureSettings
 from ...camera.distortion import COEFFICIENT_COUNTS
 from ...camera.light import Light
-from ...camera.model import CameraModel
-from ...camera.plausible_lens import plausible
+from ...camera.model import CameraModel, plausible
 from ...camera.rig import Camera, CameraRig
 from ...errors import CalibrationError, FileFormatError, SourceError
 from ...geometry import se3
@@ -92,7 +91,7 @@ class CameraEntry(FileModel):
             raise problem(f"{several} coefficients for {self.distortion_model}", self.distortion, "distortion")
         if not se3.is_rigid(np.array(self.T_world_cam), tolerance=1e-4):
             raise problem(
-                "a rigid 4 x 4 transform (rotation, metres, last row 0 0 0 1)",
+                "a rigid 4 x 4 transform (rotation, meters, last row 0 0 0 1)",
                 self.T_world_cam,
                 "T_world_cam",
             )

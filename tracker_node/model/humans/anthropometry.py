@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-# Levels of the trunk: metres above the hip joint centers; those of the head above the acromion.
+# Levels of the trunk: meters above the hip joint centers; those of the head above the acromion.
 UMBILICUS, LOWEST_RIB, NIPPLE, SHOULDER, ACROMION = 0.176, 0.277, 0.388, 0.493, 0.545
 NOSE, ABOVE_EAR, HEAD_TOP = 0.152, 0.208, 0.308
 # Girth and breadth
@@ -19,13 +19,13 @@ HIP_SECTION, UMBILICUS_SECTION, RIB_SECTION, NIPPLE_SECTION = (0.970, 0.347), (0
 SHOULDER_BREADTH, SHOULDER_DEPTH = 0.343, 0.215  # breadth: between the joint centers
 NECK_GIRTH, NOSE_GIRTH, EAR_GIRTH = 0.375, 0.530, 0.600
 
-# Arm: metres below the shoulder's joint center; hand below the wrist's
+# Arm: meters below the shoulder's joint center; hand below the wrist's
 ELBOW, FOREARM_MAXIMUM, WRIST = 0.2995, 0.350, 0.564
 THUMB_BASE, KNUCKLES, FINGERNAILS = 0.049, 0.0805, 0.1545
 SHOULDER_GIRTH, MID_ARM_GIRTH, ELBOW_GIRTH, FOREARM_GIRTH = 0.337, 0.2915, 0.278, 0.283
 WRIST_SECTION, THUMB_SECTION, KNUCKLE_SECTION, NAIL_SECTION = (0.166, 0.0555), (0.240, 0.0975), (0.2325, 0.0975), (0.1205, 0.047)
 
-# Leg: metres below the hip's joint center; foot in front of the ankle's
+# Leg: meters below the hip's joint center; foot in front of the ankle's
 CROTCH, KNEE, CALF_MAXIMUM, ANKLE = 0.062, 0.449, 0.559, 0.878
 MID_THIGH = 0.5 * (CROTCH + KNEE)
 HEEL, BALL, TOENAILS = 0.050, 0.1535, 0.218
@@ -45,12 +45,30 @@ def radius_of(girth: float) -> float:
 
 
 def stadium_halves(girth: float, breadth: float) -> tuple[float, float]:
-    """Half-widths (broad, thin) of a stadium: girth = 2 pi r + 4 t, breadth = 2 (r + t)."""
+    """Stadium of a girth and a breadth: girth = 2 pi r + 4 t, breadth = 2 (r + t).
+
+    Parameters
+    ----------
+    girth, breadth : meters.
+
+    Returns
+    -------
+    Half-widths (broad, thin), meters.
+    """
     radius = (girth - 2.0 * breadth) / (2.0 * math.pi - 4.0)
     return 0.5 * breadth, radius
 
 
 def stadium_of_ratio(girth: float, ratio: float) -> tuple[float, float]:
-    """Half-widths (broad, thin) of the stadium of that girth whose breadth is ``ratio`` times its depth."""
+    """Stadium of a girth and a ratio.
+
+    Parameters
+    ----------
+    girth, ratio : meters; breadth over depth.
+
+    Returns
+    -------
+    Half-widths (broad, thin), meters.
+    """
     radius = girth / (2.0 * math.pi + 4.0 * (ratio - 1.0))
     return ratio * radius, radius

@@ -104,7 +104,17 @@ class _Side:
 
 
 def human_model(measures: HumanMeasures | None = None, name: str = "human") -> ArticulatedModel:
-    """The body of a person of these measures (by default a man of 1.75 m)."""
+    """Body of a person.
+
+    Parameters
+    ----------
+    measures : meters; None for a man of 1.75 m.
+    name : of the model.
+
+    Returns
+    -------
+    18 links, 40 degrees of freedom.
+    """
     m = measures or HumanMeasures()
     links = TRUNK_LINKS + tuple(f"{side}_{link}" for side, _ in SIDES for link in LIMB_LINKS)
     joints = _trunk_joints(m)
@@ -215,7 +225,7 @@ def _limb(radii: tuple[float, float], end_scale: float, length: float, above: fl
 
 
 def _limb_landmarks(m: HumanMeasures, side: _Side) -> list[Landmark]:
-    """Joint centres belong to the parts that carry the joints, so no part's turn about its own axis moves them."""
+    """Joint centers belong to the parts that carry the joints, so no part's turn about its own axis moves them."""
     sole = -m.ankle_height
     toe = 2.0 * m.foot_radii[0] - m.heel_behind_ankle
     rows = (

@@ -1,4 +1,4 @@
-"""Measures of the human body, metres.
+"""Measures of the human body, meters, and the names under which other programs know its landmarks.
 
 Lengths are shares of stature: Drillis & Contini (1966), *Body segment parameters*, as tabulated in Winter (2009),
 *Biomechanics and Motor Control of Human Movement*, fig. 4.1. Girths, breadths and depths are rounded means of the men of
@@ -8,9 +8,10 @@ Gordon et al. (1989), *1988 Anthropometric Survey of U.S. Army Personnel* (mean 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 
-SURVEY_STATURE = 1.756  # metres, mean of the men of the 1988 survey
+SURVEY_STATURE = 1.756  # meters, mean of the men of the 1988 survey
 REFERENCE_STATURE = 1.75
 
 
@@ -29,14 +30,14 @@ def _radius(girth: float) -> float:
 
 @dataclass(frozen=True)
 class HumanMeasures:
-    """All lengths in metres, for a man of 1.75 m unless said otherwise; `of_stature` scales them all."""
+    """All lengths in meters, for a man of 1.75 m unless said otherwise; `of_stature` scales them all."""
 
     stature: float = REFERENCE_STATURE
     # Legs and arms: shares of stature
     thigh_length: float = _share(0.530 - 0.285)
     shank_length: float = _share(0.285 - 0.039)
     ankle_height: float = _share(0.039)
-    hip_half_width: float = _share(0.048)  # joint centres: nearer than the 0.191 / 2 of the trochanters
+    hip_half_width: float = _share(0.048)  # joint centers: nearer than the 0.191 / 2 of the trochanters
     upper_arm_length: float = _share(0.186)
     forearm_length: float = _share(0.146)
     # Trunk: hip joints at 0.530, L5/S1 at 0.585, T12/L1 at 0.655, shoulders at 0.818, C7 at 0.850 of stature
@@ -52,7 +53,7 @@ class HumanMeasures:
     # Shoulder joints lie 2 cm inside the acromia (biacromial breadth 0.397)
     clavicle_length: float = round(_surveyed(0.397 / 2) - 0.020 - 0.020, 4)
     shoulder_x: float = -0.005
-    head_x: float = 0.022  # the head's centre is in front of C7
+    head_x: float = 0.022  # the head's center is in front of C7
     head_top: float = _share(1.0 - 0.850)  # above C7
     crotch_depth: float = _share(0.530 - 0.475)  # below the hip joints
     # Half-axes (forward, sideways) of trunk sections: depths and breadths
@@ -64,7 +65,7 @@ class HumanMeasures:
     clavicle_radii: tuple[float, float] = (0.070, 0.055)
     deltoid_scale: float = 0.80
     neck_radius: float = _radius(0.379)  # at C7
-    neck_taper: float = -0.6  # per metre at the reference stature
+    neck_taper: float = -0.6  # per meter at the reference stature
     neck_depth: float = 0.095  # how far the neck reaches into the chest
     head_radii: tuple[float, float, float] = (_surveyed(0.197 / 2), _surveyed(0.152 / 2), _share(0.130 / 2))
     # Limb sections at their upper joint, and the share left at the lower one
@@ -79,11 +80,11 @@ class HumanMeasures:
     ankle_scale: float = 0.60
     foot_radii: tuple[float, float, float] = (_surveyed(0.270 / 2), _surveyed(0.101 / 2), 0.036)
     heel_behind_ankle: float = 0.055
-    overlap: float = 0.030  # how far a part reaches into its neighbour, so that the outline has no gap
+    overlap: float = 0.030  # how far a part reaches into its neighbor, so that the outline has no gap
 
     def __post_init__(self):
         if not 0.4 <= self.stature <= 3.0:
-            raise ValueError(f"expected a stature of 0.4 to 3 metres, got {self.stature}")
+            raise ValueError(f"expected a stature of 0.4 to 3 meters, got {self.stature}")
 
     @property
     def scale(self) -> float:
@@ -92,7 +93,7 @@ class HumanMeasures:
 
     @classmethod
     def of_stature(cls, stature: float) -> HumanMeasures:
-        """Every length scaled to a stature (metres); ratios stay."""
+        """Every length scaled to a stature (meters); ratios stay."""
         reference = cls()
         scale = stature / reference.stature
         scaled: dict[str, object] = {}
@@ -102,3 +103,48 @@ class HumanMeasures:
                 continue
             scaled[field.name] = tuple(scale * v for v in value) if isinstance(value, tuple) else scale * value
         return replace(reference, **scaled)  # type: ignore[arg-type]
+
+
+_PAIRED = {
+    "Shoulder": "shoulder", "Elbow": "elbow", "Wrist": "wrist", "Hip": "hip", "Knee": "knee", "Ankle": "ankle",
+    "BigToe": "big_toe", "SmallToe": "small_toe", "Heel": "heel",
+}  # fmt: skip
+
+# Marker names of OpenPose and Pose2Sim TRC files -> landmarks of config/models/human.yaml
+LANDMARK_OF_MARKER: dict[str, str] = {
+    "Neck": "neck",
+    "Head": "head",
+    "Nose": "nose",
+    **{f"L{marker}": f"left_{landmark}" for marker, landmark in _PAIRED.items()},
+    **{f"R{marker}": f"right_{landmark}" for marker, landmark in _PAIRED.items()},
+}
+MARKER_OF_LANDMARK: dict[str, str] = {landmark: marker for marker, landmark in LANDMARK_OF_MARKER.items()}
+
+
+def landmark_of_marker(marker: str) -> str:
+    """Landmark of a marker; a marker that is not in the table keeps its own name."""
+    return LANDMARK_OF_MARKER.get(marker, marker)
+
+
+def mirrored_name(name: str) -> str:
+    """The same part or point of the other side: ``left_knee`` for ``right_knee``; names without a side stay."""
+    for side, other in (("left_", "right_"), ("right_", "left_")):
+        if name.startswith(side):
+            return other + name.removeprefix(side)
+    return name
+
+
+def known_landmarks(markers: Iterable[str], landmarks: Iterable[str]) -> dict[str, str]:
+    """Landmarks of those markers that a body has, by either name.
+
+    Parameters
+    ----------
+    markers, landmarks : names of markers in a file, and of the body's landmarks.
+
+    Returns
+    -------
+    Marker -> landmark.
+    """
+    landmarks = set(landmarks)
+    pairs = {marker: landmark_of_marker(marker) for marker in markers}
+    return {marker: landmark for marker, landmark in pairs.items() if landmark in landmarks}

@@ -18,7 +18,7 @@ _REACH = 0.75  # how far towards the sharp end of an ellipse's axis a circle in 
 
 
 def inner_capsules(primitive: Primitive) -> np.ndarray:
-    """(n, `N_CAPSULE`) round cones (start, its radius, end, its radius) in the shape's frame, metres."""
+    """(n, `N_CAPSULE`) round cones (start, its radius, end, its radius) in the shape's frame, meters."""
     if isinstance(primitive, TruncatedCone):
         return _in_cone(primitive)
     if isinstance(primitive, Ellipsoid):

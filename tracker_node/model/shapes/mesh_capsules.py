@@ -60,7 +60,7 @@ class _Room:
 
 
 def capsules_in_mesh(mesh: Mesh) -> np.ndarray:
-    """(n, `N_CAPSULE`) round cones within a mesh, in its frame, metres; at most five.
+    """(n, `N_CAPSULE`) round cones within a mesh, in its frame, meters; at most five.
 
     None for a mesh without volume, or with walls too thin for the grid. Cavities count as solid, and so does what an open mesh
     goes around (a tube, a bowl); the hole of a ring does not.

@@ -19,15 +19,15 @@ from .primitives import Mesh
 DEGREE = 3
 N_STADIUM_POINTS = 24  # of a section, that the surface goes through
 N_AROUND = 48  # vertices of a ring of the mesh
-RING_SPACING = 0.020  # metres between rings of the mesh, at most
-SECTION_SPACING = 0.040  # metres; between sections farther apart others are put, so that the surface does not swing
+RING_SPACING = 0.020  # meters between rings of the mesh, at most
+SECTION_SPACING = 0.040  # meters; between sections farther apart others are put, so that the surface does not swing
 _MOST_BETWEEN, _MOST_RINGS = 50, 500  # sections put between two, rings of a mesh: for solids of any size
 _DOME_ANGLES = np.deg2rad([30.0, 60.0, 90.0])
 
 
 @dataclass(frozen=True)
 class Section:
-    """Stadium across the z axis at ``z``, of half-widths ``half_x``, ``half_y`` about (``x``, ``y``); metres."""
+    """Stadium across the z axis at ``z``, of half-widths ``half_x``, ``half_y`` about (``x``, ``y``); meters."""
 
     z: float
     half_x: float
@@ -42,7 +42,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Loft:
-    """Sections in the order of z, and the heights of the domes below the first and above the last (metres)."""
+    """Sections in the order of z, and the heights of the domes below the first and above the last (meters)."""
 
     sections: tuple[Section, ...]
     domes: tuple[float, float]
@@ -66,7 +66,7 @@ class LoftedSolid(Mesh):
 
 @dataclass(frozen=True, eq=False)
 class SplineSurface:
-    """Tensor product of cubic B-splines: ``control`` (n, m, 3) metres, ``knots_along`` (n + 4,), ``knots_around`` (m + 4,).
+    """Tensor product of cubic B-splines: ``control`` (n, m, 3) meters, ``knots_along`` (n + 4,), ``knots_around`` (m + 4,).
 
     Parameters: u along the axis from 0 to 1, v around it from 0 to 1.
     """
@@ -76,13 +76,33 @@ class SplineSurface:
     knots_around: np.ndarray
 
     def evaluate(self, u: np.ndarray, v: np.ndarray, du: int = 0, dv: int = 0) -> np.ndarray:
-        """(len(u), len(v), 3) points on a grid, or their derivatives of orders ``du``, ``dv``."""
+        """Points on a grid, or their derivatives.
+
+        Parameters
+        ----------
+        u, v : (n,) along the axis and (m,) around it, 0..1.
+        du, dv : orders of the derivatives.
+
+        Returns
+        -------
+        (n, m, 3) meters.
+        """
         lines = scipy.interpolate.BSpline(self.knots_along, self.control, DEGREE)(u, nu=du)  # (len(u), m, 3)
         return np.moveaxis(scipy.interpolate.BSpline(self.knots_around, np.moveaxis(lines, 1, 0), DEGREE)(v, nu=dv), 0, 1)
 
 
 def stadium_points(half_x: float, half_y: float, n: int = N_STADIUM_POINTS) -> np.ndarray:
-    """(n, 2) points at equal distances along a stadium, from (half_x, 0) towards +y; n a multiple of 4."""
+    """Points at equal distances along a stadium, from (half_x, 0) towards +y.
+
+    Parameters
+    ----------
+    half_x, half_y : half-widths, meters.
+    n : number of points, a multiple of 4.
+
+    Returns
+    -------
+    (n, 2) meters.
+    """
     if half_y > half_x:
         return np.roll(stadium_points(half_y, half_x, n), n // 4, axis=0) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
     radius, flat = half_y, half_x - half_y  # of the ends; half the straight part
@@ -113,8 +133,17 @@ def loft_mesh(loft: Loft, n_around: int = N_AROUND, ring_spacing: float = RING_S
 
     Parameters
     ----------
+    loft : sections and domes.
     n_around : vertices of a ring.
-    ring_spacing : metres between rings, at most; on the domes they are three times as near.
+    ring_spacing : meters between rings, at most; on the domes they are three times as near.
+
+    Returns
+    -------
+    Mesh that remembers its loft.
+
+    Raises
+    ------
+    ValueError : sections whose surface has no direction somewhere.
     """
     surface = loft_surface(loft)
     u = _ring_parameters(loft, surface, ring_spacing)

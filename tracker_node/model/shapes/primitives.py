@@ -1,4 +1,4 @@
-"""Shapes of body parts, each in its own frame, metres."""
+"""Shapes of body parts, each in its own frame, meters."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 class TruncatedCone:
     """Truncated elliptical cone X = (a (1 + k z) cos t, b (1 + k z) sin t, z), z in [z1, z2] (Knossow et al., eq. 4).
 
-    ``a``, ``b`` are the half-axes at z = 0 (metres), ``k`` the taper per metre; 1 + k z > 0 on [z1, z2]. Flat caps close it.
+    ``a``, ``b`` are the half-axes at z = 0 (meters), ``k`` the taper per meter; 1 + k z > 0 on [z1, z2]. Flat caps close it.
     """
 
     a: float
@@ -28,7 +28,17 @@ class TruncatedCone:
 
     @classmethod
     def from_end_radii(cls, length: float, radii_start: tuple[float, float], radii_end: tuple[float, float]) -> TruncatedCone:
-        """Cone from z = 0 to ``length``; both ends must have the same aspect ratio (the cone has one taper)."""
+        """Cone from z = 0 to ``length``.
+
+        Parameters
+        ----------
+        length : meters.
+        radii_start, radii_end : half-axes (along x, along y) at the ends, meters, in one ratio: the cone has one taper.
+
+        Returns
+        -------
+        Cone.
+        """
         ratio = radii_end[0] / radii_start[0]
         if abs(radii_end[1] / radii_start[1] - ratio) > 1e-6:
             raise ValueError(f"expected end radii in one ratio to the start radii, got {radii_start} and {radii_end}")
@@ -37,7 +47,7 @@ class TruncatedCone:
 
 @dataclass(frozen=True)
 class Ellipsoid:
-    """Axis-aligned ellipsoid about its frame's origin with half-axes ``radii`` (3,) in metres."""
+    """Axis-aligned ellipsoid about its frame's origin with half-axes ``radii`` (3,) in meters."""
 
     radii: tuple[float, float, float]
 
@@ -51,7 +61,7 @@ BOX_FACES = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 @dataclass(frozen=True)
 class Box:
-    """Axis-aligned box about its frame's origin with full edge lengths ``size`` (3,) in metres.
+    """Axis-aligned box about its frame's origin with full edge lengths ``size`` (3,) in meters.
 
     Parameters
     ----------
@@ -77,7 +87,7 @@ class Box:
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangle mesh: ``vertices`` (n, 3) metres, ``faces`` (m, 3) vertex indices, counter-clockwise seen from outside.
+    """Triangle mesh: ``vertices`` (n, 3) meters, ``faces`` (m, 3) vertex indices, counter-clockwise seen from outside.
 
     Its color is the first of these that is given; else the shape's one color.
 

@@ -8,8 +8,7 @@ import cv2
 import numpy as np
 
 from ...camera.distortion import COEFFICIENT_COUNTS
-from ...camera.model import CameraModel
-from ...camera.plausible_lens import plausible
+from ...camera.model import CameraModel, plausible
 from ...errors import CalibrationError, shown
 from .parts import Content, header
 

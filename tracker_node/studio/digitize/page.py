@@ -13,8 +13,7 @@ from starlette.routing import BaseRoute
 
 from ...calibration.points.dlt import CONSTRAINTS
 from ...calibration.points.reconstruction import METHODS
-from ...camera.epipolar import epipolar_curve
-from ...camera.rig import CameraRig
+from ...camera.rig import CameraRig, epipolar_curve
 from ...errors import CalibrationError, FileFormatError, UnknownNameError
 from ...loaders.json_values import finite
 from ...loaders.rig.control_points import load_places

@@ -28,7 +28,7 @@ class Stage:
 
     @property
     def variables(self) -> list[int]:
-        """Indices of ``dofs``; those of `model.pose_variables` are the same."""
+        """Indices of ``dofs``; those of `model.configuration` are the same."""
         return np.flatnonzero(self.dofs).tolist()
 
 

@@ -1,8 +1,8 @@
-"""The human of 18 segments with one ellipsoid each: the body that tracks in the color paper.
+"""The human of 18 segments with a surface: an ellipsoid for each segment, or a loft through its cross-sections.
 
-An ellipsoid has the center and the second moments of the segment's measured solid (`nurbs_human`): its length, breadth and depth
-in that sense, and another surface. The solid of an arm's or leg's part is that between its joint centers: the domes with which it
-reaches into its neighbours are left out.
+The ellipsoids are the body that tracks in the color paper. One has the center and the second moments of the segment's measured
+solid (`nurbs_human`): its length, breadth and depth in that sense, and another surface. The solid of an arm's or leg's part is
+that between its joint centers: the domes with which it reaches into its neighbors are left out.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ import numpy as np
 
 from ...geometry import se3
 from ..articulated import ArticulatedModel, Shape
-from ..shapes.nurbs import Loft, loft_mesh
+from ..shapes.nurbs import N_AROUND, RING_SPACING, Loft, loft_mesh
 from ..shapes.primitives import Ellipsoid, Mesh
 from .segments18 import COLORS, body_chain, body_landmarks, body_lofts
 
 _BETWEEN_JOINTS = ("upper_arm", "forearm", "thigh", "shank")
 _FINENESS = (64, 0.010)  # of the solids that are measured
-_FLAT = 0.001  # metres: height of a dome that is as good as none
+_FLAT = 0.001  # meters: height of a dome that is as good as none
 
 
 def ellipsoid_human() -> ArticulatedModel:
@@ -48,3 +48,21 @@ def equivalent_ellipsoid(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     mean = volumes @ total / (4.0 * volumes.sum())
     squares = volumes @ (total**2 + (corners**2).sum(axis=1)) / (20.0 * volumes.sum())
     return mean, np.sqrt(5.0 * (squares - mean**2))
+
+
+def nurbs_human(n_around: int = N_AROUND, ring_spacing: float = RING_SPACING) -> ArticulatedModel:
+    """18 smooth segments, 57 variables; joints, colors and landmarks are those of `ellipsoid_human`.
+
+    Parameters
+    ----------
+    n_around, ring_spacing : fineness of the meshes, see `loft_mesh`.
+
+    Returns
+    -------
+    Body of 18 links.
+    """
+    shapes = tuple(
+        Shape(name, name, loft_mesh(loft, n_around, ring_spacing), place, COLORS[name])
+        for name, (loft, place) in body_lofts().items()
+    )
+    return ArticulatedModel("nurbs_human", body_chain(), shapes, body_landmarks())
