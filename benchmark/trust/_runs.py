@@ -16,10 +16,10 @@ from tracker_node.model.kinematic_chain import N_ROOT_DOF
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.constraints import resting
 from tracker_node.tracking.estimate import LimbStatus, TrackEstimate
+from tracker_node.tracking.limb_judge import MEASURES
 from tracker_node.tracking.limbs import Limb, limbs_of
 from tracker_node.tracking.motion.dynamics import Belief, Dynamics
 from tracker_node.tracking.motion.smoother import Sighting, smooth, smoothed_covariance
-from tracker_node.tracking.region.limb_status import MEASURES
 from tracker_node.tracking.tracker import Tracker
 
 
@@ -32,7 +32,7 @@ class Run:
     joint_errors : (T, n_landmarks) metres. tip_errors : (T, n_limbs) metres, of the limbs' ends.
     status : (T,). limb_status, limb_probability : (T, n_limbs).
     errors, covariances : (T, n_dof), (T, n_dof, n_dof), tangent from truth to estimate.
-    shares : (T, n_limbs, n_measures) of `limb_status.MEASURES`, as the judge of the limbs saw them; nan where it saw none.
+    shares : (T, n_limbs, n_measures) of `limb_judge.MEASURES`, as the judge of the limbs saw them; nan where it saw none.
     landmark_errors, landmark_covariances : (T, n_landmarks, 3), (T, n_landmarks, 3, 3).
     smoothed_errors, smoothed_covariances : as ``errors`` and ``covariances``, in the light of all sets.
     """
@@ -128,7 +128,7 @@ def _tip_errors(recorded: Recorded, limbs: Sequence[Limb], state: State, truth: 
 
 
 def _shares(tracker: Tracker, n: int) -> np.ndarray:
-    judge = getattr(tracker._engine, "_limbs", None)
+    judge = getattr(tracker._track.engine.judge, "limbs", None)
     return np.full((n, len(MEASURES)), np.nan) if judge is None else judge.shares.copy()
 
 

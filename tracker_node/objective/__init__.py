@@ -1,5 +1,5 @@
 """How well a body in a state agrees with the images: scores, and least-squares problems with analytic derivatives.
 
 An objective knows one state and the evidence, and no time; fitting is in `optimize` and `tracking`. Begin with `normal_equations`
-(what every least-squares objective gives), then `lines.objective`, which tracks by default.
+(what every least-squares objective gives), then `lines.correspondences`, which tracks by default.
 """

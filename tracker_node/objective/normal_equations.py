@@ -58,3 +58,11 @@ class LeastSquaresObjective(Protocol):
     """Anything Levenberg-Marquardt can minimize over a `State`."""
 
     def linearize(self, state: State) -> NormalEquations: ...
+
+
+class Correspondences(LeastSquaresObjective, Protocol):
+    """What one modality has found in the images of one set about a state: a value, in which visibility has been decided."""
+
+    def camera_equations(self, state: State) -> Sequence[CameraEquations | None]:
+        """What each camera of the rig says of ``state``; None for one that says nothing, or that cannot be compared."""
+        ...

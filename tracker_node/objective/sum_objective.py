@@ -23,6 +23,20 @@ class SumObjective:
         self.factors = (1.0,) * len(self.objectives) if factors is None else tuple(factors)
         self.priors = tuple(priors)
 
+    def exchanged(self, old: LeastSquaresObjective, new: LeastSquaresObjective) -> SumObjective:
+        """The same sum with one objective in place of another.
+
+        Parameters
+        ----------
+        old : one of ``objectives``.
+        new : takes its place, with its factor.
+
+        Returns
+        -------
+        Another sum.
+        """
+        return SumObjective([new if objective is old else objective for objective in self.objectives], self.factors, self.priors)
+
     def linearize(self, state: State) -> NormalEquations:
         """Normal equations at ``state``; added in the order given."""
         parts = [objective.linearize(state) for objective in self.objectives]

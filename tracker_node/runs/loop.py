@@ -18,7 +18,7 @@ class Steppable(Protocol):
     def step(self, image_set: ImageSet) -> TrackEstimate: ...
     def reset(self) -> None: ...
     def set_state(self, state: State) -> None: ...
-    def look_anew(self) -> None: ...
+    def reinitialize(self) -> None: ...
     def take_over(self, other: Any, image_set: ImageSet) -> None:
         """Go on with the body as another tracker has left it.
 
@@ -98,7 +98,7 @@ class TrackingLoop:
         if self.told is not None:
             self.told.tell(tracker)
         elif self.tracked is not None and self.tracked.status is Status.INITIALIZING:
-            tracker.look_anew()
+            tracker.reinitialize()
         elif self.tracked is not None and not self._taken_over(tracker, old):
             tracker.set_state(self.tracked.state)
 

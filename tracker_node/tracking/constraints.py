@@ -28,6 +28,23 @@ def resting(model: ArticulatedModel, motion: MotionConfig) -> Prior:
     return Prior(State.neutral(model), neutral_information(model.chain, motion))
 
 
+def staying(expected: State, motion: MotionConfig) -> Prior:
+    """The pull to a state that somebody has given, where nothing is predicted.
+
+    Parameters
+    ----------
+    expected : the state given.
+    motion : parameters.
+
+    Returns
+    -------
+    In information units.
+    """
+    stay = np.full(N_ROOT_DOF + len(expected.joint_positions), motion.stay_angle)
+    stay[:3] = motion.stay_position
+    return Prior(expected, stay / PX2_PER_INFORMATION)
+
+
 def constraints_of(model: ArticulatedModel, config: TrackerConfig) -> list[LeastSquaresObjective]:
     """Parts that may not pass through each other, and axes that follow others, where the model has such."""
     result: list[LeastSquaresObjective] = []

@@ -43,11 +43,11 @@ class ImageEvidence:
     normal: np.ndarray
     gradient: np.ndarray | None = None
 
-    def measurement(self, trust: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray | None]:
+    def measurement(self, weights: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray | None]:
         """What these images alone say of the state: the inverse covariance M = H S^-1 H (n_dof, n_dof), and that times the
         tangent to where they have it, (n_dof,), None where there is no gradient.
 
-        ``trust`` (n_dof,): see `trusted`. What is believed less is less sure, not elsewhere.
+        ``weights`` (n_dof,): see `weighted`. What counts less is less certain, not elsewhere.
         """
         scale = np.sqrt(np.diag(self.information))
         scale = 1.0 / np.maximum(scale, 1e-3 * max(float(scale.max()), 1.0))
@@ -57,18 +57,27 @@ class ImageEvidence:
         columns = np.column_stack([self.information, -gradient])
         half = np.linalg.solve(np.linalg.cholesky(scatter), scale[:, None] * columns)
         M, pull = half[:, :-1].T @ half[:, :-1], half[:, :-1].T @ half[:, -1]
-        if trust is not None and (trust != 1.0).any():
+        if weights is not None and (weights != 1.0).any():
             scale = 1.0 / np.sqrt(np.maximum(np.diag(M), 1e-6 * max(float(np.diag(M).max()), 1.0)))
             tangent = scale * np.linalg.solve(M * np.outer(scale, scale) + 1e-6 * np.eye(len(M)), scale * pull)
-            M = np.outer(trust, trust) * M
+            M = np.outer(weights, weights) * M
             pull = M @ tangent
         return M, None if self.gradient is None else pull
 
-    def trusted(self, trust: np.ndarray, moved_by: np.ndarray) -> ImageEvidence:
-        """The same where degrees of freedom are believed no farther than ``trust`` (n_dof,), a share of the information's root;
-        ``moved_by`` (n_links, n_dof)."""
-        both = np.outer(trust, trust)
-        links = np.where(moved_by, trust, 1.0).min(axis=1) ** 2
+    def weighted(self, weights: np.ndarray, moved_by: np.ndarray) -> ImageEvidence:
+        """The same with some degrees of freedom counting less.
+
+        Parameters
+        ----------
+        weights : (n_dof,) factors of the information's square root.
+        moved_by : (n_links, n_dof) mask of what moves each link.
+
+        Returns
+        -------
+        Without a gradient.
+        """
+        both = np.outer(weights, weights)
+        links = np.where(moved_by, weights, 1.0).min(axis=1) ** 2
         return ImageEvidence(both * self.information, both * self.scatter, links[:, None, None] * self.normal)
 
 

@@ -1,114 +1,313 @@
-"""What finds the body in the images of one set: the interface behind which contours and colors are exchangeable.
+"""The engine of a tracker: modalities, how states are fitted to them, and how the fits are assessed.
 
-The `Tracker` knows time: it predicts, asks its engine, and believes the answer or not. An engine knows images: for each set the
-tracker calls `observe`, `fit`, then `judge`, `report` and `learn`, in this order; `begin` comes before them on the first set.
+The `Tracker` knows time: it predicts, asks its engine, and uses the answer or not. An engine knows the images of one set: for
+each set the tracker calls `observe`, `fit`, then `assess`, `report` and `learn`, in this order; `begin` comes before them on the
+first set. Which parts an engine has, `engines.make_engine` says.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import replace
+from typing import Any, Protocol
 
 import numpy as np
 
 from ..model.configuration import State
+from ..model.kinematic_chain import KinematicChain
 from ..objective.constraints.prior import Prior
-from ..objective.normal_equations import Comparison, NormalEquations
+from ..objective.normal_equations import LeastSquaresObjective
+from ..objective.sum_objective import SumObjective
 from ..observation.image_set import ImageSet
-from ..optimize.result import OptimizerResult
-from .covariance import ImageEvidence
-from .estimate import CameraReport, LimbReport, Status
-from .motion.model import Passage
-
-Images = Sequence[np.ndarray | None]
-"""BGR pixels (h, w, 3) uint8 per camera of the rig, None where the set has none."""
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """How far a fit can be trusted.
-
-    ``reason`` is empty when the status is TRACKING. ``noise``: what was fitted is not the body at all, and the predicted state is
-    the better answer. ``jumped``: the body was found far from where it was expected, and how it got there says nothing of its
-    speed. ``limbs`` are judged one by one where the engine can; ``trust`` (n_dof,) then is the share of the information's square
-    root that is to be believed. ``surety`` is what the images say for this state against chance, by which states in the same
-    images can be compared; None where the engine has no such measure.
-    """
-
-    status: Status
-    reason: str
-    noise: bool = False
-    jumped: bool = False
-    limbs: tuple[LimbReport, ...] = ()
-    trust: np.ndarray | None = None
-    surety: float | None = None
+from ..optimize.fitter import Fit
+from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
+from .assessment import Assessment, Report
+from .config import JointConfig
+from .estimate import Status
+from .modality import Images, Modality
+from .motion.model import ExposureDelays
 
 
-@dataclass(frozen=True, eq=False)
-class Report:
-    """What the last fit says of itself: each camera's part, rms residual over all, covariance (n_dof, n_dof) in the tangent.
-
-    ``images`` is what of it the images have told, ``arcs`` what of the covariance `fit_covariance` puts down to arcs, where the
-    engine knows.
-    """
-
-    cameras: tuple[CameraReport, ...]
-    residual_px: float
-    covariance: np.ndarray
-    images: ImageEvidence | None = None
-    arcs: np.ndarray | None = None
-
-
-class Engine(Protocol):
-    """Finds a body near a state in the images of one set; deterministic in what it has been given since `reset`.
-
-    ``in_information_units``: its normal equations are those of minus twice a log posterior, so that a filter can go by them.
-    """
-
-    in_information_units: bool
+class Solver(Protocol):
+    """Finds the state of a body in the present images: stages of fits, and searches for what they do not reach."""
 
     def reset(self) -> None:
-        """Forget everything learnt."""
+        """Forget everything."""
         ...
+
+    def restart(self) -> bool:
+        """A state is handed over; whether it is to be taken as it is, with what has been learned."""
+        ...
+
+    def fit(self, start: State, first: bool, prior: Prior | None) -> Fit:
+        """The state that suits the images best.
+
+        Parameters
+        ----------
+        start : state to begin at.
+        first : of a first image set: longer.
+        prior : in information units; solvers with other units leave it out.
+
+        Returns
+        -------
+        The fit.
+        """
+        ...
+
+    def remember(self, fit: Fit, assessment: Assessment) -> None:
+        """Take in what has been said of a fit."""
+        ...
+
+
+class Judge(Protocol):
+    """Says how far fits can be trusted."""
+
+    def reset(self) -> None:
+        """Forget everything."""
+        ...
+
+    def restart(self) -> None:
+        """A state is handed over; nobody knows how good it is."""
+        ...
+
+    def assess(self, fit: Any, image_set: ImageSet) -> Assessment:
+        """Whether that is the body.
+
+        Parameters
+        ----------
+        fit : of the images of ``image_set``.
+        image_set : tells which cameras are there.
+
+        Returns
+        -------
+        Status, and what goes with it.
+        """
+        ...
+
+    def report(self, fit: Any, image_set: ImageSet) -> Report:
+        """Residuals and covariance.
+
+        Parameters
+        ----------
+        fit : of the images of ``image_set``.
+        image_set : has the stamps of the cameras.
+
+        Returns
+        -------
+        Of all cameras.
+        """
+        ...
+
+
+class Engine:
+    """Finds a body near a state in the images of one set; deterministic in what it has been given since `reset`.
+
+    Parameters
+    ----------
+    modalities : the first one leads: it says how often is learned from a first image set.
+    solver, judge : of the same modalities.
+    in_information_units : whether the normal equations of fits are those of minus twice a log posterior, so that a filter can use
+        them.
+    """
+
+    def __init__(self, modalities: Sequence[Modality], solver: Solver, judge: Judge, in_information_units: bool):
+        self.modalities, self.solver, self.judge = tuple(modalities), solver, judge
+        self.in_information_units = in_information_units
+        self._weights: np.ndarray | None = None
+
+    def reset(self) -> None:
+        """Forget everything learned."""
+        for modality in self.modalities:
+            modality.reset()
+        self.judge.reset()
+        self.solver.reset()
+        self._weights = None
 
     def begin(self, images: Images, start: State, *, known: bool = False) -> State:
-        """Learn what is needed from the first image set, in which the body is near ``start``; returns a better start.
+        """Learn what is needed from the first image set: learn, fit, and learn again, since the first pose given is rarely exact.
 
-        ``known``: the body is just there, as another tracker has found it, and nothing is fitted.
+        What a tracked body has taught is kept.
+
+        Parameters
+        ----------
+        images : in which the body is near ``start``.
+        start : where the body is said to be.
+        known : the body is just there, as another tracker has found it, and nothing is fitted.
+
+        Returns
+        -------
+        A better start.
         """
-        ...
+        self.judge.restart()
+        if self.solver.restart():
+            return start
+        self._weights = None
+        lead, *others = self.modalities
+        lessons = lead.lessons(known)
+        for i, lesson in enumerate(lessons):
+            lead.learn_first(images, start, lesson)
+            if i < len(lessons) - 1:
+                self.observe(images, start)
+                start = self.fit(start, first=True).state
+        for other in others:
+            other.learn_first(images, start, other.lessons(True)[-1])
+        return start
 
-    def observe(self, images: Images, expected: State | None, passage: Passage | None = None) -> None:
-        """Look at the images where the body is expected; None: nobody knows where it is, and nothing is looked at.
+    def observe(self, images: Images, expected: State | None, delays: ExposureDelays | None = None) -> None:
+        """Take the images of a set.
 
-        ``passage`` tells where the body is when each camera exposes; None: all expose at one instant.
+        Parameters
+        ----------
+        images : by camera.
+        expected : where the body is expected; None: nobody knows, and nothing is compared.
+        delays : when each camera exposes; None: all at one time.
         """
-        ...
+        for modality in self.modalities:
+            modality.set_images(images, expected, delays)
 
-    def fit(self, start: State, first: bool, prior: Prior | None = None) -> OptimizerResult:
-        """The state that suits the observed images best, searched from ``start``; longer on the ``first`` set.
+    def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
+        """`Solver.fit`."""
+        return self.solver.fit(start, first, prior)
 
-        ``prior`` is what is believed beforehand, in units of information; engines with units of their own leave it out.
-        """
-        ...
+    def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
+        """`Judge.assess`; the solver remembers it."""
+        assessment = self.judge.assess(fit, image_set)
+        self._weights = assessment.part_weights
+        self.solver.remember(fit, assessment)
+        return assessment
 
-    def judge(self, result: OptimizerResult, image_set: ImageSet) -> Verdict:
-        """Whether that is the body."""
-        ...
-
-    def linearize(self, state: State) -> NormalEquations:
-        """Normal equations of the observed images at another state; `report` then is about that one."""
-        ...
-
-    def comparison(self) -> Comparison | None:
-        """What each camera has said of the last fit; None where the engine has units of its own."""
-        ...
-
-    def report(self, result: OptimizerResult, image_set: ImageSet) -> Report:
-        """Residuals and covariance of ``result``."""
-        ...
+    def report(self, fit: Fit, image_set: ImageSet) -> Report:
+        """`Judge.report`."""
+        return self.judge.report(fit, image_set)
 
     def learn(self, images: Images, state: State) -> None:
-        """Take in what the body, believed to be in ``state``, and its surroundings look like now."""
+        """Learn what the body and its surroundings look like now.
+
+        Parameters
+        ----------
+        images : those last observed.
+        state : of the body in them.
+        """
+        for modality in self.modalities:
+            modality.learn(images, state, self._weights)
+
+
+class InformationOf(Protocol):
+    """A modality in gray levels, whose correspondences can be had in information units."""
+
+    def information_at(self, state: State) -> tuple[LeastSquaresObjective, float]:
+        """Correspondences at ``state`` without priors, and their unit in units of information."""
         ...
+
+
+class SequentialEngine:
+    """Two engines in one step: the first says where the body is, the second from there on how exactly.
+
+    Status and covariance are those of the second; where the first does not find the body, the second begins where it is expected.
+
+    Parameters
+    ----------
+    first, second : the second in information units.
+    """
+
+    in_information_units = True
+
+    def __init__(self, first: Engine, second: Engine):
+        self._first, self._second = first, second
+        self._images: Images = ()
+        self._delays: ExposureDelays | None = None
+        self._waiting = True
+        self._lost, self._jumped = True, False
+
+    def reset(self) -> None:
+        """Both."""
+        self._first.reset()
+        self._second.reset()
+
+    def begin(self, images: Images, start: State, *, known: bool = False) -> State:
+        """The second learns where the first has led; see `Engine.begin`."""
+        start = self._first.begin(images, start, known=known)
+        return self._second.begin(images, start, known=known)
+
+    def observe(self, images: Images, expected: State | None, delays: ExposureDelays | None = None) -> None:
+        """What the second sees depends on what the first has found, and is taken in `fit`; see `Engine.observe`."""
+        self._images, self._delays, self._waiting = images, delays, expected is None
+        self._first.observe(images, expected, delays)
+
+    def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
+        """Iterations and evaluations are those of both; see `Solver.fit`."""
+        found = self._first.fit(start, first)
+        assessment = None if self._waiting else self._first.assess(found, ImageSet(0, ()))
+        self._lost = lost = assessment is None or assessment.status is Status.LOST
+        self._jumped = not lost and assessment is not None and assessment.jumped
+        begin = start if lost else found.state
+        self._second.observe(self._images, None if self._waiting else begin, self._delays)
+        return _counted(self._second.fit(begin, first, prior), found.iterations, found.evaluations)
+
+    def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
+        """Of the second; the first knows whether the body was found far from where it was expected."""
+        return replace(self._second.assess(fit, image_set), jumped=self._jumped)
+
+    def report(self, fit: Fit, image_set: ImageSet) -> Report:
+        """Of the second."""
+        return self._second.report(fit, image_set)
+
+    def learn(self, images: Images, state: State) -> None:
+        """Both."""
+        self._first.learn(images, state)
+        self._second.learn(images, state)
+
+
+class JointEngine(SequentialEngine):
+    """Two engines in one step, and then both in one least-squares problem (named as what comes next by Knossow et al., 2008).
+
+    The normal equations of the first, divided by the variance of one pixel's color and by how many neighbors share one error,
+    are an inverse covariance like those of the second, so the two are added, each divided by what its covariances have to be
+    multiplied with to agree with errors. Where the first does not find the body, the second is alone.
+
+    Parameters
+    ----------
+    first, second : as of `SequentialEngine`.
+    beside : the first one's modality.
+    chain : kinematics of the body.
+    config : parameters.
+    """
+
+    def __init__(self, first: Engine, second: Engine, beside: InformationOf, chain: KinematicChain, config: JointConfig):
+        super().__init__(first, second)
+        self._beside, self._chain, self._config = beside, chain, config
+
+    def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
+        """Iterations and evaluations are those of all three; see `Solver.fit`."""
+        fit = super().fit(start, first, prior)
+        if self._lost:
+            return fit
+        options = LevenbergMarquardtOptions(max_iterations=self._config.iterations, tolerance=1e-3)
+        alone = fit.objective
+        for _ in range(self._config.passes):
+            correspondences, information = self._beside.information_at(fit.state)
+            both = SumObjective([alone, correspondences], [1.0, information / self._config.color_scale])
+            found = minimize(both, fit.state, self._chain, options)
+            fit = _counted(
+                replace(
+                    fit, state=found.state, equations=found.equations, converged=found.converged, objective=both,
+                    iterations=found.iterations, evaluations=found.evaluations,
+                ),
+                fit.iterations, fit.evaluations,
+            )  # fmt: skip
+        return fit
+
+    def report(self, fit: Fit, image_set: ImageSet) -> Report:
+        """That of the second, without where it alone would have the body: the state rests on both."""
+        report = super().report(fit, image_set)
+        if self._lost or report.images is None:
+            return report
+        return replace(report, images=replace(report.images, gradient=None))
+
+
+AnyEngine = Engine | SequentialEngine
+
+
+def _counted(fit: Fit, iterations: int, evaluations: int) -> Fit:
+    """With iterations and evaluations of what came before."""
+    return replace(fit, iterations=fit.iterations + iterations, evaluations=fit.evaluations + evaluations)

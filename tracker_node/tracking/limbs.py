@@ -1,4 +1,4 @@
-"""What of a body is judged, and found again, on its own: the trunk, and the branches of the kinematic tree.
+"""Limbs: the trunk and the branches of the kinematic tree, which are assessed and searched one by one; other groups of joints.
 
 Links that are welded to each other count as one. A branch begins where it leaves a link that has others, or the root, and ends at
 a leaf, whose name it has: for the human ``left_hand`` is the arm from the clavicle on.
@@ -87,3 +87,34 @@ def _limb(model: ArticulatedModel, name: str, links: np.ndarray, dofs: np.ndarra
         last = int(np.flatnonzero(shapes)[-1])
         return Limb(name, dofs, links, shapes, int(model.shape_links[last]), model.Ts_link_shape[last, :3, 3])
     return Limb(name, dofs, links, shapes, int(np.flatnonzero(links)[0]), np.zeros(3))
+
+
+@dataclass(frozen=True, eq=False)
+class JointGroup:
+    """Degrees of freedom that move together: ``dofs`` (n_dof,) is their mask, ``links`` (n_links,) that of what they move."""
+
+    name: str
+    dofs: np.ndarray
+    links: np.ndarray
+
+    @property
+    def variables(self) -> list[int]:
+        """Indices of ``dofs``; those of `model.pose_variables` are the same."""
+        return np.flatnonzero(self.dofs).tolist()
+
+
+def stages_of(chain: KinematicChain) -> tuple[JointGroup, ...]:
+    """The root, then from proximal to distal all joints that are equally many joints away from it."""
+    depth = np.zeros(len(chain.links), dtype=np.int64)  # joints with axes between each link and the root
+    for link in range(1, len(chain.links)):
+        depth[link] = depth[chain.parents[link]] + (chain.axis_count[link] > 0)
+    result = [_group(chain, "root", np.arange(chain.n_dof) < N_ROOT_DOF)]
+    for level in range(1, int(depth.max(initial=0)) + 1):
+        links = [link for link in range(len(chain.links)) if depth[link] == level and chain.axis_count[link]]
+        if links:
+            result.append(_group(chain, ", ".join(chain.links[link] for link in links), _dofs_of(chain, links)))
+    return tuple(result)
+
+
+def _group(chain: KinematicChain, name: str, dofs: np.ndarray) -> JointGroup:
+    return JointGroup(name, dofs, (chain.link_moved_by & dofs).any(axis=1))

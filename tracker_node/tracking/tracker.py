@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,23 +15,41 @@ from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..objective.constraints.prior import Prior
 from ..observation.image_set import ImageSet
+from ..optimize.fitter import Fit, at_state
 from ..optimize.levenberg_marquardt import clip_to_limits
-from ..optimize.result import OptimizerResult
 from ..parallel import Workers
 from ..render.occluders import Occluders
+from .assessment import Assessment, Report
 from .camera_fault import CameraFault
-from .chamfer.engine import ContourEngine
-from .config import CHAMFER, COLOR_OVER_BACKGROUND, JOINT, REGION, TEXTURE, TrackerConfig, checked_combination
+from .config import TrackerConfig, checked_combination
 from .covariance import ImageEvidence, fit_covariance
-from .engine import Engine, Images, Report, Verdict
+from .engine import AnyEngine
+from .engines import make_engine
 from .estimate import GRAY_LEVELS, PX, LimbStatus, Status, Timings, TrackEstimate
 from .initialization.detector import body_size
-from .initialization.initializer import NOT_GIVEN, Starter
-from .motion.model import MotionModel, Passage, Prediction
-from .region.engine import RegionEngine
+from .initialization.initializer import NOT_GIVEN, Initializer
+from .modality import Images
+from .motion.model import ExposureDelays, MotionModel, Prediction
 from .self_check import SelfCheck, SelfCheckOptions
 
-_CLEARLY = 0.05  # share of its surety by which another place has to be better than one that is not lost
+_CLEARLY = 0.05  # share of its log-likelihood ratio by which another place has to be better than one that is not lost
+
+
+@dataclass(eq=False)
+class _Track:
+    """What is known of the body that is followed.
+
+    ``log_ratio``: of the last assessment. ``start``: its last state, or the one that was given; None: it is not known. ``lost``:
+    image sets in a row in which it was LOST. ``unproven``: image sets since the start in which a limb was lost; None: there was
+    one without.
+    """
+
+    engine: AnyEngine
+    motion: MotionModel
+    start: State | None
+    log_ratio: float | None = None
+    lost: int = 0
+    unproven: int | None = 0
 
 
 class Tracker:
@@ -40,20 +58,16 @@ class Tracker:
     Parameters
     ----------
     rig, model, config : cameras, body, parameters.
-    plates : camera name -> BGR image (or list of images) of the empty scene, where there is one.
-    initial_state : where the body is in the first image set; None: it is looked for in the images (`config.start`), unless
+    backgrounds : camera name -> BGR image (or list of images) of the background, where there is one.
+    initial_state : where the body is in the first image set; None: it is detected in the images (`config.initialization`), unless
         `set_state` is called before.
     occluders : fixed things that may hide the body from a camera (root at the world's origin, joints neutral); contours only.
 
-    Attributes
-    ----------
-    surety : of the last verdict, see `Verdict`.
-
     Raises
     ------
-    TrackerError : the places of the cameras are in millimetres or centimetres.
+    TrackerError : the positions of the cameras are in millimeters or centimeters.
     CalibrationError : from `step`, when an image does not have the size that its camera was calibrated for, or no colors where
-        the engine goes by them.
+        the modalities need them.
     """
 
     def __init__(
@@ -61,96 +75,106 @@ class Tracker:
         rig: CameraRig,
         model: ArticulatedModel,
         config: TrackerConfig | None = None,
-        plates: Mapping[str, np.ndarray | list] | None = None,
+        backgrounds: Mapping[str, np.ndarray | list] | None = None,
         initial_state: State | None = None,
         occluders: ArticulatedModel | None = None,
     ):
         check_metres(rig.cameras, body_size(model))
         self.rig, self.model = rig, model
-        self.config = checked_combination(config or TrackerConfig(), "tracker config")
-        self._initial_state = initial_state
-        self._make_engine = lambda: _make_engine(rig, model, self.config, plates or {}, Occluders(occluders, rig))
-        self._engine = self._make_engine()
-        self._starter: Starter | None = None
-        if self.config.initialization.enabled:
-            follower = replace(self.config, initialization=replace(self.config.initialization, enabled=False))
-            parallel = Workers(self.config.threads).map
-            self._starter = Starter(
-                rig, model, self.config.initialization, plates or {}, parallel, self._make_engine,
-                lambda: Tracker(rig, model, follower, plates, None, occluders),
+        self.config = config = checked_combination(config or TrackerConfig(), "tracker config")
+        self._initial_state, backgrounds = initial_state, backgrounds or {}
+
+        def engine() -> AnyEngine:
+            return make_engine(rig, model, config, backgrounds, Occluders(occluders, rig))
+
+        self._track = _Track(engine(), MotionModel(model.chain, config.motion), None)
+        self._initializer: Initializer | None = None
+        if config.initialization.enabled:
+            follower = replace(config, initialization=replace(config.initialization, enabled=False))
+            parallel = Workers(config.threads).map
+            self._initializer = Initializer(
+                rig, model, config.initialization, backgrounds, parallel, engine,
+                lambda: Tracker(rig, model, follower, backgrounds, None, occluders),
             )  # fmt: skip
-        self._check = SelfCheck(rig, model, _check_options(self.config))
+        self._check = SelfCheck(rig, model, _check_options(config))
         self._restart(initial_state)
 
     @property
     def in_information_units(self) -> bool:
         """Whether estimates come with the information that their images gave."""
-        return self._engine.in_information_units
+        return self._track.engine.in_information_units
+
+    @property
+    def log_ratio(self) -> float | None:
+        """Log-likelihood ratio of the last assessment, see `Assessment`."""
+        return self._track.log_ratio
 
     def reset(self) -> None:
-        """Back to the initial state, with nothing learnt."""
-        self._engine.reset()
+        """Back to the initial state, with nothing learned."""
+        self._track.engine.reset()
         self._check.reset()
-        if self._starter is not None:
-            self._starter.reset()
+        if self._initializer is not None:
+            self._initializer.reset()
         self._restart(self._initial_state)
 
     def set_state(self, state: State) -> None:
-        """Go on from ``state`` at the next image set, with what has been learnt so far."""
+        """Go on from ``state`` at the next image set, with what has been learned so far."""
         self._restart(state)
 
-    def look_anew(self) -> None:
-        """Look for the body at the next image sets, wherever it was, with what has been learnt so far."""
+    def reinitialize(self) -> None:
+        """Detect the body in the next image sets, wherever it was, with what has been learned so far."""
         self._restart(None)
 
     def _restart(self, state: State | None) -> None:
-        self._motion = MotionModel(self.model.chain, self.config.motion)
+        self._track = _Track(self._track.engine, MotionModel(self.model.chain, self.config.motion), state)
         self._check.skip()  # how it got there is no velocity
-        self._start, self._lost = state, 0
-        self._unproven: int | None = 0  # image sets since the start in which a limb was lost; None: there was one without
-        self.surety: float | None = None
-        if self._starter is not None:
-            self._starter.stop()
+        if self._initializer is not None:
+            self._initializer.stop()
 
     def take_over(self, other: Tracker, image_set: ImageSet) -> None:
-        """Go on where ``other`` has left the same body in ``image_set``, its latest, which teaches what the body looks like.
+        """Go on where another tracker has left the same body.
+
+        Parameters
+        ----------
+        other : has tracked until now.
+        image_set : its latest, which teaches what the body looks like.
 
         Raises
         ------
         CalibrationError : the images do not suit the cameras of this tracker.
         """
-        images = self._images(image_set)
-        assert other._start is not None
-        self._restart(other._start)
-        self._engine.begin(images, other._start, known=True)
-        self._motion.take_over(other._motion)
-        self.surety, self._lost, self._unproven = other.surety, other._lost, other._unproven
+        images, track = self._images(image_set), other._track
+        assert track.start is not None
+        self._restart(track.start)
+        self._track.engine.begin(images, track.start, known=True)
+        self._track.motion.take_over(track.motion)
+        self._track.log_ratio, self._track.lost, self._track.unproven = track.log_ratio, track.lost, track.unproven
 
-    def _looked_for(self, starter: Starter, images: Images, image_set: ImageSet) -> TrackEstimate | None:
-        """Of another tracker that has found the body in all of the images, and whose place this one takes; None without one.
+    def _reinitialized(self, initializer: Initializer, images: Images, image_set: ImageSet) -> TrackEstimate | None:
+        """The estimate of another tracker that has found the body in all of the images, and whose track is taken; or None.
 
-        Looked for is a body that is not known yet, that is LOST for long, or of which a limb has been lost ever since the start;
+        Searched is a body that is not known yet, that is LOST for long, or of which a limb has been lost ever since the start;
         this once, and another place has to be clearly better.
         """
-        if self._start is not None and max(self._lost, self._unproven or 0) < self.config.initialization.after_lost_sets:
-            starter.stop()
-            if self._lost or self._unproven:
-                starter.watch(images)
+        track = self._track
+        if track.start is not None and max(track.lost, track.unproven or 0) < self.config.initialization.after_lost_sets:
+            initializer.stop()
+            if track.lost or track.unproven:
+                initializer.watch(images)
             return None
-        found = starter.find(images, image_set, self._start)
+        found = initializer.find(images, image_set, track.start)
         if found is None:
-            if not starter.busy and self._start is not None and not self._lost:
-                self._unproven = None
+            if not initializer.busy and track.start is not None and not track.lost:
+                track.unproven = None
             return None
         other, estimate = found
         assert isinstance(other, Tracker)
-        if self._start is not None and not self._lost:
-            own = self.surety or 0.0
-            if (other.surety or 0.0) < own + _CLEARLY * abs(own):
-                self._unproven = None
+        if track.start is not None and not track.lost:
+            own = track.log_ratio or 0.0
+            if (other.log_ratio or 0.0) < own + _CLEARLY * abs(own):
+                track.unproven = None
                 return None
-        self._engine, self._motion, self.surety = other._engine, other._motion, other.surety
-        self._start, self._lost, self._unproven = other._start, other._lost, other._unproven
+        self._track = other._track
         self._check.skip()
         return replace(estimate, faults=self._check.faults)
 
@@ -158,68 +182,67 @@ class Tracker:
         """Estimate the state for one image set."""
         began = time.perf_counter()
         images = self._images(image_set)
-        if self._starter is not None:
-            found = self._looked_for(self._starter, images, image_set)
+        if self._initializer is not None:
+            found = self._reinitialized(self._initializer, images, image_set)
             if found is not None:
                 return replace(found, timings=replace(found.timings, total_ms=1e3 * (time.perf_counter() - began)))
-        engine = self._engine
-        prediction = self._motion.predict(image_set.stamp_ns)
+        track, engine = self._track, self._track.engine
+        prediction = track.motion.predict(image_set.stamp_ns)
         first, predicted = prediction is None, self._expected(prediction)
-        waiting = first and self._start is None
+        waiting = first and track.start is None
         start = engine.begin(images, predicted) if first and not waiting else predicted
-        engine.observe(images, None if waiting else start, self._passage(image_set, prediction))
+        engine.observe(images, None if waiting else start, self._delays(image_set, prediction))
         observed = time.perf_counter()
         prior = prediction.prior() if prediction is not None and engine.in_information_units else None
-        result = engine.fit(start, first, prior)
+        fit = engine.fit(start, first, prior)
         done = time.perf_counter()
         if waiting:
-            problem = NOT_GIVEN if self._starter is None else self._starter.problem
-            verdict, information = Verdict(Status.INITIALIZING, problem), None
+            problem = NOT_GIVEN if self._initializer is None else self._initializer.problem
+            assessment, information = Assessment(Status.INITIALIZING, problem), None
         else:
-            verdict = engine.judge(result, image_set)
-            self.surety = verdict.surety
-            if verdict.noise:  # stay where the body was last, whatever the optimizer has made of noise
-                result = replace(result, state=predicted, equations=engine.linearize(predicted))
-            information = self._information(result, prior, verdict)
-            self._accept(image_set.stamp_ns, result.state, information, images, verdict, first)
-        faults = self._compare_cameras(image_set.stamp_ns, verdict)
+            assessment = engine.assess(fit, image_set)
+            track.log_ratio = assessment.log_ratio
+            if assessment.noise:  # stay where the body was last, whatever the optimizer has made of noise
+                fit = at_state(fit, predicted)
+            information = self._information(fit, prior, assessment)
+            self._accept(image_set.stamp_ns, fit.state, information, images, assessment, first)
+        faults = self._compare_cameras(image_set.stamp_ns, fit, assessment)
         finished = time.perf_counter()
-        report = engine.report(result, image_set)
+        report = engine.report(fit, image_set)
         evidence = report.images if information is not None else None
-        told = self._told(evidence, verdict)
-        covariance, arcs = self._covariance(report, result.state, prior, information, told, verdict)
-        alone, pull = (information, None) if evidence is None else evidence.measurement(verdict.trust)
+        covariance, second_order = self._covariance(report, fit.state, prior, information, evidence, assessment)
+        alone, pull = (information, None) if evidence is None else evidence.measurement(assessment.dof_weights)
         return TrackEstimate(
             stamp_ns=image_set.stamp_ns,
-            status=verdict.status,
-            status_reason=verdict.reason,
-            state=result.state,
-            velocity=self._motion.velocity.copy(),
+            status=assessment.status,
+            status_reason=assessment.reason,
+            state=fit.state,
+            velocity=track.motion.velocity.copy(),
             covariance=covariance,
-            arcs=arcs,
-            score=result.equations.cost,
-            residual=report.residual_px,
+            arcs=second_order,
+            score=fit.equations.cost,
+            residual=report.residual,
             residual_unit=PX if self.config.contours else GRAY_LEVELS,
             cameras=report.cameras,
-            iterations=result.iterations,
-            evaluations=result.evaluations,
+            iterations=fit.iterations,
+            evaluations=fit.evaluations,
             timings=Timings(1e3 * (observed - began), 1e3 * (done - observed), 1e3 * (finished - began)),
-            velocity_covariance=self._motion.velocity_covariance,
+            velocity_covariance=track.motion.velocity_covariance,
             information=alone,
             pull=pull,
             faults=faults,
-            limbs=verdict.limbs,
+            limbs=assessment.limbs,
         )
 
-    def _compare_cameras(self, stamp_ns: int, verdict: Verdict) -> tuple[CameraFault, ...]:
+    def _compare_cameras(self, stamp_ns: int, fit: Fit, assessment: Assessment) -> tuple[CameraFault, ...]:
         """Cameras that disagree with the others, by this set and those before."""
         if not self.config.self_check.enabled:
             return ()
-        comparison = self._engine.comparison()
-        if comparison is None or verdict.jumped or verdict.status not in (Status.TRACKING, Status.DEGRADED):
+        usable = assessment.status in (Status.TRACKING, Status.DEGRADED) and not assessment.jumped
+        if fit.comparison is None or not usable:
             self._check.skip()
             return self._check.faults
-        return self._check.add(stamp_ns, comparison)
+        return self._check.add(stamp_ns, fit.comparison)
 
     def _images(self, image_set: ImageSet) -> list[np.ndarray | None]:
         """BGR pixels per camera of the rig, None where the set has none."""
@@ -236,32 +259,26 @@ class Tracker:
         return result
 
     def _expected(self, prediction: Prediction | None) -> State:
-        state = (self._start or State.neutral(self.model)) if prediction is None else prediction.state
+        state = (self._track.start or State.neutral(self.model)) if prediction is None else prediction.state
         return clip_to_limits(state, self.model.chain)
 
-    def _passage(self, image_set: ImageSet, prediction: Prediction | None) -> Passage | None:
-        """Where the body is when each camera exposes; None where all do at once, or nobody knows how the body moves."""
+    def _delays(self, image_set: ImageSet, prediction: Prediction | None) -> ExposureDelays | None:
+        """When each camera exposes; None where all do at once, or nobody knows how the body moves."""
         images = [image_set.get(camera.name) for camera in self.rig]
-        late_s = [0.0 if image is None else 1e-9 * (image.stamp_ns - image_set.stamp_ns) for image in images]
-        return None if prediction is None or not any(late_s) else Passage(late_s, prediction)
+        delays_s = [0.0 if image is None else 1e-9 * (image.stamp_ns - image_set.stamp_ns) for image in images]
+        return None if prediction is None or not any(delays_s) else ExposureDelays(delays_s, prediction)
 
-    def _information(self, result: OptimizerResult, prior: Prior | None, verdict: Verdict) -> np.ndarray | None:
-        """(n_dof, n_dof) of all that was fitted to but the prediction; None where the images are not believed, or their engine
-        has other units."""
-        doubtful = verdict.status is Status.LOST or verdict.noise or verdict.jumped
-        if doubtful or not self._engine.in_information_units:
+    def _information(self, fit: Fit, prior: Prior | None, assessment: Assessment) -> np.ndarray | None:
+        """(n_dof, n_dof) of all that was fitted to but the prediction; None where the images are not used, or the engine has
+        other units."""
+        doubtful = assessment.status is Status.LOST or assessment.noise or assessment.jumped
+        if doubtful or not self._track.engine.in_information_units:
             return None
-        H, g = np.zeros_like(result.equations.H), np.zeros_like(result.equations.g)
+        H, g = np.zeros_like(fit.equations.H), np.zeros_like(fit.equations.g)
         if prior is not None:
-            prior.add_to(H, g, result.state)
-        information = result.equations.H - H
-        return information if verdict.trust is None else verdict.trust[:, None] * information * verdict.trust
-
-    def _told(self, evidence: ImageEvidence | None, verdict: Verdict) -> ImageEvidence | None:
-        """What is believed of what the images have told; None where the engine cannot say."""
-        if evidence is None or verdict.trust is None:
-            return evidence
-        return evidence.trusted(verdict.trust, self.model.chain.link_moved_by)
+            prior.add_to(H, g, fit.state)
+        information, weights = fit.equations.H - H, assessment.dof_weights
+        return information if weights is None else weights[:, None] * information * weights
 
     def _covariance(
         self,
@@ -269,78 +286,47 @@ class Tracker:
         state: State,
         prior: Prior | None,
         information: np.ndarray | None,
-        told: ImageEvidence | None,
-        verdict: Verdict,
+        evidence: ImageEvidence | None,
+        assessment: Assessment,
     ) -> tuple[np.ndarray, np.ndarray | None]:
-        """(n_dof, n_dof) of ``state``, and what of it is of arcs: by what is believed of the images, and by the prediction, all
-        there is of what is lost."""
-        sound = information is not None and (verdict.trust is None or bool((verdict.trust == 1.0).all()))
-        if not verdict.limbs or sound or (prior is None and information is None):
-            return report.covariance, report.arcs
+        """(n_dof, n_dof) of ``state``, and its second-order part: by what the images say, weighted, and by the prediction, which
+        is all there is of what is lost."""
+        weights = assessment.dof_weights
+        whole = information is not None and (weights is None or bool((weights == 1.0).all()))
+        if not assessment.limbs or whole or (prior is None and information is None):
+            return report.covariance, report.second_order
         n = self.model.n_dof
         H = np.zeros((n, n)) if information is None else information.copy()
         if prior is not None:
             prior.add_to(H, np.zeros(n), state)
-        return fit_covariance(H, told, Configuration(self.model, state))
+        if evidence is not None and weights is not None:
+            evidence = evidence.weighted(weights, self.model.chain.link_moved_by)
+        return fit_covariance(H, evidence, Configuration(self.model, state))
 
     def _accept(
-        self, stamp_ns: int, state: State, information: np.ndarray | None, images: Images, verdict: Verdict, first: bool
+        self, stamp_ns: int, state: State, information: np.ndarray | None, images: Images, assessment: Assessment, first: bool
     ) -> None:
-        self._start = state
-        self._lost = self._lost + 1 if verdict.status is Status.LOST else 0
-        if self._unproven is not None:
-            lost = verdict.status is Status.LOST or any(limb.status is LimbStatus.LOST for limb in verdict.limbs)
-            self._unproven = self._unproven + 1 if lost else None
-        if verdict.status is not Status.LOST:
-            if verdict.jumped:
-                self._motion.restart(stamp_ns, state)
+        track, lost = self._track, assessment.status is Status.LOST
+        track.start = state
+        track.lost = track.lost + 1 if lost else 0
+        if track.unproven is not None:
+            any_lost = lost or any(limb.status is LimbStatus.LOST for limb in assessment.limbs)
+            track.unproven = track.unproven + 1 if any_lost else None
+        if not lost:
+            if assessment.jumped:
+                track.motion.restart(stamp_ns, state)
             else:
-                self._motion.update(stamp_ns, state, information)
-            self._engine.learn(images, state)
-        elif not (first and _nothing_seen(verdict)):  # else nothing has been learnt: it begins again at the next image set
-            self._motion.coast(stamp_ns, state)  # nothing is learnt from what is taken for the body, nor how fast it is
+                track.motion.update(stamp_ns, state, information)
+            track.engine.learn(images, state)
+        elif not (first and _nothing_seen(assessment)):  # else nothing has been learned: it begins again at the next image set
+            track.motion.coast(stamp_ns, state)  # nothing is learned from what is taken for the body, nor how fast it is
 
 
-def _nothing_seen(verdict: Verdict) -> bool:
-    return bool(verdict.limbs) and all(limb.status is LimbStatus.UNSEEN for limb in verdict.limbs)
+def _nothing_seen(assessment: Assessment) -> bool:
+    return bool(assessment.limbs) and all(limb.status is LimbStatus.UNSEEN for limb in assessment.limbs)
 
 
 def _check_options(config: TrackerConfig) -> SelfCheckOptions:
     check = config.self_check
     delay_s = check.delay_images * config.synchronizer.image_period_s
     return SelfCheckOptions(check.window_s, np.radians(check.angle_deg), delay_s, check.sigmas)
-
-
-def _make_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, plates: Mapping, occluders: Occluders) -> Engine:
-    """Compiled code of engines that are not used is not loaded."""
-    parallel = Workers(config.threads).map
-
-    def contours() -> ContourEngine | RegionEngine:
-        distances = ContourEngine(rig, model, config, plates, parallel, occluders) if CHAMFER in config.modalities else None
-        if distances is not None and REGION not in config.modalities:
-            return distances
-        return RegionEngine(rig, model, config, parallel, occluders, plates, distances)
-
-    if config.colors is None:
-        return contours()
-    if config.colors == TEXTURE:
-        from .color.texture_engine import TextureEngine
-
-        colors: Engine = TextureEngine(rig, model, config)
-    elif config.colors == COLOR_OVER_BACKGROUND:
-        from .color.scene_engine import SceneEngine
-
-        colors = SceneEngine(rig, model, config, plates, parallel)
-    else:
-        from .color.engine import ColorEngine
-
-        colors = ColorEngine(rig, model, config.color, config.threads, parallel)
-        if JOINT in config.tags:
-            from .combined.color_with_contour import ColorWithContourEngine
-
-            return ColorWithContourEngine(colors, contours(), model.chain, config)
-    if not config.contours:
-        return colors
-    from .combined.color_then_contour import ColorThenContourEngine
-
-    return ColorThenContourEngine(colors, contours())

@@ -63,15 +63,14 @@ def test_the_gradient_is_that_of_the_cost(images, representation, level):
     """In all, and for what rides on the second link alone; smooth images, whose differences are derivatives."""
     images = [cv2.GaussianBlur(image, (0, 0), 5.0 * (1 + level)) for image in images]
     state = TRUTH.retract(np.array([0.01, -0.005, 0.008, 0.02, 0.03, -0.02, 0.05, 0.04]))
-    here = photometry(images, representation).at_level(level)
-    here.freeze(TRUTH)
-    for links in (None, np.array([False, True])):
-        equations = here.linearize(state, links)
-        assert equations.cost == pytest.approx(here.cost(state, links), rel=1e-12)
+    whole = photometry(images, representation).correspond(TRUTH, level)
+    for here in (whole, whole.on_links(np.array([False, True]))):
+        equations = here.linearize(state)
+        assert equations.cost == pytest.approx(here.cost(state), rel=1e-12)
         np.testing.assert_allclose(equations.H, equations.H.T)
 
-        def half_cost(d, links=links):
-            return np.array([0.5 * here.cost(state.retract(d), links)])
+        def half_cost(d, here=here):
+            return np.array([0.5 * here.cost(state.retract(d))])
 
         # In units of what each degree of freedom does to the image, for sums of millions of differences nearly cancel
         scale = np.sqrt(np.maximum(np.diag(equations.H), 1e-9))
@@ -87,7 +86,7 @@ def test_a_body_that_is_off_comes_back(images):
     options = LevenbergMarquardtOptions(max_iterations=2, tolerance=1e-6)
     for level in (2, 1, 0):
         for _ in range(6):  # points are frozen anew each time
-            state = minimize(here.at_level(level), state, ARM.chain, options).state
+            state = minimize(here.correspond(state, level), state, ARM.chain, options).state
     tips = [Configuration(ARM, s).Ts_world_shape[2, :3, 3] for s in (start, state, TRUTH)]
     assert np.linalg.norm(tips[0] - tips[2]) > 0.1
     assert np.linalg.norm(tips[1] - tips[2]) < 0.004
@@ -96,30 +95,29 @@ def test_a_body_that_is_off_comes_back(images):
 
 def test_nothing_is_won_by_hiding_or_leaving(images):
     """The same points count wherever the body is; one that has left the picture costs as much as a difference of the scale."""
-    here = photometry(images, robust_scale=50.0).at_level(0)
-    right = here.cost(TRUTH)
-    count = here.sums[:, COUNT].copy()
+    here = photometry(images, robust_scale=50.0).correspond(TRUTH, 0)
+    right, count = here.cost(TRUTH), here.sums(TRUTH)[:, COUNT]
     gone = TRUTH.retract(np.array([0.0, 0.0, 30.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
-    away = here.cost(gone)
-    np.testing.assert_array_equal(here.sums[:, COUNT], count)
-    np.testing.assert_allclose(here.sums[:, COST], count * 50.0**2 * np.log(2.0))
+    away, sums = here.cost(gone), here.sums(gone)
+    np.testing.assert_array_equal(sums[:, COUNT], count)
+    np.testing.assert_allclose(sums[:, COST], count * 50.0**2 * np.log(2.0))
     assert right < 0.2 * away
     assert not here.linearize(gone).g.any()
 
 
 def test_a_camera_without_an_image_or_the_body_has_no_part(images):
-    one = photometry([images[0], None]).at_level(0)
+    one = photometry([images[0], None]).correspond(TRUTH, 0)
     equations = one.linearize(TRUTH)
-    assert equations.count > 100 and one.sums[1, COUNT] == 0
+    assert equations.count > 100 and one.sums(TRUTH)[1, COUNT] == 0
     nowhere = TRUTH.retract(np.array([0.0, 0.0, 30.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
-    equations = photometry(images, expected=nowhere).at_level(0).linearize(nowhere)
+    equations = photometry(images, expected=nowhere).correspond(nowhere, 0).linearize(nowhere)
     assert (equations.count, equations.cost) == (0, 0.0) and not equations.H.any()
 
 
 def test_colors_by_camera_win_over_those_of_the_model(images):
     swapped = [images[0], images[1][:, :, ::-1].copy()]  # the second camera has red and blue interchanged
     made = photometry(swapped)
-    before = made.at_level(0).cost(TRUTH)
+    before = made.correspond(TRUTH, 0).cost(TRUTH)
     colors = np.array([COLORS, [c[::-1] for c in COLORS]], dtype=float)
     made.set_colors(colors)
-    assert made.at_level(0).cost(TRUTH) < 0.3 * before
+    assert made.correspond(TRUTH, 0).cost(TRUTH) < 0.3 * before

@@ -98,7 +98,7 @@ def test_an_image_set_is_at_work_only_while_it_is_tracked(bench):
 
 
 def test_requests_are_obeyed_between_image_sets(bench):
-    bench.worker._on_estimate = lambda *_: bench.worker.look_anew() if not bench.tracker.told else None
+    bench.worker._on_estimate = lambda *_: bench.worker.reinitialize() if not bench.tracker.told else None
     bench.step(10, 20)
     assert bench.tracker.told == ["look anew"] and bench.worker.start_state is not None  # followed by the second
 
@@ -230,7 +230,7 @@ def test_the_first_tracker_is_told_nothing_unless_something_was_asked(tmp_path):
     bench.worker.use(bench.setup(bench.tracker))
     bench.worker._thread.obey()
     assert bench.tracker.told == []
-    bench.worker.look_anew()
+    bench.worker.reinitialize()
     bench.worker._thread.obey()
     second = HeldTracker()
     bench.worker.use(bench.setup(second))
@@ -251,14 +251,14 @@ def test_the_next_start_is_as_asked_else_where_the_body_was(bench):
     other = moving_state(tracked_arm(), 3)
     bench.worker.set_state(other)
     assert bench.worker.start_state is other  # before the tracker has been told
-    bench.worker.look_anew()
+    bench.worker.reinitialize()
     assert bench.worker.start_state is None
     bench.worker._thread.obey()
     bench.step(20)
     assert bench.worker.start_state is bench.estimates[1][0].state
 
 
-@pytest.mark.parametrize(("ask", "told"), [("reset", "reset"), ("look_anew", "look anew")])
+@pytest.mark.parametrize(("ask", "told"), [("reset", "reset"), ("reinitialize", "look anew")])
 def test_requests_that_forget(bench, ask, told):
     bench.worker._handle([received("cam1")])
     bench.step(10)

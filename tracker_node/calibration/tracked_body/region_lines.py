@@ -10,7 +10,7 @@ from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...objective.lines import table
-from ...objective.lines.objective import RegionObjective, View
+from ...objective.lines.correspondences import LineCorrespondences, LineDrawer, View
 from ...objective.shape_jacobian import ContourLines, normalized
 from ...observation.image_set import ImageSet
 from ...observation.region.background import EmptyRoom
@@ -19,7 +19,7 @@ from ...render.contour.samples import SHAPE
 from ...render.raycast.raycaster import render_labels
 from ...render.shape_arrays import ShapeArrays
 from ...tracking.config import TrackerConfig
-from ...tracking.region.engine import region_options
+from ...tracking.region.modality import line_options
 from .lines import joined
 
 _LEAST_REGION_PX = 8  # a body of which less is in view is not looked for
@@ -44,7 +44,7 @@ class RegionEvidence:
         self._sets, self._config, self._region = list(sets), config, config.region
         self._plates = dict(plates or {})
         self._seen: list[tuple[RegionColors, EmptyRoom]] = []
-        self._objective: tuple[ArticulatedModel, CameraRig, RegionObjective] | None = None
+        self._drawer: tuple[ArticulatedModel, CameraRig, LineDrawer] | None = None
         self._scale, self._model_sigma_px = 1.0, 0.5
 
     def look(self, model: ArticulatedModel, rig: CameraRig, states: Sequence[Sequence[State]], robust_px: float) -> None:
@@ -77,9 +77,9 @@ class RegionEvidence:
         return EmptyRoom(plates, background.sigma, background.learning_rate, background.body_margin_px)
 
     def lines(self, index: int, model: ArticulatedModel, rig: CameraRig, states: Sequence[State]) -> ContourLines:
-        if self._objective is None or self._objective[0] is not model or self._objective[1] is not rig:
-            self._objective = model, rig, self._make(model, rig)
-        objective, images = self._objective[2], self._sets[index]
+        if self._drawer is None or self._drawer[0] is not model or self._drawer[1] is not rig:
+            self._drawer = model, rig, self._make(model, rig)
+        drawer, images = self._drawer[2], self._sets[index]
         views: list[View | None] = []
         for camera, (colors, room) in zip(rig, self._seen, strict=True):
             image = images.get(camera.name)
@@ -87,19 +87,18 @@ class RegionEvidence:
                 views.append(None)
             else:
                 views.append(View(image.bgr, (colors.body, colors.scene), room.packed))
-        objective.set_views(views, [state.difference(states[0]) if state is not states[0] else None for state in states])
-        objective.correspond(states[0], self._scale)
-        return joined([self._lines(i, model, objective) for i in objective.active])
+        offsets = [state.difference(states[0]) if state is not states[0] else None for state in states]
+        found = drawer.draw(views, states[0], self._scale, self._config.region.model_sigma_px, offsets)
+        return joined([self._lines(i, model, found) for i in found.active])
 
-    def _make(self, model: ArticulatedModel, rig: CameraRig) -> RegionObjective:
-        arrays, options = ShapeArrays.from_model(model, caps=False), region_options(self._config)
-        return RegionObjective(rig, model, arrays, color_classes(model), options)
+    def _make(self, model: ArticulatedModel, rig: CameraRig) -> LineDrawer:
+        return LineDrawer(rig, model, ShapeArrays.from_model(model, caps=False), color_classes(model), line_options(self._config))
 
-    def _lines(self, camera: int, model: ArticulatedModel, objective: RegionObjective) -> ContourLines:
-        slot = objective.slots[camera]
-        found = slot.lines[: slot.n]
-        keep = np.flatnonzero(found[:, table.PRECISION] > 0.0)
-        lines, shapes = found[keep], slot.info[keep, SHAPE].astype(np.int64)
+    def _lines(self, camera: int, model: ArticulatedModel, drawn: LineCorrespondences) -> ContourLines:
+        own = drawn.cameras[camera]
+        assert own is not None
+        keep = np.flatnonzero(own.lines[:, table.PRECISION] > 0.0)
+        lines, shapes = own.lines[keep], own.info[keep, SHAPE].astype(np.int64)
         points = np.empty((len(keep), 3))
         for k in np.unique(shapes):
             own, T = shapes == k, model.Ts_link_shape[k]

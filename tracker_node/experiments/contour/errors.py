@@ -12,10 +12,10 @@ from ...camera.rig import CameraRig
 from ...evaluation.evaluate import Evaluation
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
-from ...objective.chamfer.objective import ContourObjective
+from ...objective.chamfer.correspondences import ContourCorrespondences
 from ...objective.per_camera import serial
 from ...observation.image_set import ImageSet
-from ...tracking.chamfer.engine import ContourEngine
+from ...tracking.chamfer.modality import FINE, ChamferModality
 from ...tracking.config import TrackerConfig
 from ..rigid_tracking import basin
 
@@ -68,22 +68,21 @@ class ContourError:
 
     def __init__(self, rig: CameraRig, model: ArticulatedModel, plates: Mapping[str, np.ndarray | list], distances: str):
         self._rig = rig
-        self._engine = ContourEngine(rig, model, far_sighted(by_method(TrackerConfig(), distances)), plates, serial)
-        self._objective: ContourObjective | None = None
+        self._modality = ChamferModality(rig, model, far_sighted(by_method(TrackerConfig(), distances)), plates, serial)
+        self._contours: ContourCorrespondences | None = None
 
     def look(self, image_set: ImageSet, body: State) -> None:
         """Look at images in which the body is in the state ``body``: there it is decided which samples are seen."""
-        self._engine.observe(images_of(image_set, self._rig), body)
-        self._objective = self._engine.evidence_around(body)
-        self._objective.linearize(body)
+        self._modality.set_images(images_of(image_set, self._rig), body)
+        self._contours = self._modality.correspond(body, FINE)
 
     def at(self, state: State) -> float:
         """In a state; NaN where all contours are out of the images."""
-        assert self._objective is not None, "look first"
-        found = self._objective.linearize(state)
+        assert self._contours is not None, "look first"
+        found = self._contours.linearize(state)
         if not found.count:
             return float("nan")
-        return float(np.sqrt(found.cost * self._objective.options.variance_px2 / found.count))
+        return float(np.sqrt(found.cost * self._contours.options.variance_px2 / found.count))
 
     def along(self, body: State, direction: np.ndarray, changes: np.ndarray) -> np.ndarray:
         """(n,) with the body moved by ``changes`` (n,) times ``direction`` (n_dof,), a tangent of the state."""

@@ -10,10 +10,9 @@ import numpy as np
 from ...loaders.motion.trajectory_file import read_states
 from ...model.configuration import Configuration, State
 from ...observation.image_set import ImageSet
-from ...parallel import Workers
 from ...report.progress import say
-from ...tracking.chamfer.engine import ContourEngine
 from ...tracking.config import TrackerConfig
+from ...tracking.engines import make_engine
 from ..plots import Profile
 from .errors import (
     PUBLISHED,
@@ -136,7 +135,7 @@ def displaced_figures(clip: Clip, n_starts: int) -> dict[str, float | int]:
     def measure(config: TrackerConfig) -> tuple[float, float]:
         chamfer = replace(config.chamfer, first_iterations=config.chamfer.max_iterations, silhouette="background")
         config = replace(config, chamfer=chamfer)
-        engine = ContourEngine(clip.rig, clip.model, config, clip.plates, Workers(config.threads).map)
+        engine = make_engine(clip.rig, clip.model, config, clip.plates)
         rng, found, errors_m = np.random.default_rng(1), [], []
         for state, image_set in zip(states, sets, strict=True):
             start = displaced(state, np.radians(DISPLACED_DEG), 1e-3 * DISPLACED_MM, rng)

@@ -17,7 +17,7 @@ from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...render.ray_table import ray_table
 from ...render.shape_arrays import ShapeArrays
-from ..lines.objective import View
+from ..lines.correspondences import View
 from ..per_camera import serial
 from .evidence_kernels import place_shapes
 from .evidence_score import packed_shapes

@@ -199,6 +199,10 @@ class LevelObjective:
         scale = self._pixels / pixels
         return NormalEquations(scale * H, scale * g, scale * squares, int(3 * pixels))
 
+    def camera_equations(self, state: State) -> list[None]:
+        """Gray levels of cameras are not compared."""
+        return [None] * len(self._level.rig)
+
     @property
     def number(self) -> int:
         """Of this level, 0 being the finest."""

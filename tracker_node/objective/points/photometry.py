@@ -115,78 +115,100 @@ class SurfacePhotometry:
 
         self.pictures = self.parallel(look, list(range(len(self.rig))))
 
-    def at_level(self, level: int) -> PhotometryLevel:
-        """The objective on one level."""
-        return PhotometryLevel(self, level)
+    def correspond(self, state: State, level: int) -> SurfaceCorrespondences:
+        """Points of the surface that is seen.
+
+        Parameters
+        ----------
+        state : of the body.
+        level : of the pyramid, 0 the finest.
+
+        Returns
+        -------
+        Points with the colors that they should have; they ride on the body, whatever its state.
+        """
+        spacing = max(2, self.options.step << level)
+
+        def sample(i: int) -> _Points | None:
+            if self.pictures[i] is None:
+                return None
+            return _sample(self.painted[i], state, self.rig.cameras[i], self.rig, self.options, spacing)
+
+        points = self.parallel(sample, list(range(len(self.rig))))
+        pictures = [None if pyramid is None else pyramid[level] for pyramid in self.pictures]
+        all_links = np.ones(len(self.model.chain.links), dtype=np.bool_)
+        scale = self.options.robust_scale * (1 + level)
+        return SurfaceCorrespondences(self.model, self.cameras, points, pictures, scale, all_links, self.parallel)
 
 
-class PhotometryLevel:
-    """One level (`LeastSquaresObjective`); its points are frozen by `freeze`, or at the first state asked for.
+@dataclass(frozen=True, eq=False)
+class SurfaceCorrespondences:
+    """Points of a surface against the images of one set, on one level of the pyramid (`Correspondences`), in gray levels squared.
 
     Attributes
     ----------
-    sums : (n_cameras, `photometry_kernels.N_SUMS`) of the last state, weighted by the image pixels that a point stands for.
+    model, cameras : the body, and the cameras' constants.
+    points, pictures : of each camera, None where it shows nothing.
+    robust_scale : gray levels at which a difference begins to count as something else.
+    links : (n_links,) mask of those whose points count.
+    parallel : maps a function over cameras.
     """
 
-    def __init__(self, photometry: SurfacePhotometry, level: int):
-        self._of, self._level = photometry, level
-        self._points: list[_Points | None] | None = None
-        self.all_links = np.ones(len(photometry.model.chain.links), dtype=np.bool_)
-        self.sums = np.zeros((len(photometry.rig), kernel.N_SUMS))
+    model: ArticulatedModel
+    cameras: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]
+    points: Sequence[_Points | None]
+    pictures: Sequence[tuple[np.ndarray, float, float, int] | None]
+    robust_scale: float
+    links: np.ndarray
+    parallel: Callable[[Callable, list], list]
 
-    def freeze(self, state: State) -> None:
-        """Take the points that are seen in ``state``."""
-        of = self._of
+    def on_links(self, links: np.ndarray) -> SurfaceCorrespondences:
+        """Only the points on some links (mask (n_links,))."""
+        return replace(self, links=links)
 
-        def sample(i: int) -> _Points | None:
-            if of.pictures[i] is None:
-                return None
-            spacing = max(2, of.options.step << self._level)
-            return _sample(of.painted[i], state, of.rig.cameras[i], of.rig, of.options, spacing)
-
-        self._points = of.parallel(sample, list(range(len(of.rig))))
-
-    def linearize(self, state: State, links: np.ndarray | None = None) -> NormalEquations:
-        """Normal equations in grey levels squared, of the points on ``links`` (mask (n_links,); None: all)."""
-        model = self._of.model
-        chain, n_links = model.chain, len(model.chain.links)
-        configuration = Configuration(model, state)
+    def linearize(self, state: State) -> NormalEquations:
+        """Normal equations in gray levels squared."""
+        chain, n_links = self.model.chain, len(self.links)
+        configuration = Configuration(self.model, state)
         link_normal, link_gradient = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6))
-        for normal, gradient in self._run(state, configuration, links, True):
+        sums = np.zeros((len(self.cameras), kernel.N_SUMS))
+        for normal, gradient in self._run(configuration, True, sums):
             link_normal += normal
             link_gradient += gradient
         kernel.mirror(link_normal)
         H, g = np.empty((chain.n_dof, chain.n_dof)), np.empty(chain.n_dof)
         assemble(link_normal, link_gradient, chain.link_moved_by, configuration.twists, H, g)
-        return NormalEquations(H, g, float(self.sums[:, kernel.COST].sum()), int(self.sums[:, kernel.COUNT].sum()))
+        return NormalEquations(H, g, float(sums[:, kernel.COST].sum()), int(sums[:, kernel.COUNT].sum()))
 
-    def cost(self, state: State, links: np.ndarray | None = None) -> float:
+    def camera_equations(self, state: State) -> list[None]:
+        """Gray levels of cameras are not compared."""
+        return [None] * len(self.cameras)
+
+    def cost(self, state: State) -> float:
         """Robust cost alone."""
-        self._run(state, Configuration(self._of.model, state), links, False)
-        return float(self.sums[:, kernel.COST].sum())
+        return float(self.sums(state)[:, kernel.COST].sum())
 
-    def _run(self, state: State, configuration: Configuration, links: np.ndarray | None, derivatives: bool) -> list:
-        if self._points is None:
-            self.freeze(state)
-        assert self._points is not None
-        points, of = self._points, self._of
-        n_links = len(self.all_links) if derivatives else 0
-        used = self.all_links if links is None else links
-        scale = of.options.robust_scale * (1 + self._level)
-        self.sums[:] = 0.0
+    def sums(self, state: State) -> np.ndarray:
+        """(n_cameras, `photometry_kernels.N_SUMS`), weighted by the image pixels that a point stands for."""
+        sums = np.zeros((len(self.cameras), kernel.N_SUMS))
+        self._run(Configuration(self.model, state), False, sums)
+        return sums
+
+    def _run(self, configuration: Configuration, derivatives: bool, sums: np.ndarray) -> list:
+        n_links = len(self.links) if derivatives else 0
 
         def run(i: int) -> tuple[np.ndarray, np.ndarray]:
-            mine, picture = points[i], of.pictures[i]
+            mine, picture = self.points[i], self.pictures[i]
             assert mine is not None and picture is not None
             normal, gradient = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6))
             kernel.add_points(
-                (mine.positions, mine.links, mine.features), used, configuration.Ts_world_link, of.cameras[i],
-                picture[self._level], scale, derivatives, normal, gradient, self.sums[i],
+                (mine.positions, mine.links, mine.features), self.links, configuration.Ts_world_link, self.cameras[i],
+                picture, self.robust_scale, derivatives, normal, gradient, sums[i],
             )  # fmt: skip
-            self.sums[i] *= mine.area
+            sums[i] *= mine.area
             return mine.area * normal, mine.area * gradient
 
-        return of.parallel(run, [i for i, mine in enumerate(points) if mine is not None])
+        return self.parallel(run, [i for i, mine in enumerate(self.points) if mine is not None])
 
 
 def _kernel_camera(camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -68,7 +68,7 @@ class TrackerServices:
     def _on_reinitialize(self, worker: TrackingWorker, _request: Trigger.Request) -> str:
         if not self._looks_for_body():
             raise TrackerError("the body is not looked for: the parameter initialization.enabled is false")
-        worker.look_anew()
+        worker.reinitialize()
         return ""
 
     def _on_enable(self, worker: TrackingWorker, request: SetBool.Request) -> str:

@@ -124,9 +124,9 @@ class TrackingWorker:
         """Go on from a state at the next image set."""
         self._begin(StartRequest(lambda tracker: tracker.set_state(state), state))
 
-    def look_anew(self) -> None:
+    def reinitialize(self) -> None:
         """Look for the body wherever it may be; what has been learnt stays."""
-        self._begin(StartRequest(lambda tracker: tracker.look_anew(), forgets_state=True))
+        self._begin(StartRequest(lambda tracker: tracker.reinitialize(), forgets_state=True))
 
     def _begin(self, request: StartRequest) -> None:
         def begin() -> None:

@@ -15,7 +15,7 @@ from ...camera.rig import CameraRig
 from ...loaders.json_values import finite
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
-from ...objective.lines.objective import PartEvidence, RegionObjective, View
+from ...objective.lines.correspondences import LineDrawer, PartEvidence, View
 from ...objective.points.photometry import PhotometryOptions
 from ...observation.chamfer.observer import checked_plates
 from ...observation.region.background import EmptyRoom
@@ -23,9 +23,9 @@ from ...observation.region.colors import RegionColors, color_classes, stated_den
 from ...parallel import Workers
 from ...render.raycast.raycaster import render_labels
 from ...render.shape_arrays import ShapeArrays
-from ...tracking.color.judge import agreement_of
+from ...tracking.color.agreement import agreement_of
 from ...tracking.config import TrackerConfig
-from ...tracking.region.engine import region_options
+from ...tracking.region.modality import line_options
 
 _LEAST_OUTLINE = 10  # samples of the outline of which a camera says something
 
@@ -81,9 +81,8 @@ class ContourScore:
         self._classes = color_classes(model)
         self._stated = stated_densities(model, self._classes)
         self._parallel = Workers(config.threads).map
-        self._objective = RegionObjective(
-            rig, model, ShapeArrays.from_model(model), self._classes, region_options(config), self._parallel
-        )
+        arrays = ShapeArrays.from_model(model)
+        self._drawer = LineDrawer(rig, model, arrays, self._classes, line_options(config), self._parallel)
         self._rooms, background = [], config.background
         for camera in rig:
             known = checked_plates(camera.name, camera.model.width, camera.model.height, plates.get(camera.name))
@@ -91,10 +90,9 @@ class ContourScore:
 
     def score(self, state: State, images: Mapping[str, np.ndarray]) -> PoseScore:
         """Of a state in images (h, w, 3) uint8 BGR by camera; cameras without one say nothing."""
-        close_px = self._config.region.inlier_px
-        self._objective.set_views(self._views(state, images))
-        self._objective.correspond(state, 1.0)
-        return self._scored(self._objective.part_evidence(state, close_px))
+        region = self._config.region
+        lines = self._drawer.draw(self._views(state, images), state, 1.0, region.model_sigma_px)
+        return self._scored(lines.at(state).part_evidence(region.inlier_px))
 
     def _views(self, state: State, images: Mapping[str, np.ndarray]) -> list[View | None]:
         body, region = Configuration(self._model, state), self._config.region
@@ -148,5 +146,5 @@ class ColorScore:
             CameraScore(camera.name, finite(value), int(pixels))
             for camera, value, pixels in zip(self._rig, found.cameras, found.pixels.sum(axis=1), strict=True)
         )
-        total = found.middle if np.isfinite(found.cameras).any() else None
+        total = found.median if np.isfinite(found.cameras).any() else None
         return PoseScore(total, cameras, tuple(map(finite, found.parts)))

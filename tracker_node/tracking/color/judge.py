@@ -1,146 +1,95 @@
-"""How far colors agree: against what a body would get that lies on its surroundings by chance.
-
-Agreement is 1 - d / e, with d the mean squared difference of colors over a mask, and e the one to be expected if the mask's
-colors met those of the surroundings at random. On a body of plain parts it is the share of the mask that lies where it should:
-nearly 1 when all is right, nearly 0 on something else.
-"""
+"""Assessment of fits to colors: by how far colors agree, against what they would by chance."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
-from ...camera.rig import Camera, CameraRig
+from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import Configuration, State
-from ...objective.points.photometry import PhotometryOptions, features_of
-from ...render.raycast.raycaster import render_color, render_labels
-from ..config import ColorConfig
-from ..engine import Images, Verdict
-from ..estimate import Status
+from ...observation.image_set import ImageSet
+from ...optimize.fitter import Fit
+from ..assessment import Assessment, Report, assess_cameras, inverse_covariance
+from ..config import ColorOverBackgroundConfig
+from ..estimate import CameraReport, Status
+from .agreement import ColorAgreement
+from .modality import ColorModality
 
-_RING_PX = 24  # width of what is taken for the surroundings
-_STEP = 2  # every second pixel is enough
-_LEAST_PART = 200  # pixels of a part, over all cameras, below which nothing is said of it
-_PLAIN = 0.5  # a part whose difference from the surroundings is below this share of the whole body's cannot be told from them
-_LEAST_CAMERA = 50
 _NOISE = 0.1  # agreement that a body has anywhere
 
 
-@dataclass(frozen=True, eq=False)
-class ColorAgreement:
-    """Squared differences, what they would be by chance, and pixels, each (n_cameras, n_shapes)."""
+class ColorJudge:
+    """Assesses fits of one body; the median camera decides, and cameras and parts that do not agree are named.
 
-    squares: np.ndarray
-    chance: np.ndarray
-    pixels: np.ndarray
+    Parameters
+    ----------
+    rig, model, config : as for the `Tracker`.
+    modality : has the present images.
+    """
 
-    @property
-    def cameras(self) -> np.ndarray:
-        """(n_cameras,), nan where a camera shows too little."""
-        return _share(self.squares.sum(axis=1), self.chance.sum(axis=1), self.pixels.sum(axis=1) >= _LEAST_CAMERA)
+    def __init__(self, rig: CameraRig, model: ArticulatedModel, config: ColorOverBackgroundConfig, modality: ColorModality):
+        self._rig, self._model, self._config, self._modality = rig, model, config, modality
 
-    @property
-    def parts(self) -> np.ndarray:
-        """(n_shapes,), nan where too little is seen, or where the surroundings have much the same color."""
-        chance, pixels = self.chance.sum(axis=0), self.pixels.sum(axis=0)
-        telling = chance / np.maximum(pixels, 1.0) >= _PLAIN * chance.sum() / max(pixels.sum(), 1.0)
-        return _share(self.squares.sum(axis=0), chance, telling & (pixels >= _LEAST_PART))
+    def reset(self) -> None:
+        """Nothing is remembered from fit to fit."""
 
-    def of(self, shapes: np.ndarray) -> float:
-        """Of some shapes (mask (n_shapes,)) together; infinite where too little of them is seen."""
-        squares, chance = self.squares[:, shapes].sum(), self.chance[:, shapes].sum()
-        return float(1.0 - squares / max(chance, 1e-6)) if self.pixels[:, shapes].sum() >= _LEAST_PART else float("inf")
+    def restart(self) -> None:
+        """Nothing is remembered from fit to fit."""
 
-    @property
-    def middle(self) -> float:
-        """Of the middle camera: some may be covered, and one may agree by chance."""
-        seen = self.cameras[np.isfinite(self.cameras)]
-        return float(np.median(seen)) if len(seen) else 0.0
+    def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
+        """Of the whole body; see `Judge.assess`."""
+        return assess_colors(self._modality.agreement(fit.state), self._model, self._rig, image_set.cameras, self._config)
 
-    @property
-    def camera_rms(self) -> np.ndarray:
-        """(n_cameras,) grey levels, rms over pixels and channels; 0 where nothing is seen."""
-        return np.sqrt(self.squares.sum(axis=1) / (3.0 * np.maximum(self.pixels.sum(axis=1), 1.0)))
+    def report(self, fit: Fit, image_set: ImageSet) -> Report:
+        """Residuals are in gray levels, samples are pixels of the mask; see `Judge.report`.
 
-    @property
-    def rms(self) -> float:
-        """Over all cameras."""
-        return float(np.sqrt(self.squares.sum() / (3.0 * max(self.pixels.sum(), 1.0))))
+        The covariance is the inverse of the normal equations times the variance of a pixel.
+        """
+        agreement, reports = self._modality.agreement(fit.state), []
+        for i, camera in enumerate(self._rig):
+            image = image_set.get(camera.name)
+            stamp_ns, pixels = 0 if image is None else image.stamp_ns, int(agreement.pixels[i].sum())
+            reports.append(CameraReport(camera.name, stamp_ns, float(agreement.camera_rms[i]), pixels))
+        covariance = inverse_covariance(fit.equations.H, self._modality.variance(fit.state))
+        return Report(tuple(reports), agreement.rms, covariance)
 
 
-def _share(squares: np.ndarray, chance: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    result = np.full(squares.shape, np.nan)
-    result[seen] = 1.0 - squares[seen] / np.maximum(chance[seen], 1e-6)
-    return result
+def assess_colors(
+    agreement: ColorAgreement, model: ArticulatedModel, rig: CameraRig, present: Sequence[str], config: ColorOverBackgroundConfig
+) -> Assessment:
+    """Status by colors.
 
+    Parameters
+    ----------
+    agreement : of the fitted state.
+    model, rig : name the parts and cameras.
+    present : cameras that gave an image.
+    config : thresholds.
 
-def agreement_of(
-    painted: Sequence[ArticulatedModel], rig: CameraRig, images: Images, state: State, options: PhotometryOptions
-) -> ColorAgreement:
-    """Agreement of a body in ``state``; ``painted`` is the model in the colors of each camera."""
-    n = len(painted[0].shapes)
-    sums = np.zeros((3, len(rig), n))
-    for i, (model, camera, image) in enumerate(zip(painted, rig, images, strict=True)):
-        if image is not None:
-            _look(model, camera, rig, image, state, options, sums[:, i])
-    return ColorAgreement(*sums)
-
-
-def _look(
-    model: ArticulatedModel, camera: Camera, rig: CameraRig, image: np.ndarray, state: State, options: PhotometryOptions,
-    sums: np.ndarray,
-) -> None:  # fmt: skip
-    configuration = Configuration(model, state)
-    sight = render_labels(configuration, camera, _RING_PX)
-    if sight is None:
-        return
-    (u0, v0, u1, v1), labels = sight
-    view = render_color(configuration, camera, rig.lights, (u0, v0, u1, v1))
-    near = cv2.dilate((labels > 0).view(np.uint8), np.ones((2 * _RING_PX + 1,) * 2, dtype=np.uint8)) > 0
-    thin = np.s_[::_STEP, ::_STEP]
-    labels, ring = labels[thin], (near & (labels == 0))[thin]
-    target = features_of(image[v0:v1, u0:u1, ::-1][thin], options)
-    around = target[ring].astype(np.float64)
-    if not len(around) or not labels.any():
-        return
-    inside = labels > 0
-    drawn, seen, which = features_of(view.rgb[thin][inside], options), target[inside], labels[inside].astype(np.int64) - 1
-    mean, variance = around.mean(axis=0), around.var(axis=0).sum()
-    weight, n = float(_STEP**2), sums.shape[1]
-    sums[0] = weight * np.bincount(which, ((drawn - seen) ** 2).sum(axis=1), n)
-    sums[1] = weight * np.bincount(which, ((drawn - mean) ** 2).sum(axis=1) + variance, n)
-    sums[2] = weight * np.bincount(which, minlength=n)
-
-
-def judge_colors(
-    agreement: ColorAgreement, model: ArticulatedModel, rig: CameraRig, present: Sequence[str], config: ColorConfig
-) -> Verdict:
-    """Status and reason; the middle camera decides, and cameras and parts that do not agree are named."""
-    pixels, middle = int(agreement.pixels.sum()), agreement.middle
+    Returns
+    -------
+    Of the whole body.
+    """
+    pixels, median = int(agreement.pixels.sum()), agreement.median
     if pixels < config.min_pixels:
         few = "no camera sees where the body is expected" if pixels == 0 else f"the body covers only {pixels} pixels"
-        return Verdict(Status.LOST, few, noise=True)
-    figures = f"colors differ by {agreement.rms:.0f} grey levels, and agree to {100 * middle:.0f} %"
-    if middle < config.lost_agreement:
-        return Verdict(Status.LOST, figures, noise=middle < _NOISE)
-    if middle < config.degraded_agreement:
-        return Verdict(Status.DEGRADED, figures)
-    named = (("in", rig.names, agreement.cameras), ("of", [s.name for s in model.shapes], agreement.parts))
-    for where, names, shares in named:
-        against = [
-            f"{name} ({100 * max(s, 0.0):.0f} %)" for name, s in zip(names, shares, strict=True) if s < config.lost_agreement
-        ]
-        if against:
-            return Verdict(Status.DEGRADED, f"colors do not agree {where} {', '.join(against)}")
+        return Assessment(Status.LOST, few, noise=True)
+    metrics = f"colors differ by {agreement.rms:.0f} gray levels, and agree to {100 * median:.0f} %"
+    if median < config.lost_agreement:
+        return Assessment(Status.LOST, metrics, noise=median < _NOISE)
+    if median < config.degraded_agreement:
+        return Assessment(Status.DEGRADED, metrics)
+    cameras = {name: float(s) for name, s in zip(rig.names, agreement.cameras, strict=True) if np.isfinite(s)}
+    status, reason = assess_cameras(
+        cameras, config.lost_agreement, present, len(rig), "colors do not agree", "where the body is"
+    )
+    if status is not Status.TRACKING:
+        return Assessment(status, reason)
+    parts = zip(model.shapes, agreement.parts, strict=True)
+    against = [f"{shape.name} ({100 * max(s, 0.0):.0f} %)" for shape, s in parts if s < config.lost_agreement]
+    if against:
+        return Assessment(Status.DEGRADED, f"colors do not agree of {', '.join(against)}")
     if pixels < config.few_pixels:
-        return Verdict(Status.DEGRADED, f"the body covers only {pixels} pixels")
-    if len(present) < len(rig):
-        return Verdict(Status.DEGRADED, f"{len(present)} of {len(rig)} cameras")
-    seeing = [name for name, share in zip(rig.names, agreement.cameras, strict=True) if np.isfinite(share)]
-    if len(seeing) < min(2, len(rig)):
-        return Verdict(Status.DEGRADED, f"only {', '.join(seeing)} sees where the body is")
-    return Verdict(Status.TRACKING, "")
+        return Assessment(Status.DEGRADED, f"the body covers only {pixels} pixels")
+    return Assessment(Status.TRACKING, "")

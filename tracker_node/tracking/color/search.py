@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -11,118 +13,265 @@ from ...model.configuration import State
 from ...model.kinematic_chain import N_ROOT_DOF, KinematicChain
 from ...objective.color.score import ColorObjective
 from ...objective.constraints.prior import Prior
-from ...objective.points.photometry import PhotometryLevel, SurfacePhotometry
-from ...optimize.levenberg_marquardt import LevenbergMarquardtOptions, clip_to_limits, minimize
+from ...objective.normal_equations import Correspondences
+from ...objective.points.photometry import SurfaceCorrespondences
+from ...objective.sum_objective import SumObjective
+from ...optimize.fitter import Fit, Fitter, Stage
+from ...optimize.levenberg_marquardt import LevenbergMarquardtOptions
 from ...optimize.result import OptimizerResult
 from ...optimize.score_objective import SearchResult
 from ...optimize.simplex import SimplexOptions, SimplexStage, search_simplex
 from ...optimize.stepping import SCHEDULES, SteppingOptions, schedule, step_downhill
-from ..config import ColorConfig
-from .hierarchy import Pulled, Stage, limbs_of, stages_of
+from ..assessment import Assessment
+from ..config import ColorConfig, ColorOverBackgroundConfig
+from ..limbs import Limb, limbs_of, stages_of
+from ..modality import Images
+from ..poses import Poses, PoseSearch, Round
+from .modality import ColorModality
 
 _TOLERANCE = 1e-3
 _TRACKING = schedule((20, 10, 5), (4, 2, 1))
 _STEPPING_POLISH = SteppingOptions(schedule((5,), (1,)))
 _SIMPLEX_POLISH = SimplexOptions((SimplexStage(0.01, np.deg2rad(1.0), 0.2, max_evaluations=20),))
 _BEAM = 6  # places of a lost limb that are followed
-_LIMB_ITERATIONS = 15
+_LIMB = LevenbergMarquardtOptions(max_iterations=15, tolerance=_TOLERANCE)
 _SEARCH_LEVEL = 2  # of the pyramid
 
 
-class ColorSearch:
-    """Optimizers of the color engine, with joint limits and priors.
+class ColorSearch(Protocol):
+    """Finds states by colors."""
+
+    def run(self, start: State, priors: Sequence[Prior], first: bool) -> Fit:
+        """Walk from a start.
+
+        Parameters
+        ----------
+        start : state to begin at.
+        priors : in gray levels squared.
+        first : of a first image set.
+
+        Returns
+        -------
+        The best state.
+        """
+        ...
+
+    def find_limb(self, limb: Limb, around: State, rng: np.random.Generator) -> State:
+        """Search one limb.
+
+        Parameters
+        ----------
+        limb : moves; the rest of the body stays.
+        around : state to search around.
+        rng : seeded.
+
+        Returns
+        -------
+        The state in which the limb suits the images best of many tried.
+        """
+        ...
+
+
+class ColorSolver:
+    """A search, and once more where limbs that have been lost are found again (`Solver`).
 
     Parameters
     ----------
-    photometry : for the alignment, and the normal equations of every result.
-    score : of the mask, for stepping and simplex.
+    model, config : as for the `Tracker`.
+    modality : of the colors.
+    search : finds states.
     """
 
-    def __init__(self, model: ArticulatedModel, config: ColorConfig, photometry: SurfacePhotometry, score: ColorObjective | None):
-        self._model, self._config, self._photometry, self._score = model, config, photometry, score
-        chain = model.chain
-        self._stages = stages_of(chain) if config.hierarchical else ()
-        self.limbs = limbs_of(chain)
+    def __init__(
+        self, model: ArticulatedModel, config: ColorOverBackgroundConfig, modality: ColorModality, search: ColorSearch
+    ):
+        self._model, self._config, self._modality, self._search = model, config, modality, search
+        self._limbs = [limb for limb in limbs_of(model)[1:] if limb.dofs.any()]
+        self.reset()
 
-    def run(self, start: State, priors: Sequence[Prior], first: bool) -> OptimizerResult:
-        """Part by part, where that is asked for, then all variables together."""
-        if self._config.optimizer == "alignment":
-            return self._align(start, priors, first)
-        return self._by_scores(start, priors, first)
+    def reset(self) -> None:
+        """The generator begins anew."""
+        self._rng = np.random.default_rng(self._config.seed)
 
-    def _align(self, start: State, priors: Sequence[Prior], first: bool) -> OptimizerResult:
-        config, chain = self._config, self._model.chain
-        passes = config.first_passes if first else config.passes
+    def restart(self) -> bool:
+        """Every start is fitted anew."""
+        return False
+
+    def remember(self, fit: Fit, assessment: Assessment) -> None:
+        """Nothing is remembered from fit to fit."""
+
+    def fit(self, start: State, first: bool, prior: Prior | None) -> Fit:
+        """From coarse to fine, then limbs that do not agree; ``prior`` is in other units, and left out. See `Solver.fit`."""
+        fit = self._search.run(start, self._priors(start), first)
+        for limb in self._limbs:
+            if self._agreement(fit, limb) < self._config.degraded_agreement and self._config.search_states:
+                fit = self._with_limb(limb, fit)
+        return fit
+
+    def _priors(self, expected: State) -> list[Prior]:
+        config, axes = self._config, self._model.chain.axes
+        stay = np.full(self._model.n_dof, config.stay_angle)
+        stay[:3] = config.stay_position
+        neutral = np.zeros(self._model.n_dof)
+        neutral[N_ROOT_DOF:] = [config.neutral_angle * axis.stiffness for axis in axes]
+        return [Prior(expected, stay), Prior(State.neutral(self._model, expected.T_world_root), neutral)]
+
+    def _agreement(self, fit: Fit, limb: Limb) -> float:
+        """Of all parts of a limb together; infinite where none is seen."""
+        return self._modality.agreement(fit.state).of(limb.shapes)
+
+    def _with_limb(self, limb: Limb, fit: Fit) -> Fit:
+        """The fit with the limb where it suits better, if such a place is found."""
+        before = self._agreement(fit, limb)
+        found = self._search.find_limb(limb, fit.state, self._rng)
+        again = self._search.run(found, self._priors(found), first=False)
+        if self._agreement(again, limb) <= before:
+            return fit
+        return replace(again, iterations=fit.iterations + again.iterations, evaluations=fit.evaluations + again.evaluations)
+
+
+class AlignmentSearch:
+    """Levenberg-Marquardt on surface points: part by part where that is asked for, then all variables level by level."""
+
+    def __init__(self, model: ArticulatedModel, config: ColorConfig, modality: ColorModality):
+        self._model, self._config, self._modality, self._fitter = model, config, modality, Fitter(model)
+        self._parts = stages_of(model.chain) if config.hierarchical else ()
+
+    def run(self, start: State, priors: Sequence[Prior], first: bool) -> Fit:
+        """See `ColorSearch.run`."""
+        config = self._config
+        passes, coarsest = config.first_passes if first else config.passes, config.levels - 1
         options = LevenbergMarquardtOptions(max_iterations=config.iterations, tolerance=_TOLERANCE)
-        coarsest, state, iterations, evaluations = config.levels - 1, start, 0, 0
-        steps: list[tuple[PhotometryLevel, Stage | None]]
-        coarse = self._photometry.at_level(coarsest)  # all stages share its points
-        steps = [(coarse, stage) for stage in self._stages]
-        steps += [(self._photometry.at_level(level), None) for level in range(coarsest, -1, -1) for _ in range(passes)]
-        for objective, stage in steps:
-            result = minimize(Pulled(objective, priors, stage), state, chain, options)
-            state, iterations, evaluations = result.state, iterations + result.iterations, evaluations + result.evaluations
-        return OptimizerResult(state, result.equations, iterations, evaluations, result.converged)
+        # All parts share the coarsest level's points
+        stages = [
+            Stage(coarsest, options, dofs=part.dofs, links=part.links, renew=i == 0) for i, part in enumerate(self._parts)
+        ]
+        stages += [Stage(level, options) for level in range(coarsest, -1, -1) for _ in range(passes)]
+        return self._fitter.fit(start, self._modality, stages, priors)
 
-    def _by_scores(self, start: State, priors: Sequence[Prior], first: bool) -> OptimizerResult:
+    def find_limb(self, limb: Limb, around: State, rng: np.random.Generator) -> State:
+        """Generate and test, from proximal to distal; see `ColorSearch.find_limb`.
+
+        For each link in turn random angles, from the few best places of what carries it; only the links placed so far are scored.
+        The best of the whole limb are aligned.
+        """
+        config, chain = self._config, self._model.chain
+        points = self._modality.correspond(around, min(_SEARCH_LEVEL, config.levels - 1))
+        moved = (chain.link_moved_by & limb.dofs).any(axis=1)
+        links = [link for link in np.flatnonzero(moved).tolist() if chain.axis_count[link]]
+        rounds = []
+        for i, link in enumerate(links):
+            beam = _BEAM if i else 1
+            score = _Costs(points.on_links(_placed(chain, moved, links[i + 1 :])))
+            n = config.search_states // (len(links) * beam)
+            rounds.append(Round(float(np.deg2rad(config.search_angle_deg)), n, beam, _own_dofs(chain, link), score))
+        search = PoseSearch(chain, rounds[0].score or _Costs(points), limb.dofs, rng)
+        poses, _ = search.run(Poses.of([around]), rounds, _BEAM)
+        stage = Stage(None, _LIMB, dofs=limb.dofs, links=moved)
+        fits = [self._fitter.fit(poses.state(i), _Held(points), [stage]) for i in range(len(poses))]
+        return min(fits, key=lambda fit: fit.equations.cost).state
+
+
+@dataclass(frozen=True, eq=False)
+class _Costs:
+    """Poses scored by points of the surface."""
+
+    points: SurfaceCorrespondences
+
+    def __call__(self, poses: Poses) -> np.ndarray:
+        return -np.array([self.points.cost(poses.state(i)) for i in range(len(poses))])
+
+
+@dataclass(frozen=True, eq=False)
+class _Held:
+    """Correspondences that stay as they are, whatever the state."""
+
+    correspondences: Correspondences
+
+    def correspond(self, state: State, detail: object) -> Correspondences:
+        return self.correspondences
+
+
+class MaskScores:
+    """The score of the mask (`ColorScores`)."""
+
+    def __init__(self, score: ColorObjective):
+        self.score = score
+
+    def set_colors(self, learned: np.ndarray | None, rgb: np.ndarray) -> None:
+        """See `ColorScores`."""
+        self.score.set_colors(learned)
+
+    def set_images(self, images: Images, expected: State | None) -> None:
+        """See `ColorScores`."""
+        self.score.set_images(images)
+
+
+class ScoreSearch(AlignmentSearch):
+    """Downhill on the score of the mask (Trewartha, Yeadon & Knight): by stepping or by simplex, part by part."""
+
+    def __init__(self, model: ArticulatedModel, config: ColorConfig, modality: ColorModality, score: ColorObjective):
+        super().__init__(model, config, modality)
+        self._score = score
+
+    def run(self, start: State, priors: Sequence[Prior], first: bool) -> Fit:
         """The hierarchy needs no polish of its own for the root's variables: the last walk moves them all."""
-        chain, state, evaluations, converged = self._model.chain, start, 0, False
-        rounds: list[list[int] | None] = [stage.variables for stage in self._stages] or [None]
-        for variables in rounds:
-            found = self._walk(state, chain, variables)
+        walks: list[tuple[list[int] | None, bool]] = [(part.variables, False) for part in self._parts] or [(None, False)]
+        walks += [(None, True)] if self._parts else []
+        state, evaluations, converged = start, 0, False
+        for variables, polish in walks:
+            found = self._walk(state, variables, polish)
             state, evaluations, converged = found.state, evaluations + found.evaluations, found.converged
-        if self._stages:
-            found = self._walk(state, chain, None, polish=True)
-            state, evaluations, converged = found.state, evaluations + found.evaluations, found.converged
-        equations = Pulled(self._photometry.at_level(0), priors).linearize(state)
-        return OptimizerResult(state, equations, len(rounds) + bool(self._stages), evaluations, converged)
+        return walked(self._modality, state, priors, len(walks), evaluations, converged)
 
-    def _walk(self, state: State, chain: KinematicChain, variables: list[int] | None, polish: bool = False) -> SearchResult:
-        config, score = self._config, self._score
-        assert score is not None
+    def _walk(self, state: State, variables: list[int] | None, polish: bool) -> SearchResult:
+        config, score, chain = self._config, self._score, self._model.chain
         if config.optimizer == "stepping":
             loops = _TRACKING if config.schedule == "tracking" else SCHEDULES[config.schedule]
             return step_downhill(score, state, chain, _STEPPING_POLISH if polish else SteppingOptions(loops), variables)
         return search_simplex(score, state, chain, _SIMPLEX_POLISH if polish else SimplexOptions(), variables)
 
-    def find_limb(self, limb: Stage, around: State, rng: np.random.Generator) -> State:
-        """The state in which ``limb`` suits the images best of many tried, the rest of the body as it is.
 
-        Generate and test, from proximal to distal: for each link in turn random angles, from the few best places of what carries
-        it; only the links placed so far are scored. The best of the whole limb are aligned.
-        """
-        config, chain = self._config, self._model.chain
-        level = self._photometry.at_level(min(_SEARCH_LEVEL, config.levels - 1))
-        level.freeze(around)
-        spread, beam = np.deg2rad(config.search_angle_deg), [around]
-        links = [link for link in np.flatnonzero(limb.links).tolist() if chain.axis_count[link]]
-        for link in links:
-            own = _own_links(chain, limb, link, links)
-            tried = list(beam)
-            for state in beam:
-                tried += self._turned(state, link, spread, config.search_states // (len(links) * len(beam)), rng)
-            costs = np.array([level.cost(state, own) for state in tried])
-            beam = [tried[i] for i in np.argsort(costs, kind="stable")[:_BEAM]]
-        options = LevenbergMarquardtOptions(max_iterations=_LIMB_ITERATIONS, tolerance=_TOLERANCE)
-        aligned = [minimize(Pulled(level, (), limb), state, chain, options) for state in beam]
-        return min(aligned, key=lambda result: result.equations.cost).state
+def walked(
+    modality: ColorModality, state: State, priors: Sequence[Prior], iterations: int, evaluations: int, converged: bool
+) -> Fit:
+    """The fit at the end of a walk on scores; its equations are those of the surface's points.
 
-    def _turned(self, state: State, link: int, spread: float, n: int, rng: np.random.Generator) -> list[State]:
-        """``n`` states with other angles of a link's joint, normally distributed around its present ones."""
-        chain = self._model.chain
-        first, count = int(chain.axis_start[link]), int(chain.axis_count[link])
-        result = []
-        for turn in rng.normal(0.0, spread, (n, count)):
-            angles = state.joint_positions.copy()
-            angles[first : first + count] += turn
-            result.append(clip_to_limits(State(state.T_world_root, angles), chain))
-        return result
+    Parameters
+    ----------
+    modality : of the colors.
+    state : where the walk has ended.
+    priors : in gray levels squared.
+    iterations, evaluations, converged : of the walk.
+
+    Returns
+    -------
+    Held at ``state``.
+    """
+    points = modality.correspond(state, 0)
+    objective = SumObjective([points], priors=priors)
+    return Fit(state, objective.linearize(state), iterations, evaluations, converged, points, objective)
 
 
-def _own_links(chain: KinematicChain, limb: Stage, link: int, links: list[int]) -> np.ndarray:
-    """Mask (n_links,) of a limb's links that are in place once ``link`` is: without those that a later joint moves."""
-    placed = limb.links.copy()
-    for later in links[links.index(link) + 1 :]:
-        first = N_ROOT_DOF + int(chain.axis_start[later])
-        placed &= ~chain.link_moved_by[:, first]
+def ended(result: OptimizerResult, correspondences: Correspondences) -> Fit:
+    """The fit that an alignment on ``correspondences`` without priors has ended with."""
+    return Fit(
+        result.state, result.equations, result.iterations, result.evaluations, result.converged, correspondences,
+        SumObjective([correspondences]),
+    )  # fmt: skip
+
+
+def _own_dofs(chain: KinematicChain, link: int) -> np.ndarray:
+    """(n_dof,) mask of the joint that moves a link."""
+    dofs = np.zeros(chain.n_dof, dtype=np.bool_)
+    first = N_ROOT_DOF + int(chain.axis_start[link])
+    dofs[first : first + int(chain.axis_count[link])] = True
+    return dofs
+
+
+def _placed(chain: KinematicChain, links: np.ndarray, later: Sequence[int]) -> np.ndarray:
+    """Mask (n_links,) of ``links`` (n_links,) without those that the joint of a ``later`` one moves."""
+    placed = links.copy()
+    for link in later:
+        placed &= ~chain.link_moved_by[:, N_ROOT_DOF + int(chain.axis_start[link])]
     return placed

@@ -23,13 +23,13 @@ from ...objective.area.visual_hull import occupancy, places, seen_volume
 from ...observation.small_view import SmallView
 from ...render.shape_arrays import ShapeArrays
 from ..config import InitializationConfig
-from ..engine import Images
+from ..modality import Images
 from .coverage import StartCoverage
 from .evidence import StartEvidence
 from .fit import SilhouetteFit
 from .parts import LimbAlternatives
 from .pose_library import postures
-from .search import Poses, StartSearch
+from .search import HypothesisSearch, Poses
 from .segmentation import StartSegmentation
 
 _VOXELS = 14  # along the body
@@ -52,7 +52,7 @@ class Start:
     score: float
 
 
-class StartFinder:
+class PoseDetector:
     """Finds starts; deterministic in the images that it has been shown since `reset`.
 
     Parameters
@@ -205,7 +205,7 @@ class StartFinder:
         total = max(sum(float(m[m > 0.0].sum()) for m in maps if m is not None), 1e-9)
         score = EvidenceScore(self._model, self._cameras, self._parallel)
         score.set_maps(maps)
-        search = StartSearch(score, _PRIOR * total, self.size_m)
+        search = HypothesisSearch(score, _PRIOR * total, self.size_m)
         fit = SilhouetteFit(self._model, self._cameras, maps)
         scores = search.scores(poses)
 
@@ -239,8 +239,8 @@ def find_start(
     config: InitializationConfig | None = None,
     around: State | None = None,
 ) -> list[State]:
-    """States that a body may be in, the likeliest first: `StartFinder.find` for a single image set."""
-    finder = StartFinder(
+    """States that a body may be in, the likeliest first: `PoseDetector.find` for a single image set."""
+    finder = PoseDetector(
         rig, model, config or InitializationConfig(), plates or {}, lambda function, items: [function(i) for i in items]
     )
     return [start.state for start in finder.find(images, around)]

@@ -11,12 +11,12 @@ from ...camera.rig import Camera
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...model.kinematic_chain import N_ROOT_DOF
-from ...objective.chamfer.objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
+from ...objective.chamfer.correspondences import ContourBody, ContourCorrespondences, ContourOptions, EvidenceMaps
 from ...objective.constraints.prior import Prior
 from ...observation.chamfer.boundary import boundary_points
 from ...observation.chamfer.distance_transform import signed_distance
-from ...optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
-from ...render.shape_arrays import ShapeArrays
+from ...optimize.fitter import Fitter, Stage
+from ...optimize.levenberg_marquardt import LevenbergMarquardtOptions
 
 _SAMPLES = 8  # along a contour line: images are small
 _REACH_PX = 20.0
@@ -25,6 +25,7 @@ _COARSE = ContourOptions(
     boundary_scale_px=12.0, reach_px=_REACH_PX,
 )  # fmt: skip
 _FREE_RAD, _STIFF_RAD = 1.5, 0.4  # how far joint angles are expected from neutral
+_ROUNDS = 3  # in which it is decided anew what is seen
 _PRIOR = 4.0  # squared pixels that one such angle costs
 
 
@@ -37,24 +38,32 @@ class SilhouetteFit:
     """
 
     def __init__(self, model: ArticulatedModel, cameras: Sequence[Camera], maps: Sequence[np.ndarray | None]):
-        self._model, self._cameras = model, tuple(cameras)
-        self._arrays = ShapeArrays.from_model(model)
+        self._model, self._fitter, self._body = model, Fitter(model), ContourBody.of(model, cameras)
         self._maps = [None if odds is None else _evidence(odds) for odds in maps]
         stiffness = np.array([axis.stiffness for axis in model.chain.axes])
         weights = np.zeros(model.n_dof)
         weights[N_ROOT_DOF:] = _PRIOR / np.where(stiffness > 1.0, _STIFF_RAD, _FREE_RAD) ** 2
         self._weights = weights
 
+    def correspond(self, state: State, detail: ContourOptions) -> ContourCorrespondences:
+        """Distances of the outline that is seen in ``state`` to the silhouettes."""
+        return ContourCorrespondences(self._body, self._maps, detail, state)
+
     def fit(self, state: State, iterations: int = 12) -> State:
-        """The state that ``state`` slides to."""
-        slots = [CameraSlot(camera, self._model, _SAMPLES) for camera in self._cameras]
+        """The state that the outline leads to.
+
+        Parameters
+        ----------
+        state : to begin at.
+        iterations : in all.
+
+        Returns
+        -------
+        Near a minimum.
+        """
         prior = Prior(State.neutral(self._model, state.T_world_root), self._weights)
-        objective = ContourObjective(self._model, self._arrays, slots, self._maps, _COARSE, [prior])
-        options = LevenbergMarquardtOptions(max_iterations=max(iterations // 3, 1), tolerance=1e-2)
-        for _ in range(3):  # what is seen is decided anew
-            state = minimize(objective, state, self._model.chain, options).state
-            objective.restart(_COARSE)
-        return state
+        stage = Stage(_COARSE, LevenbergMarquardtOptions(max_iterations=max(iterations // _ROUNDS, 1), tolerance=1e-2))
+        return self._fitter.fit(state, self, [stage] * _ROUNDS, [prior]).state
 
 
 def _evidence(odds: np.ndarray) -> EvidenceMaps | None:

@@ -13,9 +13,10 @@ from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...observation.image_set import ImageSet
 from ..config import InitializationConfig
-from ..engine import Engine, Images
+from ..engine import AnyEngine
 from ..estimate import Status, TrackEstimate
-from .detector import Start, StartFinder
+from ..modality import Images
+from .detector import PoseDetector, Start
 from .trials import HOPEFUL, Contest, Follower, LimbRepair, Trial, rivals, tried
 
 NOT_GIVEN = "no initial state has been given"
@@ -23,8 +24,8 @@ _SURE = 0.6  # a start that covers so much of the evidence is taken whatever the
 _WORSE = 0.08  # of that share, by which an engine may make a start worse
 
 
-class Starter:
-    """Asks a `StartFinder`, then engines; parameters are those of the finder.
+class Initializer:
+    """Asks a `PoseDetector`, then engines; parameters are those of the finder.
 
     Parameters
     ----------
@@ -42,14 +43,14 @@ class Starter:
         config: InitializationConfig,
         plates: Mapping[str, np.ndarray | list],
         parallel: Callable[[Callable, list], list],
-        make_engine: Callable[[], Engine],
+        make_engine: Callable[[], AnyEngine],
         make_follower: Callable[[], Follower],
     ):
         self._model, self._config = model, config
-        self._finder = StartFinder(rig, model, config, plates, parallel)
+        self._finder = PoseDetector(rig, model, config, plates, parallel)
         self._mended = LimbRepair(model, self._finder.alternatives)
         self._make_engine, self._make_follower = make_engine, make_follower
-        self._engine: Engine | None = None
+        self._engine: AnyEngine | None = None
         self._followers: list[Follower] = []
         self.reset()
 
@@ -112,7 +113,7 @@ class Starter:
         if found is None:
             return None
         self._contest = None
-        if found[1].status is Status.LOST and found[0].surety is not None:
+        if found[1].status is Status.LOST and found[0].log_ratio is not None:
             self._pause = self._config.interval_sets
             self.problem = f"the best pose does not hold: {found[1].status_reason}"
             return None
@@ -129,7 +130,7 @@ class Starter:
             return replace(trial, uncovered=coverage.uncovered(trial.state))
 
         trials = [attempt(start.state) for start in starts]
-        if any(trial.verdict.surety is None for trial in trials):
+        if any(trial.assessment.log_ratio is None for trial in trials):
             return self._by_share(starts, trials)
         # With a limb elsewhere, the right one can stand far behind another whose limbs happen to be hidden.
         hopeful = rivals(self._model, trials, self._finder.size_m, self._config.repaired_candidates, HOPEFUL)
@@ -142,7 +143,7 @@ class Starter:
         shares = self._finder.shares([trial.state for trial in trials] + [start.state for start in starts])
         refined, unrefined = shares[: len(trials)], shares[len(trials) :]
         best = int(np.argmax(np.maximum(refined, unrefined)))
-        held, state = trials[best].verdict.status is not Status.LOST, trials[best].state
+        held, state = trials[best].assessment.status is not Status.LOST, trials[best].state
         if refined[best] < unrefined[best] - _WORSE:  # the engine has left what the body was found by
             held, state = False, starts[best].state
         return [state] if held or max(refined[best], unrefined[best]) > _SURE else []

@@ -39,7 +39,7 @@ class Poses:
         return cls(np.concatenate([p.roots for p in parts]), np.concatenate([p.joints for p in parts]))
 
 
-class StartSearch:
+class HypothesisSearch:
     """Improves hypotheses limb by limb.
 
     Parameters

@@ -11,9 +11,11 @@ import numpy as np
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...observation.image_set import ImageSet
-from ..engine import Engine, Images, Verdict
+from ..assessment import Assessment
+from ..engine import AnyEngine
 from ..estimate import LimbReport, Status, TrackEstimate
 from ..limbs import limbs_of
+from ..modality import Images
 from .parts import LimbAlternatives
 
 _DOUBTFUL = 0.05  # probability of being lost, of a limb that is looked for elsewhere...
@@ -27,11 +29,11 @@ HOPEFUL = 0.5  # the same before doubtful limbs have been looked for elsewhere
 _SAME = 0.05  # of the body's size: states whose landmarks differ less, on average, are the same
 
 
-def standing(surety: float, limbs: Sequence[LimbReport]) -> float:
+def standing(log_ratio: float, limbs: Sequence[LimbReport]) -> float:
     """What the images say for a state, less for every limb that is likely lost: a contour may be sure, and another thing's."""
-    if surety <= 0.0 or not limbs:
-        return surety
-    return surety * float(np.mean([1.0 - limb.probability for limb in limbs]))
+    if log_ratio <= 0.0 or not limbs:
+        return log_ratio
+    return log_ratio * float(np.mean([1.0 - limb.probability for limb in limbs]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,24 +41,24 @@ class Trial:
     """What the engine has made of a start in one image set. ``uncovered``: see `StartCoverage`."""
 
     state: State
-    verdict: Verdict
+    assessment: Assessment
     uncovered: float = 0.0
 
     @property
     def standing(self) -> float:
-        """See `standing`, less for what is left uncovered; the engine has to have a surety."""
-        assert self.verdict.surety is not None
-        found = standing(self.verdict.surety, self.verdict.limbs)
+        """See `standing`, less for what is left uncovered; the engine has to have a log_ratio."""
+        assert self.assessment.log_ratio is not None
+        found = standing(self.assessment.log_ratio, self.assessment.limbs)
         return found * (1.0 - min(self.uncovered, 1.0)) ** _UNCOVERED_COUNTS if found > 0.0 else found
 
 
-def tried(engine: Engine, images: Images, image_set: ImageSet, start: State) -> Trial:
+def tried(engine: AnyEngine, images: Images, image_set: ImageSet, start: State) -> Trial:
     """A fit from ``start`` by an engine that knows nothing else."""
     engine.reset()
     state = engine.begin(images, start)
     engine.observe(images, state)
     result = engine.fit(state, True)
-    return Trial(result.state, engine.judge(result, image_set))
+    return Trial(result.state, engine.assess(result, image_set))
 
 
 class LimbRepair:
@@ -69,9 +71,9 @@ class LimbRepair:
         """The best that `attempt` has made of ``trial`` and what differs from it in one limb after the other."""
         for _ in range(_ROUNDS):
             before = trial
-            doubts = [limb.probability for limb in trial.verdict.limbs]
+            doubts = [limb.probability for limb in trial.assessment.limbs]
             for i in sorted(range(1, len(doubts)), key=lambda i: -doubts[i]):
-                if trial.verdict.limbs[i].probability > _DOUBTFUL:
+                if trial.assessment.limbs[i].probability > _DOUBTFUL:
                     trial = self._with_limb_elsewhere(i, trial, attempt)
             if trial is before:
                 break
@@ -79,7 +81,7 @@ class LimbRepair:
 
     def _with_limb_elsewhere(self, i: int, trial: Trial, attempt: Callable[[State], Trial]) -> Trial:
         doubtful = np.zeros_like(self._limbs[0].shapes)
-        for limb, said in zip(self._limbs[1:], trial.verdict.limbs[1:], strict=True):
+        for limb, said in zip(self._limbs[1:], trial.assessment.limbs[1:], strict=True):
             doubtful |= limb.shapes & (said.probability > _LOST)
         others = [attempt(state) for state in self._alternatives.find(trial.state, self._limbs[i], doubtful, _ELSEWHERE)]
         best = max(others, key=lambda other: other.standing, default=trial)
@@ -87,9 +89,12 @@ class LimbRepair:
 
 
 class Follower(Protocol):
-    """What goes on from a start: a tracker of its own. ``surety`` is that of its last verdict."""
+    """What goes on from a start: a tracker of its own. ``log_ratio`` is that of its last verdict."""
 
-    surety: float | None
+    @property
+    def log_ratio(self) -> float | None:
+        """Of the last assessment."""
+        ...
 
     def reset(self) -> None:
         """Forget everything."""
@@ -123,12 +128,12 @@ class Contest:
         estimates = [follower.step(image_set) for follower in self._followers]
         self.sets += 1
         pairs = zip(self._followers, estimates, strict=True)
-        self._totals += [standing(follower.surety or 0.0, estimate.limbs) for follower, estimate in pairs]
+        self._totals += [standing(follower.log_ratio or 0.0, estimate.limbs) for follower, estimate in pairs]
         best = int(np.argmax(self._totals))
         winner, estimate = self._followers[best], estimates[best]
         stay = np.flatnonzero(self._totals >= self._totals[best] - (1.0 - _RIVAL) * abs(self._totals[best]))
         self._followers, self._totals = [self._followers[i] for i in stay], self._totals[stay]
-        sure = len(stay) == 1 and (estimate.status is Status.TRACKING or winner.surety is None)
+        sure = len(stay) == 1 and (estimate.status is Status.TRACKING or winner.log_ratio is None)
         return (winner, estimate) if sure or self.sets >= self._most_sets else None
 
 

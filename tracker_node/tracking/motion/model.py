@@ -47,18 +47,18 @@ class Prediction:
 
 
 @dataclass(frozen=True, eq=False)
-class Passage:
-    """How a body moves while the cameras of one image set expose: ``late_s`` (n_cameras,) after the set's stamp."""
+class ExposureDelays:
+    """How a body moves while the cameras of one image set expose: ``delays_s`` (n_cameras,) after the set's stamp."""
 
-    late_s: Sequence[float]
+    delays_s: Sequence[float]
     prediction: Prediction
 
     def offsets(self, state: State) -> list[np.ndarray | None]:
         """Per camera the tangent (n_dof,) from ``state`` to where the body is when that camera exposes; None: where it is."""
-        if not any(self.late_s):
-            return [None] * len(self.late_s)
+        if not any(self.delays_s):
+            return [None] * len(self.delays_s)
         velocity = self.prediction.velocity_at(state)
-        return [late * velocity if late else None for late in self.late_s]
+        return [delay * velocity if delay else None for delay in self.delays_s]
 
 
 class MotionModel:

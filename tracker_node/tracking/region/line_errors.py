@@ -13,7 +13,7 @@ from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...objective.contour_residual import assemble
-from ...objective.lines.objective import RegionObjective
+from ...objective.lines.correspondences import LineCorrespondences
 from ...objective.lines.spacing import add_crowding
 from ..config import RegionConfig
 from ..covariance import ImageEvidence
@@ -35,20 +35,31 @@ class LineErrors:
             if len(own):
                 self._middles[link] = own[:, :3, 3].mean(axis=0)
 
-    def evidence(self, objective: RegionObjective, state: State, share: float = 1.0) -> ImageEvidence:
-        """Of the lines last drawn, held against ``state``; ``share``: what they count for in the fit."""
+    def evidence(self, lines: LineCorrespondences, state: State, share: float = 1.0) -> ImageEvidence:
+        """What lines say of a state, with their errors.
+
+        Parameters
+        ----------
+        lines : of one image set.
+        state : of the body.
+        share : what the lines count for in the fit.
+
+        Returns
+        -------
+        Information, and its covariance.
+        """
         chain, config, body = self._model.chain, self._config, Configuration(self._model, state)
-        equations = objective.linearize(state)
+        equations = lines.linearize(state)
         information = equations.H
-        cameras, spread_px = objective.camera_equations(), objective.spread_px(state)
-        found = objective.line_variance if spread_px is None else max(spread_px, self._least_px) ** 2
+        cameras, spread_px = lines.camera_equations(state), lines.at(state).spread_px
+        found = lines.variance if spread_px is None else max(spread_px, self._least_px) ** 2
         n_links = len(chain.links)
         normal, spread, shifts = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6, 6)), np.zeros((n_links, 6, 2))
         for i, camera in enumerate(cameras):
             if camera is None:
                 continue
             normal += camera.normal
-            spread += self._crowding(objective, i, found)[:, None, None] * camera.normal
+            spread += self._crowding(lines, i, found)[:, None, None] * camera.normal
             shifts += camera.normal @ self._shift(i, body)
         scatter, unused = np.empty_like(information), np.empty(chain.n_dof)
         assemble(config.covariance_scale * spread, np.zeros((n_links, 6)), chain.link_moved_by, body.twists, scatter, unused)
@@ -58,11 +69,11 @@ class LineErrors:
         alone = equations.g if share == 1.0 else None
         return ImageEvidence(share * information, share**2 * scatter, share * normal, alone)
 
-    def _crowding(self, objective: RegionObjective, i: int, found: float) -> np.ndarray:
+    def _crowding(self, lines: LineCorrespondences, i: int, found: float) -> np.ndarray:
         """(n_links,): what the lines of camera ``i`` add to the scatter, in what they add to the information."""
-        slot, sums = objective.slots[i], np.zeros((len(self._middles), 2))
-        taken = objective.line_variance
-        add_crowding(slot.lines, slot.info, slot.n, taken, found, self._config.line_correlation_px, sums)
+        own, sums = lines.cameras[i], np.zeros((len(self._middles), 2))
+        assert own is not None
+        add_crowding(own.lines, own.info, len(own.lines), lines.variance, found, self._config.line_correlation_px, sums)
         return sums[:, 0] / np.maximum(sums[:, 1], 1e-12)
 
     def _shift(self, i: int, body: Configuration) -> np.ndarray:

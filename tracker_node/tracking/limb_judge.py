@@ -1,10 +1,10 @@
-"""How far each limb can be trusted: what its outline in the images says, what was believed before, and what covariance is left.
+"""Posterior probability that each limb is lost, from its outline's evidence, the image sets before, and the covariance.
 
 Whether a limb is where the state says is a hidden two-state process: from image set to image set it gets lost, or found, with
 small probabilities, and each set's evidence multiplies the odds. The evidence is how much of the limb's outline is found where it
-should be, and how surely, in shares of what it has been while all was well: a body that is not quite the model's, or of the color
-of its surroundings, is never found as a drawn one is. What such shares say of sound and lost limbs was learnt (a logistic
-regression, see `benchmark/trust/trust.py`).
+should be, and with what confidence, as fractions of its level while all was well: a body that is not quite the model's, or of the
+color of its surroundings, is never found as a drawn one is. What such fractions say of tracked and lost limbs is a logistic
+regression (see `benchmark/trust/trust.py`).
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from collections.abc import Sequence
 import numba as nb
 import numpy as np
 
-from ...geometry import so3
-from ...model.articulated import ArticulatedModel
-from ...model.configuration import Configuration, State
-from ...objective.lines.objective import PartEvidence
-from ..config import StatusConfig
-from ..estimate import LimbReport, LimbStatus, Status
-from ..limbs import Limb, limbs_of
+from ..geometry import so3
+from ..model.articulated import ArticulatedModel
+from ..model.configuration import Configuration, State
+from ..objective.lines.correspondences import PartEvidence
+from .config import StatusConfig
+from .estimate import LimbReport, LimbStatus, Status
+from .limbs import Limb, limbs_of
 
 LOST_TIP_M = 0.150  # a limb whose end is farther off is lost
 _LEAST_IN_CAMERA = 5  # samples of a limb's outline, for a camera to say anything of it
@@ -30,7 +30,7 @@ _LEAST = 1e-4  # probability that nothing is ever below
 _NOISE = 0.2  # share of the outline that is found anywhere
 _START = 0.3  # probability of lost that a limb starts with
 
-MEASURES = ("close share, mean", "close share, middle camera", "surety, mean", "close share, worst part")
+MEASURES = ("close share, mean", "close share, median camera", "log-likelihood ratio, mean", "close share, worst part")
 # Log odds of lost: the constant, and what each measure adds, in shares of its level while all is well
 COEFFICIENTS = np.array([7.3, -3.3, -2.8, -0.5, -3.2])
 _LEAST_LEVELS = np.array([0.40, 0.40, 5.0, 0.30])  # what is less is not well, whatever it has always been
@@ -38,11 +38,20 @@ _LEVEL_RATE = 0.05  # share of the newest image set in the levels
 
 
 def limb_measures(evidence: PartEvidence, shapes: np.ndarray) -> np.ndarray | None:
-    """`MEASURES` of the limb with these shapes (mask (n_shapes,)); None where too little of it should be seen.
+    """`MEASURES` of a limb.
 
-    The close share is that of the outline found where it should be; surety the log-likelihood ratio of a contour against none, a
-    sample. The middle camera is, of an even number, the better: some may be covered, and one may agree by chance. The worst part
-    is that of the limb's shapes of which the least is found.
+    The close share is that of the outline found where it should be; the log-likelihood ratio is that of a contour against none,
+    a sample. The median camera is, of an even number, the better: some may be covered, and one may agree by chance. The worst
+    part is that of the limb's shapes of which the least is found.
+
+    Parameters
+    ----------
+    evidence : of one image set.
+    shapes : (n_shapes,) mask of the limb's.
+
+    Returns
+    -------
+    (4,), or None where too little of the limb should be seen.
     """
     result = np.empty(len(MEASURES))
     return result if _measure(evidence.expected, evidence.close, evidence.log_ratio, shapes, result) else None
@@ -52,7 +61,7 @@ def limb_measures(evidence: PartEvidence, shapes: np.ndarray) -> np.ndarray | No
 def _measure(expected, close, log_ratio, shapes, result):
     """Fill ``result`` with `MEASURES`; whether any camera says enough for that. Tables are (n_cameras, n_shapes)."""
     n_cameras, n_shapes = expected.shape
-    shares, n_seen, total, total_close, surety = np.empty(n_cameras), 0, 0.0, 0.0, 0.0
+    shares, n_seen, total, total_close, confidence = np.empty(n_cameras), 0, 0.0, 0.0, 0.0
     for i in range(n_cameras):
         here, found, ratio = 0.0, 0.0, 0.0
         for j in range(n_shapes):
@@ -60,7 +69,7 @@ def _measure(expected, close, log_ratio, shapes, result):
                 here, found, ratio = here + expected[i, j], found + close[i, j], ratio + log_ratio[i, j]
         if here >= _LEAST_IN_CAMERA:
             shares[n_seen] = found / here
-            n_seen, total, total_close, surety = n_seen + 1, total + here, total_close + found, surety + ratio
+            n_seen, total, total_close, confidence = n_seen + 1, total + here, total_close + found, confidence + ratio
     if not n_seen:
         return False
     worst = np.inf
@@ -69,13 +78,13 @@ def _measure(expected, close, log_ratio, shapes, result):
         if part >= _LEAST_OF_PART:
             worst = min(worst, close[:, j].sum() / part)
     share = total_close / total
-    result[0], result[1], result[2] = share, np.sort(shares[:n_seen])[n_seen // 2], surety / total
+    result[0], result[1], result[2] = share, np.sort(shares[:n_seen])[n_seen // 2], confidence / total
     result[3] = worst if worst < np.inf else share
     return True
 
 
 class LimbJudge:
-    """Keeps the probability that each limb is lost; deterministic in what it is told since `reset`.
+    """Keeps the probability that each limb is lost; deterministic in what it has been given since `reset`.
 
     Attributes
     ----------
@@ -118,7 +127,18 @@ class LimbJudge:
         return 0 in lost or 2 * len(lost) > len(self.limbs)
 
     def update(self, evidence: PartEvidence, state: State, covariance: np.ndarray | None = None) -> tuple[LimbReport, ...]:
-        """One report a limb, the trunk's first. ``covariance`` (n_dof, n_dof) of ``state``, where it is known."""
+        """Take in an image set.
+
+        Parameters
+        ----------
+        evidence : of the image set at ``state``.
+        state : of the body.
+        covariance : (n_dof, n_dof) of ``state`` in its tangent; None: not known.
+
+        Returns
+        -------
+        One report a limb, the trunk's first.
+        """
         measures = [limb_measures(evidence, limb.shapes) for limb in self.limbs]
         if self._levels is None:
             self._levels = self._first_levels(measures)
@@ -126,7 +146,17 @@ class LimbJudge:
         return tuple(self._limb(i, measures[i], float(sigmas[i])) for i in range(len(self.limbs)))
 
     def odds(self, i: int, measures: np.ndarray) -> float:
-        """Log odds of limb ``i`` being lost, by one image set alone."""
+        """Log odds of a limb being lost, by one image set alone.
+
+        Parameters
+        ----------
+        i : index of the limb.
+        measures : of `limb_measures`.
+
+        Returns
+        -------
+        Natural logarithm.
+        """
         return float(COEFFICIENTS[0] + self._shares_of(i, measures) @ COEFFICIENTS[1:])
 
     def _shares_of(self, i: int, measures: np.ndarray) -> np.ndarray:
@@ -176,7 +206,17 @@ class LimbJudge:
         return LimbStatus.DEGRADED if probability >= self._config.limb_degraded else LimbStatus.TRACKING
 
     def tip_sigmas(self, state: State, covariance: np.ndarray) -> np.ndarray:
-        """(n_limbs,) metres: standard deviation of each limb's end in its most uncertain direction."""
+        """How well the end of each limb is known.
+
+        Parameters
+        ----------
+        state : of the body.
+        covariance : (n_dof, n_dof) of it in its tangent.
+
+        Returns
+        -------
+        (n_limbs,) meters, the standard deviation in the most uncertain direction.
+        """
         body = Configuration(self._model, state)
         ends = [limb.end for limb in self.limbs]
         T, tips = body.Ts_world_link[ends], np.array([limb.tip for limb in self.limbs])
@@ -186,17 +226,19 @@ class LimbJudge:
         variances = np.linalg.eigvalsh(np.swapaxes(J, 1, 2) @ covariance @ J)[:, -1]
         return np.sqrt(np.maximum(variances, 0.0))
 
-    def sound_shapes(self, reports: Sequence[LimbReport]) -> np.ndarray:
-        """(n_shapes,) mask of the parts of limbs that are seen where they should be."""
-        result = np.ones(len(self._model.shapes), dtype=np.bool_)
+    def part_weights(self, reports: Sequence[LimbReport]) -> np.ndarray:
+        """(n_shapes,) 1 for the parts of limbs that are TRACKING, 0 for others."""
+        result = np.ones(len(self._model.shapes))
         for limb, report in zip(self.limbs, reports, strict=True):
             if report.status is not LimbStatus.TRACKING:
-                result[limb.shapes] = False
+                result[limb.shapes] = 0.0
         return result
 
-    def trust(self, reports: Sequence[LimbReport]) -> np.ndarray:
-        """(n_dof,) share of the square root of the information that the images give: 1 where a limb is sound, towards 0 as it
-        is lost, since what was fitted to another thing says nothing of it."""
+    def dof_weights(self, reports: Sequence[LimbReport]) -> np.ndarray:
+        """(n_dof,) factor of the square root of the information that the images give.
+
+        1 where a limb is in place, towards 0 as it is lost: what was fitted to another thing says nothing of it.
+        """
         result = np.ones(self._model.n_dof)
         for limb, report in zip(self.limbs, reports, strict=True):
             if report.status is LimbStatus.LOST:
@@ -205,7 +247,7 @@ class LimbJudge:
 
 
 def _beyond(distance: float, sigma: float) -> float:
-    """Probability of a normal variable to be farther than ``distance`` from its mean."""
+    """Probability that a normal variable is farther than ``distance`` from its mean."""
     return math.erfc(distance / (math.sqrt(2.0) * sigma)) if sigma > 0.0 else 0.0
 
 

@@ -1,0 +1,361 @@
+"""Correspondence lines of all cameras as a value: where the colors change beside the contours of a body in one state.
+
+`LineDrawer` draws them about a state; `LineCorrespondences` compares them with any state, in information units. That they exist
+says that visibility has been decided: only contour samples that are seen in the state of their drawing have a line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ...camera.rig import CameraRig
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
+from ...observation.region.background import NO_ROOM, PackedRoom
+from ...render.contour.samples import most_samples
+from ...render.occluders import NOTHING
+from ...render.shape_arrays import ShapeArrays
+from ..contour_residual import assemble
+from ..moved_configuration import bodies_seen, cameras_by_body
+from ..normal_equations import CameraEquations, NormalEquations
+from ..per_camera import camera_constants, serial
+from . import correspondence as kernel
+from .camera import correspond_camera, sum_camera
+from .evidence import N_EVIDENCE, count_evidence, line_residuals
+from .table import PRECISION, SHARP
+
+Offsets = Sequence[np.ndarray | None]
+"""Per camera the tangent (n_dof,) from a state to where the body is when that camera exposes; None: where the state says."""
+
+_FEWEST_LINES = 30
+_COARSE_SAMPLES = 5  # of a generator line: where lines are coarse, half of them do, but not fewer than these
+_FEW_SAMPLES = 1000
+
+
+@dataclass(frozen=True)
+class LineOptions:
+    """How lines are drawn and weighed: the fields of the same meaning in the tracker's configuration."""
+
+    samples_per_line: int = 20
+    half_length: int = 8
+    outward_px: float = 3.0
+    max_log_ratio: float = 2.0
+    pixel_independence: float = 1.0
+    robust_sigmas: float = 3.0
+    correlation: float = 1.0
+    shadow: float = 0.4
+
+    def packed(self, scale: float, model_sigma_px: float) -> np.ndarray:
+        """The kernels' options.
+
+        Parameters
+        ----------
+        scale : pixels from place to place on a line.
+        model_sigma_px : standard deviation of contours beyond what their lines say.
+
+        Returns
+        -------
+        (`correspondence.N_OPTIONS`,)
+        """
+        options = np.zeros(kernel.N_OPTIONS)
+        options[kernel.SCALE] = scale
+        options[kernel.HALF_LENGTH] = self.half_length
+        options[kernel.CLAMP] = self.max_log_ratio
+        options[kernel.SHARPNESS] = self.pixel_independence
+        options[kernel.MODEL_VARIANCE] = model_sigma_px**2 + ((0.5 * scale) ** 2 / 3.0 if scale > 1.0 else 0.0)
+        options[kernel.ROBUST] = self.robust_sigmas
+        options[kernel.CORRELATION] = self.correlation
+        options[kernel.SHADOW] = self.shadow
+        options[kernel.FINE] = float(scale <= 1.0)
+        return options
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What one camera shows.
+
+    Attributes
+    ----------
+    bgr : (h, w, 3) uint8.
+    densities : color densities (body (n_classes, n_colors), scene).
+    room : the background, `EmptyRoom.packed`.
+    """
+
+    bgr: np.ndarray
+    densities: tuple[np.ndarray, np.ndarray]
+    room: PackedRoom = NO_ROOM
+
+
+@dataclass(frozen=True, eq=False)
+class PartEvidence:
+    """How well contours agree with the images, (n_cameras, n_shapes) each.
+
+    Attributes
+    ----------
+    expected : samples of the body's outline that the camera should see.
+    found : those of them whose lines have a contour.
+    close : those of them whose contour is within ``close_px``.
+    chi2 : summed squared residuals over their variance.
+    log_ratio : summed log-likelihood ratio of a contour on the line against none.
+    """
+
+    expected: np.ndarray
+    found: np.ndarray
+    close: np.ndarray
+    chi2: np.ndarray
+    log_ratio: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class CameraSums:
+    """The lines of one camera, summed at one state: 6x6 matrices of the links, gradients, statistics of the kernel."""
+
+    normal: np.ndarray
+    gradient: np.ndarray
+    stats: np.ndarray
+
+    @classmethod
+    def empty(cls, n_links: int) -> CameraSums:
+        return cls(np.zeros((n_links, 6, 6)), np.zeros((n_links, 6)), np.zeros(kernel.N_STATISTICS))
+
+    @property
+    def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As the kernels take them."""
+        return self.normal, self.gradient, self.stats
+
+
+@dataclass(frozen=True, eq=False)
+class CameraLines:
+    """Lines of one camera: ``lines`` (n, `N_LINE_COLUMNS`), ``info`` (n, `N_INFO_COLUMNS`), the camera's constants."""
+
+    lines: np.ndarray
+    info: np.ndarray
+    camera: tuple[np.ndarray, ...]
+
+
+class LineDrawer:
+    """Draws the correspondence lines of a body in the images of one rig.
+
+    Parameters
+    ----------
+    rig, model, arrays : cameras, body, and the body's shapes as kernels take them.
+    classes : (n_shapes,) color class of every shape.
+    options : how lines are drawn.
+    parallel : maps a function over cameras.
+    covers : (h, w) depth of what stands before the body, in every camera (`render.occluders`); None: nothing does.
+    """
+
+    def __init__(
+        self,
+        rig: CameraRig,
+        model: ArticulatedModel,
+        arrays: ShapeArrays,
+        classes: np.ndarray,
+        options: LineOptions,
+        parallel: Callable[[Callable, list], list] = serial,
+        covers: Sequence[np.ndarray] | None = None,
+    ):
+        self._covers = [NOTHING] * len(rig) if covers is None else list(covers)
+        self._model, self._arrays, self._classes, self._options = model, arrays, classes, options
+        most = most_samples(arrays.packed, options.samples_per_line)
+        few = most * len(rig) < _FEW_SAMPLES
+        self._map = serial if few else parallel  # to hand a few lines to another thread takes longer than to draw them
+        self._cameras = [camera_constants(camera) for camera in rig]
+        self._work = [kernel.line_arrays(most) for _ in rig]
+
+    def draw(
+        self, views: Sequence[View | None], state: State, scale: float, model_sigma_px: float, offsets: Offsets | None = None
+    ) -> LineCorrespondences:
+        """Draw the lines of the contours that are seen in ``state``.
+
+        Parameters
+        ----------
+        views : what the cameras show, in the order of the rig; None for one that shows nothing.
+        state : of the body.
+        scale : pixels from place to place on a line; at 1 and below contours are placed below the pixel.
+        model_sigma_px : standard deviation of contours beyond what their lines say.
+        offsets : where the body is when each camera exposes; None: where ``state`` says.
+
+        Returns
+        -------
+        The lines; nothing of them changes later.
+        """
+        offsets = [None] * len(views) if offsets is None else list(offsets)
+        packed, n_samples = self._options.packed(scale, model_sigma_px), self._options.samples_per_line
+        if scale > 1.0:
+            n_samples = max(n_samples // 2, min(n_samples, _COARSE_SAMPLES))
+        bodies, n_links = bodies_seen(self._model, state, offsets), len(self._model.chain.links)
+        lines: list[CameraLines | None] = [None] * len(views)
+        sums: list[CameraSums | None] = [None] * len(views)
+
+        def run(i: int) -> None:
+            view, work, own = views[i], self._work[i], CameraSums.empty(n_links)
+            assert view is not None
+            n = correspond_camera(
+                (view.bgr, view.densities, view.room), self._covers[i], self._classes, self._arrays.packed, self._arrays.bounds,
+                bodies[i].Ts_world_shape, bodies[i].Ts_world_link, self._cameras[i], n_samples, self._options.outward_px, packed,
+                work, own.arrays,
+            )  # fmt: skip
+            _, _, info, drawn = work
+            lines[i], sums[i] = CameraLines(drawn[:n].copy(), info[:n].copy(), self._cameras[i]), own
+
+        self._map(run, [i for i, view in enumerate(views) if view is not None])
+        drawn_lines = _Drawn(self._model, tuple(lines), packed, tuple(offsets))
+        return LineCorrespondences(drawn_lines, LineSums(state, bodies, tuple(sums)))
+
+
+@dataclass(frozen=True, eq=False)
+class LineSums:
+    """Lines summed at ``state``: the body as each camera sees it, and each camera's sums."""
+
+    state: State
+    bodies: Sequence[Configuration]
+    cameras: tuple[CameraSums | None, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """What does not change once lines are drawn: body, lines of each camera, options of the kernels, offsets of the cameras."""
+
+    model: ArticulatedModel
+    cameras: tuple[CameraLines | None, ...]
+    packed: np.ndarray
+    offsets: tuple[np.ndarray | None, ...]
+
+    @property
+    def seeing(self) -> list[tuple[int, CameraLines]]:
+        """Cameras that show something, with their lines."""
+        return [(i, camera) for i, camera in enumerate(self.cameras) if camera is not None]
+
+
+class LineCorrespondences:
+    """Lines that have been drawn, compared with states (`Correspondences`); sums run over the cameras in the order of the rig.
+
+    Attributes
+    ----------
+    cameras : lines of each camera of the rig, None for one that shows nothing.
+    variance : px^2, what contours are taken to be off beyond what their lines say.
+    """
+
+    def __init__(self, drawn: _Drawn, sums: LineSums):
+        self._drawn, self.cameras = drawn, drawn.cameras
+        self.variance = float(drawn.packed[kernel.MODEL_VARIANCE])
+        self._latest = LinesAt(drawn, sums)
+
+    @property
+    def active(self) -> list[int]:
+        """Cameras that show something."""
+        return [i for i, _ in self._drawn.seeing]
+
+    def at(self, state: State) -> LinesAt:
+        """The lines compared with a state; the latest comparison is kept."""
+        if self._latest.state is not state:
+            self._latest = LinesAt(self._drawn, self._summed(state))
+        return self._latest
+
+    def _summed(self, state: State) -> LineSums:
+        drawn = self._drawn
+        bodies = bodies_seen(drawn.model, state, drawn.offsets)
+        sums: list[CameraSums | None] = [None] * len(drawn.cameras)
+        for i, own in drawn.seeing:
+            sums[i] = found = CameraSums.empty(len(drawn.model.chain.links))
+            sum_camera(own.lines, own.info, len(own.lines), bodies[i].Ts_world_link, own.camera, drawn.packed, found.arrays)
+        return LineSums(state, bodies, tuple(sums))
+
+    def linearize(self, state: State) -> NormalEquations:
+        """Normal equations of the lines at ``state``; not to be written into."""
+        return self.at(state).equations
+
+    def camera_equations(self, state: State) -> list[CameraEquations | None]:
+        """What each camera says of ``state``; None for one that shows nothing."""
+        return [None if own is None else CameraEquations(own.normal, own.gradient) for own in self.at(state).sums.cameras]
+
+
+class LinesAt:
+    """Lines compared with one state; each figure is found when it is first asked for."""
+
+    def __init__(self, drawn: _Drawn, sums: LineSums):
+        self._drawn, self.sums, self.state = drawn, sums, sums.state
+        self._evidence: dict[float, PartEvidence] = {}
+
+    @cached_property
+    def equations(self) -> NormalEquations:
+        """Normal equations."""
+        model, active = self._drawn.model, [i for i, _ in self._drawn.seeing]
+        H, g = np.zeros((model.n_dof, model.n_dof)), np.zeros(model.n_dof)
+        cost, count = 0.0, 0
+        for together in cameras_by_body(active, self.sums.bodies):
+            self._assemble(together, H, g)
+        for i in active:
+            stats = self.stats(i)
+            cost += float(stats[kernel.COST])
+            count += int(stats[kernel.COUNT])
+        return NormalEquations(H, g, cost, count)
+
+    def _assemble(self, cameras: Sequence[int], H: np.ndarray, g: np.ndarray) -> None:
+        """Add what the links say in these cameras, which see one and the same body."""
+        chain, body = self._drawn.model.chain, self.sums.bodies[cameras[0]]
+        own_H, own_g = np.empty_like(H), np.empty_like(g)
+        normal, gradient = np.zeros((len(chain.links), 6, 6)), np.zeros((len(chain.links), 6))
+        for i in cameras:
+            found = self.sums.cameras[i]
+            assert found is not None
+            normal += found.normal
+            gradient += found.gradient
+        assemble(normal, gradient, chain.link_moved_by, body.twists, own_H, own_g)
+        H += own_H
+        g += own_g
+
+    def stats(self, i: int) -> np.ndarray:
+        """(`correspondence.N_STATISTICS`,) of camera ``i``; zeros where it shows nothing."""
+        found = self.sums.cameras[i]
+        return np.zeros(kernel.N_STATISTICS) if found is None else found.stats
+
+    @property
+    def cost_per_line(self) -> float:
+        """Robust cost over all lines."""
+        stats = np.array([self.stats(i) for i, _ in self._drawn.seeing]).reshape(-1, kernel.N_STATISTICS)
+        return float(stats[:, kernel.COST].sum() / max(stats[:, kernel.COUNT].sum(), 1.0))
+
+    def part_evidence(self, close_px: float) -> PartEvidence:
+        """How far the outline agrees with the lines; a contour within ``close_px`` pixels of it is close."""
+        if close_px in self._evidence:
+            return self._evidence[close_px]
+        drawn = self._drawn
+        table, variance = np.zeros((N_EVIDENCE, len(drawn.cameras), len(drawn.model.shapes))), drawn.packed[kernel.MODEL_VARIANCE]
+        for i, own in drawn.seeing:
+            count_evidence(own.lines, own.info, len(own.lines), self.residuals[i], float(variance), close_px, table[:, i])
+        self._evidence[close_px] = PartEvidence(*table)
+        return self._evidence[close_px]
+
+    @cached_property
+    def spread_px(self) -> float | None:
+        """Robust standard deviation of contours beyond what their own lines allow for; None of few lines.
+
+        What is left of the median absolute residual once the lines' variance is taken off: the error of the model and the rig.
+        """
+        residuals, variances = [], []
+        for i, own in self._drawn.seeing:
+            precision = own.lines[:, PRECISION]
+            sharp = precision > SHARP
+            residuals.append(self.residuals[i][sharp])
+            variances.append(1.0 / precision[sharp])
+        together = np.concatenate(residuals) if residuals else np.zeros(0)
+        if together.size < _FEWEST_LINES:
+            return None
+        variance = (1.4826 * np.median(np.abs(together))) ** 2 - np.median(np.concatenate(variances))
+        return float(np.sqrt(max(variance, 0.0)))
+
+    @cached_property
+    def residuals(self) -> dict[int, np.ndarray]:
+        """(n,) pixels, of the lines of every camera that shows something."""
+        found = {}
+        for i, own in self._drawn.seeing:
+            found[i] = np.empty(len(own.lines))
+            body = self.sums.bodies[i]
+            line_residuals(own.lines, own.info, len(own.lines), body.Ts_world_link, own.camera, found[i])
+        return found

@@ -1,0 +1,140 @@
+"""Colors of the body's parts: those of the model or learned, compared at points of the surface on a pyramid of images."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from ...camera.rig import CameraRig
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import State
+from ...objective.normal_equations import LeastSquaresObjective
+from ...objective.points.photometry import PhotometryOptions, SurfaceCorrespondences, SurfacePhotometry
+from ..config import ColorOverBackgroundConfig
+from ..modality import Images
+from ..motion.model import ExposureDelays
+from .agreement import ColorAgreement, agreement_of
+from .part_colors import PartColors, check_colors
+
+
+class ColorScores(Protocol):
+    """What else compares the parts' colors with the images."""
+
+    def set_colors(self, learned: np.ndarray | None, rgb: np.ndarray) -> None:
+        """Take the parts' colors.
+
+        Parameters
+        ----------
+        learned : (n_cameras, n_shapes, 3) in 0..255; None: those of the model, whose faces may have colors of their own.
+        rgb : the same with those of the model as plain colors.
+        """
+        ...
+
+    def set_images(self, images: Images, expected: State | None) -> None:
+        """Take the images of a set.
+
+        Parameters
+        ----------
+        images : by camera.
+        expected : where the body is expected; None: nobody knows.
+        """
+        ...
+
+
+class ColorModality:
+    """The `Modality` of colored parts.
+
+    Parameters
+    ----------
+    rig, model : as for the `Tracker`.
+    config : parameters.
+    representation, normalized_weight : what of a color is compared, see `ColorConfig`.
+    parallel : maps a function over cameras.
+    scores : what else compares the parts' colors with the images; None: nothing does.
+
+    Raises
+    ------
+    ModelError : a model without colors, when none are to be learned.
+    """
+
+    def __init__(
+        self,
+        rig: CameraRig,
+        model: ArticulatedModel,
+        config: ColorOverBackgroundConfig,
+        representation: tuple[str, float],
+        parallel: Callable[[Callable, list], list],
+        scores: ColorScores | None = None,
+    ):
+        self._rig, self._model, self._config, self._scores = rig, model, config, scores
+        if not config.learn_colors:
+            check_colors(model)
+        self._options = PhotometryOptions(*representation, config.levels, robust_scale=config.robust_scale)
+        self._photometry = SurfacePhotometry(model, rig, self._options, parallel)
+        self.reset()
+
+    def reset(self) -> None:
+        """The colors are those of the model."""
+        self._colors = PartColors(self._model, self._rig)
+        self._use_colors()
+        self._learned = False
+        self._images: Images = [None] * len(self._rig)
+        self._agreement: tuple[State, ColorAgreement] | None = None
+
+    def _use_colors(self) -> None:
+        """Those of the model are left to the model, whose faces may have colors of their own."""
+        colors = self._colors.rgb if self._colors.learnt else None
+        self._photometry.set_colors(colors)
+        if self._scores is not None:
+            self._scores.set_colors(colors, self._colors.rgb)
+        self._agreement = None
+
+    def lessons(self, known: bool) -> Sequence[float]:
+        """Colors are learned whole, once."""
+        if not self._config.learn_colors or self._learned:
+            return ()
+        return (1.0,) if known else (1.0, 1.0)
+
+    def learn_first(self, images: Images, state: State, lesson: float) -> None:
+        """Learn the colors of all parts."""
+        self._learned = True
+        self._learn(images, state, lesson)
+
+    def set_images(self, images: Images, expected: State | None, delays: ExposureDelays | None = None) -> None:
+        """Blur and halve the images around the expected body."""
+        self._images = [None] * len(self._rig) if expected is None else images
+        self._agreement = None
+        around = State.neutral(self._model) if expected is None else expected
+        self._photometry.set_images(self._images, around, self._config.reach_px)
+        if self._scores is not None:
+            self._scores.set_images(self._images, expected)
+
+    def correspond(self, state: State, detail: int) -> SurfaceCorrespondences:
+        """Points of the surface that is seen in ``state``, on level ``detail`` of the pyramid."""
+        return self._photometry.correspond(state, detail)
+
+    def agreement(self, state: State) -> ColorAgreement:
+        """How far the colors agree in the present images; that of the last state is kept."""
+        if self._agreement is None or self._agreement[0] is not state:
+            painted = self._photometry.painted
+            self._agreement = state, agreement_of(painted, self._rig, self._images, state, self._options)
+        return self._agreement[1]
+
+    def variance(self, state: State) -> float:
+        """Gray levels squared of one color channel, times how many neighboring pixels share one error."""
+        return float(max(self.agreement(state).rms, self._config.residual_sigma) ** 2 * self._config.correlation)
+
+    def information_at(self, state: State) -> tuple[LeastSquaresObjective, float]:
+        """Colors of the surface seen in ``state``, on the finest level, and their unit in units of information."""
+        return self.correspond(state, 0), 1.0 / self.variance(state)
+
+    def learn(self, images: Images, state: State, weights: np.ndarray | None) -> None:
+        """Colors follow slowly, where they are to."""
+        if self._config.color_rate > 0.0:
+            self._learn(images, state, self._config.color_rate)
+
+    def _learn(self, images: Images, state: State, share: float) -> None:
+        self._colors.learn(images, state, share)
+        self._use_colors()

@@ -1,0 +1,144 @@
+"""Which parts the engine of a configuration has: modalities, solver, judge."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from ..camera.rig import CameraRig
+from ..model.articulated import ArticulatedModel
+from ..parallel import Workers
+from ..render.occluders import Occluders
+from .chamfer.fitting import ChamferFitting
+from .chamfer.judge import ChamferJudge
+from .chamfer.modality import FINE, ChamferModality
+from .config import CHAMFER, COLOR_OVER_BACKGROUND, JOINT, REGION, TEXTURE, ColorConfig, TrackerConfig
+from .engine import AnyEngine, Engine, JointEngine, SequentialEngine
+from .limb_judge import LimbJudge
+from .modality import Modality
+from .region.area import RegionArea
+from .region.fitting import RegionFitting
+from .region.judge import RegionJudge
+from .region.modality import RegionModality
+from .region.reacquisition import Reacquisition
+
+Backgrounds = Mapping[str, np.ndarray | list]
+Parallel = Callable[[Callable, list], list]
+
+
+def make_engine(
+    rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, backgrounds: Backgrounds, occluders: Occluders | None = None
+) -> AnyEngine:
+    """The engine of the modalities in use; compiled code of others is not loaded.
+
+    Parameters
+    ----------
+    rig, model, config, backgrounds : as for the `Tracker`.
+    occluders : what stands before the body; None: nothing does.
+
+    Returns
+    -------
+    An engine that has learned nothing.
+
+    Raises
+    ------
+    ModelError : the body does not suit a modality.
+    """
+    parallel, occluders = Workers(config.threads).map, occluders or Occluders(None, rig)
+    if config.colors is None:
+        return contour_engine(rig, model, config, backgrounds, parallel, occluders)
+    if config.colors == TEXTURE:
+        colors = _texture_engine(rig, model, config)
+    elif config.colors == COLOR_OVER_BACKGROUND:
+        colors = _background_engine(rig, model, config, backgrounds, parallel)
+    else:
+        colors = _color_engine(rig, model, config, parallel)
+    if not config.contours:
+        return colors
+    contours = contour_engine(rig, model, config, backgrounds, parallel, occluders)
+    if JOINT in config.tags:
+        from .color.modality import ColorModality
+
+        modality = colors.modalities[0]
+        assert isinstance(modality, ColorModality)
+        return JointEngine(colors, contours, modality, model.chain, config.joint)
+    return SequentialEngine(colors, contours)
+
+
+def contour_engine(
+    rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, backgrounds: Backgrounds, parallel: Parallel,
+    occluders: Occluders | None = None,
+) -> Engine:  # fmt: skip
+    """The engine of regions, chamfer distances, or both.
+
+    Parameters
+    ----------
+    rig, model, config, backgrounds : as for the `Tracker`.
+    parallel : maps a function over cameras.
+    occluders : what stands before the body; None: nothing does.
+
+    Returns
+    -------
+    An engine in information units.
+    """
+    chamfer = ChamferModality(rig, model, config, backgrounds, parallel, occluders) if CHAMFER in config.modalities else None
+    if REGION not in config.modalities:
+        assert chamfer is not None
+        judge = ChamferJudge(rig, config.chamfer, chamfer)
+        return Engine([chamfer], ChamferFitting(model, config, chamfer), judge, True)
+    region = RegionModality(rig, model, config, parallel, occluders, backgrounds)
+    fitting = RegionFitting(model, config, region, None if chamfer is None else (chamfer, FINE))
+    limbs = LimbJudge(model, config.status)
+    area = RegionArea(rig, model, config, region, parallel)
+    modalities: list[Modality] = [region] if chamfer is None else [region, chamfer]
+    solver = Reacquisition(rig, model, config, limbs, fitting, area)
+    return Engine(modalities, solver, RegionJudge(rig, model, config, fitting, limbs), True)
+
+
+def _color_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, parallel: Parallel) -> Engine:
+    from ..objective.color.score import ColorObjective, ColorOptions
+    from .color.judge import ColorJudge
+    from .color.modality import ColorModality
+    from .color.rigid import RigidScores, RigidSearch
+    from .color.search import AlignmentSearch, ColorSearch, ColorSolver, MaskScores, ScoreSearch
+
+    color = config.color
+    what = color.representation, color.normalized_weight
+    search: ColorSearch
+    if color.optimizer != "alignment":
+        scores = MaskScores(ColorObjective(model, rig, ColorOptions(*what), threads=config.threads))
+        modality = ColorModality(rig, model, color, what, parallel, scores)
+        search = ScoreSearch(model, color, modality, scores.score)
+    elif model.chain.n_axes == 0:
+        rigid = RigidScores(model, rig, color, config.threads)
+        modality = ColorModality(rig, model, color, what, parallel, rigid)
+        search = RigidSearch(model, color, modality, rigid)
+    else:
+        modality = ColorModality(rig, model, color, what, parallel)
+        search = AlignmentSearch(model, color, modality)
+    judge = ColorJudge(rig, model, color, modality)
+    return Engine([modality], ColorSolver(model, color, modality, search), judge, False)
+
+
+def _background_engine(
+    rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, backgrounds: Backgrounds, parallel: Parallel
+) -> Engine:
+    from .color.modality import ColorModality
+    from .color.over_background import BackgroundJudge, BackgroundScores, BackgroundSearch
+    from .color.search import ColorSolver
+
+    color, scores = config.color_over_background, BackgroundScores(rig, model, backgrounds, config.threads)
+    what = ColorConfig.representation, color.normalized_weight
+    modality = ColorModality(rig, model, color, what, parallel, scores)
+    search = BackgroundSearch(model, color, modality, scores)
+    judge = BackgroundJudge(rig, model, color, modality, scores)
+    return Engine([modality], ColorSolver(model, color, modality, search), judge, False)
+
+
+def _texture_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig) -> Engine:
+    from .color.texture import TextureJudge, TextureModality, TextureSolver
+
+    modality = TextureModality(rig, model, config.threads)
+    solver = TextureSolver(model, config.texture, modality)
+    return Engine([modality], solver, TextureJudge(rig, config.texture, modality), False)

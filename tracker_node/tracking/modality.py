@@ -1,0 +1,98 @@
+"""What the body is compared with in images: the protocol behind which regions, contours, colors and textures are exchangeable."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..model.configuration import State
+from ..objective.normal_equations import Correspondences
+from .motion.model import ExposureDelays
+
+Images = Sequence[np.ndarray | None]
+"""BGR pixels (h, w, 3) uint8 per camera of the rig, None where the set has none."""
+
+
+class Modality(Protocol):
+    """Evidence of one kind in the images of one set; deterministic in what it has been given since `reset`.
+
+    ``lessons`` are how often, and how, it learns from the first image set: after each but the last the body is fitted.
+    """
+
+    def reset(self) -> None:
+        """Forget everything learned."""
+        ...
+
+    def lessons(self, known: bool) -> Sequence[Any]:
+        """What `learn_first` takes, one after the other; empty where nothing is to be learned.
+
+        ``known``: the body is just where it is said to be, and nothing is fitted.
+        """
+        ...
+
+    def learn_first(self, images: Images, state: State, lesson: Any) -> None:
+        """Learn anew what body and background look like.
+
+        Parameters
+        ----------
+        images : in which the body is near ``state``.
+        state : of the body.
+        lesson : one of `lessons`.
+        """
+        ...
+
+    def set_images(self, images: Images, expected: State | None, delays: ExposureDelays | None = None) -> None:
+        """Take the images of the next set.
+
+        Parameters
+        ----------
+        images : of all cameras, at one stamp or nearly.
+        expected : where the body is expected; None: nobody knows, and nothing is compared.
+        delays : when each camera exposes; None: all at the stamp.
+        """
+        ...
+
+    def correspond(self, state: State, detail: Any) -> Correspondences:
+        """Correspondences of the body with the images.
+
+        Parameters
+        ----------
+        state : in which it is decided what is visible.
+        detail : how finely, in the modality's own terms (`Stage.detail`).
+
+        Returns
+        -------
+        A value: nothing of it changes later.
+        """
+        ...
+
+    def learn(self, images: Images, state: State, weights: np.ndarray | None) -> None:
+        """Learn what body and background look like now.
+
+        Parameters
+        ----------
+        images : those last set.
+        state : of the body in them.
+        weights : (n_shapes,) how far each part is where ``state`` says, 0 to 1; None: not known.
+        """
+        ...
+
+
+def cameras_in_turn(images: Images, count: int, every: int, skipped: Sequence[bool] | None = None) -> list[np.ndarray | None]:
+    """The images of the cameras whose turn it is to learn, None for the others.
+
+    Parameters
+    ----------
+    images : by camera.
+    count : image sets since the start.
+    every : image sets between two lessons of a camera.
+    skipped : by camera, whether it has learned already; None: none has.
+
+    Returns
+    -------
+    As many images as ``images``.
+    """
+    skipped = [False] * len(images) if skipped is None else skipped
+    return [image if (i + count) % every == 0 and not skipped[i] else None for i, image in enumerate(images)]

@@ -1,0 +1,112 @@
+"""Colors of the body's parts and of its surroundings by camera, and the background where it is known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from ...camera.rig import Camera, CameraRig
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import State
+from ...objective.lines.correspondences import Offsets, View
+from ...objective.moved_configuration import bodies_seen
+from ...observation.chamfer.observer import checked_plates
+from ...observation.region.background import EmptyRoom
+from ...observation.region.colors import RegionColors, color_classes, stated_densities, trust_stated_colors
+from ...render.occluders import Occluders
+from ..config import BackgroundConfig, RegionConfig
+from ..modality import Images
+
+
+class RegionAppearance:
+    """Learned from images in which the body's state is known.
+
+    Parameters
+    ----------
+    rig, model, config, background : cameras, body, parameters.
+    parallel : maps a function over cameras.
+    occluders : what stands before the body.
+    backgrounds : camera name -> BGR image, or list of images, of the background; cameras may be missing.
+
+    Attributes
+    ----------
+    classes : (n_shapes,) color class of every shape.
+    """
+
+    def __init__(
+        self,
+        rig: CameraRig,
+        model: ArticulatedModel,
+        config: RegionConfig,
+        background: BackgroundConfig,
+        parallel: Callable[[Callable, list], list],
+        occluders: Occluders,
+        backgrounds: Mapping[str, np.ndarray | list],
+    ):
+        self._rig, self._model, self._config, self._background = rig, model, config, background
+        self._parallel, self._occluders, self._images = parallel, occluders, dict(backgrounds)
+        self.classes = color_classes(model)
+        self._stated = stated_densities(model, self.classes)
+        self.reset()
+
+    def reset(self) -> None:
+        """Only the colors that the model states, and the images of the background, are known."""
+        self.forget_colors()
+        self._rooms = [self._room(camera) for camera in self._rig]
+
+    def forget_colors(self) -> None:
+        """Only the colors that the model states are known."""
+        self._colors = [RegionColors(self.classes, self._stated, self._config.color_prior) for _ in self._rig]
+
+    def _room(self, camera: Camera) -> EmptyRoom:
+        lens, background = camera.model, self._background
+        images = checked_plates(camera.name, lens.width, lens.height, self._images.get(camera.name))
+        return EmptyRoom(images, background.sigma, background.learning_rate, background.body_margin_px)
+
+    @property
+    def known(self) -> list[bool]:
+        """By camera: whether colors have been learned."""
+        return [bool(colors.knows) for colors in self._colors]
+
+    def views(self, images: Images) -> list[View | None]:
+        """What each camera shows, None without an image or without colors to compare it with."""
+        return [
+            View(np.ascontiguousarray(image), (colors.body, colors.scene), room.packed)
+            if image is not None and colors.knows
+            else None
+            for image, colors, room in zip(images, self._colors, self._rooms, strict=True)
+        ]
+
+    def learn(
+        self, images: Images, state: State, offsets: Offsets, rate: float, margin_px: int, weights: np.ndarray | None
+    ) -> None:
+        """Mix in the colors of these images.
+
+        Parameters
+        ----------
+        images : by camera; None for one that does not learn.
+        state : of the body in them.
+        offsets : where the body is when each camera exposes.
+        rate : share of these images.
+        margin_px : width around the body that is not learned as surroundings.
+        weights : (n_shapes,) parts that are where ``state`` says; with all of them the background is learned, too. None: not
+            known.
+        """
+        bodies, around = bodies_seen(self._model, state, offsets), self._config.background_ring_px
+        trusted = None if weights is None else np.asarray(weights > 0.5)
+        background = self._config.learn_background and trusted is not None and bool(trusted.all())
+
+        def learn(i: int) -> None:
+            found = self._occluders.look(i, bodies[i], self._rig.cameras[i], around)
+            image = images[i]
+            if found is not None and image is not None:
+                self._colors[i].learn(image, found.region, found.labels, rate, margin_px, around, trusted)
+                if background:
+                    self._rooms[i].learn(image, found.region, found.labels)
+
+        self._parallel(learn, [i for i, image in enumerate(images) if image is not None])
+
+    def trust_stated(self) -> None:
+        """Use the colors that the model states as far as the images agree with them."""
+        trust_stated_colors(self._colors)

@@ -1,0 +1,169 @@
+"""Regions: the colors on either side of the body's contours, by correspondence lines; needs no image of the background."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median
+
+import numpy as np
+
+from ...camera.rig import CameraRig
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
+from ...objective.lines.correspondences import LineCorrespondences, LineDrawer, LineOptions, Offsets, PartEvidence, View
+from ...objective.per_camera import camera_constants
+from ...render.occluders import Occluders
+from ...render.shape_arrays import ShapeArrays
+from ..config import TrackerConfig
+from ..modality import Images, cameras_in_turn
+from ..motion.model import ExposureDelays
+from .appearance import RegionAppearance
+
+_BODY_PX = 300.0  # of a body whose lines are as long as stated; others have theirs with their size
+_LARGE_PX = 450.0  # of a body, above which contours are close within more than `region.inlier_px`
+
+
+@dataclass(frozen=True)
+class LineDetail:
+    """How lines are drawn: pixels from place to place on a line; standard deviation of contours beyond what their lines say."""
+
+    scale: float
+    model_sigma_px: float
+
+
+def line_options(config: TrackerConfig) -> LineOptions:
+    """How lines are drawn, by the parameters."""
+    region = config.region
+    return LineOptions(
+        samples_per_line=region.samples_per_line,
+        half_length=region.half_length,
+        max_log_ratio=region.max_log_ratio,
+        pixel_independence=region.pixel_independence,
+        robust_sigmas=region.robust_sigmas,
+        correlation=region.correlation,
+        shadow=config.background.shadow,
+    )
+
+
+class RegionModality:
+    """The `Modality` of regions.
+
+    Parameters
+    ----------
+    rig, model, config : as for the `Tracker`.
+    parallel : maps a function over cameras.
+    occluders : what stands before the body; None: nothing does.
+    backgrounds : as for the `Tracker`.
+
+    Attributes
+    ----------
+    appearance : colors and background.
+    views : what each camera shows.
+    n_learned : image sets that have been learned from since the reset.
+    """
+
+    def __init__(
+        self,
+        rig: CameraRig,
+        model: ArticulatedModel,
+        config: TrackerConfig,
+        parallel: Callable[[Callable, list], list],
+        occluders: Occluders | None = None,
+        backgrounds: Mapping[str, np.ndarray | list] | None = None,
+    ):
+        occluders = occluders or Occluders(None, rig)
+        self._model, self._config = model, config.region
+        self.appearance = RegionAppearance(
+            rig, model, config.region, config.background, parallel, occluders, backgrounds or {}
+        )
+        self._arrays = ShapeArrays.from_model(model)
+        self._drawer = LineDrawer(
+            rig, model, self._arrays, self.appearance.classes, line_options(config), parallel, occluders.depths
+        )
+        self._cameras = [camera_constants(camera) for camera in rig]
+        self._delays: ExposureDelays | None = None
+        self.n_learned = 0
+        self.views: list[View | None] = [None] * len(rig)
+
+    def reset(self) -> None:
+        """Only the colors that the model states, and the images of the background, are known."""
+        self.appearance.reset()
+        self.n_learned, self._delays = 0, None
+
+    def lessons(self, known: bool) -> Sequence[int]:
+        """Pixels around the body that are not learned as surroundings: the first pose given is rarely exact."""
+        margin = self._config.margin_px
+        return (margin,) if known else (4 * margin, 2 * margin, margin)
+
+    def learn_first(self, images: Images, state: State, lesson: int) -> None:
+        """Learn the colors of body and surroundings anew."""
+        self._delays = None
+        self.appearance.forget_colors()
+        self.appearance.learn(images, state, self._offsets(state), 1.0, lesson, None)
+        self.appearance.trust_stated()
+
+    def set_images(self, images: Images, expected: State | None, delays: ExposureDelays | None = None) -> None:
+        """Keep the images: lines are drawn where the fit needs them."""
+        self._delays = delays
+        self.views = [None] * len(images) if expected is None else self.appearance.views(images)
+
+    def correspond(self, state: State, detail: LineDetail) -> LineCorrespondences:
+        """Lines of the contours that are seen in ``state``."""
+        return self._drawer.draw(self.views, state, detail.scale, detail.model_sigma_px, self._offsets(state))
+
+    def learn(self, images: Images, state: State, weights: np.ndarray | None) -> None:
+        """Colors change slowly: in each image set some of the cameras learn. A camera that has joined learns all at once."""
+        region, known, offsets = self._config, self.appearance.known, self._offsets(state)
+        joined = [None if knows else image for image, knows in zip(images, known, strict=True)]
+        if any(image is not None for image in joined):
+            self.appearance.learn(joined, state, offsets, 1.0, region.margin_px, weights)
+        turn = cameras_in_turn(images, self.n_learned, region.learn_every, [image is not None for image in joined])
+        self.n_learned += 1
+        if region.color_rate > 0.0 and any(image is not None for image in turn):
+            self.appearance.learn(turn, state, offsets, region.color_rate, region.margin_px, weights)
+
+    def _offsets(self, state: State) -> Offsets:
+        return [None] * len(self._cameras) if self._delays is None else self._delays.offsets(state)
+
+    def part_evidence(self, lines: LineCorrespondences, state: State, close_px: float) -> PartEvidence:
+        """How far the outline of the body agrees with the images.
+
+        Parameters
+        ----------
+        lines : of the present images.
+        state : of the body.
+        close_px : a contour within this is close, on a body of up to 450 pixels; what the model leaves out, clothes mostly, is so
+            many pixels larger on a larger one.
+
+        Returns
+        -------
+        By camera and part.
+        """
+        size_m, px_per_m = self.size(state)
+        return lines.at(state).part_evidence(close_px * max(size_m * px_per_m / _LARGE_PX, 1.0))
+
+    def zoom(self, state: State) -> float:
+        """Size of the body in the images, in that of a body whose lines are as long as stated."""
+        size_m, px_per_m = self.size(state)
+        return size_m * px_per_m / _BODY_PX
+
+    def size_px(self, state: State) -> float:
+        """Pixels of the body, in the median camera."""
+        return math.prod(self.size(state))
+
+    def size(self, state: State) -> tuple[float, float]:
+        """Size of the body in meters, and pixels per meter of it in the median of the cameras' distances.
+
+        Such that the body has `_BODY_PX` pixels where no camera sees it.
+        """
+        places = Configuration(self._model, state).Ts_world_shape[:, :3, 3]
+        middle = places.mean(axis=0)
+        reach = max(float(np.linalg.norm(places - middle, axis=1).max()), float(self._arrays.bounds[:, 3].max()))
+        scales = []
+        for view, (params, R, t, _) in zip(self.views, self._cameras, strict=True):
+            depth = float(R[2] @ middle + t[2])
+            if view is not None and depth > reach:  # else the camera looks elsewhere, or stands amid the body
+                scales.append(float(params[0]) / depth)
+        return 2.0 * reach, median(scales) if scales else _BODY_PX / (2.0 * reach)

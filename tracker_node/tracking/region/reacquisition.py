@@ -1,0 +1,259 @@
+"""What a fit to lines cannot reach: a first pose that is far off, a lost body, the trunk, limbs, a box tilted the other way.
+
+Each search fits from other states, and keeps the fit that the images bear out better.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...camera.rig import CameraRig
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import State
+from ...model.kinematic_chain import N_ROOT_DOF
+from ...objective.constraints.prior import Prior
+from ...objective.lines.correspondences import PartEvidence
+from ...optimize.fitter import Fit
+from ..assessment import Assessment
+from ..config import TrackerConfig
+from ..estimate import Status
+from ..limb_judge import LimbJudge
+from ..parameters import numbers
+from ..poses import Poses
+from .area import RegionArea
+from .fitting import LineFit, RegionFitting
+from .limb_search import LimbSearch, PartPose
+from .tilts import Misfit, tilted
+
+_CLEARLY = 0.05  # share of the outline by which long lines must do better than short ones
+_CLEAR_ODDS = -1.5  # log odds of lost, below which a limb is where it was found, wherever else it might have been
+_UNCERTAIN_M = 0.15  # standard deviation of where a limb's end is expected, beyond which it is searched in any case
+_FIRST_ROUNDS = 3  # of trying all limbs elsewhere, at most, on the first image set
+_LEAST_LINES = 0.8  # of those of another fit, that a tilted body must have to be compared with it
+
+
+@dataclass(frozen=True, eq=False)
+class _ImagesOfSet:
+    """The present images for `LimbSearch`; contours are taken to be off by ``model_sigma_px``."""
+
+    fitting: RegionFitting
+    area: RegionArea
+    inlier_px: float
+    model_sigma_px: float
+
+    def gains(self, poses: Poses, shapes: np.ndarray) -> np.ndarray:
+        return self.area.gains(poses, shapes)
+
+    def fit_part(self, state: State, dofs: np.ndarray) -> PartPose:
+        fit = self.fitting.fit_part(state, dofs, self.model_sigma_px)
+        return PartPose(fit.state, self.fitting.region.part_evidence(fit.correspondences, fit.state, self.inlier_px))
+
+
+class Reacquisition:
+    """Fits with searches; knows where body and limbs were last tracked.
+
+    Parameters
+    ----------
+    rig, model, config : as for the `Tracker`.
+    judge : says which limbs are lost.
+    fitting : fits to lines.
+    area : scores poses by the colors that they cover.
+
+    Attributes
+    ----------
+    tracked : where the body was last, before it was lost; None: nowhere yet.
+    """
+
+    def __init__(
+        self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, judge: LimbJudge, fitting: RegionFitting,
+        area: RegionArea,
+    ):  # fmt: skip
+        self._rig, self._model, self._region = rig, model, config.region
+        self._judge, self._fitting, self._area = judge, fitting, area
+        self._scales, self._interval_sets = numbers(config.region.scales), config.limb_search.interval_sets
+        self._search = LimbSearch(model, judge, config.limb_search)
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing is remembered."""
+        self.tracked: State | None = None
+        self._model_sigma_px = self._region.model_sigma_px
+        self._search.reset()
+        self._forget()
+
+    def _forget(self) -> None:
+        self._misfit = Misfit()
+        self._failed = 0  # searches for a lost body in a row
+
+    def restart(self) -> bool:
+        """The body that comes may be another one, or look otherwise, unless it was tracked until now."""
+        if self.tracked is not None and not self._judge.was_lost:
+            return True
+        self._forget()
+        return False
+
+    def fit(self, start: State, first: bool, prior: Prior | None) -> LineFit:
+        """A few Gauss-Newton steps on the lines of each scale, and searches for what they have not reached.
+
+        Parameters
+        ----------
+        start : state to begin at.
+        first : of a first image set.
+        prior : in information units, or None.
+
+        Returns
+        -------
+        The best fit.
+        """
+        if first:
+            fit = self.first(start, prior, self._model_sigma_px)
+        else:
+            fit = self.improved(self._fitting.fit(start, self._scales, prior, self._model_sigma_px), start, prior)
+        self._model_sigma_px = fit.model_sigma_px
+        return fit
+
+    def remember(self, fit: Fit, assessment: Assessment) -> None:
+        """Keep where body and limbs are, if they are in place."""
+        if assessment.part_weights is None:
+            return
+        self._search.remember(fit.state, assessment.limbs)
+        if assessment.status is not Status.LOST:
+            self.tracked, self._failed = fit.state, 0
+
+    def first(self, start: State, prior: Prior | None, model_sigma_px: float) -> LineFit:
+        """The fit of a first image set.
+
+        Long lines reach a body that is far off, and mislead one that is near: both are tried, and the better is kept; then each
+        limb is tried elsewhere.
+
+        Parameters
+        ----------
+        start : where the body is said to be.
+        prior : in information units, or None.
+        model_sigma_px : of `RegionFitting.fit`.
+
+        Returns
+        -------
+        The best fit, with lines drawn about its state.
+        """
+        fitting, region = self._fitting, self._region
+        near = fitting.fit(start, numbers(region.first_scales), prior, model_sigma_px)
+        far = fitting.fit(start, numbers(region.wide_scales), prior, near.model_sigma_px)
+        if self._close_share(far) > self._close_share(near) + _CLEARLY:
+            return self._with_limbs_elsewhere(far, prior)
+        return self._with_limbs_elsewhere(fitting.redrawn(near), prior)
+
+    def _with_limbs_elsewhere(self, fit: LineFit, prior: Prior | None) -> LineFit:
+        """The same with limbs where the colors speak for them, as long as the whole body gains by it."""
+        limbs = range(1, len(self._judge.limbs))
+        for _ in range(_FIRST_ROUNDS):
+            found = self._search.try_elsewhere(limbs, fit.state, fit.state, self._images(fit))
+            again = None if found is None else self._if_better(found, fit, prior)
+            if again is None:
+                break
+            fit = again
+        return self._fitting.redrawn(fit)
+
+    def _if_better(self, state: State, fit: LineFit, prior: Prior | None) -> LineFit | None:
+        """The fit that begins at ``state``, where the colors gain more by it than by ``fit``."""
+        everything = np.ones(len(self._model.shapes), dtype=np.bool_)
+        again = self._fitting.fit(state, self._scales, prior, fit.model_sigma_px)
+        old, new = self._area.gains(Poses.of([fit.state, again.state]), everything)[:, 0]
+        return again if new > old else None
+
+    def improved(self, fit: LineFit, start: State, prior: Prior | None) -> LineFit:
+        """The fit of a later image set, with what is lost found again.
+
+        Parameters
+        ----------
+        fit : of the whole body, begun at ``start``.
+        start : where the body was expected.
+        prior : in information units, or None.
+
+        Returns
+        -------
+        The best fit; ``jumped`` where something lost has been found.
+        """
+        if self._model.n_dof == N_ROOT_DOF and self._misfit.is_sudden(fit.correspondences.at(fit.state).cost_per_line):
+            fit = self._tilted_back(fit, prior)
+        if not self._judge.knows:
+            return fit
+        if self._judge.body_lost and self.tracked is not None:
+            return self._restarted(fit, self.tracked)
+        doubtful, lost = self._doubtful(fit), self._judge.lost
+        # Of a lost limb nobody knows where it is: its prediction grows wide, which is no reason not to pause
+        uncertain = [i for i in self._uncertain(start, prior) if i not in lost or not self._search.pauses(i)]
+        if uncertain:
+            evidence = self._evidence(fit)
+            uncertain = [i for i in uncertain if self._search.odds(i, evidence) > _CLEAR_ODDS]
+        if not doubtful and not uncertain:
+            return fit
+        before = fit
+        if any(i not in lost for i in uncertain) or 0 in doubtful or len(doubtful) > 1:
+            fit = self._with_trunk(fit, start, prior)
+            doubtful = self._doubtful(fit)
+        images = self._images(fit)
+        found = self._search.try_elsewhere(uncertain, fit.state, start, images)
+        others = {i: odds for i, odds in doubtful.items() if i not in uncertain}
+        if others:
+            found = self._search.recover(others, found or fit.state, start, images) or found
+        again = None if found is None else self._if_better(found, fit, prior)
+        fit = fit if again is None else again
+        jumped = fit is not before and (not uncertain or bool(self._judge.lost))  # what is uncertain may be anywhere
+        return replace(self._fitting.redrawn(fit), jumped=jumped)
+
+    def _with_trunk(self, fit: LineFit, start: State, prior: Prior | None) -> LineFit:
+        """The same with the trunk, and all that hangs on it, where the colors speak for it."""
+        found = self._search.find_trunk(fit.state, start, self._images(fit))
+        again = None if found is None else self._if_better(found, fit, prior)
+        return fit if again is None else again
+
+    def _uncertain(self, start: State, prior: Prior | None) -> list[int]:
+        """Limbs that are expected at ``start``, but may be anywhere else, if most may: what was seen long ago tells little.
+
+        One alone is searched when images speak against it.
+        """
+        if prior is None or len(self._judge.limbs) == 1 or not self._search.enabled:
+            return []
+        sigmas = self._judge.tip_sigmas(start, np.linalg.inv(prior.information))
+        uncertain = [i for i, sigma in enumerate(sigmas) if i and sigma > _UNCERTAIN_M]
+        return uncertain if 2 * len(uncertain) >= len(sigmas) - 1 else []
+
+    def _restarted(self, fit: LineFit, tracked: State) -> LineFit:
+        """A lost body is searched where it was last tracked, with longer lines; the better of that and ``fit``.
+
+        After two failed searches, it is searched in every few sets only: who is slow loses more.
+        """
+        self._failed += 1
+        if self._failed > 2 and self._failed % self._interval_sets:
+            return fit
+        again = self.first(tracked, None, fit.model_sigma_px)
+        if self._close_share(again) > self._close_share(fit):
+            self._failed = 0
+            return replace(again, jumped=True)
+        return self._fitting.redrawn(fit)
+
+    def _tilted_back(self, fit: LineFit, prior: Prior | None) -> LineFit:
+        """A rigid body whose lines disagree all at once may be tilted to the other side: the best of all tilts and ``fit``."""
+        best, least = fit, fit.correspondences.at(fit.state).cost_per_line
+        for state in tilted(self._model, self._rig, fit.state):
+            other = self._fitting.fit(state, self._scales[-2:], prior, fit.model_sigma_px)
+            cost = other.correspondences.at(other.state).cost_per_line
+            if cost < least and other.equations.count >= _LEAST_LINES * fit.equations.count:
+                best, least = other, cost
+        return self._fitting.redrawn(replace(best, model_sigma_px=fit.model_sigma_px))
+
+    def _images(self, fit: LineFit) -> _ImagesOfSet:
+        return _ImagesOfSet(self._fitting, self._area, self._region.inlier_px, fit.model_sigma_px)
+
+    def _evidence(self, fit: LineFit) -> PartEvidence:
+        return self._fitting.region.part_evidence(fit.correspondences, fit.state, self._region.inlier_px)
+
+    def _doubtful(self, fit: LineFit) -> dict[int, float]:
+        return self._search.doubtful(self._evidence(fit))
+
+    def _close_share(self, fit: LineFit) -> float:
+        evidence = self._evidence(fit)
+        return float(evidence.close.sum() / max(evidence.expected.sum(), 1.0))
