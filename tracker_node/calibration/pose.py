@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from ..geometry import se3
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.kinematic_chain import N_ROOT_DOF
+from .levenberg_marquardt import descend
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,21 @@ class _Problem:
         gradient[N_ROOT_DOF:] += self.prior * (state.joint_positions - self.neutral)
         return hessian, gradient
 
+    def steps(self, state: State) -> Callable[[float], State]:
+        """From a damping to the state after a step from ``state``; an axis that the gradient pushes beyond its limit is held."""
+        hessian, gradient = self.normal_equations(state)
+        chain, free = self.model.chain, np.ones(len(gradient), dtype=bool)
+        q, slope = state.joint_positions, gradient[N_ROOT_DOF:]
+        free[N_ROOT_DOF:] = ~((q <= chain.lower) & (slope > 0.0)) & ~((q >= chain.upper) & (slope < 0.0))
+        sub = hessian[np.ix_(free, free)]
+
+        def moved(damping: float) -> State:
+            step = np.zeros(len(gradient))
+            step[free] = -np.linalg.solve(sub + damping * np.diag(np.diag(sub) + 1e-9), gradient[free])
+            return _within_limits(self.model, state.retract(step))
+
+        return moved
+
 
 def fit_state_to_landmarks(
     model: ArticulatedModel,
@@ -115,33 +131,11 @@ def fit_state_to_landmarks(
 
 
 def _solve(problem: _Problem, state: State, options: PoseOptions, max_iterations: int | None = None) -> PoseFit:
-    chain = problem.model.chain
-    damping, cost, iterations = 1e-3, problem.cost(state), 0
-    for _ in range(max_iterations or options.max_iterations):
-        iterations += 1
-        hessian, gradient = problem.normal_equations(state)
-        free = np.ones(len(gradient), dtype=bool)
-        q, slope = state.joint_positions, gradient[N_ROOT_DOF:]
-        free[N_ROOT_DOF:] = ~((q <= chain.lower) & (slope > 0.0)) & ~((q >= chain.upper) & (slope < 0.0))
-        improved = False
-        while damping < 1e9:
-            step = np.zeros(len(gradient))
-            sub = hessian[np.ix_(free, free)]
-            step[free] = -np.linalg.solve(sub + damping * np.diag(np.diag(sub) + 1e-9), gradient[free])
-            trial = _within_limits(problem.model, state.retract(step))
-            trial_cost = problem.cost(trial)
-            if trial_cost < cost:
-                improved = True
-                break
-            damping *= 5.0
-        if not improved:
-            break
-        gain, state, cost, damping = cost - trial_cost, trial, trial_cost, max(damping / 5.0, 1e-9)
-        if gain <= options.tolerance * (1.0 + cost):
-            break
-    distances = np.linalg.norm(problem.offsets(state), axis=1)
+    most = options.max_iterations if max_iterations is None else max_iterations
+    end = descend(state, problem.cost, problem.steps, most, options.tolerance, least_gain=options.tolerance)
+    distances = np.linalg.norm(problem.offsets(end.found), axis=1)
     residuals = {name: float(d) for name, d in zip(problem.names, distances, strict=True)}
-    return PoseFit(state, cost, residuals, iterations)
+    return PoseFit(end.found, end.cost, residuals, end.iterations)
 
 
 def _within_limits(model: ArticulatedModel, state: State) -> State:

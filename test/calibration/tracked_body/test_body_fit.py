@@ -76,7 +76,7 @@ def test_the_arrow_is_solved_as_the_whole_system_would_be():
     J = np.stack([(residuals(1e-6 * e) - residuals(-1e-6 * e)) / 2e-6 for e in np.eye(n)], axis=1)
     covariance = np.linalg.inv(J.T @ J + 1e-6 * np.eye(n))[:n_shape, :n_shape]
     assert np.allclose(shared_covariance(problem, lines, start, 1e4)[0], covariance, rtol=2e-3, atol=1e-9)
-    found = solve(problem, lines, start, 1e4, max_iterations=1, damping=1e-9).estimate
+    found = solve(problem, lines, start, 1e4, max_iterations=1, damping=1e-9).found
     step = np.linalg.solve(J.T @ J + 1e-6 * np.eye(n), -J.T @ residuals(np.zeros(n)))
     assert np.allclose(found.s, step[:n_shape], atol=1e-3 * np.abs(step[:n_shape]).max())
 

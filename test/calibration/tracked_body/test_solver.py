@@ -103,10 +103,10 @@ def test_poses_are_found_while_all_else_is_held():
     found = solve(problem, lines, off(truth), ROBUST_PX, 10)
     assert found.cost < 1e-6
     assert 1 <= found.iterations <= 10
-    for one, true in zip(found.estimate.states, truth.states, strict=True):
+    for one, true in zip(found.found.states, truth.states, strict=True):
         assert np.abs(one.difference(true)).max() < 1e-5
-    assert not found.estimate.s.any()
-    assert not found.estimate.cameras.any()
+    assert not found.found.s.any()
+    assert not found.found.cameras.any()
 
 
 def test_shape_and_cameras_that_are_free_are_found():
@@ -120,7 +120,7 @@ def test_shape_and_cameras_that_are_free_are_found():
     truth, problem = estimate(state(1), state(2), s=s, cameras=departures), problem_of(2, SharedPrior(sigmas, cameras))
     lines = [lines_of(problem, truth, k) for k in range(2)]
     start = off(replace(truth, s=np.zeros(N_SHAPE), cameras=np.zeros((N_CAMERAS, N_CAMERA))), 0.002)
-    found = solve(problem, lines, start, ROBUST_PX, 40).estimate
+    found = solve(problem, lines, start, ROBUST_PX, 40).found
     assert np.abs(found.s - s).max() < 1e-3
     assert np.abs(found.cameras - departures).max() < 2e-3
     assert not found.cameras[0].any()
@@ -132,7 +132,7 @@ def test_the_time_of_a_camera_is_found():
     cameras[2, TIME], departures[2, TIME] = 1.0, 0.03
     problem = problem_of(1, SharedPrior(np.zeros(N_SHAPE), cameras), velocity=velocity)
     truth = estimate(state(1), cameras=departures)
-    found = solve(problem, [lines_of(problem, truth, 0)], estimate(state(1)), ROBUST_PX, 20).estimate
+    found = solve(problem, [lines_of(problem, truth, 0)], estimate(state(1)), ROBUST_PX, 20).found
     assert found.cameras == pytest.approx(departures, abs=1e-4)
 
 
@@ -146,21 +146,21 @@ def test_a_joint_stops_at_its_limit():
     start[axis] = chain.upper[axis] - 0.1
     lines = [lines_of(problem, truth, 0)]
     found = solve(problem, lines, estimate(State(state(1).T_world_root, start)), ROBUST_PX, 20)
-    assert found.estimate.states[0].joint_positions[axis] == chain.upper[axis]
-    again = solve(problem, lines, found.estimate, ROBUST_PX, 20)  # from the stop
+    assert found.found.states[0].joint_positions[axis] == chain.upper[axis]
+    again = solve(problem, lines, found.found, ROBUST_PX, 20)  # from the stop
     assert again.cost == pytest.approx(found.cost, rel=1e-3)
     inside = state(1).joint_positions.copy()
     inside[axis] = chain.upper[axis] - 0.1
     true = estimate(State(state(1).T_world_root, inside))
-    back = solve(problem, [lines_of(problem, true, 0)], found.estimate, ROBUST_PX, 20)  # and off it again
-    assert back.estimate.states[0].joint_positions[axis] == pytest.approx(inside[axis], abs=1e-4)
+    back = solve(problem, [lines_of(problem, true, 0)], found.found, ROBUST_PX, 20)  # and off it again
+    assert back.found.states[0].joint_positions[axis] == pytest.approx(inside[axis], abs=1e-4)
 
 
 def test_priors_of_poses_pull():
     truth = estimate(state(1))
     tight = [[Prior(state(1).retract(np.full(N_DOF, 0.02)), np.full(N_DOF, 1e9))]]
     problem = problem_of(1, priors=tight)
-    found = solve(problem, [lines_of(problem, truth, 0)], truth, ROBUST_PX, 10).estimate
+    found = solve(problem, [lines_of(problem, truth, 0)], truth, ROBUST_PX, 10).found
     assert found.states[0].difference(truth.states[0]) == pytest.approx(np.full(N_DOF, 0.02), abs=1e-3)
 
 
@@ -169,7 +169,7 @@ def test_steps_end_where_nothing_can_be_gained():
     lines = [lines_of(problem, truth, 0, noise_px=0.5)]
     best = solve(problem, lines, truth, ROBUST_PX, 30)
     assert best.iterations < 30
-    again = solve(problem, lines, best.estimate, ROBUST_PX, 30)
+    again = solve(problem, lines, best.found, ROBUST_PX, 30)
     assert again.iterations <= 2
     assert again.cost <= best.cost
     assert solve(problem, lines, off(truth), ROBUST_PX, 0).iterations == 0

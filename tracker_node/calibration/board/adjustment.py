@@ -11,6 +11,7 @@ be sought as well (the stamps are eliminated, too: each stands in its view's equ
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,7 @@ import numpy as np
 from ...camera.model import CameraModel
 from ...geometry import se3, so3
 from ..lens_parameters import lens_jacobian, lens_of_vector, lens_prior, lens_vector
+from ..levenberg_marquardt import descend
 from .equations import CLOCK, N_PLACE, BoardEquations, CameraRows
 
 
@@ -142,26 +144,17 @@ class _Problem:
         self.speeds = twists[:, :3] + np.cross(twists[:, 3:], self.corners)  # of each corner, in the board's frame
 
     def solve(self, state: BoardState) -> BoardAdjustment:
-        cost, damping, converged, iteration = self.cost(state), 1e-4, False, 0
-        if not np.isfinite(cost):
+        if not np.isfinite(self.cost(state)):
             raise ValueError("expected a start in which every corner is in front of the camera that sees it")
-        while iteration < self.options.max_iterations and not converged:
-            iteration += 1
-            equations = self.linearize(state)
-            while True:
-                candidate = _moved(state, *equations.step(damping))
-                new_cost = np.inf if candidate is None else self.cost(candidate)
-                if candidate is not None and new_cost <= cost:
-                    converged = cost - new_cost <= self.options.tolerance * cost
-                    state, cost, damping = candidate, new_cost, max(0.1 * damping, 1e-12)
-                    break
-                damping *= 10.0
-                if damping > 1e8:  # no direction goes down: this is the minimum, to rounding
-                    converged = True
-                    break
-        last = self.linearize(state)
+        end = descend(state, self.cost, self._steps, self.options.max_iterations, self.options.tolerance)
+        last = self.linearize(end.found)
         sigmas = np.split(np.sqrt(np.maximum(np.diag(last.covariance()), 0.0)), last.offsets[1:-1])
-        return BoardAdjustment(state, self.residuals(state)[0], tuple(sigmas), iteration, converged)
+        return BoardAdjustment(end.found, self.residuals(end.found)[0], tuple(sigmas), end.iterations, end.converged)
+
+    def _steps(self, state: BoardState) -> Callable[[float], BoardState | None]:
+        """From a damping to the state after a step from ``state``."""
+        equations = self.linearize(state)
+        return lambda damping: _moved(state, *equations.step(damping))
 
     def points(self, state: BoardState) -> np.ndarray:
         """(m, 3) in the frame that the board has at the instant; to first order, a board turns little between two cameras."""

@@ -8,12 +8,14 @@ neither exact nor free of confusions; the prior also fixes the scale, which imag
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...camera.rig import CameraRig
 from ...geometry import se3, so3
+from ..levenberg_marquardt import descend
 from .triangulation import reproject, triangulate
 
 
@@ -119,32 +121,28 @@ class _Problem:
         self.weights = weights[self.valid]
 
     def solve(self) -> Adjustment:
-        transforms, points = self.given_Ts_cam_world.copy(), self.start_points.copy()
-        cost, damping, converged, iteration = self.cost(transforms, points), 1e-3, False, 0
-        while iteration < self.options.max_iterations and not converged:
-            iteration += 1
-            blocks = self.linearize(transforms, points)
-            while True:
-                twists, moves = self.step(blocks, damping)
-                candidate = np.array([se3.exp(t) @ T for t, T in zip(twists, transforms, strict=True)])
-                new_cost = self.cost(candidate, points + moves)
-                if new_cost <= cost:
-                    converged = cost - new_cost <= self.options.tolerance * cost
-                    transforms, points, cost, damping = candidate, points + moves, new_cost, max(damping * 0.2, 1e-9)
-                    break
-                damping *= 5.0
-                if damping > 1e8:  # no direction goes down: this is the minimum, to rounding
-                    converged = True
-                    break
-        return self._result(transforms, points, cost, iteration, converged)
-
-    def _result(self, transforms, points, cost, iterations, converged) -> Adjustment:
+        options = self.options
+        start = self.given_Ts_cam_world, self.start_points
+        end = descend(start, lambda x: self.cost(*x), self._steps, options.max_iterations, options.tolerance)
+        transforms, points = end.found
         n_points, n_cameras = len(self.valid), len(self.models)
         all_points, residuals = np.zeros((n_points, 3)), np.zeros((n_points, n_cameras, 2))
         all_points[self.valid] = points
         found, _, seen = self._residuals(transforms, points)
         residuals[self.valid] = np.where(seen[..., None], found, 0.0)
-        return Adjustment(se3.inverse(transforms), all_points, self.valid, residuals, cost, iterations, converged)
+        return Adjustment(
+            se3.inverse(transforms), all_points, self.valid, residuals, end.cost, end.iterations, end.converged
+        )
+
+    def _steps(self, start: tuple[np.ndarray, np.ndarray]) -> Callable[[float], tuple[np.ndarray, np.ndarray]]:
+        """From a damping to the transforms and points after a step from ``start``."""
+        blocks = self.linearize(*start)
+
+        def moved(damping: float) -> tuple[np.ndarray, np.ndarray]:
+            twists, moves = self.step(blocks, damping)
+            return np.array([se3.exp(t) @ T for t, T in zip(twists, start[0], strict=True)]), start[1] + moves
+
+        return moved
 
     def _residuals(self, transforms, points):
         """Residuals (n, c, 2), their derivatives by the point in the camera (n, c, 2, 3), seen (n, c)."""

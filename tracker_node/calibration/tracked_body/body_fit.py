@@ -141,21 +141,21 @@ def fit_body(
     loop, held_by = JointFit(evidence, options.pose_rounds + options.rounds * len(options.robust_px), progress or _silent), 1.0
     start = Estimate(tuple(states), np.zeros(len(space)), np.zeros((len(rig), N_CAMERA)))
     before = loop.run("poses", held, start, options.robust_px[0], options.pose_rounds)
-    count = sum(len(lines) for lines in loop.draw(held, before.estimate))
+    count = sum(len(lines) for lines in loop.draw(held, before.found))
     if count < _LEAST_LINES:
         raise TrackerError(f"the body is hardly seen in these images: {count} contour lines in {len(states)} sets")
     after = before
     for stage, robust_px in enumerate(options.robust_px):
-        loop.look(problem, after.estimate, robust_px)
+        loop.look(problem, after.found, robust_px)
         if 0 < stage == len(options.robust_px) - 1:  # by now it shows how well a body of such shapes can fit at all
-            excess = misfit_of(problem, after.estimate, loop.draw(problem, after.estimate)) - 1.0
+            excess = misfit_of(problem, after.found, loop.draw(problem, after.found)) - 1.0
             held_by = float(np.sqrt(1.0 + np.sqrt(len(states)) * max(0.0, excess)))
             problem = replace(problem, shared=SharedPrior(options.prior_scale * space.sigmas / held_by, problem.shared.cameras))
         after = loop.rounds("body", problem, after, robust_px, options.rounds)
-    lines = loop.draw(problem, after.estimate), loop.draw(problem, before.estimate)
-    covariance, _ = shared_covariance(problem, lines[0], after.estimate, options.robust_px[-1])
+    lines = loop.draw(problem, after.found), loop.draw(problem, before.found)
+    covariance, _ = shared_covariance(problem, lines[0], after.found, options.robust_px[-1])
     report = _report(problem, before, after, lines[1], lines[0], held_by * np.sqrt(np.diag(covariance)), loop.iterations)
-    return BodyFit(space.body(after.estimate.s), after.estimate.states, report)
+    return BodyFit(space.body(after.found.s), after.found.states, report)
 
 
 def _silent(what: str, done: int, total: int) -> None:
@@ -172,7 +172,7 @@ class JointFit:
     def run(self, what: str, problem: Problem, start: Estimate, robust_px: float, rounds: int) -> Solution:
         """Look at the images around ``start``, then ``rounds`` times lines and a step."""
         self.look(problem, start, robust_px)
-        return self.rounds(what, problem, Solution(start, np.inf, 0), robust_px, rounds)
+        return self.rounds(what, problem, Solution(start, np.inf, 0, False), robust_px, rounds)
 
     def look(self, problem: Problem, estimate: Estimate, robust_px: float) -> None:
         """Look at the images around an estimate."""
@@ -183,7 +183,7 @@ class JointFit:
         """``rounds`` times lines and some steps."""
         for _ in range(rounds):
             self._progress(what, self._done, self._n_rounds)
-            solution = solve(problem, self.draw(problem, solution.estimate), solution.estimate, robust_px)
+            solution = solve(problem, self.draw(problem, solution.found), solution.found, robust_px)
             self.iterations += solution.iterations
             self._done += 1
         self._progress(what, self._done, self._n_rounds)
@@ -223,10 +223,10 @@ def _report(
     problem: Problem, before: Solution, after: Solution, lines_before, lines_after, sigmas, iterations: int
 ) -> BodyFitReport:
     space, rig = problem.space, problem.rig
-    figures = [residuals_of(problem, s.estimate, lines) for s, lines in ((before, lines_before), (after, lines_after))]
+    figures = [residuals_of(problem, s.found, lines) for s, lines in ((before, lines_before), (after, lines_after))]
     parameters = tuple(
         ParameterFigures(p.name, float(value), float(sigma), float(prior))
-        for p, value, sigma, prior in zip(space.parameters, after.estimate.s, sigmas, space.sigmas, strict=True)
+        for p, value, sigma, prior in zip(space.parameters, after.found.s, sigmas, space.sigmas, strict=True)
     )
 
     def both(column: int, index: int) -> tuple[LineFigures, LineFigures]:
@@ -238,9 +238,9 @@ def _report(
         {camera.name: both(0, i) for i, camera in enumerate(rig)},
         {shape.name: both(1, i) for i, shape in enumerate(space.model.shapes)},
         (line_figures(figures[0][:, 2]), line_figures(figures[1][:, 2])),
-        len(after.estimate.states),
+        len(after.found.states),
         iterations,
-        before.estimate.states,
+        before.found.states,
     )
 
 

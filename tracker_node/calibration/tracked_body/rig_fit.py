@@ -152,10 +152,10 @@ def fit_rig(
         evidence, body.pose_rounds + body.rounds * (len(body.robust_px) + options.times), progress or (lambda *_: None)
     )
     start = Estimate(tuple(states), np.zeros(len(space)), np.zeros((len(rig), N_CAMERA)))
-    before = loop.run("poses", held, start, body.robust_px[0], body.pose_rounds).estimate
+    before = loop.run("poses", held, start, body.robust_px[0], body.pose_rounds).found
     after = before
     for robust_px in body.robust_px:
-        after = loop.run("cameras", problem, after, robust_px, body.rounds).estimate
+        after = loop.run("cameras", problem, after, robust_px, body.rounds).found
     problem, after, time_sigmas_s = _without_doubtful_times(problem, after, loop, options)
     lines = loop.draw(held, before), loop.draw(problem, after)
     figures = residuals_of(held, before, lines[0]), residuals_of(problem, after, lines[1])
@@ -199,7 +199,7 @@ def _without_doubtful_times(problem: Problem, estimate: Estimate, loop: JointFit
     shared[doubtful, TIME] = 0.0
     problem = replace(problem, shared=SharedPrior(problem.shared.shape, shared))
     start = Estimate(states, estimate.s, cameras)
-    return problem, loop.run("cameras", problem, start, body.robust_px[-1], body.rounds).estimate, sigmas
+    return problem, loop.run("cameras", problem, start, body.robust_px[-1], body.rounds).found, sigmas
 
 
 def settled(rig: CameraRig, problem: Problem, estimate: Estimate) -> tuple[CameraRig, tuple[State, ...]]:

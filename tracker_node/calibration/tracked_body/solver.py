@@ -21,6 +21,7 @@ from ...model.shape_parameters import ShapeSpace
 from ...objective.constraints.prior import Prior
 from ...objective.normal_equations import LeastSquaresObjective
 from ...objective.shape_jacobian import FOCAL, N_CAMERA, TIME, ContourLines, line_residuals, linearize_lines, normal_equations
+from ..levenberg_marquardt import Descent, descend
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,13 +98,9 @@ class Problem:
         return information * ratio * squares, information * ratio**2
 
 
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """Where the solver came to, its cost (minus twice a log posterior), and its steps."""
-
-    estimate: Estimate
-    cost: float
-    iterations: int
+Solution = Descent[Estimate]
+"""Where the solver came to; its cost is minus twice a log posterior."""
+_TOLERANCE = 1e-4  # of the cost
 
 
 def moved_camera(camera: Camera, departure: np.ndarray) -> Camera:
@@ -128,25 +125,10 @@ def solve(
 
     ``damping`` is relative to the diagonal of the Gauss-Newton matrix, to begin with.
     """
-    estimate, iterations = start, 0
-    cost = _cost(problem, lines, estimate, robust_px)
-    while iterations < max_iterations:
-        iterations += 1
-        arrow = _Arrow(problem, lines, estimate, robust_px)
-        improved = False
-        while damping < 1e6:
-            trial = arrow.step(damping)
-            trial_cost = _cost(problem, lines, trial, robust_px)
-            if trial_cost < cost:
-                improved = True
-                break
-            damping *= 8.0
-        if not improved:
-            break
-        gain, estimate, cost, damping = cost - trial_cost, trial, trial_cost, max(0.2 * damping, 1e-9)
-        if gain < 1e-4 * cost:
-            break
-    return Solution(estimate, cost, iterations)
+    return descend(
+        start, lambda estimate: _cost(problem, lines, estimate, robust_px),
+        lambda estimate: _Arrow(problem, lines, estimate, robust_px).step, max_iterations, _TOLERANCE, damping,
+    )  # fmt: skip
 
 
 def shared_covariance(
