@@ -124,7 +124,7 @@ def test_in_image_ends_half_a_pixel_beyond_the_outer_centres():
 
 @pytest.mark.parametrize(("width", "height"), [(32, 24), (128, 96), (16, 48), (40, 30)])
 def test_resized_images_have_the_same_edges(width, height):
-    """The outer edges of the image, half a pixel beyond the outer centres, stay edges; between them all is in proportion."""
+    """The outer edges of the image, half a pixel beyond the outer centers, stay edges; between them all is in proportion."""
     model = CameraModel(64, 48, np.array([[60.0, 0.4, 30.0], [0, 62.0, 25.0], [0, 0, 1]]), "plumb_bob", LENSES["plumb_bob"])
     small = model.resized(width, height)
     points = np.array([[0.1, -0.05, 1.0], [-0.3, 0.2, 1.5], [0.0, 0.0, 1.0]])

@@ -1,4 +1,4 @@
-"""Rigs in millimeters and centimeters are told from metres by how far their cameras stand apart."""
+"""Rigs in millimeters and centimeters are told from meters by how far their cameras stand apart."""
 
 import numpy as np
 import pytest

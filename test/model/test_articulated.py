@@ -61,7 +61,7 @@ def test_gray_is_no_stated_color():
 
 
 def test_capsules_stand_in_the_frame_of_the_link():
-    """A quarter turn about z, and then 1, 2, 3 metres on: (x, y, z) comes to (1 - y, 2 + x, 3 + z)."""
+    """A quarter turn about z, and then 1, 2, 3 meters on: (x, y, z) comes to (1 - y, 2 + x, 3 + z)."""
     own = inner_capsules(TUBE)
     plain, turned = body(Shape("a", "upper", TUBE), Shape("b", "lower", TUBE, TURN)).capsules
     assert np.array_equal(plain, own) and turned.shape == own.shape

@@ -72,7 +72,7 @@ def test_an_axis_follows_another_in_its_own_unit():
 
 
 @pytest.mark.parametrize("limits", [[1, 1], [1, 0], [0, LEAST_RANGE], [0], [0, 1, 2], [0, True], ["0", 1], 3, [0, float("inf")]])
-@pytest.mark.parametrize(("field", "unit"), [("limits_deg", "degrees"), ("limits_m", "metres")])
+@pytest.mark.parametrize(("field", "unit"), [("limits_deg", "degrees"), ("limits_m", "meters")])
 def test_limits_are_two_numbers_in_order(field, unit, limits):
     refused(AxisEntry, AXIS | {field: limits}, field, f"[lower, upper] in {unit}")
     assert taken(AxisEntry, **AXIS, **{field: [0, 2 * LEAST_RANGE]})

@@ -63,8 +63,8 @@ def test_visible_and_solid_shapes_are_told_apart(tmp_path):
 @pytest.mark.parametrize(
     ("inside", "said"),
     [
-        (visual('<box size="1 0 3"/>'), r"box.size': expected 3 positive numbers \(metres\), got '1 0 3'"),
-        (visual('<ellipsoid radii="1 2 0"/>'), r"ellipsoid.radii': expected 3 positive numbers \(metres\), got '1 2 0'"),
+        (visual('<box size="1 0 3"/>'), r"box.size': expected 3 positive numbers \(meters\), got '1 0 3'"),
+        (visual('<ellipsoid radii="1 2 0"/>'), r"ellipsoid.radii': expected 3 positive numbers \(meters\), got '1 2 0'"),
         (visual('<sphere radius="0"/>'), r"sphere.radius': expected a positive number"),
         (visual('<cylinder radius="1" length="0"/>'), r"cylinder.length': expected a positive number"),
         (visual('<mesh filename="a.stl" scale="1 0 1"/>'), r"mesh.scale': expected 3 numbers other than zero, got '1 0 1'"),

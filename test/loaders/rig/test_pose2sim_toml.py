@@ -103,7 +103,7 @@ def test_a_missing_file_is_named(tmp_path):
 def test_real_files(shared_data):
     balancing = load_pose2sim(shared_data / "pose2sim_balancing/Pose2Sim_cameras.toml")
     assert balancing.names == ("cam_01", "cam_02", "cam_03", "cam_04")
-    assert all(1.0 < camera.center[2] < 2.5 for camera in balancing)  # cameras on tripods, metres, z up
+    assert all(1.0 < camera.center[2] < 2.5 for camera in balancing)  # cameras on tripods, meters, z up
     board = load_pose2sim(shared_data / "caliscope_board/post_optimization/camera_array.toml")
     assert board.names == ("cam_0", "cam_1", "cam_2", "cam_3")
     assert board["cam_0"].model.distortion.size == 5

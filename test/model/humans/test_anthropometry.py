@@ -8,7 +8,7 @@ from tracker_node.model.humans import anthropometry as man
 
 
 def test_sections():
-    """Two half circles of radius 1 and 1 metre of straight between: girth 2 pi + 2, breadth 3, depth 2."""
+    """Two half circles of radius 1 and 1 meter of straight between: girth 2 pi + 2, breadth 3, depth 2."""
     assert man.radius_of(2.0 * math.pi) == pytest.approx(1.0)
     assert man.stadium_halves(2.0 * math.pi + 2.0, 3.0) == pytest.approx((1.5, 1.0))
     assert man.stadium_of_ratio(2.0 * math.pi + 2.0, 1.5) == pytest.approx((1.5, 1.0))

@@ -133,7 +133,7 @@ def adjacent():
 
 
 @pytest.mark.parametrize(("one", "other"), list(adjacent()))
-def test_neighbours_and_sides_differ_in_color_and_in_normalized_color(one, other):
+def test_neighbors_and_sides_differ_in_color_and_in_normalized_color(one, other):
     colors = {shape.name: np.array(shape.color_rgb, dtype=float) for shape in MODEL.shapes}
     assert np.linalg.norm(colors[one] - colors[other]) > 75.0
     shares = {name: color / color.sum() for name, color in colors.items()}

@@ -10,7 +10,7 @@ from tracker_node.model.humans.segments18 import body_chain, body_landmarks
 from tracker_node.model.humans.surfaces18 import nurbs_human
 
 CHAIN = body_chain()
-# Joint: parent, child, place in the parent in millimetres; the right side is its mirror image.
+# Joint: parent, child, place in the parent in millimeters; the right side is its mirror image.
 JOINTS = {
     "torso": ("pelvis", "torso", (0.0, 0.0, 0.0)),
     "chest": ("torso", "chest", (0.0, 0.0, 111.0)),
@@ -23,7 +23,7 @@ JOINTS = {
     "left_knee": ("left_thigh", "left_shank", (0.0, 0.0, -449.0)),
     "left_ankle": ("left_shank", "left_foot", (0.0, 0.0, -429.0)),
 }
-# Landmark: link, place in millimetres.
+# Landmark: link, place in millimeters.
 LANDMARKS = {
     "neck": ("chest", (0.0, 0.0, 157.0)),
     "head": ("head", (20.0, 0.0, 308.0)),
@@ -38,7 +38,7 @@ LANDMARKS = {
     "left_small_toe": ("left_foot", (155.0, 40.0, -55.0)),
     "left_heel": ("left_foot", (-45.0, 0.0, -50.0)),
 }
-# Segment: litres, lowest, highest and mean coordinates of its surface in millimetres.
+# Segment: litres, lowest, highest and mean coordinates of its surface in millimeters.
 SIZES = {
     "pelvis": (23.212, (-125.9, -174.3, -369.0), (120.5, 174.3, 50.0), (-3.4, 0.0, -167.1)),
     "torso": (10.677, (-137.1, -149.1, -50.0), (137.1, 149.1, 161.0), (0.0, 0.0, 55.5)),
