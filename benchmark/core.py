@@ -21,8 +21,7 @@ import cv2
 import numpy as np
 
 from tracker_node.cli.synthesize import Request, produce, show_progress
-from tracker_node.loaders.images.background_file import load_plates
-from tracker_node.loaders.images.source import SourceOptions
+from tracker_node.loaders.images.source import SourceOptions, load_plates
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.rig.rig_yaml import load_rig

@@ -23,7 +23,7 @@ from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3, so3
 from tracker_node.loaders.images.source import open_source
 from tracker_node.loaders.images.stamps import load_stamp_file
-from tracker_node.loaders.rig.pose2sim_toml import load_pose2sim
+from tracker_node.loaders.rig.calibration_toml import load_pose2sim
 from tracker_node.synthesis.scenes.scene import looking_at
 
 RECORDING = "caliscope_board/post_optimization"

@@ -23,7 +23,7 @@ from tracker_node.doctor.diagnosis import examine
 from tracker_node.doctor.finding import Finding
 from tracker_node.doctor.recording import CameraRecording
 from tracker_node.loaders.images.source import open_camera_source
-from tracker_node.loaders.rig.pose2sim_toml import load_pose2sim
+from tracker_node.loaders.rig.calibration_toml import load_pose2sim
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.synthesis.scenes.scene import SceneConfig

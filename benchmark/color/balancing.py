@@ -21,7 +21,7 @@ import numpy as np
 
 from tracker_node.cli.sample import prepare, run_verb
 from tracker_node.errors import TrackerError
-from tracker_node.loaders.images.background_file import load_plates
+from tracker_node.loaders.images.source import load_plates
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.rig.rig_yaml import load_rig

@@ -24,7 +24,7 @@ from tracker_node.calibration.texture import BLACK, GREY, WHITE, charuco_picture
 from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import so3
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
-from tracker_node.loaders.rig.pose2sim_toml import load_pose2sim
+from tracker_node.loaders.rig.calibration_toml import load_pose2sim
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import ImageSet

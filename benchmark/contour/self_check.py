@@ -28,7 +28,7 @@ from tracker_node.camera.rig import Camera
 from tracker_node.cli.synthesize import FIGURE_IMAGES, Request, default_motions
 from tracker_node.errors import TrackerError
 from tracker_node.geometry import so3
-from tracker_node.loaders.images.background_file import load_plates
+from tracker_node.loaders.images.source import load_plates
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.report.metrics_file import print_metrics, write_metrics
 from tracker_node.tracking.camera_fault import DELAYED, TURNED

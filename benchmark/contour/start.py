@@ -34,7 +34,7 @@ from tracker_node.errors import TrackerError
 from tracker_node.evaluation.truth.association import Trajectories, truth_at
 from tracker_node.evaluation.truth.files import load_truth
 from tracker_node.evaluation.truth.landmarks import EVALUATED_JOINTS
-from tracker_node.loaders.images.background_file import load_plates
+from tracker_node.loaders.images.source import load_plates
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import ImageSet

@@ -21,7 +21,7 @@ from benchmark.color.articulated import CLIPS, DEFAULT_CACHE, recording
 from benchmark.contour._runs import Clip, judged, track
 from tracker_node.cli.synthesize import default_motions
 from tracker_node.errors import TrackerError
-from tracker_node.loaders.images.background_file import load_plates
+from tracker_node.loaders.images.source import load_plates
 from tracker_node.report.metrics_file import print_metrics, write_metrics
 from tracker_node.tracking.config import from_dict
 

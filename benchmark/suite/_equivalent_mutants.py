@@ -14,7 +14,7 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "if (len(items) < 2):",
     ): "Of one thread all items are its own, and nothing is left to be handed to a pool.",
     (
-        "tracker_node/loaders/limited_file.py",
+        "tracker_node/loaders/whole_file.py",
         "content = stream.read(limit + 1)",
         "content = stream.read(limit + 2)",
     ): "One byte more than the limit is refused, and so are two.",

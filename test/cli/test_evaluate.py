@@ -17,8 +17,7 @@ from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.cli.arguments.recording import evaluate_recording
 from tracker_node.cli.evaluate import _untold
 from tracker_node.cli.main import main
-from tracker_node.loaders.bag.message_types import TRACKED_STATE
-from tracker_node.loaders.bag.messages import message_of
+from tracker_node.loaders.bag.message_types import TRACKED_STATE, message_of
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.loaders.model.model_yaml import dump_model

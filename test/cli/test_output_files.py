@@ -8,7 +8,7 @@ from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.cli.arguments.run_images import refuse_to_overwrite
 from tracker_node.cli.main import main
 from tracker_node.errors import TrackerError
-from tracker_node.loaders.rig.camera_info_yaml import dump_camera_info
+from tracker_node.loaders.rig.camera_info import dump_camera_info
 from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file
 from tracker_node.loaders.yaml_file import write_mapping
 

@@ -7,12 +7,11 @@ import pytest
 from helpers.sources.sample import sample_or_skip
 from tracker_node.cli.main import main
 from tracker_node.cli.sample import prepare, run_verb
-from tracker_node.loaders.data_files import data_file
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.recording_yaml import load_recording
 from tracker_node.loaders.rig.rig_yaml import load_rig
-from tracker_node.loaders.samples.data import fetch_sample
+from tracker_node.loaders.sample_files import data_file, fetch_sample
 
 
 @pytest.mark.parametrize("command", [["sample", "balancing", "--output"], ["demo", "--output"]])
@@ -57,7 +56,7 @@ def steps(monkeypatch):
     from tracker_node.calibration import balancing
     from tracker_node.cli import sample
     from tracker_node.cli.calibrate import refine as _calibrate_refine
-    from tracker_node.loaders.samples import data as sample_data
+    from tracker_node.loaders import sample_files as sample_data
 
     made, statuses = [], {}
 

@@ -9,10 +9,10 @@ import yaml
 
 from helpers.bodies.bodies import crane
 from tracker_node.errors import CalibrationError, FileFormatError
+from tracker_node.loaders.model.mesh_file import write_picture
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
 from tracker_node.loaders.model.state_yaml import dump_state, load_state
 from tracker_node.loaders.motion.trc import load_trc
-from tracker_node.loaders.picture_file import write_picture
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import State
 from tracker_node.runs.config_file import dump_config, load_config

@@ -10,10 +10,8 @@ from helpers.ros.estimates import estimate_of
 from helpers.ros.samples import arm, small_rig, some_estimate, tracked_arm
 from tracker_node.camera.model import CameraModel
 from tracker_node.errors import CalibrationError
-from tracker_node.loaders.bag.message_types import STATE_COVARIANCE, TRACKED_STATE, typestore
-from tracker_node.loaders.bag.messages import message_of
+from tracker_node.loaders.bag.message_types import STATE_COVARIANCE, TRACKED_STATE, message_of, time_of, typestore
 from tracker_node.loaders.bag.reader import BagReader
-from tracker_node.loaders.bag.stamps import time_of
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.runs import messages

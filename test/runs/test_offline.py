@@ -15,8 +15,7 @@ from helpers.cameras.small_clip import Clip, make_clip
 from helpers.sources.tables import read_numbers
 from tracker_node.cli.main import main
 from tracker_node.errors import SourceError
-from tracker_node.loaders.bag.message_types import TRACKED_STATE
-from tracker_node.loaders.bag.messages import message_of
+from tracker_node.loaders.bag.message_types import TRACKED_STATE, message_of
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.bag.writer import BagExistsError, BagWriter
 from tracker_node.loaders.images.source import SourceOptions, open_camera_source

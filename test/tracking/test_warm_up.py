@@ -20,7 +20,7 @@ from pathlib import Path
 import cv2
 from numba.core.dispatcher import Dispatcher
 from tracker_node.loaders.model.model_yaml import load_model
-from tracker_node.loaders.images.background_file import load_plates
+from tracker_node.loaders.images.source import load_plates
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.observation.image_set import CameraImage, ImageSet

@@ -18,7 +18,7 @@ import numpy as np
 from ..camera.rig import CameraRig
 from ..errors import FileFormatError, SourceError
 from ..loaders.motion.openpose_json import load_openpose, match_cameras
-from ..loaders.rig.pose2sim_toml import load_pose2sim
+from ..loaders.rig.calibration_toml import load_pose2sim
 from ..loaders.rig.rig_yaml import CameraEntry, RigFile, rig_file_of, write_rig_file
 from ..loaders.whole_file import write_whole
 from .background import build_plate, spread_images, write_image

@@ -26,7 +26,7 @@ class CaptureSettings:
     bayer : one of `BAYER_PATTERNS` where gray images are a color mosaic; pixel formats of devices that are one say it.
     publish : ``color`` (bgr8), ``mono`` (mono8), ``native`` (gray images as mono8, mosaics as ``bayer_*8``), or ``jpeg``: the
         bytes of a source of JPEG images as they are.
-    camera_info_url : where the lens is kept, see `loaders.rig.camera_info_url`; None for that of the rig.
+    camera_info_url : where the lens is kept, see `loaders.rig.camera_info`; None for that of the rig.
     """
 
     pixel_format: str | None = None

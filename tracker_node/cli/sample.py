@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
 def prepare(folder: Path, fresh: bool = False) -> int:
     """Fetch and prepare the Balancing clip in ``folder``, saying what happens; what is there already is kept."""
     from ..calibration import balancing
-    from ..loaders.samples.data import fetch_sample
+    from ..loaders.sample_files import fetch_sample
     from .calibrate.refine import print_table
 
     print("Balancing clip (Pose2Sim, BSD 3-Clause), from wheels on the package index; kept in the cache", flush=True)
@@ -58,7 +58,7 @@ def prepare(folder: Path, fresh: bool = False) -> int:
 def _describe(folder: Path, fresh: bool) -> None:
     """Write recording.yaml and what it names of the package's files, unless they are there."""
     from ..calibration import balancing
-    from ..loaders.data_files import data_file
+    from ..loaders.sample_files import data_file
 
     if fresh or not (folder / "masks.json").exists():
         balancing.write_masks(folder, data_file("config/balancing_masks.json"))

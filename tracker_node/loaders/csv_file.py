@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileFormatError
-from .limited_file import TABLE_BYTES, read_text
+from .whole_file import TABLE_BYTES, read_text
 
 
 class CsvWriter:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileFormatError
-from .limited_file import JSON_BYTES, read_text
+from .whole_file import JSON_BYTES, read_text
 
 
 def read_json(path: str | Path) -> Any:

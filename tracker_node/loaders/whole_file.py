@@ -1,12 +1,87 @@
-"""Files that are written whole or not at all."""
+"""Files read whole, up to a limit for their kind, so that no file can fill the memory; and files written whole or not at all.
+
+A device or a pipe has no size that could be asked for, and may never end; it is not read.
+"""
 
 from __future__ import annotations
 
 import errno
 import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from ..errors import FileFormatError
+
+MB = 1_000_000
+SETTINGS_BYTES = 16 * MB
+"""YAML, TOML and XML: rigs, bodies, poses, parameters, calibrations, robot descriptions."""
+JSON_BYTES = 64 * MB
+"""JSON: a run's summary, reference masks."""
+TABLE_BYTES = 1_000 * MB
+"""Tables of numbers: CSV, TRC, MOT, STO, TUM, BVH, stamps, C3D."""
+MEDIA_BYTES = 1_000 * MB
+"""One picture or mesh."""
+ARCHIVE_BYTES = 2_000 * MB
+"""All files of an archive together, unpacked."""
+
+
+def check_regular(path: str | Path, limit: int) -> None:
+    """Refuse what is missing, what is no regular file, and what is larger than ``limit`` bytes.
+
+    Raises
+    ------
+    FileFormatError : saying which.
+    """
+    try:
+        status = os.stat(path)
+    except FileNotFoundError:
+        raise FileFormatError(path, "(file)", "an existing file", "no such file") from None
+    except (OSError, ValueError) as error:  # a name with a null byte
+        raise FileFormatError(path, "(file)", "a readable file", getattr(error, "strerror", None) or str(error)) from None
+    if stat.S_ISDIR(status.st_mode):
+        raise FileFormatError(path, "(file)", "a readable file", "a folder")
+    if not stat.S_ISREG(status.st_mode):
+        raise FileFormatError(path, "(file)", "a regular file", "a device, a pipe or a socket")
+    if status.st_size > limit:
+        raise FileFormatError(path, "(file)", f"at most {_size(limit)}", _size(status.st_size))
+
+
+def read_bytes(path: str | Path, limit: int = SETTINGS_BYTES) -> bytes:
+    """Content of a file.
+
+    Raises
+    ------
+    FileFormatError : it is missing, unreadable, no regular file, or larger than ``limit`` bytes.
+    """
+    check_regular(path, limit)
+    try:
+        with open(path, "rb") as stream:
+            content = stream.read(limit + 1)
+    except OSError as error:
+        raise FileFormatError(path, "(file)", "a readable file", error.strerror or str(error)) from None
+    if len(content) > limit:  # it grows, or does not say its size, as those of /proc
+        raise FileFormatError(path, "(file)", f"at most {_size(limit)}", "more")
+    return content
+
+
+def read_text(path: str | Path, limit: int = SETTINGS_BYTES, unix_lines: bool = True) -> str:
+    """Text of a file, UTF-8, with ends of lines as on Unix, or as they are; see `read_bytes`.
+
+    Raises
+    ------
+    FileFormatError : as `read_bytes`, or it is no UTF-8.
+    """
+    try:
+        text = read_bytes(path, limit).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise FileFormatError(path, "(file)", "UTF-8 text", f"byte {error.start} is not") from None
+    return text.replace("\r\n", "\n").replace("\r", "\n") if unix_lines else text
+
+
+def _size(n_bytes: int) -> str:
+    return f"{n_bytes / MB:,.0f} MB".replace(",", " ") if n_bytes >= 10 * MB else f"{n_bytes / MB:.1f} MB"
 
 
 @contextmanager

@@ -20,8 +20,7 @@ from pydantic_core import PydanticCustomError
 
 from ..errors import FileFormatError, shown
 from .file_kind import check_kind
-from .limited_file import read_text
-from .whole_file import write_whole
+from .whole_file import read_text, write_whole
 
 LARGEST = 1e12  # no length, angle or pixel of a real scene is beyond
 MOST_TOLD = 5  # problems of a file, in one message

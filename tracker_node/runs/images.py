@@ -14,8 +14,7 @@ from ..camera.rig import Camera, CameraRig
 from ..errors import FileFormatError
 from ..loaders.bag.images import image_topics
 from ..loaders.bag.reader import BagReader
-from ..loaders.images.background_file import load_plates, resized_plates
-from ..loaders.images.source import SourceOptions
+from ..loaders.images.source import SourceOptions, load_plates, resized_plates
 from ..loaders.rig.capture_yaml import changed_settings, split_change
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State

@@ -16,16 +16,14 @@ import numpy as np
 
 from ..errors import FileFormatError
 from ..loaders.bag.files import STORAGE_SUFFIXES
-from ..loaders.bag.message_types import STATE_COVARIANCE, TRACKED_STATE, MessageType, typestore
-from ..loaders.bag.messages import message_of
+from ..loaders.bag.message_types import STATE_COVARIANCE, TRACKED_STATE, MessageType, message_of, typestore
 from ..loaders.bag.reader import BagMessage, BagReader
 from ..loaders.bag.writer import BagExistsError, BagWriter
 from ..loaders.config_yaml import dump_parameters, load_parameters
 from ..loaders.file_kind import BODY, RIG, kind_of
-from ..loaders.limited_file import read_text
 from ..loaders.model.model_file import ModelFile
 from ..loaders.rig.rig_yaml import RigFile
-from ..loaders.whole_file import write_whole
+from ..loaders.whole_file import read_text, write_whole
 from ..loaders.yaml_file import FileModel, read_mapping, validate
 from ..tracking.config import CONTOURS, from_dict
 from ..tracking.estimate import GRAY_LEVELS, PX, LimbStatus

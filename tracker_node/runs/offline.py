@@ -15,8 +15,7 @@ import numpy as np
 from ..camera.rig import CameraRig
 from ..errors import TrackerError
 from ..loaders.bag.reader import BagReader
-from ..loaders.images.background_file import load_plates, resized_plates
-from ..loaders.images.source import SourceOptions
+from ..loaders.images.source import SourceOptions, load_plates, resized_plates
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..observation.image_set import ImageSet

@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 from ..camera.rig import CameraRig
 from ..errors import SourceError
 from ..loaders.bag.images import only_topic
-from ..loaders.bag.message_types import TRACKED_STATE
+from ..loaders.bag.message_types import TRACKED_STATE, stamp_ns_of
 from ..loaders.bag.reader import BagReader
-from ..loaders.bag.stamps import stamp_ns_of
 from ..loaders.images.source import ImageSource, SourceOptions
 from ..observation.image_set import CameraImage, ImageSet
 from .data import state_messages

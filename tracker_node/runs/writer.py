@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..camera.rig import CameraRig
-from ..loaders.bag.messages import message_of
+from ..loaders.bag.message_types import message_of
 from ..loaders.bag.metadata import OfferedQos
 from ..loaders.bag.writer import BagExistsError, BagWriter
 from ..loaders.model.urdf_writer import urdf_of

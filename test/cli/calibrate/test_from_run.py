@@ -13,7 +13,7 @@ from helpers.cameras.small_clip import RATE_HZ, make_clip
 from tracker_node.cli.arguments.run_images import load_run_images
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.bag.messages import message_of
+from tracker_node.loaders.bag.message_types import message_of
 from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
 from tracker_node.loaders.rig.rig_yaml import load_rig

@@ -6,7 +6,7 @@ import pytest
 from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.cli.main import main
 from tracker_node.geometry import so3
-from tracker_node.loaders.rig.camera_info_yaml import dump_camera_info
+from tracker_node.loaders.rig.camera_info import dump_camera_info
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 
 

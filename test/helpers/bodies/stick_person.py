@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from tracker_node.geometry import se3, so3
-from tracker_node.loaders.bag.message_types import STATE_COVARIANCE, TRACKED_STATE
-from tracker_node.loaders.bag.messages import message_of
+from tracker_node.loaders.bag.message_types import STATE_COVARIANCE, TRACKED_STATE, message_of
 from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.loaders.motion.trajectory_file import (
     JointTrajectory,

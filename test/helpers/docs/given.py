@@ -28,7 +28,7 @@ from tracker_node.loaders.model.model_yaml import dump_model, load_model
 from tracker_node.loaders.model.state_yaml import dump_state
 from tracker_node.loaders.motion.trajectory_file import JointTrajectory, StateRow, StateTrajectory, read_joints, write_states
 from tracker_node.loaders.motion.trc import MarkerTrajectories, dump_trc
-from tracker_node.loaders.rig.camera_info_yaml import dump_camera_info
+from tracker_node.loaders.rig.camera_info import dump_camera_info
 from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model

@@ -17,15 +17,13 @@ from helpers.cameras.camera_rigs import circle_rig
 from helpers.fuzz.mutations import NEUTRAL_YAML, damage_bytes, damage_content, damage_numbers, damage_yaml, yaml_text
 from tracker_node.camera.rig import CameraRig
 from tracker_node.loaders.images.stamps import load_stamp_file
-from tracker_node.loaders.model.mesh_file import read_mesh, write_mesh
+from tracker_node.loaders.model.mesh_file import read_mesh, write_mesh, write_picture
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
 from tracker_node.loaders.model.state_yaml import dump_state, load_state
 from tracker_node.loaders.motion.opensim_table import dump_table, load_table
 from tracker_node.loaders.motion.trc import load_trc
-from tracker_node.loaders.picture_file import write_picture
 from tracker_node.loaders.recording_yaml import load_recording
-from tracker_node.loaders.rig.clicks import load_clicks
-from tracker_node.loaders.rig.control_points import load_control_points, load_places
+from tracker_node.loaders.rig.control_points import load_clicks, load_control_points, load_places
 from tracker_node.loaders.rig.opencv_storage import dump_opencv, load_opencv
 from tracker_node.loaders.rig.rig_yaml import load_rig, read_rig_file, rig_file_of, write_rig_file
 from tracker_node.model.articulated import ArticulatedModel

@@ -7,7 +7,7 @@ from sensor_msgs.msg import CameraInfo, Image
 
 from helpers.ros.graph import Probe
 from tracker_node.camera.rig import CameraRig
-from tracker_node.loaders.images.background_file import load_plates
+from tracker_node.loaders.images.source import load_plates
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.rig.rig_yaml import load_rig

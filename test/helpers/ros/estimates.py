@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from tracker_node.loaders.bag.stamps import stamp_ns_of
+from tracker_node.loaders.bag.message_types import stamp_ns_of
 from tracker_node.model.configuration import State
 from tracker_node.tracking.estimate import CameraReport, LimbReport, LimbStatus, Status, Timings, TrackEstimate
 

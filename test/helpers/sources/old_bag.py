@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from tracker_node.loaders.bag.message_types import TRACKED_STATE, MessageType
-from tracker_node.loaders.bag.messages import message_of
+from tracker_node.loaders.bag.message_types import TRACKED_STATE, MessageType, message_of
 from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.runs.messages import COMPRESSED_IMAGE, compressed_image
 

@@ -21,12 +21,11 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from helpers.sources import bag_samples
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError, TrackerError
-from tracker_node.loaders.bag.check import check_bag, figures_of
-from tracker_node.loaders.bag.mcap import recovery as mcap_recovery
+from tracker_node.loaders.bag import mcap_recovery
+from tracker_node.loaders.bag.check import check_bag, figures_of, repair_bag
 from tracker_node.loaders.bag.message_types import typestore
 from tracker_node.loaders.bag.metadata import OfferedQos
 from tracker_node.loaders.bag.reader import BagReader, BagTopic
-from tracker_node.loaders.bag.repair import repair_bag
 from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.runs.data import load_run
 

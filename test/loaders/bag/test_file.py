@@ -1,5 +1,7 @@
 """One file of a bag: what stands in it, how large it is, and room on the disk for its end."""
 
+import os
+import threading
 from pathlib import Path
 
 import pytest
@@ -7,8 +9,11 @@ import yaml
 from mcap.reader import make_reader
 
 from tracker_node import __version__
-from tracker_node.loaders.bag.file import BagFile, DiskReserve
+from tracker_node.loaders.bag import file as bag_file
+from tracker_node.loaders.bag.file import BagFile, DiskReserve, LatchedMessages, WrittenPages
+from tracker_node.loaders.bag.message_types import typestore
 from tracker_node.loaders.bag.metadata import OfferedQos, TimeSpan, TopicRecord
+from tracker_node.loaders.bag.writer import BagWriter
 
 MESSAGE_HEAD = 1 + 8 + 2 + 4 + 8 + 8  # opcode, length, channel, sequence, two stamps
 
@@ -127,3 +132,157 @@ def test_room_is_held_and_given_back_once(tmp_path):
     assert reserve.release() is True
     with pytest.raises(OSError):
         DiskReserve(tmp_path / "no such folder/reserve").grow(10)
+
+
+MB = 2**20
+
+
+@pytest.fixture
+def advised(monkeypatch):
+    """(descriptor, start, end, advice) of what the system was told."""
+    calls = []
+
+    def advise(descriptor, start, length, advice):
+        os.fstat(descriptor)  # it is open
+        calls.append((descriptor, start, start + length, advice))
+
+    monkeypatch.setattr(os, "posix_fadvise", advise)
+    monkeypatch.setattr(bag_file, "KEPT_BYTES", 4 * MB)
+    monkeypatch.setattr(bag_file, "_AGAIN_BYTES", 8 * MB)
+    return calls
+
+
+def grow(file, sizes):
+    """Threads that were at it, ended."""
+    pages = WrittenPages(file.fileno())
+    for size in sizes:
+        pages.grown(size)
+    threads = at_it()
+    file.close()
+    pages.close()
+    wait_for(threads)
+    return threads
+
+
+def at_it():
+    return [thread for thread in threading.enumerate() if thread.name == "forget pages"]
+
+
+def wait_for(threads):
+    for thread in threads:
+        thread.join(timeout=30.0)
+        assert not thread.is_alive()
+
+
+def test_all_but_the_end_is_forgotten_and_some_of_it_looked_at_again(tmp_path, advised):
+    assert len(grow((tmp_path / "bag").open("wb"), [3 * MB, 6 * MB, 20 * MB, 21 * MB])) == 1
+    assert [(start, end) for _, start, end, _ in advised] == [(0, 2 * MB), (0, 16 * MB), (8 * MB, 17 * MB)]
+    assert {advice for *_, advice in advised} == {os.POSIX_FADV_DONTNEED}
+    with pytest.raises(OSError):
+        os.fstat(advised[0][0])  # closed again
+
+
+def test_a_small_file_needs_no_thread(tmp_path, advised):
+    assert not grow((tmp_path / "bag").open("wb"), [1 * MB, 4 * MB])
+    assert not advised
+
+
+def test_a_system_that_does_not_forget_is_no_error(tmp_path, advised, monkeypatch):
+    def refuse(*_):
+        advised.append(_)
+        raise OSError
+
+    monkeypatch.setattr(os, "posix_fadvise", refuse)
+    grow((tmp_path / "bag").open("wb"), [20 * MB, 30 * MB])
+    assert len(advised) == 2
+    monkeypatch.delattr(os, "posix_fadvise")
+    assert not grow((tmp_path / "bag").open("ab"), [20 * MB])
+
+
+def test_of_a_bag_what_has_been_flushed_is_forgotten(tmp_path, advised):
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic("/camera", "sensor_msgs/msg/Image")
+        for stamp in range(1, 4):
+            bag.write("/camera", stamp, bytes(3 * MB))
+        assert not at_it()
+        bag.flush()
+        size, threads = bag.bytes_written, at_it()
+    wait_for(threads)
+    assert [(start, end) for _, start, end, _ in advised] == [(0, size - 4 * MB)]
+
+
+LATCHED = OfferedQos(durability="transient_local")
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+
+
+def latched_topic(name, kind="std_msgs/msg/String", qos=LATCHED):
+    return TopicRecord(name, kind, "", qos)
+
+
+def transforms(*frames, x=0.0):
+    types = typestore().types
+    stamp = types["builtin_interfaces/msg/Time"](sec=0, nanosec=0)
+    listed = [
+        types["geometry_msgs/msg/TransformStamped"](
+            header=types["std_msgs/msg/Header"](stamp=stamp, frame_id="world"), child_frame_id=frame,
+            transform=types["geometry_msgs/msg/Transform"](
+                translation=types["geometry_msgs/msg/Vector3"](x=x, y=0.0, z=0.0),
+                rotation=types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0),
+            ),
+        )
+        for frame in frames
+    ]  # fmt: skip
+    return bytes(typestore().serialize_cdr(types[TRANSFORMS](transforms=listed), TRANSFORMS))
+
+
+def frames_of(data):
+    said = typestore().deserialize_cdr(data, TRANSFORMS)
+    return {one.child_frame_id: one.transform.translation.x for one in said.transforms}
+
+
+def test_the_last_message_is_told_once_in_each_file():
+    kept = LatchedMessages(True)
+    kept.keep(latched_topic("/a"), 1, b"old")
+    kept.keep(latched_topic("/a"), 2, b"new")
+    assert kept.take("/b") == []  # the file in which it was said
+    for _ in range(2):
+        kept.begin_file()
+        assert kept.told == set()
+        assert kept.take("/b") == [("/a", 2, b"new")]
+        assert kept.told == {"/a"}
+        assert kept.take("/b") == []
+
+
+def test_a_topic_that_speaks_first_itself_is_not_told_before():
+    kept = LatchedMessages(True)
+    kept.keep(latched_topic("/a"), 1, b"a")
+    kept.keep(latched_topic("/b"), 2, b"b")
+    kept.begin_file()
+    assert kept.take("/a") == [("/b", 2, b"b")]
+    assert kept.told == {"/b"}
+
+
+def test_what_is_not_latched_or_not_wanted_is_not_kept():
+    for kept, qos in ((LatchedMessages(True), OfferedQos()), (LatchedMessages(False), LATCHED)):
+        kept.keep(latched_topic("/a", qos=qos), 1, b"a")
+        kept.begin_file()
+        assert kept.take("/b") == []
+
+
+def test_transforms_of_all_frames_are_told_together_the_latest_of_each():
+    kept, tf = LatchedMessages(True), latched_topic("/tf_static", TRANSFORMS)
+    kept.keep(tf, 1, transforms("left", "right", x=1.0))
+    kept.keep(tf, 2, transforms("right", x=2.0))
+    kept.keep(latched_topic("/tf_other", TRANSFORMS), 3, transforms("elsewhere"))
+    kept.begin_file()
+    told = {name: (stamp, frames_of(data)) for name, stamp, data in kept.take("/tf_static")}  # even before its own message
+    assert told == {"/tf_static": (2, {"left": 1.0, "right": 2.0}), "/tf_other": (3, {"elsewhere": 0.0})}
+
+
+def test_transforms_that_cannot_be_read_are_told_as_they_are():
+    kept = LatchedMessages(True)
+    kept.keep(latched_topic("/tf_static", TRANSFORMS), 1, b"\x00\x01")
+    kept.begin_file()
+    assert kept.take("/a") == [("/tf_static", 1, b"\x00\x01")]
+    kept.begin_file()
+    assert kept.take("/tf_static") == []

@@ -14,8 +14,7 @@ from helpers.sources.mjpeg_server import MjpegServer, number_of
 from helpers.sources.stream_servers import HEIGHT, WIDTH, RtspServer, UdpServer, write_stream
 from tracker_node.errors import SourceError
 from tracker_node.loaders.decoding import decode_jpeg
-from tracker_node.loaders.images.live_capture import StreamCapture
-from tracker_node.loaders.images.live_source import LiveSource
+from tracker_node.loaders.images.live_capture import LiveSource, StreamCapture
 
 
 @pytest.fixture(scope="module")

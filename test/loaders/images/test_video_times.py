@@ -10,7 +10,7 @@ from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.doctor.diagnosis import examine
 from tracker_node.doctor.input import record
 from tracker_node.loaders.images.source import SourceOptions, open_camera_source, open_source
-from tracker_node.loaders.images.video_times import varying_times
+from tracker_node.loaders.images.stamps import varying_times
 from tracker_node.ros.ingest.cameras import chosen_cameras, open_cameras
 from tracker_node.runs.image_sets import SourceStream
 from tracker_node.tracking.config import SynchronizerConfig

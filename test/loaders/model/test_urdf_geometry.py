@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.model.urdf_geometry import read_materials, read_shapes
+from tracker_node.loaders.model.urdf import read_materials, read_shapes
 from tracker_node.loaders.model.urdf_xml import read_robot
 from tracker_node.model.shapes.primitives import Box, Ellipsoid, TruncatedCone
 

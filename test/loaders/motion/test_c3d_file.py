@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from helpers.sources.small_disk import limited_files
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.motion.c3d_file import MOST_FRAMES, AnglesOverTime, dump_c3d, load_c3d
+from tracker_node.loaders.motion.c3d_file import MOST_FRAMES, AnglesOverTime, _actual_frames, dump_c3d, load_c3d
 from tracker_node.loaders.motion.trc import MarkerTrajectories
 
 
@@ -153,3 +153,19 @@ def test_bytes_gone_wrong_are_read_or_named(tmp_path, seed):
         assert "a.c3d" in str(error)
         return
     assert np.isfinite(read.positions_m).all() and not read.positions_m[~read.valid].any()
+
+
+def trial(start, end):
+    fields = {"ACTUAL_START_FIELD": start, "ACTUAL_END_FIELD": end}
+    return {name: {"value": np.array(words)} for name, words in fields.items() if words is not None}
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "frames"),
+    [
+        ([1, 0], [10, 0], 10), ([5, 0], [5, 0], 1), ([1, 0], [0, 1], 65536), ([3, 2], [2, 3], 65536), ([1, 0], [-1, 0], 65535),
+        ([2, 0], [1, 0], 0), ([0, 0], [9, 0], 0), ([1], [9, 0], 0), ([1, 0], None, 0), (None, None, 0), ([[1, 0]], [[4, 0]], 4),
+    ],
+)  # fmt: skip
+def test_both_ends_are_counted(start, end, frames):
+    assert _actual_frames(trial(start, end)) == frames

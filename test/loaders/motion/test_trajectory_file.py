@@ -12,6 +12,7 @@ from helpers.sources.tables import read_numbers
 from tracker_node.errors import FileFormatError
 from tracker_node.geometry import quaternion, so3
 from tracker_node.loaders.motion import trajectory_file as tf
+from tracker_node.loaders.motion.trajectory_file import dump_tum
 from tracker_node.model.kinematic_chain import ROOT_DOF_NAMES
 
 NAMES = (*ROOT_DOF_NAMES, "knee_flexion", "elbow_m")
@@ -126,3 +127,15 @@ def test_another_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "joints.csv").write_text("stamp_ns,landmark,x,y,z\n1,neck,0,0,0\n1,neck,0,0,1\n")
     with pytest.raises(FileFormatError, match="second one"):
         tf.read_joints(tmp_path / "joints.csv")
+
+
+def test_lines_keep_nanoseconds_and_digits(tmp_path):
+    stamps = np.array([1_700_000_000_123_456_789, 1_700_000_000_140_000_001], dtype=np.int64)
+    positions = np.array([[1.0 / 3.0, -2.0, 3.0], [0.1, 0.2, 0.3]])
+    quaternions = np.array([[0.0, 0.0, 0.6, 0.8], [1.0, 0.0, 0.0, 0.0]])
+    dump_tum(stamps, positions, quaternions, tmp_path / "a.txt")
+    lines = (tmp_path / "a.txt").read_text().splitlines()
+    assert lines[1].split()[0] == "1700000000.123456789"
+    table = np.loadtxt(tmp_path / "a.txt")  # as evo and the benchmark's own tools read it: '#' begins a comment
+    assert table.shape == (2, 8)
+    assert np.array_equal(table[:, 1:4], positions) and np.array_equal(table[:, 4:], quaternions)

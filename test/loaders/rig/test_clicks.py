@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.rig.clicks import dump_clicks, load_clicks
+from tracker_node.loaders.rig.control_points import dump_clicks, load_clicks
 
 
 @pytest.fixture

@@ -12,12 +12,11 @@ from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import CalibrationError, FileFormatError, UnknownNameError
 from tracker_node.geometry import se3, so3
-from tracker_node.loaders.rig.calibration_toml import DIALECTS, dump_calibration_toml
-from tracker_node.loaders.rig.camera_info_yaml import dump_camera_info, load_camera_info
+from tracker_node.loaders.rig.calibration_toml import DIALECTS, dump_calibration_toml, load_pose2sim
+from tracker_node.loaders.rig.camera_info import dump_camera_info, load_camera_info
 from tracker_node.loaders.rig.dlt_text import dump_dlt, load_dlt
 from tracker_node.loaders.rig.formats import detect, detect_all, dropped
 from tracker_node.loaders.rig.opencv_storage import dump_opencv, load_opencv
-from tracker_node.loaders.rig.pose2sim_toml import load_pose2sim
 from tracker_node.loaders.rig.qualisys_xml import dump_qualisys, load_qualisys
 from tracker_node.loaders.rig.rig_yaml import LightEntry, rig_file_of
 

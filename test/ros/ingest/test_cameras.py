@@ -10,7 +10,7 @@ from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import CalibrationError, SourceError, UnknownNameError
 from tracker_node.loaders.images.source import SourceOptions
-from tracker_node.loaders.rig.camera_info_yaml import dump_camera_info
+from tracker_node.loaders.rig.camera_info import dump_camera_info
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.ros.ingest.cameras import chosen_cameras, open_cameras
 

@@ -18,7 +18,7 @@ from helpers.ros.graph import stamps
 from helpers.sources.mjpeg_server import HEIGHT, WIDTH, MjpegServer, number_of, numbered_jpeg
 from helpers.sources.v4l2_camera import V4l2Camera
 from tracker_node.loaders.bag.reader import BagReader
-from tracker_node.loaders.rig.camera_info_yaml import load_camera_info
+from tracker_node.loaders.rig.camera_info import load_camera_info
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.ros.conversions import camera_image_of, camera_info_message, image_message, jpeg_message
 from tracker_node.ros.ingest.topic_source import TopicSource

@@ -8,8 +8,7 @@ from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.truth.files import load_truth
 from tracker_node.loaders.motion.trc import load_trc
-from tracker_node.loaders.rig.clicks import load_clicks
-from tracker_node.loaders.rig.control_points import load_control_points, load_places
+from tracker_node.loaders.rig.control_points import load_clicks, load_control_points, load_places
 from tracker_node.studio.digitize import digitizing
 from tracker_node.studio.digitize.click_store import ClickStore
 

@@ -10,8 +10,7 @@ from helpers.studio.studio_process import running_studio
 from tracker_node.camera.rig import CameraRig
 from tracker_node.cli.main import main
 from tracker_node.evaluation.truth.files import load_truth
-from tracker_node.loaders.rig.clicks import load_clicks
-from tracker_node.loaders.rig.control_points import load_control_points
+from tracker_node.loaders.rig.control_points import load_clicks, load_control_points
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 from tracker_node.studio.digitize.digitizing import Method, reconstruct
 

@@ -14,7 +14,7 @@ from helpers.studio.browser import browser_tab
 from helpers.studio.studio_process import running_studio
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError, TrackerError
-from tracker_node.loaders.bag.messages import message_of
+from tracker_node.loaders.bag.message_types import message_of
 from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.loaders.motion.trajectory_file import read_states
 from tracker_node.runs.data import load_run

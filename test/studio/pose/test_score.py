@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from helpers.cameras.small_clip import make_clip
-from tracker_node.loaders.images.background_file import load_plates
+from tracker_node.loaders.images.source import load_plates
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import State
 from tracker_node.studio.pose.score import ColorScore, ContourScore

@@ -10,7 +10,7 @@ EXAMPLE = "tracker_node bag repair out/run1 --output out/run1_repaired"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from ...loaders.bag.mcap.writer import COMPRESSIONS
+    from ...loaders.bag.mcap_writer import COMPRESSIONS
 
     parser.add_argument("bag", type=Path, help="bag folder, or a .mcap or .db3 file; it is left as it is")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER", help="the new bag; must not exist")
@@ -18,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ...loaders.bag.repair import repair_bag
+    from ...loaders.bag.check import repair_bag
 
     repair = repair_bag(args.bag, args.output, args.compression)
     print(f"{args.bag}: {repair.problem or 'nothing is wrong with it'}")

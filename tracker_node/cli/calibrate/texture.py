@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _read(args: argparse.Namespace):
-    from ...loaders.picture_file import read_picture
+    from ...loaders.model.mesh_file import read_picture
 
     if args.width is None or not 0.0 < args.width < 100.0:
         raise wrong_option("--width", "the plate's width in metres, with --picture", args.width)

@@ -124,7 +124,7 @@ def _run_folder(args: argparse.Namespace) -> Path | None:
 
 def _check_files(rig, args: argparse.Namespace) -> None:
     """Mistakes in files are said before anything is started."""
-    from ...loaders.images.background_file import load_plates
+    from ...loaders.images.source import load_plates
     from ...loaders.model.model_yaml import load_model
     from ...loaders.model.state_yaml import load_state
     from ...runs.config_file import load_config

@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_file_arguments(how) -> None:
-    from ...loaders.bag.mcap.writer import COMPRESSIONS
+    from ...loaders.bag.mcap_writer import COMPRESSIONS
 
     how.add_argument("--split-mb", type=float, default=0.0, metavar="MB", help="begin another file at this size (default: never)")
     how.add_argument(

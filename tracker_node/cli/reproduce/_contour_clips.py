@@ -9,8 +9,7 @@ from ...calibration.balancing import has_plates
 from ...errors import TrackerError
 from ...evaluation.truth.files import load_truth
 from ...experiments.contour.tracked_clip import Clip, synthetic_clip
-from ...loaders.images.background_file import load_plates, resized_plates
-from ...loaders.images.source import SourceOptions
+from ...loaders.images.source import SourceOptions, load_plates, resized_plates
 from ...loaders.model.model_yaml import load_model
 from ...loaders.model.state_yaml import load_state
 from ...loaders.recording_yaml import load_recording

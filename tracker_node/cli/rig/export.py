@@ -48,7 +48,7 @@ def _written(rig, args: argparse.Namespace) -> list[str]:
 def _write(rig, target: str, output: Path) -> None:
     from ...calibration.points.dlt import dlt_parameters
     from ...loaders.rig.calibration_toml import dump_calibration_toml
-    from ...loaders.rig.camera_info_yaml import dump_camera_info
+    from ...loaders.rig.camera_info import dump_camera_info
     from ...loaders.rig.dlt_text import dump_dlt
     from ...loaders.rig.opencv_storage import dump_opencv
     from ...loaders.rig.qualisys_xml import dump_qualisys

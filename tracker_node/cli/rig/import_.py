@@ -83,8 +83,8 @@ def _load(kind: str, files: list[str], args: argparse.Namespace):
     """The rig of files of a kind."""
     from ...errors import FileFormatError
     from ...loaders.rig import formats as rig_formats
+    from ...loaders.rig.calibration_toml import load_pose2sim
     from ...loaders.rig.opencv_storage import load_opencv
-    from ...loaders.rig.pose2sim_toml import load_pose2sim
     from ...loaders.rig.qualisys_xml import load_qualisys
 
     size = None if args.size is None else size_option("--size", args.size)
@@ -104,7 +104,7 @@ def _load(kind: str, files: list[str], args: argparse.Namespace):
 def _rig_of_lenses(files: list[str], like: str | None):
     from ...camera.rig import Camera, CameraRig
     from ...errors import FileFormatError
-    from ...loaders.rig.camera_info_yaml import load_camera_info
+    from ...loaders.rig.camera_info import load_camera_info
     from ...loaders.rig.rig_yaml import load_rig
 
     places = load_rig(like) if like else None

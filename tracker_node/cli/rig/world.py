@@ -67,7 +67,7 @@ def _moved(args: argparse.Namespace, rig):
 
     from ...calibration import world_frame
     from ...errors import TrackerError
-    from ...loaders.rig.clicks import load_clicks
+    from ...loaders.rig.control_points import load_clicks
 
     if args.up:
         up = np.zeros(3)
@@ -141,7 +141,7 @@ def _board_points(args: argparse.Namespace):
 def _turned_by_plumb(args: argparse.Namespace, rig):
     """The rig upright, where a plumb line alone tells; else the angle to its vertical is told."""
     from ...calibration import world_frame
-    from ...loaders.rig.clicks import load_clicks
+    from ...loaders.rig.control_points import load_clicks
 
     if not args.plumb:
         return rig
@@ -159,7 +159,7 @@ def _scaled_by_wand(args: argparse.Namespace, rig):
 
     from ...calibration import world_frame
     from ...errors import FileFormatError, TrackerError
-    from ...loaders.rig.clicks import load_clicks
+    from ...loaders.rig.control_points import load_clicks
 
     if not args.wand:
         return rig

@@ -13,8 +13,8 @@ from ...geometry import quaternion
 from ...loaders.motion.bvh import AXES_Y_UP, dump_bvh
 from ...loaders.motion.c3d_file import MOST_FRAMES, AnglesOverTime, dump_c3d
 from ...loaders.motion.opensim_table import NumberTable, dump_table
+from ...loaders.motion.trajectory_file import dump_tum
 from ...loaders.motion.trc import MarkerTrajectories, dump_trc
-from ...loaders.motion.tum import dump_tum
 from ...model.articulated import ArticulatedModel
 from ...model.humans.measures import MARKER_OF_LANDMARK
 from ...runs.motion import RunMotion, without_gaps

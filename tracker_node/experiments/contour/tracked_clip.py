@@ -14,8 +14,7 @@ from ...errors import SourceError, TrackerError
 from ...evaluation.evaluate import Evaluation, EvaluationOptions, evaluate
 from ...evaluation.truth.association import Trajectories
 from ...evaluation.truth.files import load_truth
-from ...loaders.images.background_file import load_plates
-from ...loaders.images.source import SourceOptions
+from ...loaders.images.source import SourceOptions, load_plates
 from ...loaders.model.model_yaml import load_model
 from ...loaders.model.state_yaml import load_state
 from ...loaders.rig.rig_yaml import load_rig

@@ -1,18 +1,22 @@
-"""One MCAP file of a bag, by topics; and room on the disk kept for its end."""
+"""One MCAP file of a bag, by topics: room kept on the disk for its end, memory given back, latched messages for the next file."""
 
 from __future__ import annotations
 
 import os
+import queue
+import struct
+import threading
 from collections import Counter
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import yaml
+from rosbags.serde import SerdeError
 
 from ...version import __version__
-from .mcap.writer import McapWriter
-from .mcap.written_pages import WrittenPages
+from .mcap_writer import McapWriter
+from .message_types import typestore
 from .metadata import TimeSpan, TopicRecord
 
 
@@ -147,3 +151,105 @@ class DiskReserve:
         with suppress(OSError):
             self._path.unlink(missing_ok=True)
         return held
+
+
+KEPT_BYTES = 64 * 2**20
+"""At the end of the file, that stay in memory."""
+_AGAIN_BYTES = 512 * 2**20  # before, looked at again: what was not on the disk yet the last time
+
+
+class WrittenPages:
+    """Has the operating system forget the beginning of a growing file.
+
+    A recording is not read again soon, yet the system keeps all of it as long as there is memory, and takes fresh memory for
+    every page. On a virtual machine writing then took 1.4 s of processor time a gigabyte, five times as much as in memory that is
+    used again (its host had to find it first, it seems); and what other programs had read is not pushed out.
+
+    The system begins to write what is not on the disk. That may wait for the disk, so it is done in a thread; where it is not
+    possible, memory stays as it is.
+    """
+
+    def __init__(self, descriptor: int):
+        self._descriptor = descriptor
+        self._sizes: queue.SimpleQueue[int | None] = queue.SimpleQueue()
+        self._thread: threading.Thread | None = None
+
+    def grown(self, size: int) -> None:
+        """The file has so many bytes now; returns at once."""
+        if size <= KEPT_BYTES or not hasattr(os, "posix_fadvise"):
+            return
+        if self._thread is None:
+            try:
+                descriptor = os.dup(self._descriptor)  # the file may be closed while the thread is at it
+            except OSError:
+                return
+            self._thread = threading.Thread(target=_forget, args=(descriptor, self._sizes), name="forget pages", daemon=True)
+            self._thread.start()
+        self._sizes.put(size)
+
+    def close(self) -> None:
+        """Nothing more is to be forgotten; does not wait."""
+        if self._thread is not None:
+            self._sizes.put(None)
+
+
+def _forget(descriptor: int, sizes: queue.SimpleQueue[int | None]) -> None:
+    done = 0
+    while (size := sizes.get()) is not None:
+        start, done = max(0, done - _AGAIN_BYTES), size - KEPT_BYTES
+        with suppress(OSError):
+            os.posix_fadvise(descriptor, start, done - start, os.POSIX_FADV_DONTNEED)
+    os.close(descriptor)
+
+
+_TRANSFORMS = "tf2_msgs/msg/TFMessage"
+
+
+class LatchedMessages:
+    """Keeps the last message of every latched topic, to be told again at the beginning of the next file.
+
+    Of several publishers of one topic only the last that has spoken is known. Transforms (``/tf_static``) are the exception,
+    for there several publishers are the rule: one message holds the last of every child frame, whoever sent it.
+
+    Parameters
+    ----------
+    wanted : otherwise nothing is kept.
+
+    Attributes
+    ----------
+    told : topics of which this file holds a message again.
+    """
+
+    def __init__(self, wanted: bool):
+        self._wanted = wanted
+        self._last: dict[str, tuple[int, bytes]] = {}  # topic -> when it was sent, and the message
+        self._due: dict[str, tuple[int, bytes]] = {}
+        self._frames: dict[str, dict[str, Any]] = {}  # topic -> child frame -> its transform
+        self.told: set[str] = set()
+
+    def keep(self, topic: TopicRecord, publish_ns: int, data: bytes) -> None:
+        """A message has been written."""
+        if self._wanted and topic.qos.durability == "transient_local":
+            self._last[topic.name] = (publish_ns, self._merged(topic.name, data) if topic.type_name == _TRANSFORMS else data)
+
+    def _merged(self, topic: str, data: bytes) -> bytes:
+        """The transforms of a message with those that the topic has told of other frames."""
+        try:
+            said: Any = typestore().deserialize_cdr(data, _TRANSFORMS)
+        except (SerdeError, struct.error, ValueError, IndexError, KeyError):
+            return data  # as with any other topic
+        frames = self._frames.setdefault(topic, {})
+        frames.update({transform.child_frame_id: transform for transform in said.transforms})
+        message = typestore().types[_TRANSFORMS](transforms=list(frames.values()))
+        return bytes(typestore().serialize_cdr(message, _TRANSFORMS))
+
+    def begin_file(self) -> None:
+        """All that is kept is to be told again in it."""
+        self._due, self.told = dict(self._last), set()
+
+    def take(self, topic: str) -> list[tuple[str, int, bytes]]:
+        """Topic, time and bytes of what comes before the first message of a file, which is one of ``topic``."""
+        due = [(name, *kept) for name, kept in self._due.items() if name != topic or name in self._frames]
+        self._due = {}
+        self.told.update(name for name, _, _ in due)
+        return due

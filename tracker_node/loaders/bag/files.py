@@ -12,7 +12,7 @@ from pathlib import Path
 import zstandard
 
 from ...errors import FileFormatError
-from ..limited_file import MB, check_regular
+from ..whole_file import MB, check_regular
 
 SCANNED_SUFFIX = ".mcap"
 """Of files that are read from their beginning, and so in whatever condition."""

@@ -10,8 +10,8 @@ import numpy as np
 from ...errors import SourceError, shown
 from ...observation.image_set import CameraImage
 from ..decoding import bayer_pattern, decoded, pixels_of
+from .message_types import stamp_ns_of
 from .reader import BagMessage, BagReader
-from .stamps import stamp_ns_of
 
 RAW = "sensor_msgs/msg/Image"
 COMPRESSED = "sensor_msgs/msg/CompressedImage"

@@ -1,4 +1,4 @@
-"""``metadata.yaml`` of a rosbag2 bag, as ROS 2 Jazzy writes it (version 9), and the QoS profiles in it."""
+"""``metadata.yaml`` of a rosbag2 bag, as ROS 2 Jazzy writes it (version 9), and the quality of service that bags state."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from rosbags.interfaces import Connection, Qos
+from rosbags.rosbag2 import ReaderError
+from rosbags.rosbag2.metadata import parse_qos
 
 METADATA_FILE = "metadata.yaml"
 METADATA_VERSION = 9
@@ -117,3 +120,30 @@ def write_metadata(folder: Path, information: dict[str, Any]) -> None:
     unfinished = folder / f"{METADATA_FILE}.tmp"
     unfinished.write_text(text, encoding="utf-8")
     unfinished.replace(folder / METADATA_FILE)
+
+
+def offered_by(connection: Connection) -> OfferedQos:
+    """Of a topic that rosbags has opened; the default where nothing is said."""
+    return _first_qos(getattr(connection.ext, "offered_qos_profiles", []))
+
+
+def offered_in(text: str) -> OfferedQos:
+    """Of the YAML text of a channel; the default where it cannot be read."""
+    try:
+        return _first_qos(parse_qos(text))
+    except (ReaderError, KeyError, TypeError, ValueError):
+        return OfferedQos()
+
+
+def _first_qos(profiles: list[Qos]) -> OfferedQos:
+    if not profiles:
+        return OfferedQos()
+    words = [profiles[0].reliability, profiles[0].durability, profiles[0].history]
+    reliability, durability, history = (word.name.lower() for word in words)
+    default = OfferedQos()
+    return OfferedQos(
+        reliability=reliability if reliability in ("reliable", "best_effort") else default.reliability,
+        durability=durability if durability in ("volatile", "transient_local") else default.durability,
+        history=history if history in ("keep_last", "keep_all") else default.history,
+        depth=profiles[0].depth or default.depth,
+    )

@@ -21,11 +21,9 @@ from rosbags.serde import SerdeError
 
 from ...errors import FileFormatError, UnknownNameError
 from .files import SCANNED_SUFFIX, check_room, storage_files, unclosed
-from .mcap.contents import FileContents, one_text
-from .mcap.recovery import ZSTD_MAGIC, scan, survey, unpacked, unpacked_zstd
+from .mcap_recovery import ZSTD_MAGIC, FileContents, one_text, scan, survey, unpacked, unpacked_zstd
 from .message_types import typestore_of
-from .metadata import METADATA_FILE, OfferedQos
-from .qos import offered_by, offered_in
+from .metadata import METADATA_FILE, OfferedQos, offered_by, offered_in
 
 
 def _unpacked_chunk(compression: str, data: bytes, _size: int) -> bytes:

@@ -16,9 +16,8 @@ from types import TracebackType
 from typing import Any
 
 from ...errors import FileFormatError, TrackerError, UnknownNameError
-from .file import BagFile, DiskReserve
-from .latched import LatchedMessages
-from .mcap.writer import COMPRESSIONS
+from .file import BagFile, DiskReserve, LatchedMessages
+from .mcap_writer import COMPRESSIONS
 from .message_types import MessageType, message_type, typestore
 from .metadata import OfferedQos, TimeSpan, TopicRecord, bag_information, write_metadata
 

@@ -10,8 +10,8 @@ import numpy as np
 from ...camera.capture_settings import CaptureSettings
 from ...errors import FileFormatError, SourceError
 from ..bag.images import COMPRESSED, RAW, image_topics, source_content
+from ..bag.message_types import NS_PER_S
 from ..bag.reader import BagReader
-from ..bag.stamps import NS_PER_S
 from ..decoding import content_size
 from ..source_address import SourceAddress
 from .recorded_source import ImageSource, SourceOptions

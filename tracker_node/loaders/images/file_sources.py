@@ -14,7 +14,7 @@ import numpy as np
 from ...errors import SourceError
 from ..decoding import JPEG, jpeg_size
 from .recorded_source import ImageSource
-from .video_times import varying_times
+from .stamps import varying_times
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm")
 DEFAULT_FOLDER_RATE_HZ = 30.0  # still images carry no rate

@@ -16,8 +16,7 @@ import numpy as np
 from ...camera.capture_settings import CaptureSettings
 from ...errors import SourceError
 from ..decoding import Preparation, SourceImage, content_size
-from .stamps import MOST_NS, common_ns, period_ns
-from .video_times import describe
+from .stamps import MOST_NS, common_ns, describe, period_ns
 
 _MOST_STRETCH = 1.02  # of images that are resampled: codecs want multiples of 16, and lenses are scaled along
 _MOST_SKIPPED = 4  # in a row: where decoding alone takes too long, a fifth of the images still comes

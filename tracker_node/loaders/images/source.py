@@ -1,4 +1,7 @@
-"""Recorded images by the name of their source: files, folders and bags; decoded beforehand, or taken apart into fields."""
+"""Images of a rig's cameras by the name of their source: files, folders and bags; decoded beforehand, or taken apart into fields.
+
+Images of the background are read here, too.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
+
 from ...camera.capture_settings import CaptureSettings
-from ...camera.rig import Camera
+from ...camera.rig import Camera, CameraRig
 from ...errors import CalibrationError, SourceError, without_password
 from ...observation.deinterlace import check_field_order, check_interlaced, deinterlace
 from ..decoding import SourceImage, check_fields
@@ -199,3 +205,36 @@ def check_recorded(source: str, capture: CaptureSettings) -> None:
     """
     if capture.of_device and not parse_source(source).is_live:
         raise SourceError(source, f"{', '.join(capture.of_device)} can be set for v4l2: sources only")
+
+
+def load_plates(rig: CameraRig) -> dict[str, np.ndarray]:
+    """Camera name -> BGR plate (height, width, 3) for the cameras that name one.
+
+    Raises
+    ------
+    SourceError : a plate that is missing or cannot be read.
+    CalibrationError : a plate that does not have the size of the camera's images.
+    """
+    plates = {}
+    for camera in rig:
+        if not camera.background:
+            continue
+        plate = cv2.imread(camera.background, cv2.IMREAD_COLOR)
+        if plate is None:
+            raise SourceError(camera.background, f"cannot be read as the plate of camera '{camera.name}'")
+        expected, got = (camera.model.width, camera.model.height), (plate.shape[1], plate.shape[0])
+        if expected != got:
+            problem = f"plate has another size than the calibration: expected {expected[0]}x{expected[1]}, got {got[0]}x{got[1]}"
+            raise CalibrationError(camera.name, f"{problem} in {camera.background}")
+        plates[camera.name] = plate
+    return plates
+
+
+def resized_plates(plates: dict[str, np.ndarray], rig: CameraRig) -> dict[str, np.ndarray]:
+    """The plates in the size of the images of ``rig``, for cameras whose images are published resampled."""
+    result = {}
+    for name, plate in plates.items():
+        size = (rig[name].model.width, rig[name].model.height)
+        same = plate.shape[1::-1] == size
+        result[name] = plate if same else cv2.resize(plate, size, interpolation=cv2.INTER_AREA)
+    return result

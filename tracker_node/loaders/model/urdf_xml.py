@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import FileFormatError
 from ...geometry import se3, so3
-from ..limited_file import read_bytes
+from ..whole_file import read_bytes
 from ..yaml_file import LARGEST
 
 _XACRO = "a plain URDF (make one with `xacro FILE > robot.urdf`)"

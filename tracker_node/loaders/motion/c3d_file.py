@@ -2,13 +2,21 @@
 
 A point that was not seen has the residual -1. Angles, where there are any, stand among the points with their labels listed in
 ``POINT:ANGLES``, as Vicon writes them.
+
+ezc3d reads files in a process of its own, which a damaged file can crash, hold up or fill without harm to others:
+``python -m tracker_node.loaders.motion.c3d_file FILE`` writes the points as an ``.npz`` archive to standard output.
 """
 
 from __future__ import annotations
 
 import errno
+import io
 import os
+import resource
 import struct
+import subprocess
+import sys
+import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +26,6 @@ import numpy as np
 
 from ...errors import FileFormatError
 from ..whole_file import whole_file
-from .c3d_reader import read_c3d
 from .trc import METERS_PER_UNIT, MarkerTrajectories
 
 MOST_FRAMES = 65535  # that the header can count; of longer recordings TRIAL:ACTUAL_END_FIELD tells, to programs that look for it
@@ -175,3 +182,76 @@ def _stated_frames(path: str | Path) -> int:
     if n * n_points * _LEAST_BYTES > size:
         raise FileFormatError(path, "(end)", f"{n} frames of {n_points} points, as the header says", f"{size} bytes in all")
     return n
+
+
+_TIMEOUT_S = 120.0
+_MEMORY_BYTES = 8 << 30
+_NOT_MARKERS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")  # lists of the points that are something else
+
+
+def read_c3d(path: str | Path) -> Mapping[str, np.ndarray]:
+    """Content of a C3D file.
+
+    Returns
+    -------
+    ``points`` (n, m, 3) in the file's unit, ``residuals`` (n, m), ``rate`` (), and texts: ``labels`` (m), ``not_markers``,
+    ``units``, ``y_screen``; ``actual_frames`` (), how many ``TRIAL`` states, 0 where it does not.
+
+    Raises
+    ------
+    FileFormatError : what ezc3d says of a file that it cannot read, or how its process ended.
+    """
+    command = [sys.executable, "-m", "tracker_node.loaders.motion.c3d_file", str(path)]
+    try:
+        child = subprocess.run(command, capture_output=True, timeout=_TIMEOUT_S, check=False)
+    except subprocess.TimeoutExpired:
+        raise FileFormatError(path, "(content)", f"a C3D file that is read within {_TIMEOUT_S:.0f} s", "none") from None
+    if child.returncode != 0:
+        said = child.stderr.decode(errors="replace").strip().splitlines()
+        problem = said[-1] if said else f"one that ends the reader with status {child.returncode}"
+        raise FileFormatError(path, "(content)", "an undamaged C3D file", problem)
+    try:
+        with np.load(io.BytesIO(child.stdout), allow_pickle=False) as archive:
+            return dict(archive)
+    except (ValueError, OSError, zipfile.BadZipFile) as error:
+        raise FileFormatError(path, "(content)", "an undamaged C3D file", str(error)) from None
+
+
+def main(path: str) -> None:
+    """Read ``path`` and write what `read_c3d` returns."""
+    import ezc3d
+
+    resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES, _MEMORY_BYTES))
+    file = ezc3d.c3d(path)
+    point = file["parameters"]["POINT"]
+
+    def texts(name: str) -> list[str]:
+        return [str(value).strip() for value in point[name]["value"]] if name in point else []
+
+    np.savez(
+        sys.stdout.buffer,
+        points=np.asarray(file["data"]["points"], dtype=np.float64)[:3].transpose(2, 1, 0),
+        residuals=np.asarray(file["data"]["meta_points"]["residuals"], dtype=np.float64)[0].T,
+        rate=np.float64(file["header"]["points"]["frame_rate"]),
+        labels=np.array([label for i in ("", *range(2, 99)) for label in texts(f"LABELS{i}")], dtype=np.str_),
+        not_markers=np.array([label for kind in _NOT_MARKERS for label in texts(kind)], dtype=np.str_),
+        units=np.array(texts("UNITS"), dtype=np.str_),
+        y_screen=np.array(texts("Y_SCREEN"), dtype=np.str_),
+        actual_frames=_actual_frames(file["parameters"].get("TRIAL", {})),
+    )
+
+
+def _actual_frames(trial: Mapping[str, Any]) -> int:
+    """From the numbers of the first and last frame, each two words of 16 bits, the lower one first."""
+    numbers = []
+    for name in ("ACTUAL_START_FIELD", "ACTUAL_END_FIELD"):
+        words = [int(word) & 0xFFFF for word in np.ravel(trial[name]["value"])] if name in trial else []
+        numbers.append(words[0] + (words[1] << 16) if len(words) == 2 else 0)
+    return numbers[1] - numbers[0] + 1 if 0 < numbers[0] <= numbers[1] else 0
+
+
+if __name__ == "__main__":
+    try:
+        main(sys.argv[1])
+    except Exception as error:  # whatever the library throws becomes the last line that the other process reads
+        sys.exit(f"{type(error).__name__}: {error}".replace("\n", " "))

@@ -19,7 +19,7 @@ import numpy as np
 
 from ...errors import FileFormatError, UnknownNameError
 from ..json_values import parse_json
-from ..limited_file import ARCHIVE_BYTES, MB, read_bytes
+from ..whole_file import ARCHIVE_BYTES, MB, read_bytes
 
 _LARGEST = 4 * MB  # of one file; an image with a hundred people has a tenth of a megabyte
 

@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import FileFormatError
-from ..limited_file import TABLE_BYTES, read_text
-from ..whole_file import write_whole
+from ..whole_file import TABLE_BYTES, read_text, write_whole
 
 _TRUE, _FALSE = ("yes", "y", "true", "1"), ("no", "n", "false", "0")
 

@@ -1,4 +1,4 @@
-"""Trajectories as CSV: ``states.csv``, ``joints.csv``, ``poses.csv``.
+"""Trajectories as CSV, ``states.csv``, ``joints.csv``, ``poses.csv``; and poses in the format of the TUM RGB-D benchmark.
 
 Numbers have 17 significant digits, so reading gives back the very float64 that was written. Wall-clock times are left out:
 two runs that found the same states write the same bytes. Rows are written through at once, so what was tracked before a
@@ -17,6 +17,7 @@ from ...errors import FileFormatError
 from ...geometry import quaternion
 from ...model.kinematic_chain import N_ROOT_DOF
 from ..csv_file import CsvTable, CsvWriter, exact
+from ..whole_file import write_whole
 
 LEADING_COLUMNS = ("stamp_ns", "status", "reason")
 TRAILING_COLUMNS = ("score", "residual", "iterations", "evaluations")
@@ -211,3 +212,20 @@ def read_joints(path: str | Path) -> JointTrajectory:
             positions_m[row, names[name]] = point
             valid[row, names[name]] = True
     return JointTrajectory(tuple(names), np.array(list(instants), dtype=np.int64), positions_m, valid)
+
+
+_SECOND_NS = 1_000_000_000
+
+
+def dump_tum(stamps_ns: np.ndarray, positions_m: np.ndarray, quaternions_xyzw: np.ndarray, path: str | Path) -> None:
+    """Write poses; stamps keep their nanoseconds.
+
+    Parameters
+    ----------
+    stamps_ns, positions_m, quaternions_xyzw : (n,), (n, 3) and (n, 4).
+    """
+    lines = ["# timestamp tx ty tz qx qy qz qw"]
+    for stamp_ns, p, q in zip(stamps_ns, positions_m, quaternions_xyzw, strict=True):
+        seconds, nanoseconds = divmod(int(stamp_ns), _SECOND_NS)
+        lines.append(" ".join([f"{seconds}.{nanoseconds:09d}", *(repr(float(value)) for value in (*p, *q))]))
+    write_whole(path, "\n".join(lines) + "\n")

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import FileFormatError, UnknownNameError
-from ..limited_file import TABLE_BYTES, read_text
-from ..whole_file import write_whole
+from ..whole_file import TABLE_BYTES, read_text, write_whole
 
 METERS_PER_UNIT = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _N_HEADER = 5

@@ -1,7 +1,8 @@
-"""Control points, places of which are known, as they were clicked on in the images: a CSV file.
+"""Points clicked on in the images, of known place (control points) or of unknown place (clicks): CSV files.
 
-Columns ``camera,point,x,y,z,u,v``: one line for each camera that shows a point; meters in the world, pixels of the
-images. Before anybody has clicked on them, only their places are known: a CSV file ``point,x,y,z``.
+Control points have columns ``camera,point,x,y,z,u,v``: one line for each camera that shows a point; meters in the world, pixels
+of the images. Before anybody has clicked on them, only their places are known: a file ``point,x,y,z``. Clicks on points of
+unknown place have columns ``camera,point,u,v``.
 """
 
 from __future__ import annotations
@@ -86,3 +87,35 @@ def load_places(path: str | Path) -> dict[str, np.ndarray]:
     if not places:
         raise FileFormatError(path, "(file)", "one line at least", "none")
     return places
+
+
+CLICK_COLUMNS = ("camera", "point", "u", "v")
+
+
+def load_clicks(path: str | Path) -> dict[str, dict[str, np.ndarray]]:
+    """Camera -> point -> its pixel (2,), in the order of the file.
+
+    Raises
+    ------
+    FileFormatError : naming line and column; also for a point that a camera has twice.
+    """
+    table = CsvTable(path)
+    table.expect_prefix(CLICK_COLUMNS)
+    found: dict[str, dict[str, np.ndarray]] = {}
+    for row in table.rows():
+        camera, point = row.text[0], row.text[1]
+        if not camera or not point:
+            raise FileFormatError(path, f"line {row.line}", "names of a camera and a point", f"{camera!r}, {point!r}")
+        if point in found.setdefault(camera, {}):
+            raise FileFormatError(path, f"line {row.line}", f"each point once for camera '{camera}'", f"'{point}' again")
+        found[camera][point] = row.numbers(2, 4)
+    if not found:
+        raise FileFormatError(path, "(file)", "one line at least", "none")
+    return found
+
+
+def dump_clicks(clicks: Mapping[str, Mapping[str, np.ndarray]], path: str | Path) -> None:
+    """Write camera -> point -> its pixel (2,)."""
+    with CsvWriter(path, CLICK_COLUMNS) as writer:
+        for camera, points in clicks.items():
+            writer.write_rows([[camera, point, *map(exact, pixel)] for point, pixel in points.items()])

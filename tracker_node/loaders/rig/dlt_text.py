@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...errors import FileFormatError
-from ..limited_file import read_text
-from ..whole_file import write_whole
+from ..whole_file import read_text, write_whole
 
 N_COEFFICIENTS = 11
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...errors import FileFormatError
-from ..limited_file import read_text
+from ..whole_file import read_text
 from .dlt_text import N_COEFFICIENTS
 from .rig_yaml import CameraEntry, RigFile
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...errors import FileFormatError
 from ..json_values import parse_json
-from ..limited_file import read_text
+from ..whole_file import read_text
 from ..yaml_file import OpenCvMatrix, parse_mapping
 
 Node: TypeAlias = Any  # None, int, float, str, list, dict or np.ndarray

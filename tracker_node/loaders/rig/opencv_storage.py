@@ -20,7 +20,7 @@ from ...camera.rig import Camera, CameraRig
 from ...errors import CalibrationError, FileFormatError
 from ...geometry import se3
 from ..whole_file import write_whole
-from .camera_name import identifier
+from .lens import identifier
 from .opencv_nodes import LARGEST, Node, is_number, numbers_of, read_storage
 
 Nodes = Callable[[str], Node]  # the node of a name, or None

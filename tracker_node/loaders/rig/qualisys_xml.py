@@ -15,9 +15,8 @@ from ...camera.model import CameraModel, plausible
 from ...camera.rig import Camera, CameraRig
 from ...errors import CalibrationError, FileFormatError
 from ...geometry import se3
-from ..limited_file import read_bytes
-from ..whole_file import whole_file
-from .camera_name import identifier
+from ..whole_file import read_bytes, whole_file
+from .lens import identifier
 
 SUBPIXELS = 64.0
 MM = 1000.0

@@ -4,7 +4,7 @@ What a message says is written in `runs.messages`, once for bags and graphs; her
 them. Begin with `messages`.
 """
 
-from ...loaders.bag.stamps import stamp_ns_of
+from ...loaders.bag.message_types import stamp_ns_of
 from .images import (
     ImageBuffer,
     bgr_of_compressed,

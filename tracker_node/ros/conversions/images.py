@@ -9,7 +9,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from ...camera.model import CameraModel
 from ...errors import SourceError, shown
-from ...loaders.bag.stamps import NS_PER_S, stamp_ns_of
+from ...loaders.bag.message_types import NS_PER_S, stamp_ns_of
 from ...loaders.decoding import bayer_pattern, decoded, pixels_of
 from ...observation.image_set import ENCODINGS, CameraImage
 from ...runs import messages

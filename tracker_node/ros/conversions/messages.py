@@ -15,7 +15,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from rosidl_parser.definition import AbstractGenericString, AbstractNestedType, Array, BasicType, NamespacedType
 
-from ...loaders.bag.stamps import time_of
+from ...loaders.bag.message_types import time_of
 from ..message_classes import message_class
 
 Setter = Callable[[Any, Any], None]

@@ -21,7 +21,7 @@ from ...loaders.images.source import (
     open_source,
     size_contradiction,
 )
-from ...loaders.rig.camera_info_url import load_lens
+from ...loaders.rig.camera_info import load_lens
 from ...loaders.rig.capture_yaml import changed_settings
 from ...loaders.source_address import BAG, SourceAddress, parse_source
 

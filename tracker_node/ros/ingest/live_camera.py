@@ -13,7 +13,7 @@ import numpy as np
 from ...errors import TrackerError
 from ...loaders.decoding import Preparation, SourceImage, content_size
 from ...loaders.images.feed import is_repetition
-from ...loaders.images.live_source import Connection
+from ...loaders.images.live_capture import Connection
 from ...loaders.images.recorded_source import SourceOptions
 from ...loaders.images.stamps import common_ns
 from ...observation.deinterlace import deinterlace

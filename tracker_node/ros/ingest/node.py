@@ -16,8 +16,7 @@ from rclpy.clock import Clock, ClockType
 from ...errors import SourceError
 from ...loaders.decoding import SourceImage
 from ...loaders.images.feed import ImageFeed, Instant, SourceReport
-from ...loaders.images.live_capture import open_capture
-from ...loaders.images.live_source import LiveSource
+from ...loaders.images.live_capture import LiveSource, open_capture
 from ...loaders.images.recorded_source import SourceOptions
 from ...loaders.source_address import TOPIC
 from ..diagnostics import ERROR, OK, WARN, Diagnostics

@@ -15,7 +15,7 @@ from sensor_msgs.srv import SetCameraInfo
 from ...camera.model import CameraModel
 from ...errors import CalibrationError, TrackerError
 from ...loaders.decoding import JPEG, SourceImage
-from ...loaders.rig.camera_info_url import save_lens
+from ...loaders.rig.camera_info import save_lens
 from ...runs.messages import lens_of
 from ..conversions import ImageBuffer, camera_info_message, compressed_message, jpeg_message, stamp_message
 from ..qos import RESULT, images_published, overridable

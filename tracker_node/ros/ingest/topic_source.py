@@ -16,7 +16,7 @@ from ...errors import SourceError
 from ...loaders.bag.images import COMPRESSED, RAW
 from ...loaders.bag.metadata import OfferedQos
 from ...loaders.decoding import bayer_pattern
-from ...loaders.images.live_source import Connection
+from ...loaders.images.live_capture import Connection
 from ..conversions import bgr_of_compressed, camera_image_of, stamp_ns_of
 from ..message_classes import offered_qos, qos_profile
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from ...camera.model import CameraModel
 from ...camera.rig import CameraRig
-from ...loaders.images.background_file import load_plates, resized_plates
+from ...loaders.images.source import load_plates, resized_plates
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...runs.loop import Steppable

@@ -1,7 +1,7 @@
 """What the messages of a run say, as plain mappings of field -> value; and lenses of messages that were read.
 
-No message class of anybody here: `ros.conversions` writes such a mapping into the classes of ROS, `loaders.bag.messages` into
-those of bags, so the live node and the offline run say the same. Begin with `estimates`.
+No message class of anybody here: `ros.conversions` writes such a mapping into the classes of ROS, `loaders.bag.message_types`
+into those of bags, so the live node and the offline run say the same. Begin with `estimates`.
 """
 
 from .cameras import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE, camera_info, compressed_image, image, jpeg_of, lens_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...loaders.bag.stamps import time_of
+from ...loaders.bag.message_types import time_of
 from ...model.articulated import ArticulatedModel
 from ...model.kinematic_chain import N_ROOT_DOF
 from ...tracking.estimate import TrackEstimate

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...geometry import quaternion
-from ...loaders.bag.stamps import time_of
+from ...loaders.bag.message_types import time_of
 
 Content = Mapping[str, Any]
 """A message as field -> value: numbers, text, arrays of numbers, a mapping for a message in it, lists of text or of mappings."""

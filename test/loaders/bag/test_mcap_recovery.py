@@ -1,4 +1,4 @@
-"""MCAP files cut off or damaged at known bytes: which messages are found, and what is said."""
+"""Accounts of one file of a bag."""
 
 import struct
 from pathlib import Path
@@ -9,9 +9,56 @@ import zstandard
 from mcap.opcode import Opcode
 
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.bag.mcap.contents import FileContents
-from tracker_node.loaders.bag.mcap.recovery import MAGIC, scan, unpacked, unpacked_zstd
-from tracker_node.loaders.bag.mcap.writer import McapWriter
+from tracker_node.loaders.bag.file import BagFile
+from tracker_node.loaders.bag.mcap_recovery import (
+    MAGIC,
+    FileContents,
+    RawMessage,
+    one_text,
+    scan,
+    survey,
+    unpacked,
+    unpacked_zstd,
+)
+from tracker_node.loaders.bag.mcap_writer import McapWriter
+from tracker_node.loaders.bag.metadata import OfferedQos, TopicRecord
+
+
+def message(channel, stamp_ns, publish_ns=0):
+    return RawMessage(channel, stamp_ns, publish_ns, b"")
+
+
+def test_messages_are_counted_by_channel_and_span_time():
+    contents = FileContents()
+    for channel, stamp_ns in ((3, 50), (3, 40), (1, 70), (3, 60)):
+        contents.count(message(channel, stamp_ns, 1000))
+    assert contents.counts == {3: 3, 1: 1}
+    assert contents.message_count == 4
+    assert (contents.start_ns, contents.end_ns) == (40, 70)
+
+
+@pytest.mark.parametrize("stamp_ns", [-5, 0, 5])
+def test_the_span_of_one_message(stamp_ns):
+    contents = FileContents()
+    contents.count(message(1, stamp_ns))
+    assert (contents.start_ns, contents.end_ns) == (stamp_ns, stamp_ns)
+
+
+@pytest.mark.parametrize(
+    ("problems", "text"),
+    [
+        ([], ""),
+        (["a"], "a"),
+        (["a", "b", "a"], "a; b"),
+        (["a", "b", "c", "d"], "a; b; c; d"),
+        (["a", "b", "c", "d", "e"], "a; b; c; d; and 1 more"),
+        (["a", "b", "c", "d", "e", "f", "a"], "a; b; c; d; and 2 more"),
+    ],
+)
+def test_problems_as_one_text(problems, text):
+    assert one_text(problems) == text
+    assert FileContents(problems=problems).problem == text
+
 
 N, SIZE = 6, 40
 RECORD = 1 + 8 + 22 + SIZE  # opcode, length, head of a message, data
@@ -206,3 +253,33 @@ def test_compressions():
         unpacked("lz4", lz4.frame.compress(data)[:-6])
     large = b"\0" * (5 * 2**20)  # more than a piece
     assert unpacked_zstd(zstandard.compress(large)) == large
+
+
+@pytest.fixture
+def small_bag(tmp_path):
+    file = BagFile(tmp_path / "a.mcap", chunk_bytes=1000, compression="")
+    for name in ("/a", "/b"):
+        file.add_topic(TopicRecord(name, "std_msgs/msg/String", "", OfferedQos()))
+    for name, stamp in (("/a", 90), ("/b", 50), ("/a", 70)):
+        file.write(name, 0, stamp, stamp, name.encode())
+    file.finish({})
+    return file.path
+
+
+def test_a_survey_counts_the_messages_of_each_topic(small_bag):
+    contents = survey(small_bag)
+    assert contents.counts == {1: 2, 2: 1} and contents.message_count == 3
+    assert (contents.start_ns, contents.end_ns) == (50, 90)
+    assert contents.channels[1].topic == "/a" and contents.problems == []
+
+
+def test_messages_come_in_the_order_of_the_file_and_topics_go_where_asked(small_bag):
+    assert [message.data for message in scan(small_bag)] == [b"/a", b"/b", b"/a"]
+    mine = FileContents()
+    assert len(list(scan(small_bag, mine))) == 3 and sorted(mine.channels) == [1, 2]
+
+
+def test_another_kind_of_file_is_refused(small_bag):
+    small_bag.write_bytes(b"SQLite format 3\0")
+    with pytest.raises(FileFormatError, match="the magic bytes of an MCAP file"):
+        survey(small_bag)

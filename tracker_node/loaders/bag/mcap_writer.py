@@ -34,7 +34,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from .recovery import MAGIC
+from .mcap_recovery import MAGIC
 
 COMPRESSIONS = {"none": "", "lz4": "lz4", "zstd": "zstd"}
 """Names for people, and as they stand in the file."""

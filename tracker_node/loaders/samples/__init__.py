@@ -1,4 +1,0 @@
-"""Sample recordings for a first run, fetched from the package index.
-
-Begin with `data`.
-"""
