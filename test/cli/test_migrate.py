@@ -15,7 +15,7 @@ from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
 from tracker_node.loaders.rig.rig_yaml import read_rig_file
 from tracker_node.runs.config_file import load_config
-from tracker_node.runs.data import load_run
+from tracker_node.runs.load import load_run
 from tracker_node.tracking.estimate import LimbStatus
 
 OLD = """# by hand

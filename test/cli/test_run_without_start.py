@@ -23,7 +23,7 @@ from tracker_node.loaders.motion.trajectory_file import (
 )
 from tracker_node.loaders.motion.trc import load_trc
 from tracker_node.model.configuration import Configuration
-from tracker_node.runs.data import load_run
+from tracker_node.runs.load import load_run
 from tracker_node.studio.playback.page import AskedCurve, AskedRow, PlaybackDesk
 from tracker_node.studio.session import StudioFiles, open_session
 

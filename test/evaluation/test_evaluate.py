@@ -10,7 +10,7 @@ from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.evaluate import EvaluationOptions, evaluate
 from tracker_node.evaluation.truth.association import Trajectories
 from tracker_node.evaluation.truth.landmarks import EVALUATED_JOINTS, offset_links
-from tracker_node.runs.data import load_run
+from tracker_node.runs.load import load_run
 
 
 def truth_of(tracked: Motion, offset=lambda configuration, positions: positions) -> Trajectories:

@@ -20,7 +20,8 @@ from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box
-from tracker_node.runs.data import RunData, RunDetails, load_run
+from tracker_node.runs.data import RunData, RunDetails
+from tracker_node.runs.load import load_run
 
 
 def states_file(path: Path, moving: Motion, status: str = "TRACKING") -> Path:

@@ -17,7 +17,7 @@ from tracker_node.loaders.json_values import parse_json
 from tracker_node.loaders.motion.openpose_json import load_openpose
 from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, read_states, write_states
 from tracker_node.loaders.rig.qualisys_xml import load_qualisys
-from tracker_node.runs.data import load_run
+from tracker_node.runs.load import load_run
 
 DEEP = "[" * 100_000
 

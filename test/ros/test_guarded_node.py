@@ -17,12 +17,11 @@ from tracker_node.ros import executor
 from tracker_node.ros.bag.player import PlayerNode
 from tracker_node.ros.bag.recorder import RecorderNode
 from tracker_node.ros.conversions import image_message
-from tracker_node.ros.diagnostics import Diagnostics
+from tracker_node.ros.diagnostics import Diagnostics, QosMismatches
 from tracker_node.ros.guarded_node import GuardedNode
 from tracker_node.ros.ingest.node import CameraIngestNode
 from tracker_node.ros.ingest.rectify_node import RectifyNode
 from tracker_node.ros.qos import images_published
-from tracker_node.ros.qos_mismatch import QosMismatches
 from tracker_node.ros.tracker.image_inbox import ImageInbox, InboxOptions
 from tracker_node.ros.tracker.node import TrackerNode
 

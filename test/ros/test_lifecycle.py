@@ -6,7 +6,7 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from tracker_node.errors import TrackerError
-from tracker_node.ros.lifecycle import ManagedNode
+from tracker_node.ros.guarded_node import ManagedNode
 
 
 class Listed(ManagedNode):

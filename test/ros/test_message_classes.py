@@ -7,7 +7,8 @@ from std_srvs.srv import SetBool
 
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.bag.metadata import OfferedQos
-from tracker_node.ros.message_classes import message_class, offered_qos, qos_profile
+from tracker_node.ros.conversions import message_class
+from tracker_node.ros.qos import offered_qos, qos_profile
 
 
 def test_classes_are_found_by_name():

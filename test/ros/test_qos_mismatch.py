@@ -7,8 +7,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
-from tracker_node.ros.diagnostics import OK, WARN, Diagnostics
-from tracker_node.ros.qos_mismatch import QosMismatches
+from tracker_node.ros.diagnostics import OK, WARN, Diagnostics, QosMismatches
 
 RELIABLE = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)

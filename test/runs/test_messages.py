@@ -173,7 +173,7 @@ def assert_same_bytes(message: Any, type_name: str, content: messages.Content) -
 def test_nodes_and_offline_runs_say_the_same_in_the_same_bytes(name: str, rig) -> None:
     pytest.importorskip("rclpy", reason="ROS is not installed")
     from tracker_node.ros import conversions
-    from tracker_node.ros.message_classes import message_class
+    from tracker_node.ros.conversions import message_class
 
     estimate = estimates()[name]
     contents = said(estimate, rig)
@@ -190,7 +190,7 @@ def test_a_message_that_is_filled_again_says_nothing_of_before(rig) -> None:
     """As a node fills one message for every image set."""
     pytest.importorskip("rclpy", reason="ROS is not installed")
     from tracker_node.ros import conversions
-    from tracker_node.ros.message_classes import message_class
+    from tracker_node.ros.conversions import message_class
 
     kept: dict[tuple[str, int], Any] = {}
     for name in (*sorted(estimates()), *sorted(estimates(), reverse=True)):

@@ -12,7 +12,8 @@ from helpers.bodies.moving_person import moving, write_run
 from helpers.bodies.two_links import two_links
 from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.motion.isb_angles import isb_angles
-from tracker_node.runs.data import RunDetails, load_run
+from tracker_node.runs.data import RunDetails
+from tracker_node.runs.load import load_run
 from tracker_node.runs.motion import at_constant_rate, motion_of_run, steady_period_ns, without_gaps
 from tracker_node.tracking.estimate import LimbStatus
 

@@ -14,7 +14,7 @@ from tracker_node.cli.main import main
 from tracker_node.loaders.motion.motion_file import read_covariances
 from tracker_node.loaders.motion.trajectory_file import read_joints, read_states
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.runs.data import load_run
+from tracker_node.runs.load import load_run
 
 N_IMAGES = 12
 

@@ -47,7 +47,7 @@ def test_every_state_has_one_color_everywhere():
 
 def test_a_lost_body_is_drawn_in_the_color_of_lost():
     from tracker_node.model.humans.human import human_model
-    from tracker_node.runs.messages.markers import color
+    from tracker_node.runs.messages.body import color
 
     lost = color(human_model().shapes[0], Status.LOST)
     assert (lost["r"], lost["g"], lost["b"]) == pytest.approx(rgb_of("lost"))

@@ -12,8 +12,8 @@ from ..evaluation.evaluate import EvaluationOptions
 from ..evaluation.motion.run_export import ExportRequest, export_run, format_of
 from ..evaluation.review import review
 from ..evaluation.truth.files import truth_of
-from ..runs.data import load_run
 from ..runs.images import first_image_of
+from ..runs.load import load_run
 from ..runs.offline import OfflineRun, Progress, run_offline
 from .recording import Recording, open_recording
 from .run import Run, unwritten

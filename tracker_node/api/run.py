@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import FileFormatError
 from ..loaders.model.model_yaml import load_model
 from ..model.articulated import ArticulatedModel
-from ..runs import data
+from ..runs import load
 from ..runs.data import RunData
 from ..runs.images import file_of
 from ..runs.motion import RunMotion, motion_of_run
@@ -169,7 +169,7 @@ def load_run(path: str | Path, model: ArticulatedModel | str | Path | None = Non
     --------
     >>> run = load_run("out/run1")  # doctest: +SKIP
     """
-    found = data.load_run(path, topic)
+    found = load.load_run(path, topic)
     named: str | Path | None = None
     if not isinstance(model, ArticulatedModel):
         named = model or file_of(found.info, "model")

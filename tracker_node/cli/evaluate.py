@@ -76,8 +76,8 @@ def _review(args: argparse.Namespace, path: str, name: str, model_path: str | No
     from ..evaluation.review import review
     from ..evaluation.truth.files import truth_of
     from ..loaders.model.model_yaml import load_model
-    from ..runs.data import load_run
     from ..runs.images import file_of, first_image_of
+    from ..runs.load import load_run
 
     tracked = load_run(path, args.topic)
     first_image = first_image_of(tracked.info) if args.first_image is None else args.first_image

@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
     from ..errors import FileFormatError
     from ..evaluation.motion.run_export import WHERE, ExportRequest, export_run, format_of
     from ..loaders.model.model_yaml import load_model
-    from ..runs.data import load_run
+    from ..runs.load import load_run
 
     output = Path(args.output)
     try:

@@ -130,8 +130,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _as_that_run(args: argparse.Namespace) -> None:
     """What the command line leaves out of how images are taken is as in the run that is made again."""
-    from ..runs.data import run_info
     from ..runs.images import options_of
+    from ..runs.load import run_info
 
     options = options_of(run_info(args.from_run_bag))
     for name in ("start", "end", "rate", "resize", "shrink", "base_stamp_ns", "cameras", "source"):

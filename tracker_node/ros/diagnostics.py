@@ -1,4 +1,4 @@
-"""A node's /diagnostics: every second, and at once when something changes for the worse or the better."""
+"""A node's /diagnostics: every second, and at once when something changes; mismatches of quality of service among it."""
 
 from __future__ import annotations
 
@@ -9,10 +9,13 @@ from collections.abc import Iterable, Mapping
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
+from rclpy.qos import QoSCompatibility, qos_check_compatible
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from ..tracking.camera_fault import TURNED, CameraFault
-from .qos import RESULT
+from .qos import RESULT, policy_name
 
 OK = DiagnosticStatus.OK
 WARN = DiagnosticStatus.WARN
@@ -118,3 +121,63 @@ def _gist(message: str) -> str:
 
 def _text(value: object) -> str:
     return f"{value:.3f}" if isinstance(value, float) else str(value)
+
+
+_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # of rmw
+
+
+class QosMismatches:
+    """Reports each mismatch as a part ``quality of service of <what>``; `recheck` ends those that are over."""
+
+    def __init__(self, node: Node, diagnostics: Diagnostics):
+        self._node, self._diagnostics = node, diagnostics
+        self._known: dict[str, tuple[str, dict[str, str]]] = {}  # what -> problem, and its values: topic, policy
+
+    def of_subscription(self, what: str, topic: str) -> SubscriptionEventCallbacks:
+        """To be given to ``create_subscription``; ``what`` is the name for people."""
+        return SubscriptionEventCallbacks(incompatible_qos=lambda event: self._found(what, topic, "a publisher", event))
+
+    def of_publisher(self, what: str, topic: str) -> PublisherEventCallbacks:
+        """To be given to ``create_publisher``."""
+        return PublisherEventCallbacks(incompatible_qos=lambda event: self._found(what, topic, "a subscriber", event))
+
+    def _found(self, what: str, topic: str, other: str, event) -> None:
+        policy = policy_name(event.last_policy_kind)
+        problem = f"nothing passes between us and {other}: its {policy} does not match ours"
+        self._known[what] = problem, {"topic": topic, "policy": policy}
+        self._tell(what)
+
+    def _tell(self, what: str) -> None:
+        self._diagnostics.report(_part(what), WARN, *self._known[what])
+
+    def recheck(self, again: bool = True) -> None:
+        """Once a second: those whose other end has left, or come back with what matches, are no trouble any more.
+
+        The others are reported ``again``: a node that was at rest has said meanwhile that nothing is expected of it.
+        """
+        for what, (_, values) in list(self._known.items()):
+            if not self._mismatched(values["topic"]):
+                del self._known[what]
+                self._diagnostics.report(_part(what), OK, "matches", {"topic": values["topic"]})
+            elif again:
+                self._tell(what)
+
+    def _mismatched(self, topic: str) -> bool:
+        full = self._node.resolve_topic_name(topic)
+        publishers = self._node.get_publishers_info_by_topic(full)
+        subscribers = self._node.get_subscriptions_info_by_topic(full)
+        return any(
+            qos_check_compatible(one.qos_profile, other.qos_profile)[0] == QoSCompatibility.ERROR
+            for one in publishers
+            for other in subscribers
+            if self._is_ours(one) or self._is_ours(other)
+        )
+
+    def _is_ours(self, end: TopicEndpointInfo) -> bool:
+        if end.node_name == _UNKNOWN:  # the graph has not heard of its node yet
+            return True
+        return (end.node_name, end.node_namespace) == (self._node.get_name(), self._node.get_namespace())
+
+
+def _part(what: str) -> str:
+    return f"quality of service of {what}"

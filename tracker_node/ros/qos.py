@@ -12,6 +12,8 @@ from typing import Any
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
+from ..loaders.bag.metadata import OfferedQos
+
 PROFILE_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
 RESULT = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
@@ -38,6 +40,31 @@ def images_published(depth: int = 10) -> QoSProfile:
 def images_subscribed(lossless: bool, depth: int = 100) -> QoSProfile:
     """Every image in order, or the newest as they come."""
     return images_published(depth) if lossless else LIVE_IMAGES
+
+
+def qos_profile(offered: OfferedQos) -> QoSProfile:
+    """Profile to publish or subscribe with."""
+    return QoSProfile(
+        reliability=ReliabilityPolicy.BEST_EFFORT if offered.reliability == "best_effort" else ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if offered.durability == "transient_local" else DurabilityPolicy.VOLATILE,
+        history=HistoryPolicy.KEEP_ALL if offered.history == "keep_all" else HistoryPolicy.KEEP_LAST,
+        depth=max(1, offered.depth),
+    )
+
+
+def offered_qos(profiles: list[QoSProfile], depth: int = 10) -> OfferedQos:
+    """The weakest of what several publishers offer: who asks for it gets the messages of all of them.
+
+    ``depth`` stands in where a publisher's depth is not known from outside, which is the rule.
+    """
+    reliable = all(p.reliability != ReliabilityPolicy.BEST_EFFORT for p in profiles)
+    latched = bool(profiles) and all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
+    return OfferedQos(
+        reliability="reliable" if reliable else "best_effort",
+        durability="transient_local" if latched else "volatile",
+        history="keep_all" if profiles and all(p.history == HistoryPolicy.KEEP_ALL for p in profiles) else "keep_last",
+        depth=max([depth, *(p.depth for p in profiles)]),
+    )
 
 
 def overridable(qos: QoSProfile) -> dict[str, Any]:

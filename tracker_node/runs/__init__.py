@@ -2,5 +2,5 @@
 
 No ROS here: the live node and the offline run share `set_formation` (images to image sets), `loop` (image sets to estimates),
 `messages` and `outputs` (what is said of an estimate, on which topics). Begin with `offline`, the tracker on recorded images;
-`image_sets` is where they come from, `data` what a run left.
+`image_sets` is where they come from, `load` reads what a run left.
 """

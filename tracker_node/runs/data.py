@@ -1,4 +1,4 @@
-"""What a run left behind: from the folder of `track`, or from any bag that holds tracked states."""
+"""The states of a run, and what a tracker says beside them."""
 
 from __future__ import annotations
 
@@ -11,18 +11,9 @@ import numpy as np
 
 from ..camera.rig import CameraRig
 from ..errors import FileFormatError
-from ..loaders.bag.files import STORAGE_SUFFIXES
-from ..loaders.bag.message_types import STATE_COVARIANCE, TRACKED_STATE
-from ..loaders.bag.reader import BagReader
-from ..loaders.json_values import read_json
-from ..loaders.motion.motion_file import CovarianceTrajectory, read_covariances
-from ..loaders.motion.trajectory_file import read_states
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..tracking.estimate import PX, LimbStatus, Status, TrackEstimate
-from .smoothed_writer import FOLDER as SMOOTHED
-
-STATES_FILE, COVARIANCES_FILE, INFO_FILE, BAG_FOLDER = "states.csv", "covariances.csv", "run.json", "bag"
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,9 +115,9 @@ class RunData:
             camera_residuals=np.array([[c.residual for c in e.cameras] for e in estimates]),
             camera_samples=np.array([[c.samples for c in e.cameras] for e in estimates]),
             residual_unit=next((e.residual_unit for e in estimates), PX),
-        )._without_guesses()
+        ).without_guesses()
 
-    def _without_guesses(self) -> RunData:
+    def without_guesses(self) -> RunData:
         """NaN instead of the neutral state that is written before the body is found."""
         found = self.has_state & np.array([Status(int(status)).has_state for status in self.status], dtype=bool)
         values, residual = np.where(found[:, None], self.values, np.nan), np.where(found, self.residual, np.nan)
@@ -188,215 +179,3 @@ class RunData:
             problem = f"{len(model.chain.dof_names)}, e.g. {only_model or 'another order'} and not {only_run}"
             expected = f"the {len(self.dof_names)} degrees of freedom of {self.path}"
             raise FileFormatError(model_path, "joints", expected, problem)
-
-
-def load_run(path: str | Path, topic: str | None = None) -> RunData:
-    """The states of a run folder, of a folder that holds ``bag/``, or of a bag itself.
-
-    Parameters
-    ----------
-    path : of a run folder, or of a bag.
-    topic : topic of the states, where a bag has several.
-
-    Returns
-    -------
-    run : in the order of the stamps.
-
-    Raises
-    ------
-    FileFormatError : nothing of the kind there, no states, or states of several bodies and no ``topic``.
-    """
-    path = Path(path)
-    if not path.exists():
-        raise FileFormatError(path, "(path)", "a run folder or a bag", "nothing there")
-    bag = _bag_in(path)
-    info = run_info(path)
-    if path.is_dir() and (path / STATES_FILE).exists():
-        run = replace(_from_csv(path / STATES_FILE), residual_unit=str(info.get("residual_unit", PX)))
-        if bag is not None:
-            run = _with_cameras_of(run, _from_bag(bag, topic))
-        elif (path / COVARIANCES_FILE).exists():  # of a smoothed run
-            run = _with_covariances(replace(run, path=path), read_covariances(path / COVARIANCES_FILE))
-        run = replace(run, path=path)
-    elif bag is not None:
-        run = _from_bag(bag, topic)
-    else:
-        raise FileFormatError(path, "(path)", f"a folder with {STATES_FILE} or {BAG_FOLDER}/, or a bag", "neither")
-    if not len(run):
-        raise FileFormatError(path, "(states)", "at least one tracked state", "none")
-    return replace(run, bag=bag, info=info)._without_guesses()
-
-
-def _bag_in(path: Path) -> Path | None:
-    for candidate in (path, path / BAG_FOLDER):
-        if candidate.is_file() and candidate.suffix in STORAGE_SUFFIXES:
-            return candidate
-        if candidate.is_dir() and any(file.suffix in STORAGE_SUFFIXES for file in candidate.iterdir()):
-            return candidate
-    return None
-
-
-def run_info(path: str | Path) -> dict[str, Any]:
-    """Content of the ``run.json`` of a run folder, or of a bag in one; empty without one.
-
-    Raises
-    ------
-    FileFormatError : one that cannot be read.
-    """
-    path = Path(path)
-    return _read_info(_info_of(path)) if path.is_dir() else {}
-
-
-def _info_of(folder: Path) -> Path:
-    """Of a part of a run it is the file of the run that tells, unless the part has one of its own."""
-    told_beside = folder.name in (SMOOTHED, BAG_FOLDER) and not (folder / INFO_FILE).exists()
-    return (folder.parent if told_beside else folder) / INFO_FILE
-
-
-def _read_info(path: Path) -> dict[str, Any]:
-    if not path.exists():
-        return {}
-    info = read_json(path)
-    if not isinstance(info, dict):
-        raise FileFormatError(path, "(content)", "a JSON object", info)
-    return info
-
-
-def _from_csv(path: Path) -> RunData:
-    states = read_states(path)
-    rows = states.rows
-    for line, row in enumerate(rows, start=2):
-        if row.status not in Status.__members__:
-            raise FileFormatError(path, f"line {line}, column 'status'", f"one of {list(Status.__members__)}", row.status)
-    run = RunData(
-        path=path,
-        dof_names=states.dof_names,
-        stamps_ns=states.stamps_ns,
-        status=np.array([Status[row.status] for row in rows], dtype=int),
-        values=states.values,
-        residual=np.array([row.residual for row in rows]),
-        iterations=np.array([row.iterations for row in rows], dtype=int),
-        cameras=(),
-        camera_residuals=np.zeros((len(rows), 0)),
-        camera_samples=np.zeros((len(rows), 0), dtype=int),
-    )
-    return _in_order(run)
-
-
-def _from_bag(path: Path, topic: str | None) -> RunData:
-    with BagReader(path) as reader:
-        topics = (topic,) if topic else reader.topics_of_type(TRACKED_STATE)
-        if len(topics) != 1:
-            problem = ", ".join(topics) or "none"
-            raise FileFormatError(path, "topics", f"one topic of type {TRACKED_STATE} (or give its name)", problem)
-        found = reader.topic(topics[0])
-        if found.type_name != TRACKED_STATE:
-            raise FileFormatError(path, found.name, f"messages of type {TRACKED_STATE}", found.type_name)
-        messages = state_messages(reader, found.name)
-        covariances = _covariances(reader, f"{found.name}_covariance")
-    first = messages[0] if messages else None
-    dof_names = tuple(first.dof_names) if first else ()
-    cameras = tuple(first.cameras) if first else ()
-    for message in messages:
-        if tuple(message.dof_names) != dof_names or tuple(message.cameras) != cameras:
-            raise FileFormatError(path, topics[0], "one body and one rig throughout", "a change within the bag")
-    n = len(messages)
-    run = RunData(
-        path=path,
-        dof_names=dof_names,
-        stamps_ns=np.array([_nanoseconds(m.header.stamp) for m in messages], dtype=np.int64),
-        status=np.array([m.status for m in messages], dtype=int),
-        values=np.array([m.values for m in messages], dtype=np.float64).reshape(n, len(dof_names)),
-        residual=np.array([m.residual for m in messages], dtype=np.float64),
-        iterations=np.array([m.iterations for m in messages], dtype=int),
-        cameras=cameras,
-        camera_residuals=np.array([m.camera_residuals for m in messages], dtype=np.float64).reshape(n, len(cameras)),
-        camera_samples=np.array([m.camera_samples for m in messages], dtype=int).reshape(n, len(cameras)),
-        residual_unit=next(filter(None, (str(m.residual_unit) for m in messages)), PX),
-        details=_details(path, messages, covariances, len(dof_names)),
-    )
-    return _in_order(run)
-
-
-def state_messages(reader: BagReader, topic: str) -> list[Any]:
-    """Messages of type TrackedState, in the order of recording.
-
-    Parameters
-    ----------
-    reader : of the bag.
-    topic : name of the states' topic.
-
-    Returns
-    -------
-    messages : with the fields of the type.
-
-    Raises
-    ------
-    FileFormatError : the bag is of version 0.1, or damaged.
-    """
-    if is_old(reader, topic):
-        expected = "states under their present names (`tracker_node migrate` rewrites bags and runs)"
-        raise FileFormatError(reader.path, topic, expected, "those of version 0.1")
-    return [message for _, message in reader.decoded(topic)]
-
-
-def is_old(reader: BagReader, topic: str) -> bool:
-    """Whether a topic of tracked states was written by version 0.1."""
-    return "residual_px" in reader.topic(topic).definition
-
-
-def _covariances(reader: BagReader, topic: str) -> dict[int, np.ndarray]:
-    """(n_dof * n_dof,) by the stamp of the state."""
-    if topic not in reader.topics or reader.topic(topic).type_name != STATE_COVARIANCE:
-        return {}
-    return {_nanoseconds(m.header.stamp): m.covariance for _, m in reader.decoded(topic)}
-
-
-def _details(path: Path, messages: Sequence[Any], covariances: Mapping[int, np.ndarray], n_dof: int) -> RunDetails:
-    judged = [tuple(m.limbs) for m in messages]  # none before the body is found
-    n, limbs = len(messages), next(filter(None, judged), ())
-    if any(found not in (limbs, ()) for found in judged):
-        raise FileFormatError(path, "limbs", "the same limbs throughout", "a change within the bag")
-    details = RunDetails.unknown(n, n_dof, limbs)
-    for i, m in enumerate(messages):
-        if len(m.limb_status):
-            details.limb_status[i] = m.limb_status
-        details.timings_ms[i] = m.observe_ms, m.optimize_ms, m.total_ms
-        covariance = covariances.get(_nanoseconds(m.header.stamp))
-        if covariance is not None and len(covariance) == n_dof**2:
-            details.covariances[i] = np.reshape(covariance, (n_dof, n_dof))
-    return details
-
-
-def _nanoseconds(stamp: Any) -> int:
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
-
-
-def _in_order(run: RunData) -> RunData:
-    """Sorted by stamp; of several states with one stamp the last, as a subscriber keeps it."""
-    latest = {int(stamp): i for i, stamp in enumerate(run.stamps_ns)}
-    rows = np.array([latest[stamp] for stamp in sorted(latest)], dtype=int)
-    per_set = ("stamps_ns", "status", "values", "residual", "iterations", "camera_residuals", "camera_samples")
-    details = None if run.details is None else run.details.at(rows)
-    return replace(run, details=details, **{name: getattr(run, name)[rows] for name in per_set})
-
-
-def _with_covariances(run: RunData, known: CovarianceTrajectory) -> RunData:
-    if known.dof_names != run.dof_names:
-        expected = f"the degrees of freedom of {STATES_FILE}"
-        raise FileFormatError(run.path / COVARIANCES_FILE, "header", expected, ", ".join(known.dof_names))
-    row_of = {int(stamp): i for i, stamp in enumerate(known.stamps_ns)}
-    rows = np.array([row_of.get(int(stamp), -1) for stamp in run.stamps_ns], dtype=int)
-    details = RunDetails.unknown(len(known.stamps_ns), len(run.dof_names))
-    return replace(run, details=replace(details, covariances=known.state.astype(np.float32)).at(rows))
-
-
-def _with_cameras_of(run: RunData, bag: RunData) -> RunData:
-    """``run`` with what the CSV does not hold, cameras and details, of the states of the same stamps in the bag."""
-    row_of = {int(stamp): i for i, stamp in enumerate(bag.stamps_ns)}
-    rows = np.array([row_of.get(int(stamp), -1) for stamp in run.stamps_ns], dtype=int)
-    residuals = np.where(rows[:, None] >= 0, bag.camera_residuals[rows], 0.0)
-    samples = np.where(rows[:, None] >= 0, bag.camera_samples[rows], 0)
-    details = bag.details.at(rows) if bag.details is not None and bag.dof_names == run.dof_names else None
-    run = replace(run, cameras=bag.cameras, camera_residuals=residuals, camera_samples=samples)
-    return replace(run, residual_unit=bag.residual_unit, details=details)

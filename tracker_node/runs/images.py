@@ -22,9 +22,10 @@ from ..observation.image_set import ImageSet
 from ..tracking.config import TrackerConfig, describe, from_dict
 from ..tracking.estimate import Status
 from ..tracking.renamed import migrated
-from .data import INFO_FILE, RunData
+from .data import RunData
 from .image_sets import resampled_rig, rig_of_bag
 from .recorded_sets import RecordedRunStream
+from .writer import SUMMARY
 
 Info = Mapping[str, Any]
 _FIELDS = {name: name for name in ("start", "end", "shrink", "base_stamp_ns")} | {"rate_hz": "rate", "size": "resize"}
@@ -84,7 +85,7 @@ def source_options_of(info: Info, path: str | Path = "run") -> SourceOptions:
         numbers = {field: int(values[field]) for field in ("start", "shrink", "base_stamp_ns")}
         return SourceOptions(**{**values, **numbers, "size": size})
     except (TypeError, ValueError) as error:
-        raise FileFormatError(Path(path) / INFO_FILE, "options", "start, end, rate and size of images", str(error)) from None
+        raise FileFormatError(Path(path) / SUMMARY, "options", "start, end, rate and size of images", str(error)) from None
 
 
 def rig_of_run(rig: CameraRig, info: Info, other_file: bool = False) -> CameraRig:

@@ -28,9 +28,9 @@ from ..loaders.yaml_file import FileModel, read_mapping, validate
 from ..tracking.config import CONTOURS, from_dict
 from ..tracking.estimate import GRAY_LEVELS, PX, LimbStatus
 from ..tracking.renamed import migrated
-from .data import BAG_FOLDER, INFO_FILE, STATES_FILE, is_old, run_info
+from .load import is_old, run_info
 from .messages import COMPRESSED_IMAGE
-from .smoothed_writer import FOLDER as SMOOTHED
+from .writer import BAG, SMOOTHED, STATES, SUMMARY
 
 _RENAMED_KEYS: dict[str, tuple[str, str, type[FileModel]]] = {
     RIG: ("plate", "background", RigFile),
@@ -63,7 +63,7 @@ def migrate(path: Path, output: Path) -> list[str]:
         raise FileFormatError(path.with_name(f"{path.name}.old"), "(file)", "no such file: what is migrated goes there", "a file")
     if path.is_dir() or path.suffix in STORAGE_SUFFIXES:
         with _folder_in_place_of(path, output) as folder:
-            (_migrate_run if path.is_dir() and (path / STATES_FILE).exists() else _migrate_bag)(path, folder)
+            (_migrate_run if path.is_dir() and (path / STATES).exists() else _migrate_bag)(path, folder)
         return []
     content = read_mapping(path)
     if kind_of(content) in _RENAMED_KEYS:
@@ -106,9 +106,9 @@ def _folder_in_place_of(path: Path, output: Path) -> Iterator[Path]:
 
 
 def _migrate_run(path: Path, output: Path) -> None:
-    bag = path / BAG_FOLDER
-    shutil.copytree(path, output, ignore=lambda folder, _: [BAG_FOLDER] if Path(folder) == path and bag.is_dir() else [])
-    for states in (output / STATES_FILE, output / SMOOTHED / STATES_FILE):
+    bag = path / BAG
+    shutil.copytree(path, output, ignore=lambda folder, _: [BAG] if Path(folder) == path and bag.is_dir() else [])
+    for states in (output / STATES, output / SMOOTHED / STATES):
         if states.exists():
             write_whole(states, _present_states(read_text(states)))
     info = run_info(path)
@@ -117,9 +117,9 @@ def _migrate_run(path: Path, output: Path) -> None:
         counts = info.get("status_counts", {})
         info["status_counts"] = {name.replace("INITIALISING", "INITIALIZING"): count for name, count in counts.items()}
         info["residual_unit"] = _residual_unit(info)
-        write_whole(output / INFO_FILE, json.dumps(info, indent=2) + "\n")
+        write_whole(output / SUMMARY, json.dumps(info, indent=2) + "\n")
     if bag.is_dir():
-        _migrate_bag(bag, output / BAG_FOLDER)
+        _migrate_bag(bag, output / BAG)
 
 
 def _present_states(text: str) -> str:

@@ -24,13 +24,12 @@ from ..tracking.config import TrackerConfig, flatten
 from ..tracking.estimate import GRAY_LEVELS, PX, Status, TrackEstimate
 from ..tracking.observability import unobservable
 from ..tracking.tracker import Tracker
-from .data import run_info
 from .image_sets import BagStream, ImageSetStream, SourceStream, resampled_rig, rig_of_bag
 from .images import run_stream
+from .load import run_info
 from .loop import TrackingLoop
 from .recorded_sets import RecordedRunStream
-from .smoothed_writer import SmoothedWriter
-from .writer import RunWriter
+from .writer import RunWriter, SmoothedWriter
 
 Progress = Callable[[int, int | None, TrackEstimate], None]
 

@@ -13,8 +13,8 @@ from ..loaders.bag.message_types import TRACKED_STATE, stamp_ns_of
 from ..loaders.bag.reader import BagReader
 from ..loaders.images.source import ImageSource, SourceOptions
 from ..observation.image_set import CameraImage, ImageSet
-from .data import state_messages
 from .image_sets import ImageSetStream, bag_images, merged_images, opened_sources, topics_with_images
+from .load import state_messages
 from .messages import CAMERA_INFO
 
 

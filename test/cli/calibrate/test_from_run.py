@@ -18,8 +18,8 @@ from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.shape_parameters import ShapeSpace
-from tracker_node.runs.data import load_run
 from tracker_node.runs.images import chosen_rows, velocity_at
+from tracker_node.runs.load import load_run
 from tracker_node.runs.messages import IMAGE, image
 from tracker_node.studio.playback.run import open_run
 from tracker_node.studio.session import StudioFiles, open_session

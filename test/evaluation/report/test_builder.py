@@ -27,7 +27,7 @@ from tracker_node.report.figure_files import file_name, write_figure_files
 from tracker_node.report.html import render_html
 from tracker_node.report.pdf import write_pdf
 from tracker_node.report.print_layout import wrapped
-from tracker_node.runs.data import load_run
+from tracker_node.runs.load import load_run
 
 N = 24
 

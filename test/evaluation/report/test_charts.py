@@ -10,7 +10,7 @@ from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.report import charts
 from tracker_node.evaluation.review import Review, Truth, review
 from tracker_node.evaluation.truth.association import Trajectories
-from tracker_node.runs.data import load_run
+from tracker_node.runs.load import load_run
 
 N = 10
 PERIOD_S = PERIOD_NS * 1e-9

@@ -22,7 +22,7 @@ from tracker_node.evaluation.report.summary import (
 from tracker_node.evaluation.review import Review, Truth, review
 from tracker_node.evaluation.truth.association import Trajectories
 from tracker_node.report.document import Cell
-from tracker_node.runs.data import load_run
+from tracker_node.runs.load import load_run
 
 N = 40
 

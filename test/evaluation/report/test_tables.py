@@ -12,7 +12,7 @@ from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.report import tables
 from tracker_node.evaluation.review import Review, Truth, review
 from tracker_node.evaluation.truth.association import Trajectories
-from tracker_node.runs.data import load_run
+from tracker_node.runs.load import load_run
 
 N = 12
 STATUS = ["TRACKING"] * 3 + ["LOST"] * 2 + ["TRACKING"] * 6 + ["LOST"]

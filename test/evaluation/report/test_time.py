@@ -16,7 +16,7 @@ from tracker_node.evaluation.review import Review, Truth, review
 from tracker_node.evaluation.truth.association import Trajectories
 from tracker_node.evaluation.truth.states import TrueStates
 from tracker_node.model.configuration import variable_names
-from tracker_node.runs.data import load_run
+from tracker_node.runs.load import load_run
 
 N = 20
 PERIOD_S = PERIOD_NS * 1e-9

@@ -27,7 +27,7 @@ from tracker_node.loaders.bag.message_types import typestore
 from tracker_node.loaders.bag.metadata import OfferedQos
 from tracker_node.loaders.bag.reader import BagReader, BagTopic
 from tracker_node.loaders.bag.writer import BagWriter
-from tracker_node.runs.data import load_run
+from tracker_node.runs.load import load_run
 
 N_MESSAGES = 90
 STRING = "std_msgs/msg/String"

@@ -15,11 +15,10 @@ from tracker_node.errors import ModelError, TrackerError
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.ros.conversions import image_message
 from tracker_node.ros.qos import images_published
-from tracker_node.ros.tracker.builder import SetupBuilder
 from tracker_node.ros.tracker.image_inbox import InboxOptions
 from tracker_node.ros.tracker.node import TrackerNode
 from tracker_node.ros.tracker.options import TrackerOptions
-from tracker_node.ros.tracker.setup import TrackingSetup
+from tracker_node.ros.tracker.setup import SetupBuilder, TrackingSetup
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.warm_up import SmallTrackers
 

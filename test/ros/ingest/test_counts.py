@@ -1,6 +1,6 @@
 """A camera's account: a new one is empty, and every count goes by its own name."""
 
-from tracker_node.ros.ingest.counts import CameraCounts
+from tracker_node.ros.ingest.outlet import CameraCounts
 
 
 def test_nothing_is_counted_at_first():

@@ -7,7 +7,7 @@ from tracker_node.camera.capture_settings import CaptureSettings
 from tracker_node.camera.model import CameraModel
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.ros.ingest.cameras import IngestCamera
-from tracker_node.ros.ingest.input_recorder import InputRecorder, _encoding
+from tracker_node.ros.ingest.outlet import InputRecorder, _encoding
 
 LENS = CameraModel(4, 3, np.array([[5.0, 0.0, 1.5], [0.0, 6.0, 1.0], [0.0, 0.0, 1.0]]))
 

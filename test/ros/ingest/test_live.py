@@ -21,7 +21,7 @@ from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.rig.camera_info import load_camera_info
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.ros.conversions import camera_image_of, camera_info_message, image_message, jpeg_message
-from tracker_node.ros.ingest.topic_source import TopicSource
+from tracker_node.ros.ingest.live_camera import TopicSource
 from tracker_node.runs.messages import lens_of
 
 

@@ -6,9 +6,9 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from tracker_msgs.msg import TrackedState
 
+from tracker_node.ros import live_view as live_facts
 from tracker_node.ros.conversions import stamp_message
-from tracker_node.ros.live import facts as live_facts
-from tracker_node.ros.live.facts import LiveDiagnostics, LiveTracker
+from tracker_node.ros.live_view import LiveDiagnostics, LiveTracker
 
 
 def state(age_s=0.05, status=1, **fields):

@@ -5,8 +5,7 @@ import threading
 import pytest
 
 from tracker_node.errors import TrackerError
-from tracker_node.ros.tracker.builder import SetupBuilder
-from tracker_node.ros.tracker.setup import TrackingSetup
+from tracker_node.ros.tracker.setup import SetupBuilder, TrackingSetup
 from tracker_node.tracking.config import TrackerConfig
 
 

@@ -8,9 +8,8 @@ import pytest
 from sensor_msgs.msg import CompressedImage, Image
 
 from tracker_node.ros.conversions import image_message
-from tracker_node.ros.diagnostics import Diagnostics
+from tracker_node.ros.diagnostics import Diagnostics, QosMismatches
 from tracker_node.ros.qos import images_published
-from tracker_node.ros.qos_mismatch import QosMismatches
 from tracker_node.ros.tracker.image_inbox import MOST_BYTES, ImageInbox, InboxOptions, Received
 
 

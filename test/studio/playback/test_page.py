@@ -17,7 +17,7 @@ from tracker_node.errors import FileFormatError, TrackerError
 from tracker_node.loaders.bag.message_types import message_of
 from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.loaders.motion.trajectory_file import read_states
-from tracker_node.runs.data import load_run
+from tracker_node.runs.load import load_run
 from tracker_node.runs.messages import CAMERA_INFO, camera_info
 from tracker_node.studio.playback.page import PlaybackDesk
 from tracker_node.studio.playback.run import open_run

@@ -55,8 +55,8 @@ def load_run_images(args: argparse.Namespace) -> RunImages:
     from ...loaders.model.model_yaml import load_model
     from ...loaders.rig.rig_yaml import load_rig
     from ...runs.config_file import load_config
-    from ...runs.data import load_run
     from ...runs.images import config_of_run, images_of_run, rig_of_run
+    from ...runs.load import load_run
 
     if args.sets < 1:
         raise FileFormatError("command line", "--sets", "a number of at least 1", args.sets)

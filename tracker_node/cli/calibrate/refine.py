@@ -68,7 +68,7 @@ def _from_run(args: argparse.Namespace) -> int:
     from ...loaders.rig.rig_yaml import read_rig_file, write_rig_file
     from ...report.metrics_file import write_metrics
     from ...report.progress import StageProgress
-    from ...runs.data import run_info
+    from ...runs.load import run_info
 
     check(not args.points2d, "--from-run", "no --points2d beside it", args.points2d)
     check(0.0 < args.center_sigma_mm < 1e4, "--center-sigma-mm", "a positive number of millimetres", args.center_sigma_mm)

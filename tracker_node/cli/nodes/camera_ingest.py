@@ -113,8 +113,8 @@ def run(args: argparse.Namespace) -> int:
     from ...loaders.source_address import sources_from_parent
     from ...ros.executor import finished_bag, ros_process, spin
     from ...ros.ingest.cameras import open_cameras
-    from ...ros.ingest.input_recorder import InputRecorder
     from ...ros.ingest.node import CameraIngestNode, IngestOptions, check_consumable
+    from ...ros.ingest.outlet import InputRecorder
 
     args.source = args.source or sources_from_parent()
     rig = load_rig(args.rig) if args.rig else None

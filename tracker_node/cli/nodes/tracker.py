@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
         from ...loaders.model.state_yaml import load_state
         from ...loaders.rig.rig_yaml import load_rig
         from ...ros.executor import attach, ros_process, spin
-        from ...ros.lifecycle import FINALIZED, INACTIVE
+        from ...ros.guarded_node import FINALIZED, INACTIVE
         from ...ros.tracker.image_inbox import InboxOptions
         from ...ros.tracker.node import TrackerNode
         from ...ros.tracker.options import TrackerOptions

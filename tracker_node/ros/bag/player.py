@@ -19,11 +19,10 @@ from std_srvs.srv import SetBool, Trigger
 from ...errors import TrackerError
 from ...loaders.bag.metadata import OfferedQos
 from ...loaders.bag.reader import BagMessage, BagReader
-from ..conversions import stamp_message
+from ..conversions import message_class, stamp_message
 from ..guarded_node import GuardedNode
-from ..message_classes import message_class, qos_profile
 from ..parameter_overrides import integers_as_doubles, overrides_of
-from ..qos import images_published
+from ..qos import images_published, qos_profile
 from .clock import MAX_RATE, MIN_RATE, BagTime
 
 CLOCK = "/clock"

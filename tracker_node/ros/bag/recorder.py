@@ -26,9 +26,10 @@ from ...loaders.bag.images import COMPRESSED, RAW
 from ...loaders.bag.message_types import MessageType, UnknownMessageTypeError, message_type
 from ...loaders.bag.metadata import OfferedQos
 from ...loaders.bag.queue import BagQueue
+from ..conversions import message_class
 from ..diagnostics import Diagnostics
 from ..guarded_node import GuardedNode
-from ..message_classes import message_class, offered_qos, qos_profile
+from ..qos import offered_qos, qos_profile
 from ..sequence_gaps import with_source_stamp
 from .recorder_report import ON_OCCASION, RecorderState, TopicPace, topics_status
 

@@ -15,8 +15,7 @@ from .images import (
     image_message,
     jpeg_message,
 )
-from .messages import fill, message_of, stamp_message
-from .states import state_of_pose, transform_of_pose, values_with_changes
+from .messages import fill, message_class, message_of, stamp_message, state_of_pose, transform_of_pose, values_with_changes
 
 __all__ = [
     "ImageBuffer",
@@ -28,6 +27,7 @@ __all__ = [
     "fill",
     "image_message",
     "jpeg_message",
+    "message_class",
     "message_of",
     "stamp_message",
     "stamp_ns_of",

@@ -1,4 +1,4 @@
-"""Messages of ROS from plain mappings of field -> value.
+"""Messages of ROS from plain mappings of field -> value, and states from what messages say.
 
 Message fields are not type-checked by default: an int in a float64 field arrives as garbage, and so does a numpy scalar.
 So everything passes through ``float()``, ``int()`` and ``array.array`` here, and nowhere else.
@@ -9,19 +9,39 @@ from __future__ import annotations
 import array
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Pose
 from rosidl_parser.definition import AbstractGenericString, AbstractNestedType, Array, BasicType, NamespacedType
 
+from ...errors import TrackerError, UnknownNameError
+from ...geometry import quaternion, se3
 from ...loaders.bag.message_types import time_of
-from ..message_classes import message_class
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import State
 
 Setter = Callable[[Any, Any], None]
 _SCALARS: dict[str, type] = {"boolean": bool, "float": float, "double": float}
 _DTYPES = {"boolean": "?", "octet": "u1", "float": "f4", "double": "f8"}
 _CODES = {"?": "B", "f4": "f", "f8": "d", "i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q"}
+
+
+def message_class(type_name: str) -> Any:
+    """Class of a type such as ``sensor_msgs/msg/Image``.
+
+    Raises
+    ------
+    TrackerError : its package is not installed, or has no such type.
+    """
+    package, _, rest = type_name.partition("/")
+    kind, _, name = rest.partition("/")
+    try:
+        return getattr(import_module(f"{package}.{kind}"), name)
+    except (ImportError, AttributeError, TypeError, ValueError) as error:  # a name without a package is a TypeError
+        raise TrackerError(f"message type '{type_name}' cannot be used here: {error}") from None
 
 
 def stamp_message(stamp_ns: int) -> Time:
@@ -141,3 +161,67 @@ def _dtype(kind: BasicType) -> str:
 
 def _class_of(kind: NamespacedType) -> Any:
     return message_class("/".join([*kind.namespaces, kind.name]))
+
+
+def transform_of_pose(pose: Pose) -> np.ndarray:
+    """(4, 4) of a geometry_msgs/Pose.
+
+    Raises
+    ------
+    TrackerError : a quaternion of length zero, or numbers that are not finite.
+    """
+    p, q = pose.position, pose.orientation
+    numbers = np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w])
+    if not np.all(np.isfinite(numbers)) or np.linalg.norm(numbers[3:]) < 1e-6:
+        raise TrackerError(f"pose: expected finite numbers and a quaternion of length one, got {numbers.tolist()}")
+    return se3.from_rotation_translation(quaternion.matrix_from_xyzw(numbers[3:]), numbers[:3])
+
+
+def state_of_pose(pose: Pose, joint_positions: np.ndarray) -> State:
+    """A state with this root pose.
+
+    Parameters
+    ----------
+    pose : geometry_msgs/Pose of the root.
+    joint_positions : (n_joint_dof,) angles in radians.
+
+    Returns
+    -------
+    state : of the body.
+    """
+    return State(transform_of_pose(pose), np.array(joint_positions, dtype=np.float64))
+
+
+def values_with_changes(
+    model: ArticulatedModel, values: np.ndarray, names: Sequence[str], changes: Sequence[float]
+) -> np.ndarray:
+    """State values (n_dof,) with the named ones replaced.
+
+    Parameters
+    ----------
+    model : the body.
+    values : (n_dof,) as `model.configuration.State.to_values`.
+    names : of degrees of freedom.
+    changes : one value for each name, in meters or radians.
+
+    Returns
+    -------
+    values : (n_dof,), a copy.
+
+    Raises
+    ------
+    TrackerError : unknown or repeated names, not one value for each, or a value that is not finite.
+    """
+    if len(names) != len(changes):
+        raise TrackerError(f"expected one value for each name, got {len(names)} names and {len(changes)} values")
+    if len(set(names)) != len(names):
+        raise TrackerError(f"expected each name once, got {list(names)}")
+    if not np.all(np.isfinite(np.array(changes, dtype=np.float64))):
+        raise TrackerError(f"expected finite values, got {list(changes)}")
+    dof_names = model.chain.dof_names
+    result = np.array(values, dtype=np.float64)
+    for name, value in zip(names, changes, strict=True):
+        if name not in dof_names:
+            raise UnknownNameError("degree of freedom", name, dof_names)
+        result[dof_names.index(name)] = float(value)
+    return result

@@ -19,18 +19,13 @@ from ...loaders.images.feed import ImageFeed, Instant, SourceReport
 from ...loaders.images.live_capture import LiveSource, open_capture
 from ...loaders.images.recorded_source import SourceOptions
 from ...loaders.source_address import TOPIC
-from ..diagnostics import ERROR, OK, WARN, Diagnostics
+from ..diagnostics import ERROR, OK, WARN, Diagnostics, QosMismatches
 from ..guarded_node import GuardedNode
 from ..parameter_overrides import check_qos_overrides
-from ..qos_mismatch import QosMismatches
 from .cameras import IngestCamera, OpenedCameras
-from .consumer_window import ConsumerWindow
-from .counts import CameraCounts
-from .input_recorder import InputRecorder
-from .live_camera import LiveCamera, LiveImages
-from .outlet import CameraOutlet
-from .pace import Pace
-from .topic_source import TopicSource
+from .live_camera import LiveCamera, LiveImages, TopicSource
+from .outlet import CameraCounts, CameraOutlet, InputRecorder
+from .pace import ConsumerWindow, Pace
 
 _LIVE_DEPTH, _LOSSLESS_DEPTH = 10, 50  # images of a camera that may wait for a slow subscriber
 _DELIVERY_S = 4.0

@@ -1,25 +1,32 @@
-"""What one camera publishes: images, JPEG images, calibrations; and the service that takes a new calibration."""
+"""Where the images of a camera go: to topics, with calibration and the service that sets it, and to a bag as they came."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+import numpy as np
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from sensor_msgs.srv import SetCameraInfo
 
 from ...camera.model import CameraModel
 from ...errors import CalibrationError, TrackerError
+from ...loaders.bag.images import COMPRESSED, RAW
+from ...loaders.bag.message_types import message_type
+from ...loaders.bag.metadata import OfferedQos
+from ...loaders.bag.queue import BagQueue
+from ...loaders.bag.writer import BagWriter
 from ...loaders.decoding import JPEG, SourceImage
 from ...loaders.rig.camera_info import save_lens
 from ...runs.messages import lens_of
-from ..conversions import ImageBuffer, camera_info_message, compressed_message, jpeg_message, stamp_message
+from ..conversions import ImageBuffer, camera_info_message, compressed_message, image_message, jpeg_message, stamp_message
+from ..diagnostics import QosMismatches
 from ..qos import RESULT, images_published, overridable
-from ..qos_mismatch import QosMismatches
 from .cameras import IngestCamera
 
 
@@ -125,3 +132,90 @@ class CameraOutlet:
         path = save_lens(self.camera.capture.camera_info_url or "", name, lens)
         self.camera = replace(self.camera, lens=lens)
         return path
+
+
+CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+
+
+class InputRecorder:
+    """Writes ``/<cam>/image_raw``, or ``/<cam>/image_raw/compressed`` of JPEG images, and ``/<cam>/camera_info`` where known.
+
+    `record` may be called from several threads; it never waits for the disk. What that cannot take is counted.
+
+    Raises
+    ------
+    BagExistsError : there is something already.
+    """
+
+    def __init__(self, path: Path):
+        self._bag = BagQueue(BagWriter(path))
+
+    def record(self, camera: IngestCamera, stamp_ns: int, content: np.ndarray | bytes, bayer: str | None = None) -> None:
+        """An image as its source gave it: pixels (h, w, 3) in BGR or (h, w), a mosaic where there is a pattern, or a JPEG."""
+        if isinstance(content, bytes):
+            image = jpeg_message(stamp_ns, camera.frame_id, content)
+            type_name, topic = COMPRESSED, "image_raw/compressed"
+        else:
+            image = image_message(stamp_ns, camera.frame_id, content, _encoding(content, bayer))
+            type_name, topic = RAW, "image_raw"
+        self._put(f"/{camera.name}/{topic}", type_name, stamp_ns, image)
+        if camera.lens is not None:
+            info = camera_info_message(stamp_ns, camera.frame_id, camera.lens)
+            self._put(f"/{camera.name}/camera_info", CAMERA_INFO, stamp_ns, info)
+
+    def _put(self, topic: str, type_name: str, stamp_ns: int, message) -> None:
+        self._bag.add_topic(topic, type_name, OfferedQos(), message_type(type_name))
+        self._bag.put(topic, stamp_ns, serialize_message(message))
+
+    @property
+    def problem(self) -> str:
+        """Why nothing can be written any more; empty if it can."""
+        return self._bag.problem
+
+    @property
+    def written(self) -> int:
+        """Messages in the bag."""
+        return sum(self._bag.written.values())
+
+    @property
+    def dropped(self) -> int:
+        """Messages for which the disk was too slow."""
+        return sum(self._bag.dropped.values())
+
+    def abandon(self) -> None:
+        """Leave out what waits."""
+        self._bag.abandon()
+
+    def close(self) -> None:
+        """Write what waits, and the bag's index.
+
+        Raises
+        ------
+        TrackerError : the disk is full, or the like.
+        """
+        self._bag.close()
+
+
+def _encoding(pixels: np.ndarray, bayer: str | None) -> str:
+    if pixels.ndim == 3:
+        return "bgr8"
+    return f"bayer_{bayer}8" if bayer else "mono8"
+
+
+@dataclass
+class CameraCounts:
+    """Counts since the start, for /diagnostics and the last line of the node."""
+
+    published: int = 0
+    dropped: int = 0  # left out to keep the rate: published later, they would have delayed newer ones
+    skipped: int = 0  # not even decoded as a whole: their time was over
+    late: int = 0  # published more than half a period after their time
+    duplicated: int = 0  # same pixels as the image before (published all the same)
+    missing: int = 0  # announced by the file, but not there
+    unusable: int = 0  # of another size than the calibration, or damaged
+    unstamped: int = 0  # second fields before the rate was known
+    connections: int = 0  # to a live source
+
+    def values(self) -> dict[str, int]:
+        """The counts by name."""
+        return asdict(self)

@@ -17,12 +17,10 @@ from ...observation.image_set import ImageSet
 from ...runs.messages import lens_of
 from ...tracking.config import TrackerConfig
 from ...tracking.estimate import TrackEstimate
-from ..diagnostics import ERROR, OK, WARN, Diagnostics
+from ..diagnostics import ERROR, OK, WARN, Diagnostics, QosMismatches
 from ..ending import hurried
-from ..lifecycle import ACTIVE, ManagedNode
+from ..guarded_node import ACTIVE, ManagedNode
 from ..parameter_overrides import refuse_unknown_qos, unknown_parameters
-from ..qos_mismatch import QosMismatches
-from .builder import SetupBuilder
 from .camera_diagnostics import CameraDiagnostics
 from .diagnostics import TrackerDiagnostics
 from .heap import keep_for_ever
@@ -31,7 +29,7 @@ from .options import TrackerMaker, TrackerOptions
 from .outputs import TrackerOutputs
 from .parameters import ConfigParameters, FixedParameter
 from .services import TrackerServices
-from .setup import UNCALIBRATED, TrackingSetup
+from .setup import UNCALIBRATED, SetupBuilder, TrackingSetup
 from .worker import TrackingWorker
 
 __all__ = ["TrackerNode", "TrackerOptions"]

@@ -20,10 +20,9 @@ from ...observation.image_set import ImageSet
 from ...runs import messages
 from ...runs.outputs import BODY_OUTPUTS, CAMERA_OUTPUTS, DESCRIPTION, MARKER_ARRAY, MARKERS, STRING, Output, Tracked
 from ...tracking.estimate import TrackEstimate
-from ..conversions import fill, message_of
-from ..message_classes import message_class
+from ..conversions import fill, message_class, message_of
+from ..diagnostics import QosMismatches
 from ..qos import LATCHED, RESULT, overridable
-from ..qos_mismatch import QosMismatches
 
 try:
     from tf2_msgs.msg import TFMessage

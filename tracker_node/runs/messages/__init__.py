@@ -4,9 +4,8 @@ No message class of anybody here: `ros.conversions` writes such a mapping into t
 into those of bags, so the live node and the offline run say the same. Begin with `estimates`.
 """
 
+from .body import changed_markers, joint_state, markers, pose, state_covariance, tracked_state, twist
 from .cameras import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE, camera_info, compressed_image, image, jpeg_of, lens_of
-from .estimates import joint_state, pose, state_covariance, tracked_state, twist
-from .markers import changed_markers, markers
 from .parts import Content, header, pose_of, transforms
 
 __all__ = [

@@ -24,7 +24,7 @@ from ..endpoints import get, json_object, post
 from ..session import PoseFiles, StudioSession
 
 if TYPE_CHECKING:
-    from ...ros.live.view import LiveView
+    from ...ros.live_view import LiveView
 
 PERIOD_S = 0.1
 _MOST_TOPICS = 32
@@ -78,7 +78,7 @@ class Desk:
         with self._lock:
             if self._view is None or self._view.problem:
                 try:
-                    from ...ros.live.view import LiveView
+                    from ...ros.live_view import LiveView
                 except ImportError as error:
                     raise TrackerError(f"no live view without ROS 2 and tracker_msgs: {error}; see docs/install.md") from None
                 self._view = LiveView()

@@ -14,9 +14,11 @@ from ...loaders.bag.message_types import TRACKED_STATE
 from ...loaders.bag.reader import BagReader
 from ...loaders.motion.trajectory_file import read_states
 from ...model.articulated import ArticulatedModel
-from ...runs.data import STATES_FILE, RunData, load_run, state_messages
+from ...runs.data import RunData
 from ...runs.images import image_bag_of, options_of, rig_from_bag, rig_of_run, source_options_of
+from ...runs.load import load_run, state_messages
 from ...runs.recorded_sets import RecordedRunStream, RecordedSet, recorded_set
+from ...runs.writer import STATES
 from ..images import RecordedImages
 from ..session import StudioSession
 
@@ -66,7 +68,7 @@ def open_run(session: StudioSession) -> PlayedRun:
 def _recorded(data: RunData) -> tuple[dict[int, RecordedSet], tuple[str, ...]]:
     """The images of every state, by its stamp, and the reasons of the statuses; without a bag nobody has noted the images."""
     if data.bag is None:
-        rows = read_states(data.path / STATES_FILE).rows
+        rows = read_states(data.path / STATES).rows
         reason_of, sets = {row.stamp_ns: row.reason for row in rows}, {}
     else:
         with BagReader(data.bag) as reader:

@@ -1,13 +1,16 @@
-"""Estimates in messages: all the tracker says, and the root's pose, its velocity, and joints in messages that others know."""
+"""Estimates in messages: all the tracker says of a body; its pose, velocity, joints and shapes in messages that others know."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ...loaders.bag.message_types import time_of
-from ...model.articulated import ArticulatedModel
+from ...model.articulated import ArticulatedModel, Shape
+from ...model.configuration import Configuration
 from ...model.kinematic_chain import N_ROOT_DOF
-from ...tracking.estimate import TrackEstimate
+from ...model.shapes.primitives import Box, Ellipsoid, TruncatedCone
+from ...render.palette import rgb_of
+from ...tracking.estimate import Status, TrackEstimate
 from .parts import Content, header, pose_of, xyz
 
 _NOTHING = np.zeros(0)
@@ -142,3 +145,74 @@ def joint_state(estimate: TrackEstimate, model: ArticulatedModel, frame_id: str)
         "position": estimate.state.joint_positions,
         "velocity": estimate.velocity[N_ROOT_DOF:],
     }
+
+
+_CUBE, _SPHERE, _TRIANGLES = 1, 2, 11  # visualization_msgs/Marker: CUBE, SPHERE, TRIANGLE_LIST
+_CONE_SIDES = 16
+
+
+def markers(model: ArticulatedModel) -> Content:
+    """What never changes: of each shape its name space, number, kind, scale and triangles."""
+    return {"markers": [_marker(i, shape, model.name) for i, shape in enumerate(model.shapes)]}
+
+
+def changed_markers(estimate: TrackEstimate, configuration: Configuration, frame_id: str) -> Content:
+    """What changes from estimate to estimate: stamp, pose and color of each shape; a lost body is shown in faint red.
+
+    Parameters
+    ----------
+    estimate : what the tracker says of one image set.
+    configuration : the model in the state of the estimate.
+    frame_id : name of the world frame.
+
+    Returns
+    -------
+    content : of a MarkerArray, without what `markers` holds.
+    """
+    said = header(estimate.stamp_ns, frame_id)
+    shapes = zip(configuration.model.shapes, configuration.Ts_world_shape, strict=True)
+    return {"markers": [{"header": said, "pose": pose_of(T), "color": color(shape, estimate.status)} for shape, T in shapes]}
+
+
+def color(shape: Shape, status: Status) -> Content:
+    """std_msgs/ColorRGBA of a shape.
+
+    Parameters
+    ----------
+    shape : of the body.
+    status : of the body.
+
+    Returns
+    -------
+    content : of a ColorRGBA; faint where the body is not tracked.
+    """
+    if status == Status.LOST:
+        red, green, blue = rgb_of("lost")
+        return {"r": red, "g": green, "b": blue, "a": 0.3}
+    r, g, b = (float(c) / 255.0 for c in shape.color_rgb)
+    return {"r": r, "g": g, "b": b, "a": 1.0 if status == Status.TRACKING else 0.6}
+
+
+def _marker(number: int, shape: Shape, namespace: str) -> Content:
+    primitive, scale, points = shape.primitive, np.ones(3), np.zeros((0, 3))
+    if isinstance(primitive, Ellipsoid):
+        kind, scale = _SPHERE, 2.0 * np.array(primitive.radii, dtype=np.float64)
+    elif isinstance(primitive, Box):
+        kind, scale = _CUBE, np.array(primitive.size, dtype=np.float64)
+    else:
+        kind = _TRIANGLES
+        corners = _cone_triangles(primitive) if isinstance(primitive, TruncatedCone) else primitive.vertices[primitive.faces]
+        points = corners.reshape(-1, 3)
+    return {"ns": namespace, "id": number, "type": kind, "scale": xyz(scale), "points": [xyz(point) for point in points]}
+
+
+def _cone_triangles(cone: TruncatedCone) -> np.ndarray:
+    """(n, 3, 3) corners of the closed surface, seen counter-clockwise from outside."""
+    angles = 2.0 * np.pi * np.arange(_CONE_SIDES) / _CONE_SIDES
+    unit = np.stack([cone.a * np.cos(angles), cone.b * np.sin(angles)], axis=1)
+    rings = [np.column_stack([unit * (1.0 + cone.k * z), np.full(_CONE_SIDES, z)]) for z in (cone.z1, cone.z2)]
+    low, high = rings
+    next_low, next_high = np.roll(low, -1, axis=0), np.roll(high, -1, axis=0)
+    bottom, top = np.broadcast_to([0.0, 0.0, cone.z1], low.shape), np.broadcast_to([0.0, 0.0, cone.z2], low.shape)
+    parts = [(low, next_low, next_high), (low, next_high, high), (bottom, next_low, low), (top, high, next_high)]
+    return np.concatenate([np.stack(part, axis=1) for part in parts])
