@@ -95,7 +95,7 @@ def test_evaluated_they_count_as_lost(clip, tmp_path, part, recwarn):
     ]  # fmt: skip
     assert figures["run.mpjpe_mm"] < 10.0 and figures["run.segment_position_mm"] < 10.0
     assert figures["run.losses"] == 1 and figures["run.not_reacquired"] == 0
-    assert 0.0 < figures["run.residual"] < 2.0 and figures["run.said_lost_sets"] == 0
+    assert 0.0 < figures["run.residual_px"] < 2.0 and figures["run.said_lost_sets"] == 0
     page = (tmp_path / "report.html").read_text()
     assert "Without a state" in page and ("initializing" in page)
     assert (tmp_path / "report.pdf").exists() == (not part)

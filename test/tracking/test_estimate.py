@@ -12,7 +12,7 @@ def test_states_and_which_may_be_used():
     assert [(s.name, int(s), s.has_state, s.known) for s in Status] == [
         ("INITIALIZING", 0, False, False), ("TRACKING", 1, True, True), ("DEGRADED", 2, True, True), ("LOST", 3, True, False),
     ]  # fmt: skip
-    assert [(s.name, int(s)) for s in LimbStatus] == [("UNSEEN", 0), ("TRACKING", 1), ("DEGRADED", 2), ("LOST", 3)]
+    assert [(s.name, int(s)) for s in LimbStatus] == [("TRACKING", 1), ("DEGRADED", 2), ("LOST", 3), ("UNSEEN", 4)]
 
 
 def test_a_turned_camera_is_told_in_degrees():
