@@ -136,7 +136,7 @@ def test_pictures_from_the_bag_where_the_rig_has_no_sources(files, tmp_path):
     tracked, rig = motion(N), _rig()
     write_state_bag(tmp_path / "live", tracked)
     with BagReader(tmp_path / "live") as reader:
-    X
+        states = [(message.stamp_ns, message.data) for message in reader.messages(["/person/state"])]
     with BagWriter(tmp_path / "bag") as writer:
         writer.add_topic("/tracker/state", TRACKED_STATE)
         for stamp, data in states:
