@@ -12,12 +12,11 @@ import numpy as np
 from benchmark._charuco import rigid_fit
 from tracker_node.calibration.board.adjustment import BoardAdjustmentOptions, BoardState, adjust_boards
 from tracker_node.calibration.board.board import Board, BoardView
-from tracker_node.calibration.board.detection import CameraViews, detect_boards
-from tracker_node.calibration.board.metrics import camera_figures, rms
 from tracker_node.calibration.board.refinement import BoardRigOptions, rows_of
+from tracker_node.calibration.board.report import camera_figures, rms
 from tracker_node.calibration.board.rig import BoardRig, calibrate_rig
 from tracker_node.calibration.board.start import place_boards
-from tracker_node.calibration.board.views import velocities
+from tracker_node.calibration.board.views import CameraViews, detect_boards, velocities
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3, so3

@@ -11,8 +11,7 @@ import numpy as np
 from benchmark.contour._runs import Clip, track
 from tracker_node.calibration.pose import fit_state_to_landmarks
 from tracker_node.calibration.tracked_body.body_fit import BodyFitOptions, fit_body
-from tracker_node.calibration.tracked_body.lines import SilhouetteEvidence
-from tracker_node.calibration.tracked_body.region_lines import RegionEvidence
+from tracker_node.calibration.tracked_body.lines import RegionEvidence, SilhouetteEvidence
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
 from tracker_node.loaders.motion.trajectory_file import read_joints
 from tracker_node.model.articulated import ArticulatedModel

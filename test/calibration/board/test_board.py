@@ -4,7 +4,7 @@ import pytest
 
 from helpers.cameras.board_scenes import CHARUCO, CHESSBOARD, picture, ring
 from tracker_node.calibration.board.board import Board, BoardDetector
-from tracker_node.calibration.board.detection import CameraViews, detect_boards, with_board, without_blur
+from tracker_node.calibration.board.views import CameraViews, detect_boards, with_board, without_blur
 from tracker_node.camera.rig import Camera
 from tracker_node.errors import CalibrationError, SourceError
 from tracker_node.geometry import se3, so3

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tracker_node.calibration.board import detection as board_detection
+from tracker_node.calibration.board import views as board_views
 from tracker_node.calibration.board.board import Board, BoardView
-from tracker_node.calibration.board.detection import CameraViews, detect_boards, with_board, without_blur
+from tracker_node.calibration.board.views import CameraViews, detect_boards, with_board, without_blur
 from tracker_node.errors import CalibrationError
 
 CHESS = Board("chessboard", 6, 4, 0.03)
@@ -99,7 +99,7 @@ def board_in(monkeypatch):
             here.looked_for_back.append(int(bgr[0, 0, 0]))
             return bgr[0, 0, 0] in here.back
 
-    monkeypatch.setattr(board_detection, "BoardDetector", Detector)
+    monkeypatch.setattr(board_views, "BoardDetector", Detector)
     return here
 
 
@@ -125,20 +125,20 @@ def test_a_third_of_the_images_without_the_board_are_searched_for_its_back_until
 
 
 def test_the_longest_and_the_fastest_recording_say_how_far_bursts_are_apart():
-    period = board_detection._burst_period_s
+    period = board_views._burst_period_s
     assert period({"a": Source(100, 10.0), "b": Source(60, 30.0)}, 300) == 0.0  # 10 s at 30 Hz
     assert period({"a": Source(100, 10.0), "b": Source(60, 30.0)}, 299) == pytest.approx(10.0 * 3 / 299)
 
 
 def test_progress_goes_no_farther_than_its_end(board_in):
     told = []
-    counter = board_detection._Counter(11, lambda *given: told.append(given[1:]))
+    counter = board_views._Counter(11, lambda *given: told.append(given[1:]))
     for _ in range(25):
         counter.add()
     assert told == [(10, 11)]
     counter.finish()
     assert told == [(10, 11), (11, 11)]
-    quiet = board_detection._Counter(10, None)
+    quiet = board_views._Counter(10, None)
     for _ in range(10):
         quiet.add()
     quiet.finish()

@@ -7,7 +7,8 @@ import pytest
 
 from helpers.cameras.board_scenes import CHARUCO, PERIOD_S, board_pose, corners_seen, ring
 from tracker_node.calibration.board.adjustment import BoardAdjustment, BoardState
-from tracker_node.calibration.board.metrics import (
+from tracker_node.calibration.board.refinement import rows_of
+from tracker_node.calibration.board.report import (
     CameraFigures,
     camera_figures,
     coverage_notes,
@@ -17,7 +18,6 @@ from tracker_node.calibration.board.metrics import (
     rms,
     worst_views,
 )
-from tracker_node.calibration.board.refinement import rows_of
 from tracker_node.calibration.board.rig import BoardRig
 from tracker_node.calibration.board.views import group_views
 from tracker_node.camera.rig import CameraRig

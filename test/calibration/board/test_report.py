@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from tracker_node.calibration.board.board import BoardView
-from tracker_node.calibration.board.detection import CameraViews
 from tracker_node.calibration.board.intrinsics import LensCalibration
 from tracker_node.calibration.board.report import (
     coverage_picture,
@@ -14,6 +13,7 @@ from tracker_node.calibration.board.report import (
     outlier_table,
     write_pictures,
 )
+from tracker_node.calibration.board.views import CameraViews
 from tracker_node.camera.model import CameraModel
 from tracker_node.report.page import Section
 

@@ -7,12 +7,19 @@ import pytest
 from helpers.cameras.board_scenes import CHARUCO, CHESSBOARD, LENSES, corners_seen, ring
 from tracker_node.calibration.board.board import Board, BoardView
 from tracker_node.calibration.board.intrinsics import calibrate_lens
-from tracker_node.calibration.board.metrics import camera_figures, coverage_notes, covered, pair_figures, worst_views
+from tracker_node.calibration.board.lens_parameters import lens_vector
 from tracker_node.calibration.board.refinement import BoardRigOptions
-from tracker_node.calibration.board.report import rig_tables, write_rig_page
+from tracker_node.calibration.board.report import (
+    camera_figures,
+    coverage_notes,
+    covered,
+    pair_figures,
+    rig_tables,
+    worst_views,
+    write_rig_page,
+)
 from tracker_node.calibration.board.rig import calibrate_rig, first_camera_world
 from tracker_node.calibration.board.views import BoardInstant, chosen, group_views, speeds, with_neighbors
-from tracker_node.calibration.lens_parameters import lens_vector
 from tracker_node.calibration.tracked_body.rig_fit import world_of_most
 from tracker_node.camera.model import CameraModel
 from tracker_node.errors import CalibrationError, TrackerError

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.calibration.clocks.motion import MotionProfiles
-from tracker_node.calibration.clocks.pairs import Signals, correlations, refined
+from tracker_node.calibration.clocks.motion import MotionProfiles, Signals, correlations, refined
 
 PERIOD_S, SMOOTH_S = 0.04, 0.04
 RNG = np.random.default_rng(1)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.calibration.points.control_checks import LARGEST_M, SMALLEST_M, check_control_points
+from tracker_node.calibration.points.dlt import LARGEST_M, SMALLEST_M, check_control_points
 from tracker_node.errors import CalibrationError
 from tracker_node.loaders.rig.control_points import ControlPoints
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.calibration.points.control_checks import check_control_points
-from tracker_node.calibration.points.dlt import calibrate
+from tracker_node.calibration.points.dlt import calibrate, check_control_points
 from tracker_node.calibration.points.dlt_stages import STAGES, calibrate_in_stages, object_errors_m
 from tracker_node.errors import CalibrationError
 from tracker_node.experiments.cross.throw import IMAGE_SIZE, MIDDLE, control_points, cross_rig, digitized

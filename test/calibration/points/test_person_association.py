@@ -3,7 +3,7 @@
 import numpy as np
 
 from helpers.cameras.camera_rigs import circle_rig, disturbed
-from tracker_node.calibration.points.person_association import associate_people
+from tracker_node.calibration.points.rig_refinement import associate_people
 
 RNG = np.random.default_rng(11)
 JOINTS = RNG.uniform([-0.4, -0.4, 0.1], [0.4, 0.4, 1.8], (15, 3))

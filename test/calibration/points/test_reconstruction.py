@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from helpers.cameras.render_scenes import LENSES, look_at
-from tracker_node.calibration.points.reconstruction import reconstruct_point, repeatability
+from tracker_node.calibration.points.triangulation import reconstruct_point, repeatability
 from tracker_node.errors import CalibrationError
 
 EYES = ((2.0, 0.3, 1.2), (-0.6, 2.1, 1.0), (-1.5, -1.6, 1.4))

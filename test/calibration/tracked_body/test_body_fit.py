@@ -3,8 +3,7 @@ import pytest
 
 from helpers.bodies.person_pictures import CONFIG, GROUPS, pictures
 from tracker_node.calibration.tracked_body.body_fit import BodyFitOptions, fit_body
-from tracker_node.calibration.tracked_body.lines import SilhouetteEvidence, joined
-from tracker_node.calibration.tracked_body.region_lines import RegionEvidence
+from tracker_node.calibration.tracked_body.lines import RegionEvidence, SilhouetteEvidence, joined
 from tracker_node.calibration.tracked_body.solver import Estimate, Motion, Problem, SharedPrior, shared_covariance, solve
 from tracker_node.errors import TrackerError
 from tracker_node.model.shape_parameters import ShapeSpace

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from helpers.cameras.camera_rigs import circle_rig
-from tracker_node.calibration.board import metrics as board_figures
+from tracker_node.calibration.board import report as board_figures
 from tracker_node.cli.calibrate import background, body, intrinsics
 from tracker_node.cli.calibrate import rig as rig_command
 from tracker_node.errors import CalibrationError, FileFormatError, SourceError

@@ -7,7 +7,7 @@ import numpy as np
 
 from helpers.cameras.camera_rigs import look_at
 from tracker_node.calibration.board.board import Board, BoardView
-from tracker_node.calibration.board.detection import CameraViews
+from tracker_node.calibration.board.views import CameraViews
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3, so3

@@ -10,10 +10,9 @@ import numpy as np
 from ...geometry import se3
 from .adjustment import BoardAdjustment, BoardAdjustmentOptions, BoardObservations, BoardState, adjust_boards
 from .board import Board, BoardView
-from .detection import Progress
 from .intrinsics import observations_of, outlying
 from .start import place_boards
-from .views import BoardInstant, velocities
+from .views import BoardInstant, Progress, velocities
 
 CLOCKS = ("exact", "offset", "free")
 _ROUNDS = 4  # of clocks and velocities, which depend on each other

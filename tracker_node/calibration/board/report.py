@@ -1,25 +1,32 @@
-"""What is told of a calibration from a board: tables, pictures of coverage, a page that needs nothing beside it."""
+"""Report of a calibration from a board: metrics of cameras and of pairs, tables, images of coverage, a page of its own."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from ...camera.model import CameraModel
+from ...geometry import se3
 from ...report.page import Section, write_page
-from ..lens_parameters import COEFFICIENTS, lens_vector
+from ..points.triangulation import reproject, triangulate
+from .adjustment import BoardObservations
 from .board import BoardView
-from .detection import CameraViews
+from .equations import CLOCK, N_PLACE
 from .intrinsics import LensCalibration
-from .metrics import camera_figures, covered, pair_figures, rms
+from .lens_parameters import COEFFICIENTS, lens_vector
+from .refinement import rows_of, view_errors
 from .rig import BoardRig
+from .views import CameraViews
 
 _WIDTH = 640  # of a picture of coverage
 _GOOD, _BAD = (90, 220, 90), (60, 60, 255)  # BGR
 _BAD_PX = 1.0
+ENOUGH_COVERED = 0.4  # of an image, for a lens that can be relied on
+_CELLS = 8  # along the longer side of an image, for the share that is covered
 
 
 def rig_tables(found: BoardRig, seen: Mapping[str, CameraViews]) -> list[Section]:
@@ -126,3 +133,149 @@ def write_rig_page(path: str | Path, found: BoardRig, seen: Mapping[str, CameraV
     ] + [f"{name}: {problem}" for name, camera in seen.items() for problem in camera.problems]
     sections = [*(Section(text=note) for note in notes), *rig_tables(found, seen), *rig_pictures(found, seen)]
     write_page(path, "Rig from a board", sections)
+
+
+@dataclass(frozen=True, eq=False)
+class CameraFigures:
+    """One camera of a rig.
+
+    Attributes
+    ----------
+    pixels, residuals_px : (m, 2) of all corners used.
+    views : image sets in which it saw the board.
+    place_sigma_m, turn_sigma_rad : how well its place is known, relative to the first camera's.
+    clock_s, clock_sigma_s : by how much its images are later than they say; ``jitter_s`` rms of single images besides.
+    lens_sigma : (4 + n,) of the lens vector.
+    """
+
+    pixels: np.ndarray
+    residuals_px: np.ndarray
+    views: int
+    place_sigma_m: float
+    turn_sigma_rad: float
+    clock_s: float
+    clock_sigma_s: float
+    jitter_s: float
+    lens_sigma: np.ndarray
+
+    @property
+    def rms_px(self) -> float:
+        return rms(self.residuals_px)
+
+    @property
+    def median_px(self) -> float:
+        return float(np.median(np.linalg.norm(self.residuals_px, axis=1)))
+
+    @property
+    def clock_is_off(self) -> bool:
+        """By more than three sigmas and a millisecond."""
+        return abs(self.clock_s) > max(3.0 * self.clock_sigma_s, 1e-3)
+
+
+def rms(residuals_px: np.ndarray) -> float:
+    """Root mean square length of residuals (m, 2)."""
+    return float(np.sqrt((np.asarray(residuals_px) ** 2).sum(axis=1).mean()))
+
+
+def camera_figures(found: BoardRig) -> dict[str, CameraFigures]:
+    """Of all cameras. Sigmas take the corners' errors as independent, and are lower bounds therefore."""
+    rows, residuals, state = rows_of(found.rig.names, found.instants), found.adjustment.residuals_px, found.state
+    result = {}
+    for i, name in enumerate(found.rig.names):
+        mine = rows.camera == i
+        noise = float(1.4826 * np.median(np.abs(residuals[mine])))
+        sigma = noise * found.adjustment.sigmas[i]
+        seen = [k for k, instant in enumerate(found.instants) if name in instant.views]
+        result[name] = CameraFigures(
+            rows.pixels[mine], residuals[mine], len(seen), float(np.linalg.norm(sigma[:3])), float(np.linalg.norm(sigma[3:6])),
+            float(state.clocks_s[i]), float(sigma[CLOCK]), float(np.sqrt(np.mean(state.jitter_s[seen, i] ** 2))), sigma[N_PLACE:],
+        )  # fmt: skip
+    return result
+
+
+def pair_figures(found: BoardRig) -> dict[tuple[str, str], tuple[int, float]]:
+    """(camera, camera) -> image sets with the board in both, and how well the two agree.
+
+    That is the rms distance, in the images of both, from corners triangulated by these two alone; as if both images were of the
+    instant, so clocks that have been found do not count.
+    """
+    names, state = found.rig.names, found.state
+    rows, residuals = rows_of(names, found.instants), found.adjustment.residuals_px
+    pixels = _at_the_instant(found, rows) - residuals
+    table = {
+        (int(camera), int(instant), int(corner)): pixel
+        for camera, instant, corner, pixel in zip(rows.camera, rows.instant, rows.corner, pixels, strict=True)
+    }
+    Ts_world_cam = se3.inverse(state.Ts_cam_world)
+    result = {}
+    for a in range(len(names)):
+        for b in range(a + 1, len(names)):
+            common = [key[1:] for key in table if key[0] == a and (b, *key[1:]) in table]
+            if not common:
+                continue
+            both = np.array([[table[(i, *key)] for i in (a, b)] for key in common])
+            lenses, Ts = [state.lenses[a], state.lenses[b]], Ts_world_cam[[a, b]]
+            points, valid = triangulate(lenses, Ts, both, np.ones(both.shape[:2]))
+            error = float("nan")
+            if valid.any():
+                error = rms((reproject(lenses, Ts, points[valid])[0] - both[valid]).reshape(-1, 2))
+            result[names[a], names[b]] = len({instant for instant, _ in common}), error
+    return result
+
+
+def _at_the_instant(found: BoardRig, rows: BoardObservations) -> np.ndarray:
+    """(m, 2) where the corners are expected, were all images of one instant."""
+    result = np.zeros((len(rows.camera), 2))
+    for i, (lens, T) in enumerate(zip(found.state.lenses, found.state.Ts_cam_world, strict=True)):
+        mine = np.flatnonzero(rows.camera == i)
+        boards = found.state.Ts_world_board[rows.instant[mine]]
+        corners = found.board.corners[rows.corner[mine]]
+        world = np.einsum("mij,mj->mi", boards[:, :3, :3], corners) + boards[:, :3, 3]
+        result[mine] = lens.project(se3.apply(T, world))[0]
+    return result
+
+
+def covered(pixels: np.ndarray, image_size: tuple[int, int]) -> float:
+    """Share of the image, in cells of an eighth of its longer side, that has corners in it."""
+    cell = max(image_size) / _CELLS
+    columns, rows = (int(np.ceil(size / cell)) for size in image_size)
+    inside = np.clip((pixels / cell).astype(int), 0, [columns - 1, rows - 1])
+    return len(np.unique(inside, axis=0)) / (columns * rows)
+
+
+def coverage_notes(pixels: Mapping[str, np.ndarray], sizes: Mapping[str, tuple[int, int]]) -> list[str]:
+    """A sentence on each camera of whose image corners cover too little for a lens; pixels (m, 2) and sizes by camera."""
+    notes = []
+    for name, corners in pixels.items():
+        share = covered(corners, sizes[name])
+        if share < ENOUGH_COVERED:
+            notes.append(
+                f"corners cover {100 * share:.0f} % of the image of {name}: its lens is not known beyond them;"
+                " bring the board nearer, and to the borders of the image"
+            )
+    return notes
+
+
+def rig_figures(found: BoardRig) -> dict[str, float | int]:
+    """Flat metrics, ``rig.<camera or pair>.<figure>``."""
+    residuals = found.adjustment.residuals_px
+    metrics: dict[str, float | int] = {
+        "rig.sets": len(found.instants), "rig.corners": len(residuals), "rig.rms_px": rms(residuals),
+        "rig.median_px": float(np.median(np.linalg.norm(residuals, axis=1))), "rig.outliers": len(found.outliers),
+        "rig.converged": int(found.adjustment.converged),
+    }  # fmt: skip
+    for name, c in camera_figures(found).items():
+        metrics |= {
+            f"rig.{name}.rms_px": c.rms_px, f"rig.{name}.views": c.views, f"rig.{name}.later_ms": 1e3 * c.clock_s,
+            f"rig.{name}.jitter_ms": 1e3 * c.jitter_s, f"rig.{name}.place_sigma_mm": 1e3 * c.place_sigma_m,
+        }  # fmt: skip
+    for (a, b), (n, error) in pair_figures(found).items():
+        metrics[f"rig.{a}_{b}.sets"], metrics[f"rig.{a}_{b}.rms_px"] = n, error
+    return metrics
+
+
+def worst_views(found: BoardRig, n: int = 5) -> list[tuple[str, int, float]]:
+    """(camera, image, rms px) of the views that fit worst among those used."""
+    errors = view_errors(found.instants, found.adjustment.residuals_px)
+    order = sorted(errors, key=lambda key: -errors[key])[:n]
+    return [(name, found.instants[k].views[name].image, errors[k, name]) for k, name in order]

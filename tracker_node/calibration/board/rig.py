@@ -17,11 +17,10 @@ from ...errors import TrackerError
 from ...geometry import se3
 from .adjustment import BoardAdjustment, BoardState
 from .board import Board, BoardView
-from .detection import CameraViews, Progress
 from .intrinsics import calibrate_lens
 from .refinement import BoardRigOptions, refine
 from .start import common_instants, groups, initial_state
-from .views import LEAST_COMMON, BoardInstant, chosen, group_views, speeds, with_neighbors
+from .views import LEAST_COMMON, BoardInstant, CameraViews, Progress, chosen, group_views, speeds, with_neighbors
 
 
 @dataclass(frozen=True, eq=False)

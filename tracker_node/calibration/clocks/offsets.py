@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import CalibrationError
-from .motion import MotionProfiles
-from .pairs import Pair, Signals, Tables, correlations, refined
+from .motion import MotionProfiles, Pair, Signals, Tables, correlations, refined
 
 DRIFT_SIGMA = 200e-6  # of what the clocks of cameras differ by; quartz has 50 to 100 millionths
 SURE_SIGMAS = (3.0, 2.0)  # an offset, a drift, of fewer is taken for none; drift also has a prior

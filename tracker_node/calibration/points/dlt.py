@@ -20,6 +20,7 @@ from ...camera.model import CameraModel
 from ...camera.rig import Camera
 from ...errors import CalibrationError
 from ...geometry import se3
+from ...loaders.rig.control_points import ControlPoints
 
 # Free lens parameters of each constraint; the place always has its six.
 CONSTRAINTS = {
@@ -31,6 +32,9 @@ CONSTRAINTS = {
 MIN_POINTS = 6
 _FLAT = 1e-3  # a cloud of points thinner than this share of its length is a plane
 _RANK = 1e-5  # smallest but one singular value of the design matrix, relative to the largest
+LARGEST_M = 200.0  # a volume for people and vehicles; in millimetres it would be 200 000
+SMALLEST_M = 0.02
+_FAR = 20.0  # times the usual distance from the middle
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,3 +233,34 @@ def _refine(
 
     solution = least_squares(residuals, start, method="lm", xtol=1e-14, ftol=1e-14)
     return DltCalibration(camera_of(solution.x), solution.fun.reshape(-1, 2))
+
+
+def check_control_points(name: str, seen: ControlPoints, image_size: tuple[int, int]) -> None:
+    """Refuse what a camera's points show to be wrong by itself.
+
+    Raises
+    ------
+    CalibrationError : a volume of a size that points to millimetres, one point in another unit than the others, or a pixel that
+        is not on the image.
+    """
+    from_middle = np.linalg.norm(seen.points - np.median(seen.points, axis=0), axis=1)
+    usual, far = float(np.median(from_middle)), int(from_middle.argmax())
+    if usual > 0.0 and from_middle[far] > _FAR * usual:
+        raise CalibrationError(
+            name,
+            f"control point '{seen.names[far]}' is {from_middle[far] / usual:.0f} times as far from the middle as the others are:"
+            " is it in another unit? all places are in metres",
+        )
+    extent = float(np.ptp(seen.points, axis=0).max())
+    if extent > LARGEST_M:
+        raise CalibrationError(name, f"its control points span {extent:g} m: are they millimetres? give metres")
+    if extent < SMALLEST_M:
+        raise CalibrationError(name, f"its control points span {1e3 * extent:g} mm only: are they in metres?")
+    outside = np.any((seen.pixels < -0.5) | (seen.pixels > np.array(image_size) - 0.5), axis=1)
+    if outside.any():
+        i = int(outside.argmax())
+        u, v = seen.pixels[i]
+        width, height = image_size
+        raise CalibrationError(
+            name, f"control point '{seen.names[i]}' was seen at pixel ({u:g}, {v:g}), outside of the image of {width}x{height}"
+        )

@@ -23,8 +23,7 @@ from ...objective.shape_jacobian import N_CAMERA, ContourLines, line_residuals
 from ...observation.image_set import ImageSet
 from ...tracking.config import TrackerConfig
 from ...tracking.constraints import constraints_of
-from .lines import LineEvidence
-from .region_lines import RegionEvidence
+from .lines import LineEvidence, RegionEvidence
 from .solver import Estimate, Motion, Problem, SharedPrior, Solution, shared_covariance, solve
 
 Progress = Callable[[str, int, int], None]

@@ -32,8 +32,7 @@ from .body_fit import (
     pose_priors,
     residuals_of,
 )
-from .lines import LineEvidence
-from .region_lines import RegionEvidence
+from .lines import LineEvidence, RegionEvidence
 from .solver import Estimate, Problem, SharedPrior, clustered_covariance, moved_camera, shared_covariance
 
 SURE_SIGMAS = 3.0  # a delay of fewer is taken for none

@@ -13,7 +13,7 @@ from .sizes import size_option
 
 if TYPE_CHECKING:
     from ...calibration.board.board import Board
-    from ...calibration.board.detection import CameraViews
+    from ...calibration.board.views import CameraViews
     from ...loaders.images.source import ImageSource
 
 DISTORTIONS = ("plumb_bob", "rational_polynomial", "equidistant", "none")
@@ -128,7 +128,7 @@ def detect(
     ------
     CalibrationError : fewer than ``least`` cameras saw it.
     """
-    from ...calibration.board.detection import detect_boards, with_board
+    from ...calibration.board.views import detect_boards, with_board
     from ...report.progress import StageProgress
 
     progress = None if args.quiet else StageProgress(f"calibrate {args.what}")

@@ -71,8 +71,7 @@ def load_run_images(args: argparse.Namespace) -> RunImages:
 
 def evidence_of(kind: str, images: RunImages) -> LineEvidence:
     """Of a kind of `EVIDENCE`."""
-    from ...calibration.tracked_body.lines import SilhouetteEvidence
-    from ...calibration.tracked_body.region_lines import RegionEvidence
+    from ...calibration.tracked_body.lines import RegionEvidence, SilhouetteEvidence
 
     make = SilhouetteEvidence if kind == "silhouette" else RegionEvidence
     return make(images.sets, images.config, images.plates)

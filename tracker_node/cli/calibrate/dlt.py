@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ...calibration.points.control_checks import check_control_points
+    from ...calibration.points.dlt import check_control_points
     from ...camera.rig import CameraRig
     from ...loaders.rig.control_points import load_control_points
     from ...loaders.rig.rig_yaml import rig_file_of, write_rig_file

@@ -25,8 +25,15 @@ def run(args: argparse.Namespace) -> int:
     import numpy as np
 
     from ...calibration.board.intrinsics import LEAST_VIEWS, calibrate_lens
-    from ...calibration.board.metrics import coverage_notes, covered
-    from ...calibration.board.report import format_table, lens_pictures, lens_table, outlier_table, write_pictures
+    from ...calibration.board.report import (
+        coverage_notes,
+        covered,
+        format_table,
+        lens_pictures,
+        lens_table,
+        outlier_table,
+        write_pictures,
+    )
     from ...camera.rig import Camera, CameraRig
     from ...errors import FileFormatError
     from ...loaders.rig.rig_yaml import rig_file_of, write_rig_file

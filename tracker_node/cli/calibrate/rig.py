@@ -35,8 +35,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ...calibration.board.metrics import camera_figures, coverage_notes, rig_figures, worst_views
-    from ...calibration.board.report import format_table, rig_pictures, rig_tables, write_pictures, write_rig_page
+    from ...calibration.board.report import (
+        camera_figures,
+        coverage_notes,
+        format_table,
+        rig_figures,
+        rig_pictures,
+        rig_tables,
+        worst_views,
+        write_pictures,
+        write_rig_page,
+    )
     from ...calibration.board.rig import calibrate_rig, check_for_rig
     from ...loaders.rig.rig_yaml import rig_file_of, write_rig_file
     from ...report.metrics_file import write_metrics
@@ -107,7 +116,7 @@ def _lenses(args: argparse.Namespace, sources):
 
 
 def _with_sources(args: argparse.Namespace, found, sources: dict[str, str | None]):
-    from ...calibration.board.metrics import camera_figures
+    from ...calibration.board.report import camera_figures
 
     figures, cameras = camera_figures(found), []
     for camera in found.rig:

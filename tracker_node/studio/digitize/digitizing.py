@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ...calibration.points.control_checks import check_control_points
-from ...calibration.points.dlt import MIN_POINTS, calibrate
+from ...calibration.points.dlt import MIN_POINTS, calibrate, check_control_points
 from ...calibration.points.dlt_stages import object_errors_m
-from ...calibration.points.reconstruction import ReconstructedPoint, reconstruct_point, repeatability
+from ...calibration.points.triangulation import ReconstructedPoint, reconstruct_point, repeatability
 from ...camera.rig import CameraRig
 from ...errors import CalibrationError
 from ...loaders.motion.trajectory_file import JointTrajectory, write_joints

@@ -12,7 +12,7 @@ import numpy as np
 from starlette.routing import BaseRoute
 
 from ...calibration.points.dlt import CONSTRAINTS
-from ...calibration.points.reconstruction import METHODS
+from ...calibration.points.triangulation import METHODS
 from ...camera.rig import CameraRig, epipolar_curve
 from ...errors import CalibrationError, FileFormatError, UnknownNameError
 from ...loaders.json_values import finite

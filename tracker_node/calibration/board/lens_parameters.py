@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..camera.model import CameraModel
+from ...camera.model import CameraModel
 
 # Coefficients that are sought, in the orders of `camera.distortion`, and how large each may be expected to be (a weak prior, so
 # that few or central views do not blow up what they do not tell)
