@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tracker_node.cli.arguments.subverbs import subverbs
+from tracker_node.cli.arguments.verbs import subverbs
 from tracker_node.cli.completion import SHELLS, all_words, script
 from tracker_node.cli.main import main, verbs
 

@@ -15,8 +15,8 @@ from helpers.cameras.render_scenes import look_at
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.cli.arguments.recording import evaluate_recording
-from tracker_node.cli.evaluate import _untold
 from tracker_node.cli.main import main
+from tracker_node.evaluation.run_review import unobservable_text
 from tracker_node.loaders.bag.message_types import TRACKED_STATE, message_of
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.bag.writer import BagWriter
@@ -276,11 +276,11 @@ def test_without_a_model_it_asks_for_one(files, tmp_path, capsys):
 def test_what_the_images_do_not_tell_takes_a_few_lines():
     """However many there are: five that last, and how many more."""
     untold = [{"what": f"joint_{i}", "sets": i} for i in range(1, 31)]
-    said = _untold({"image_sets": 100, "unobservable": untold})
+    said = unobservable_text({"image_sets": 100, "unobservable": untold})
     assert len(said) == 6 and "30 sets do not tell the joint_30;" in said[0] and "25 other degrees of freedom" in said[-1]
-    short = _untold({"image_sets": 100, "unobservable": untold[:10]})
+    short = unobservable_text({"image_sets": 100, "unobservable": untold[:10]})
     assert len(short) == 2 and "10 sets" in short[0] and "9 other" in short[1]
-    assert _untold({"image_sets": 1, "unobservable": untold[:1]}) == [
+    assert unobservable_text({"image_sets": 1, "unobservable": untold[:1]}) == [
         "The images of 1 set do not tell the joint_1; it is guessed there."
     ]
 
@@ -288,7 +288,7 @@ def test_what_the_images_do_not_tell_takes_a_few_lines():
 @pytest.mark.parametrize("cut", [{}, {"end": 5}, {"start": 3}, {"max_sets": 4}])
 def test_image_sets_of_a_recording_are_those_of_all_of_it(monkeypatch, tmp_path, cut):
     given = []
-    monkeypatch.setattr("tracker_node.cli.arguments.run_verb.run_verb", lambda *arguments: given.append(arguments) or 0)
+    monkeypatch.setattr("tracker_node.cli.arguments.verbs.run_verb", lambda *arguments: given.append(arguments) or 0)
     recording = RecordingFile(rig="r", model="m", output="o", images={"end": 100}, evaluate={"image_sets": 100})
     args = Namespace(**{"model": "m", "rig": "r", "start": 0, "end": 100, "max_sets": None} | cut)
     assert evaluate_recording(recording, args, tmp_path, tmp_path) == 0

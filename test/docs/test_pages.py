@@ -13,7 +13,7 @@ import pytest
 from helpers.docs.commands import parsed, parser_of
 from helpers.docs.pages import PAGES, commands_of, mentions_of
 from tracker_node.cli import main
-from tracker_node.cli.arguments.subverbs import module_of, subverbs
+from tracker_node.cli.arguments.verbs import module_of, subverbs
 from tracker_node.cli.main import verbs
 from tracker_node.evaluation.masks.reference import load_reference_masks
 from tracker_node.loaders.model.model_yaml import load_model

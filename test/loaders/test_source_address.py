@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tracker_node.cli.arguments.run_json import named_options
+from tracker_node.cli.arguments.runs import named_options
 from tracker_node.errors import FileFormatError, SourceError, shown, without_password
 from tracker_node.loaders.images.source import open_source, size_contradiction
 from tracker_node.loaders.rig.capture_yaml import changed_settings, split_change

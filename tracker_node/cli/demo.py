@@ -8,7 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-from .arguments.run_verb import run_verb
+from .arguments.verbs import run_verb
 
 SUMMARY = "track a real recording of a person from end to end (fetch, ingest, track, record, evaluate) and report"
 EXAMPLE = "tracker_node demo --output out/demo"

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import math
+import os
 import sys
-from typing import Any
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from .arguments.review import check_numbers, lag_of, names_of, one_each, output_folder, targets_of
+if TYPE_CHECKING:
+    from ..evaluation.report.summary import Target
 
 SUMMARY = "report on one run or several, against truth and each other: report.json, report.html and report.pdf"
 EXAMPLE = (
     "tracker_node evaluate out/run --truth markers.trc --model person.yaml --rig rig.yaml --name walk --output out/evaluation"
 )
-
-_MOST_UNTOLD = 5
-_LASTING = 0.1  # share of the sets, below which nothing is said of a degree of freedom by itself
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -49,16 +51,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    from ..evaluation.evaluate import EvaluationOptions
     from ..evaluation.report import builder as report
+    from ..evaluation.run_review import RunFiles, review_run
     from ..report.metrics_file import print_metrics
 
-    check_numbers(args)
-    targets, lag = targets_of(args.target), lag_of(args.lag)
+    _check_numbers(args)
+    targets, lag = _targets_of(args.target), lag_of(args.lag)
     names, folder = names_of(args.runs, args.name), output_folder(args.output, args.runs)
     models, rigs = (one_each(args.runs, given, option) for given, option in ((args.model, "--model"), (args.rig, "--rig")))
     reviews = []
     for path, name, model, rig in zip(args.runs, names, models, rigs, strict=True):
-        reviews.append(_review(args, path, name, model, rig, lag))
+        compared = EvaluationOptions(name, lag, args.align, args.image_sets)
+        files = RunFiles(
+            path, model, rig, args.topic, args.truth, args.y_up, args.masks, args.pictures, compared, args.first_image
+        )
+        reviews.append(review_run(files, _say))
     options = report.ReportOptions(targets, args.csv, not args.no_pdf)
     figures = report.write_report(folder, reviews, options, _say)
     print_metrics(figures)
@@ -67,69 +75,83 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _review(args: argparse.Namespace, path: str, name: str, model_path: str | None, rig_path: str | None, lag: Any):
-    """One run held against truth, and its images looked at."""
-    from dataclasses import replace
-
-    from ..errors import TrackerError
-    from ..evaluation.evaluate import EvaluationOptions
-    from ..evaluation.review import review
-    from ..evaluation.truth.files import truth_of
-    from ..loaders.model.model_yaml import load_model
-    from ..runs.images import file_of, first_image_of
-    from ..runs.load import load_run
-
-    tracked = load_run(path, args.topic)
-    first_image = first_image_of(tracked.info) if args.first_image is None else args.first_image
-    model_path, rig_path = model_path or file_of(tracked.info, "model"), rig_path or file_of(tracked.info, "rig")
-    if not model_path:
-        raise TrackerError(f"{path} does not name its body model; give --model FILE")
-    model = load_model(model_path)
-    tracked.check_model(model, model_path)
-    _say(f"{name}: {len(tracked)} states of {path}")
-    sources = {"run": path, "truth": ", ".join(args.truth) or "none", "model": model_path, "rig": rig_path or "not given"}
-    options = EvaluationOptions(name, lag, args.align, args.image_sets, first_image)
-    found = review(tracked, model, truth_of(args.truth, args.y_up, model), options, sources)
-    images = _look_at_images(args, tracked, model, rig_path, found.period_s * 1e9, first_image)
-    problems = [*found.problems, *_contradicted(tracked.info), *_untold(tracked.info), *images.problems]
-    joints = None if found.joints is None else replace(found.joints, silhouettes=images.scores)
-    return replace(found, joints=joints, silhouettes=images.scores, pictures=images.pictures, problems=problems)
-
-
-def _look_at_images(args: argparse.Namespace, tracked: Any, model: Any, rig_path: str | None, period_ns: float, first_image: int):
-    """Silhouettes, pictures for the contact sheets, and what could not be shown."""
-    from ..evaluation.masks.reference import load_reference_masks
-    from ..evaluation.masks.silhouettes import ImageReview, ReviewOptions, review_images
-    from ..loaders.rig.rig_yaml import load_rig
-    from ..runs.images import file_of, rig_of_run
-
-    if not rig_path:
-        return ImageReview(problems=["Without a rig there are no silhouettes and no pictures (--rig FILE)."])
-    masks = load_reference_masks(args.masks) if args.masks else {}
-    options = ReviewOptions(pictures=args.pictures, first_image=first_image)
-    rig = rig_of_run(load_rig(rig_path), tracked.info, other_file=rig_path != file_of(tracked.info, "rig"))
-    return review_images(tracked, model, rig, masks, period_ns, options, _say)
-
-
-def _contradicted(info: Any) -> list[str]:
-    """A sentence for each camera that the others have contradicted during the run."""
-    found = info.get("contradicted_cameras") or []
-    return [f"{entry['said']}; so it was found after {entry['sets']} of the image sets." for entry in found]
-
-
-def _untold(info: Any) -> list[str]:
-    """Sentences on what the images have not told: what lasts longest first, at most `_MOST_UNTOLD`, and how many more."""
-    found = sorted(info.get("unobservable") or [], key=lambda entry: -entry["sets"])
-    least = _LASTING * info.get("image_sets", 0)
-    shown = [entry for entry in found if entry["sets"] >= least][:_MOST_UNTOLD]
-    said = [
-        f"The images of {entry['sets']} set{'s' * (entry['sets'] != 1)} do not tell the {entry['what']}; it is guessed there."
-        for entry in shown
-    ]
-    more = len(found) - len(shown)
-    others = "one other degree of freedom" if more == 1 else f"{more} other degrees of freedom"
-    return [*said, *([f"The images of some sets do not tell {others}."] if more else [])]
-
-
 def _say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
+
+
+def names_of(runs: Sequence[str], given: Sequence[str]) -> list[str]:
+    """The names as given, "run" for a single one, or the names of the folders with a number where they are alike."""
+    from ..errors import TrackerError
+
+    if given and (len(given) != len(runs) or len(set(given)) != len(given) or not all(name.strip() for name in given)):
+        expected = "one name" if len(runs) == 1 else f"{len(runs)} different names"
+        raise TrackerError(f"--name: expected {expected}, got {', '.join(map(repr, given))}")
+    if given or len(runs) == 1:
+        return list(given) or ["run"]
+    names = [Path(run).resolve().stem for run in runs]
+    return [name if names.count(name) == 1 else f"{name}{i}" for i, name in enumerate(names, start=1)]
+
+
+def one_each(runs: Sequence[str], given: Sequence[str], option: str) -> list[str | None]:
+    """A file per run: one for all, one for each, or none."""
+    from ..errors import TrackerError
+
+    if len(runs) > 1 and len(given) not in (0, 1, len(runs)):
+        raise TrackerError(f"{option}: expected one file for all runs or {len(runs)}, got {len(given)}")
+    return list(given) if len(given) == len(runs) else [given[-1] if given else None] * len(runs)
+
+
+def _targets_of(texts: Sequence[str]) -> dict[str, Target]:
+    """Bounds by the keys of figures."""
+    from ..errors import TrackerError
+    from ..evaluation.report.summary import parse_target
+
+    try:
+        return dict(parse_target(text) for text in texts)
+    except ValueError as error:
+        raise TrackerError(f"--target: {error}") from None
+
+
+def lag_of(text: str) -> float | None:
+    """A number of images; None where it is to be estimated."""
+    from ..errors import TrackerError
+    from ..loaders.recording_yaml import MOST_LAG_IMAGES
+
+    if text == "auto":
+        return None
+    try:
+        lag = float(text)
+    except ValueError:
+        lag = math.nan
+    if not abs(lag) <= MOST_LAG_IMAGES:
+        raise TrackerError(f"--lag: expected 'auto' or a number of images, at most {MOST_LAG_IMAGES}, got {text!r}")
+    return lag
+
+
+def _check_numbers(args: argparse.Namespace) -> None:
+    """Raises TrackerError for a number of images that is below zero."""
+    from ..errors import TrackerError
+
+    for name in ("image_sets", "first_image", "pictures"):
+        value = getattr(args, name)
+        if value is not None and value < 0:
+            raise TrackerError(f"--{name.replace('_', '-')}: expected 0 or more, got {value}")
+
+
+def output_folder(output: str | None, runs: Sequence[str]) -> Path:
+    """Where the report goes: as given, or the folder of the only run.
+
+    Raises
+    ------
+    TrackerError : no place for several runs, or one that is no folder, or that nothing can be written to.
+    """
+    from ..errors import TrackerError
+
+    if len(runs) > 1 and not output:
+        raise TrackerError("several runs have no folder in common; give --output DIR")
+    run = Path(runs[0])
+    folder = Path(output) if output else run if run.is_dir() else run.parent
+    there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    if not there.is_dir() or not os.access(there, os.W_OK):
+        raise TrackerError(f"--output: expected a folder that can be written to, got {there}")
+    return folder

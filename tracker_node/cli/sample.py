@@ -6,7 +6,7 @@ import argparse
 import shutil
 from pathlib import Path
 
-from .arguments.run_verb import run_verb
+from .arguments.verbs import run_verb
 
 SUMMARY = "fetch a sample recording (real videos, calibration, reference) and make it ready to be tracked"
 EXAMPLE = "tracker_node sample balancing --output out/balancing"

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ..synthesis.scenes.scene import SceneConfig
-from .arguments.sizes import size_option
+from .arguments.cameras import size_option
 
 SUMMARY = "render a person in a room, seen by several cameras, with exact joint centres as truth"
 EXAMPLE = (

@@ -9,10 +9,9 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .arguments.nothing_tracked import nothing_tracked
+from .arguments.cameras import image_size
 from .arguments.recording import add_recording_argument, evaluate_recording, fill_in
-from .arguments.run_json import named_options
-from .arguments.sizes import image_size
+from .arguments.runs import named_options, nothing_tracked
 from .nodes.camera_ingest import named_source
 
 if TYPE_CHECKING:

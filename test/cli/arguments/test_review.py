@@ -4,7 +4,7 @@ import argparse
 
 import pytest
 
-from tracker_node.cli.arguments.review import check_numbers, lag_of, names_of, one_each, output_folder
+from tracker_node.cli.evaluate import _check_numbers, lag_of, names_of, one_each, output_folder
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.recording_yaml import MOST_LAG_IMAGES
 
@@ -74,11 +74,11 @@ def test_what_is_no_lag(text):
 @pytest.mark.parametrize("name", ["image_sets", "first_image", "pictures"])
 def test_numbers_are_not_below_zero(name):
     values = {"image_sets": None, "first_image": 0, "pictures": 0}
-    check_numbers(argparse.Namespace(**values))
-    check_numbers(argparse.Namespace(**values | {name: 3}))
+    _check_numbers(argparse.Namespace(**values))
+    _check_numbers(argparse.Namespace(**values | {name: 3}))
     option = name.replace("_", "-")
     with pytest.raises(TrackerError, match=f"--{option}: expected 0 or more, got -1"):
-        check_numbers(argparse.Namespace(**values | {name: -1}))
+        _check_numbers(argparse.Namespace(**values | {name: -1}))
 
 
 def test_the_report_goes_to_the_folder_of_the_only_run(tmp_path):

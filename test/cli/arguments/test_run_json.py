@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from tracker_node.cli.arguments.run_json import end_of_live_run, named_options, start_of_live_run
+from tracker_node.cli.arguments.runs import end_of_live_run, named_options, start_of_live_run
 from tracker_node.runs.config_file import dump_config
 from tracker_node.tracking.config import TrackerConfig, flatten
 from tracker_node.tracking.estimate import Status

@@ -4,7 +4,7 @@ import argparse
 
 import pytest
 
-from tracker_node.cli.arguments.sizes import image_size, size_option
+from tracker_node.cli.arguments.cameras import image_size, size_option
 from tracker_node.errors import FileFormatError
 
 

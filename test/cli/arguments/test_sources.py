@@ -4,7 +4,7 @@ import argparse
 
 import pytest
 
-from tracker_node.cli.arguments.sources import add_sources_argument
+from tracker_node.cli.arguments.cameras import add_sources_argument
 from tracker_node.errors import SourceError
 from tracker_node.loaders.source_address import sources_by_name
 

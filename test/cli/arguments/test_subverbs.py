@@ -4,7 +4,7 @@ import argparse
 
 import pytest
 
-from tracker_node.cli.arguments.subverbs import add_subverbs, run_subverb, subverbs
+from tracker_node.cli.arguments.verbs import add_subverbs, run_subverb, subverbs
 from tracker_node.cli.bag import info as _bag_info
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.camera.rig import CameraRig
-from tracker_node.cli.arguments.topics import camera_topic, with_topics
+from tracker_node.cli.arguments.cameras import camera_topic, with_topics
 from tracker_node.errors import FileFormatError, UnknownNameError
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker_node.cli.arguments.subverbs import subverbs
+from tracker_node.cli.arguments.verbs import subverbs
 from tracker_node.cli.main import main
 from tracker_node.experiments.rigid_tracking import UNITS, VARIABLES
 

@@ -63,7 +63,7 @@ def test_lenses_of_ros_with_the_places_of_another_rig(tmp_path, capsys):
         (["--pose2sim", "none.toml"], "none.toml: field '(file)'"),
         (["--camera-info", "{tmp}/cam01.yaml", "{tmp}/cam01.yaml"], "a different name for each camera"),
         (["--camera-info", "{tmp}/cam01.yaml", "--sources", "{{nam}}.mp4"], "expected a pattern with {name} or {number}"),
-        (["--camera-info", "{tmp}/cam01.yaml", "--unit", "mm"], "in metres already, got 'mm'"),
+        (["--camera-info", "{tmp}/cam01.yaml", "--unit", "mm"], "in meters already, got 'mm'"),
     ],
 )
 def test_what_is_wrong_is_one_line(tmp_path, capsys, arguments, said):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from helpers.studio.small_studio import RATE_HZ, Recording, recording
-from tracker_node.cli.evaluate import _untold
 from tracker_node.errors import FileFormatError
+from tracker_node.evaluation.run_review import unobservable_text
 from tracker_node.geometry import se3, so3
 from tracker_node.loaders.model.state_yaml import dump_state, load_state
 from tracker_node.model.articulated import ArticulatedModel, Landmark, Shape
@@ -81,8 +81,8 @@ def test_what_one_camera_cannot_see_is_named_by_an_offline_run_and_its_report():
         record.add(estimate)
     assert record.untold == {"root rotation about some axis": len(clip.sets)}
     found = {"what": "root rotation about some axis", "sets": len(clip.sets)}
-    (said,) = _untold({"unobservable": [found]})
-    assert found["what"] in said and _untold({"unobservable": []}) == []
+    (said,) = unobservable_text({"unobservable": [found]})
+    assert found["what"] in said and unobservable_text({"unobservable": []}) == []
 
 
 def test_a_mesh_with_a_hole_is_tracked():

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...errors import FileFormatError, SourceError, TrackerError, UnknownNameError
-from .sizes import size_option
+from .cameras import size_option
 
 if TYPE_CHECKING:
     from ...calibration.board.board import Board

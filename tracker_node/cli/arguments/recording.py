@@ -101,7 +101,7 @@ def _sources(recording: RecordingFile) -> list[tuple[str, str]]:
 
 def evaluate_recording(recording: RecordingFile, args: argparse.Namespace, run: Path, output: Path) -> int:
     """Hold a run against what the recording names, as ``tracker_node evaluate`` does; returns the exit status."""
-    from .run_verb import run_verb
+    from .verbs import run_verb
 
     arguments = evaluation_of(recording, args, run, output)
     return run_verb(*arguments) if arguments else 0

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 
-from ..arguments.subverbs import add_subverbs, run_subverb
+from ..arguments.verbs import add_subverbs, run_subverb
 
 SUMMARY = "look into bags: what is in one, whether it is sound, and a sound one of what can be read"
 EXAMPLE = "tracker_node bag check out/run1"

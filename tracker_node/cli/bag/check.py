@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from ...loaders.bag.check import check_bag
-    from ._texts import time_text
+    from .info import time_text
 
     check = check_bag(args.bag, lambda file: print(f"reading {file}", file=sys.stderr, flush=True))
     print(f"{check.path}: {check.files} file(s), {check.size / 1e6:.1f} MB, {check.message_count} messages")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from datetime import UTC, datetime
 from pathlib import Path
 
 SUMMARY = "list topics, types, numbers of messages and times of a bag, from its index"
@@ -15,7 +16,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from ...loaders.bag.reader import BagReader
-    from ._texts import time_text
 
     with BagReader(args.bag) as reader:
         size = sum(file.stat().st_size for file in reader.files)
@@ -27,3 +27,11 @@ def run(args: argparse.Namespace) -> int:
         for topic in sorted(reader.topics.values(), key=lambda topic: topic.name):
             print(f"  {topic.name:40} {topic.message_count:8} {topic.type_name}")
     return 0
+
+
+def time_text(stamp_ns: int) -> str:
+    """A time as people write it (UTC), or as seconds where no year comes out of it."""
+    try:
+        return f"{datetime.fromtimestamp(stamp_ns // 10**9, UTC):%Y-%m-%d %H:%M:%S} UTC"
+    except (ValueError, OverflowError, OSError):
+        return f"{stamp_ns * 1e-9:.3f} s"

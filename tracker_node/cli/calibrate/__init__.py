@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 
-from ..arguments.subverbs import add_subverbs, run_subverb
+from ..arguments.verbs import add_subverbs, run_subverb
 
 SUMMARY = "make what tracking needs: true camera places, pictures of the empty scene, a person's body, a first pose"
 EXAMPLE = "tracker_node calibrate body --trc static.trc --y-up -o person.yaml"

@@ -6,9 +6,8 @@ import argparse
 from dataclasses import replace
 
 from ...loaders.source_address import sources_by_name
+from ..arguments.cameras import add_sources_argument, size_option
 from ..arguments.run_images import refuse_to_overwrite
-from ..arguments.sizes import size_option
-from ..arguments.sources import add_sources_argument
 
 SUMMARY = "make a rig from control points of known place, clicked on in one image of every camera (DLT)"
 EXAMPLE = (

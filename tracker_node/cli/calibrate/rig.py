@@ -9,8 +9,8 @@ from pathlib import Path
 from ...errors import CalibrationError, FileFormatError
 from ...loaders.source_address import sources_by_name
 from ..arguments.board import add_board_arguments, board_of, detect, sources_of
+from ..arguments.cameras import add_sources_argument
 from ..arguments.run_images import refuse_to_overwrite
-from ..arguments.sources import add_sources_argument
 
 SUMMARY = "make a rig from videos or image folders in which several cameras see a chessboard or a ChArUco board"
 EXAMPLE = "tracker_node calibrate rig --videos calib/cam01.mp4 calib/cam02.mp4 --charuco 7x5 --square 0.08 -o rig.yaml"

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from ..arguments.board import add_markers, check_markers, wrong_option
-from ..arguments.sizes import size_option
+from ..arguments.cameras import size_option
 
 SUMMARY = "make a model of a flat plate with a picture on it: a photo or print file, or a ChArUco board that is drawn"
 EXAMPLE = "tracker_node calibrate texture --charuco 4x5 --square 0.054 --border 20 --border-grey 20 -o plate.yaml"

@@ -6,8 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from ..arguments.sizes import image_size
-from ..arguments.topics import add_topics_argument, with_topics
+from ..arguments.cameras import add_topics_argument, image_size, with_topics
 
 SUMMARY = "publish videos, image folders, bags, devices, network streams or topics as the ROS cameras of a rig"
 EXAMPLE = """tracker_node camera_ingest --rig rig.yaml --loop --shrink 2

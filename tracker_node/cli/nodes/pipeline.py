@@ -6,11 +6,10 @@ import argparse
 import shlex
 from pathlib import Path
 
-from ..arguments.nothing_tracked import nothing_tracked
+from ..arguments.cameras import with_topics
 from ..arguments.recording import add_recording_argument, evaluation_of, fill_in
-from ..arguments.run_json import end_of_live_run, start_of_live_run
-from ..arguments.run_verb import run_verb
-from ..arguments.topics import with_topics
+from ..arguments.runs import end_of_live_run, nothing_tracked, start_of_live_run
+from ..arguments.verbs import run_verb
 from .camera_ingest import add_source_arguments, cameras_of, source_options
 from .tracker import add_body_arguments
 

@@ -6,7 +6,7 @@ import argparse
 import sys
 import time
 
-from ..arguments.topics import add_topics_argument, with_topics
+from ..arguments.cameras import add_topics_argument, with_topics
 
 SUMMARY = "track a body in the images of ROS cameras"
 EXAMPLE = "tracker_node tracker --rig rig.yaml --model person.yaml --initial-state start.yaml"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 
-from ..arguments.subverbs import add_subverbs, run_subverb
+from ..arguments.verbs import add_subverbs, run_subverb
 
 SUMMARY = "repeat an experiment of the papers that the trackers come from: its table or figures, beside what was published"
 EXAMPLE = "tracker_node reproduce table1 --output out/reproduce/table1"

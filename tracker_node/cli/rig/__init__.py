@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 
-from ..arguments.subverbs import add_subverbs, run_subverb
+from ..arguments.verbs import add_subverbs, run_subverb
 
 SUMMARY = "look after a rig of cameras: find out what is wrong with it, move its world frame, hand it to other programs"
 EXAMPLE = "tracker_node rig check rig.yaml"

@@ -6,7 +6,9 @@ import argparse
 import importlib
 import importlib.util
 import pkgutil
+import shlex
 from keyword import iskeyword
+from pathlib import Path
 
 
 def subverbs(verb: str) -> list[str]:
@@ -42,3 +44,12 @@ def add_subverbs(parser: argparse.ArgumentParser, verb: str) -> None:
 def run_subverb(args: argparse.Namespace) -> int:
     """Run the sub-verb that was asked for."""
     return args.run_subverb(args)
+
+
+def run_verb(*arguments: str | Path) -> int:
+    """Run another verb here, showing the command as a user would give it."""
+    from ..main import main
+
+    argv = [str(argument) for argument in arguments]
+    print(f"$ tracker_node {shlex.join(argv)}", flush=True)
+    return main(argv)

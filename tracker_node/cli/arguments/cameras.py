@@ -1,8 +1,9 @@
-"""Image topics of cameras that are not called ``<camera>/image_raw``: rules of remapping for a node."""
+"""Cameras on the command line: their image topics as rules of remapping, their sources, and sizes of images and boards."""
 
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -51,3 +52,43 @@ def with_topics(ros_args: list[str], rig: CameraRig | None, given: Mapping[str, 
         info = "/".join([*topic.split("/")[:-1], "camera_info"])
         rules += [f"{name}/image_raw:={topic}", f"{name}/image_raw/compressed:={topic}/compressed", f"{name}/camera_info:={info}"]
     return [*ros_args, "--ros-args", *(part for rule in rules for part in ("-r", rule)), "--"] if rules else ros_args
+
+
+def add_sources_argument(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--sources",
+        metavar="PATTERN",
+        help="video or image folder of each camera; {name} is its name, {number} counts from 1, as in 'videos/{name}.mp4'",
+    )
+
+
+_PAIR = re.compile(r"([0-9]{1,6})x([0-9]{1,6})", re.IGNORECASE)
+_IMAGE = "WIDTHxHEIGHT in pixels, such as 640x480"
+
+
+def image_size(text: str) -> tuple[int, int]:
+    """``640x480`` -> (640, 480), for argparse."""
+    size = _pair(text)
+    if size is None or min(size) < 1:
+        raise argparse.ArgumentTypeError(f"expected {_IMAGE}, got '{text}'")
+    return size
+
+
+def size_option(option: str, text: str, expected: str = _IMAGE, least: int = 1, most: int = 10**6) -> tuple[int, int]:
+    """The two numbers of an option, each from ``least`` to ``most``.
+
+    Raises
+    ------
+    FileFormatError : naming the option and what is ``expected`` of it.
+    """
+    from ...errors import FileFormatError
+
+    size = _pair(text)
+    if size is None or not all(least <= number <= most for number in size):
+        raise FileFormatError("command line", option, expected, text)
+    return size
+
+
+def _pair(text: str) -> tuple[int, int] | None:
+    found = _PAIR.fullmatch(text)
+    return (int(found[1]), int(found[2])) if found else None

@@ -1,0 +1,121 @@
+"""A run compared with truth and with its images, all from files, as ``tracker_node evaluate`` names them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from ..errors import TrackerError
+from ..loaders.model.model_yaml import load_model
+from ..loaders.rig.rig_yaml import load_rig
+from ..model.articulated import ArticulatedModel
+from ..runs.data import RunData
+from ..runs.images import file_of, first_image_of, rig_of_run
+from ..runs.load import load_run
+from .evaluate import EvaluationOptions
+from .masks.reference import load_reference_masks
+from .masks.silhouettes import ImageReview, ReviewOptions, review_images
+from .review import Review, review
+from .truth.files import truth_of
+
+_MOST_UNOBSERVABLE = 5
+_LASTING = 0.1  # fraction of the sets, below which a degree of freedom gets no sentence of its own
+
+
+@dataclass(frozen=True)
+class RunFiles:
+    """What is compared.
+
+    Parameters
+    ----------
+    run : folder of a run, or a bag; ``topic`` of its states, where a bag has several.
+    model, rig : files; None: those that run.json names. Without a rig there are no silhouettes and no pictures.
+    truth : files, at most one of positions and one of degrees of freedom; ``y_up``: see `truth.files.truth_of`.
+    masks : file of reference masks.
+    pictures : instants on the contact sheets.
+    options : ``first_image`` None: the one that run.json says, or 0.
+    """
+
+    run: str
+    model: str | None = None
+    rig: str | None = None
+    topic: str | None = None
+    truth: Sequence[str] = ()
+    y_up: bool | None = None
+    masks: str | None = None
+    pictures: int = 6
+    options: EvaluationOptions = field(default_factory=EvaluationOptions)
+    first_image: int | None = None
+
+
+def review_run(files: RunFiles, tell: Callable[[str], None]) -> Review:
+    """Compare a run with truth, and its silhouettes with masks.
+
+    Parameters
+    ----------
+    files : what is compared, and how.
+    tell : called with a line on what is being done.
+
+    Returns
+    -------
+    review : with pictures, and a sentence for each problem.
+
+    Raises
+    ------
+    TrackerError : no body model is named, or it is not that of the run.
+    FileFormatError : a file that cannot be used.
+    """
+    tracked = load_run(files.run, files.topic)
+    first_image = first_image_of(tracked.info) if files.first_image is None else files.first_image
+    model_path, rig_path = files.model or file_of(tracked.info, "model"), files.rig or file_of(tracked.info, "rig")
+    if not model_path:
+        raise TrackerError(f"{files.run} does not name its body model; give --model FILE")
+    model = load_model(model_path)
+    tracked.check_model(model, model_path)
+    tell(f"{files.options.name}: {len(tracked)} states of {files.run}")
+    truth = ", ".join(files.truth) or "none"
+    sources = {"run": files.run, "truth": truth, "model": model_path, "rig": rig_path or "not given"}
+    options = replace(files.options, first_image=first_image)
+    found = review(tracked, model, truth_of(files.truth, files.y_up, model), options, sources)
+    shown = ReviewOptions(files.pictures, first_image=first_image)
+    images = _images(files, tracked, model, rig_path, shown, found.period_s * 1e9, tell)
+    problems = [*found.problems, *_contradicted(tracked.info), *unobservable_text(tracked.info), *images.problems]
+    joints = None if found.joints is None else replace(found.joints, silhouettes=images.scores)
+    return replace(found, joints=joints, silhouettes=images.scores, pictures=images.pictures, problems=problems)
+
+
+def _images(
+    files: RunFiles,
+    tracked: RunData,
+    model: ArticulatedModel,
+    rig_path: str | None,
+    options: ReviewOptions,
+    period_ns: float,
+    tell: Callable[[str], None],
+) -> ImageReview:
+    if not rig_path:
+        return ImageReview(problems=["Without a rig there are no silhouettes and no pictures (--rig FILE)."])
+    masks = load_reference_masks(files.masks) if files.masks else {}
+    rig = rig_of_run(load_rig(rig_path), tracked.info, other_file=rig_path != file_of(tracked.info, "rig"))
+    return review_images(tracked, model, rig, masks, period_ns, options, tell)
+
+
+def _contradicted(info: Mapping[str, Any]) -> list[str]:
+    """A sentence for each camera that the others have contradicted during the run."""
+    found = info.get("contradicted_cameras") or []
+    return [f"{entry['said']}; so it was found after {entry['sets']} of the image sets." for entry in found]
+
+
+def unobservable_text(info: Mapping[str, Any]) -> list[str]:
+    """Sentences on degrees of freedom that the images do not show, from ``run.json``; the most lasting first."""
+    found = sorted(info.get("unobservable") or [], key=lambda entry: -entry["sets"])
+    least = _LASTING * info.get("image_sets", 0)
+    shown = [entry for entry in found if entry["sets"] >= least][:_MOST_UNOBSERVABLE]
+    said = [
+        f"The images of {entry['sets']} set{'s' * (entry['sets'] != 1)} do not tell the {entry['what']}; it is guessed there."
+        for entry in shown
+    ]
+    more = len(found) - len(shown)
+    others = "one other degree of freedom" if more == 1 else f"{more} other degrees of freedom"
+    return [*said, *([f"The images of some sets do not tell {others}."] if more else [])]
