@@ -26,7 +26,18 @@ _LONGEST = 300  # characters of an error's own words in the line
 
 
 def unexpected(verb: str, arguments: Sequence[str], error: BaseException) -> int:
-    """Say in one line what has ended a verb; the exit status."""
+    """Say in one line what has ended a verb.
+
+    Parameters
+    ----------
+    verb : that was run.
+    arguments : behind it.
+    error : that nobody handled.
+
+    Returns
+    -------
+    status : exit status; 2 where a package is missing, else 70.
+    """
     missing = _missing_package(error) if isinstance(error, ImportError) else ""
     if missing:
         _say(f"tracker_node {verb}: error: {missing}")
@@ -37,7 +48,13 @@ def unexpected(verb: str, arguments: Sequence[str], error: BaseException) -> int
 
 @contextmanager
 def threads_say_one_line(verb: str, arguments: Sequence[str]) -> Iterator[None]:
-    """What ends a thread without having been caught is told as `unexpected` tells it, in place of a traceback."""
+    """Report an error that ends a thread as `unexpected` does, in place of a traceback.
+
+    Parameters
+    ----------
+    verb : that is run.
+    arguments : behind it.
+    """
 
     def told(args: threading.ExceptHookArgs) -> None:
         if isinstance(args.exc_value, Exception):

@@ -80,7 +80,17 @@ def _say(text: str) -> None:
 
 
 def names_of(runs: Sequence[str], given: Sequence[str]) -> list[str]:
-    """The names as given, "run" for a single one, or the names of the folders with a number where they are alike."""
+    """Names of the runs in the report.
+
+    Parameters
+    ----------
+    runs : paths.
+    given : on the command line.
+
+    Returns
+    -------
+    names : as given, "run" for a single one, or those of the folders, numbered where they are alike.
+    """
     from ..errors import TrackerError
 
     if given and (len(given) != len(runs) or len(set(given)) != len(given) or not all(name.strip() for name in given)):
@@ -93,7 +103,18 @@ def names_of(runs: Sequence[str], given: Sequence[str]) -> list[str]:
 
 
 def one_each(runs: Sequence[str], given: Sequence[str], option: str) -> list[str | None]:
-    """A file per run: one for all, one for each, or none."""
+    """A file for each run.
+
+    Parameters
+    ----------
+    runs : paths.
+    given : one for all, one for each, or none.
+    option : for messages.
+
+    Returns
+    -------
+    files : None where none is given.
+    """
     from ..errors import TrackerError
 
     if len(runs) > 1 and len(given) not in (0, 1, len(runs)):
@@ -139,7 +160,16 @@ def _check_numbers(args: argparse.Namespace) -> None:
 
 
 def output_folder(output: str | None, runs: Sequence[str]) -> Path:
-    """Where the report goes: as given, or the folder of the only run.
+    """Folder of the report.
+
+    Parameters
+    ----------
+    output : as given; None: the folder of the only run.
+    runs : paths.
+
+    Returns
+    -------
+    folder : that can be written to.
 
     Raises
     ------

@@ -31,7 +31,17 @@ def run(args: argparse.Namespace) -> int:
 
 
 def prepare(folder: Path, fresh: bool = False) -> int:
-    """Fetch and prepare the Balancing clip in ``folder``, saying what happens; what is there already is kept."""
+    """Fetch and prepare the Balancing clip, and print each step; existing files are kept.
+
+    Parameters
+    ----------
+    folder : of the clip.
+    fresh : make everything again.
+
+    Returns
+    -------
+    status : exit status of the calibrations.
+    """
     from ..calibration import balancing
     from ..loaders.sample_files import fetch_sample
     from .calibrate.refine import print_table

@@ -132,7 +132,12 @@ def _scene(args: argparse.Namespace) -> SceneConfig:
 
 
 def show_progress(done: int, total: int) -> None:
-    """Counts image sets on standard error: one line that rewrites itself, or a line every tenth when that is a file."""
+    """Print the number of image sets on stderr: a line that rewrites itself, or a line every tenth when that is a file.
+
+    Parameters
+    ----------
+    done, total : image sets.
+    """
     if sys.stderr.isatty():
         print(f"\rrendering: image set {done} of {total}", end="\n" if done == total else "", file=sys.stderr, flush=True)
     elif 10 * done // total > 10 * (done - 1) // total:
@@ -140,10 +145,21 @@ def show_progress(done: int, total: int) -> None:
 
 
 def produce(request: Request, folder: str | Path, force: bool = False, progress=lambda done, total: None) -> bool:
-    """Make the recording that ``request`` asks for, unless ``folder`` holds it already; True if it was made.
+    """Make a recording, unless the folder holds it already.
 
     Besides what `synthesis.dataset.record` writes there are ``person.yaml``, the tracker's model scaled to the subject by its
     static trial, and ``state.yaml``, the pose in the first image set.
+
+    Parameters
+    ----------
+    request : subject, motion and scene.
+    folder : of the recording.
+    force : make it again.
+    progress : called with the number of sets done and of all.
+
+    Returns
+    -------
+    made : False where the folder holds it.
     """
     from ..loaders.model.model_yaml import dump_model
     from ..loaders.model.state_yaml import dump_state

@@ -55,7 +55,17 @@ class Diagnostics:
         hardware_id: str = "",
         logged: bool = True,
     ) -> None:
-        """State of one part; ``values`` are shown as text, floats with three decimals. Not ``logged``: only published."""
+        """Set the state of one part.
+
+        Parameters
+        ----------
+        part : behind the node's name.
+        level : `OK`, `WARN`, `ERROR` or `STALE`.
+        message : in words.
+        values : shown as text, floats with three decimals.
+        hardware_id : in place of the node's.
+        logged : False: only published.
+        """
         status = DiagnosticStatus(
             level=level,
             name=f"{self._name}: {part}",
@@ -134,11 +144,31 @@ class QosMismatches:
         self._known: dict[str, tuple[str, dict[str, str]]] = {}  # what -> problem, and its values: topic, policy
 
     def of_subscription(self, what: str, topic: str) -> SubscriptionEventCallbacks:
-        """To be given to ``create_subscription``; ``what`` is the name for people."""
+        """Event callbacks for ``create_subscription``.
+
+        Parameters
+        ----------
+        what : name of the subscription for people.
+        topic : its name.
+
+        Returns
+        -------
+        callbacks : that report mismatches.
+        """
         return SubscriptionEventCallbacks(incompatible_qos=lambda event: self._found(what, topic, "a publisher", event))
 
     def of_publisher(self, what: str, topic: str) -> PublisherEventCallbacks:
-        """To be given to ``create_publisher``."""
+        """Event callbacks for ``create_publisher``.
+
+        Parameters
+        ----------
+        what : name of the publisher for people.
+        topic : its name.
+
+        Returns
+        -------
+        callbacks : that report mismatches.
+        """
         return PublisherEventCallbacks(incompatible_qos=lambda event: self._found(what, topic, "a subscriber", event))
 
     def _found(self, what: str, topic: str, other: str, event) -> None:

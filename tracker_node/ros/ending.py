@@ -118,7 +118,8 @@ class Ending:
 
         Parameters
         ----------
-        abandon : lets ``close`` be quick, at the price of what is not written yet: after a second signal.
+        close : finishes what must not be lost; may take its time and is called twice at most.
+        abandon : lets ``close`` be quick after a second signal, at the price of what is not written yet.
         """
         self._closers.append(close)
         self._abandoners.append(abandon)
@@ -184,7 +185,13 @@ def end_now(status: int) -> NoReturn:
 
 
 def within(seconds: float, action: Callable[[], None]) -> None:
-    """Do it in a thread, and wait for it no longer than this."""
+    """Do something in a thread, and wait for a limited time.
+
+    Parameters
+    ----------
+    seconds : longest wait.
+    action : what is done; what it raises is ignored.
+    """
 
     def quietly() -> None:
         with suppress(Exception):

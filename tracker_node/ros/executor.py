@@ -49,14 +49,19 @@ def make_executor() -> Executor:
 
 @contextmanager
 def ros_process(ros_args: list[str] | None = None, *, forced: bool = True) -> Iterator[threading.Event]:
-    """rclpy from init to shutdown; yields an event that SIGINT or SIGTERM sets.
+    """rclpy from init to shutdown.
 
-    Our own handlers, because rclpy's tear the context down at once, and what still has to be published could not be. A program
-    that is more than a node has no `ending`: it gets its handlers here, and nothing ends it by force.
+    Our own handlers of signals, because rclpy's tear the context down at once, and what still has to be published could not be. A
+    program that is more than a node has no `ending`: it gets its handlers here, and nothing ends it by force.
 
     Parameters
     ----------
+    ros_args : behind ``--ros-args``.
     forced : end the process where an orderly end takes too long (`ending`); False for one that sees to that itself.
+
+    Yields
+    ------
+    stop : event that SIGINT or SIGTERM sets.
     """
     profile_before = os.environ.get(PROFILE_VARIABLE)
     use_fastdds_profile()
@@ -121,10 +126,16 @@ def attach(node: Node) -> Executor:
 
 
 def spin(node: Node, stop: threading.Event, done: Callable[[], bool] = lambda: False) -> None:
-    """Run callbacks until ``stop`` is set or ``done`` says so; may be called again.
+    """Run callbacks; may be called again.
 
     A node keeps its executor from one call to the next: messages that arrive between two executors can go unnoticed. What the
     loop raises is logged and counted, and the loop goes on; callbacks of a `GuardedNode` do not raise.
+
+    Parameters
+    ----------
+    node : whose callbacks run.
+    stop : ends the loop when it is set.
+    done : ends the loop when it returns True; asked after every event.
     """
     executor = attach(node)
     while rclpy.ok() and not stop.is_set() and not done():

@@ -42,7 +42,13 @@ class CallbackErrors:
         self.diagnostics: Diagnostics | None = None
 
     def caught(self, where: str, error: Exception) -> None:
-        """Take note of an exception; the log has the details of the first one of its kind."""
+        """Count an exception; the log has the details of the first one of its kind.
+
+        Parameters
+        ----------
+        where : topic, service or timer of the callback.
+        error : what it raised.
+        """
         kind = (where, type(error).__name__)
         self._seen[kind] += 1
         self.count += 1
@@ -60,7 +66,17 @@ class CallbackErrors:
         self.diagnostics.report(CALLBACKS, ERROR, said, values, logged=False)
 
     def guarded(self, where: str, callback: Callable) -> Callable:
-        """The callback, which does not raise."""
+        """A callback that does not raise.
+
+        Parameters
+        ----------
+        where : topic or timer, for messages.
+        callback : that may raise.
+
+        Returns
+        -------
+        guarded : with the same signature; returns None after an error.
+        """
 
         @functools.wraps(callback)  # rclpy goes by the signature
         def guarded(*arguments: Any) -> Any:
@@ -73,7 +89,17 @@ class CallbackErrors:
         return guarded
 
     def guarded_service(self, where: str, callback: Callable) -> Callable:
-        """The callback of a service, which answers that it has failed where it would raise."""
+        """A callback of a service that does not raise.
+
+        Parameters
+        ----------
+        where : name of the service, for messages.
+        callback : that may raise.
+
+        Returns
+        -------
+        guarded : answers after an error that the request has failed.
+        """
 
         @functools.wraps(callback)
         def guarded(request: Any, response: Any) -> Any:
@@ -106,7 +132,21 @@ class GuardedNode(Node):
     def create_subscription(
         self, msg_type: type, topic: str, callback: Callable, *arguments: Any, event_callbacks: Any = None, **options: Any
     ) -> Subscription:
-        """As rclpy has it, guarded."""
+        """As rclpy has it, guarded.
+
+        Parameters
+        ----------
+        msg_type : class of the messages.
+        topic : name.
+        callback : called with each message.
+        *arguments : as of rclpy.
+        event_callbacks : callbacks of events of the subscription, guarded as well.
+        **options : as of rclpy.
+
+        Returns
+        -------
+        subscription : of rclpy.
+        """
         events = self._guarded_events(topic, event_callbacks or SubscriptionEventCallbacks())
         guarded = self.callback_errors.guarded(topic, callback)
         return super().create_subscription(msg_type, topic, guarded, *arguments, event_callbacks=events, **options)
@@ -114,16 +154,52 @@ class GuardedNode(Node):
     def create_publisher(
         self, msg_type: type, topic: str, *arguments: Any, event_callbacks: Any = None, **options: Any
     ) -> Publisher:
-        """As rclpy has it, its events guarded."""
+        """As rclpy has it, its events guarded.
+
+        Parameters
+        ----------
+        msg_type : class of the messages.
+        topic : name.
+        *arguments : as of rclpy.
+        event_callbacks : callbacks of events of the publisher.
+        **options : as of rclpy.
+
+        Returns
+        -------
+        publisher : of rclpy.
+        """
         events = self._guarded_events(topic, event_callbacks or PublisherEventCallbacks())
         return super().create_publisher(msg_type, topic, *arguments, event_callbacks=events, **options)
 
     def create_service(self, srv_type: type, srv_name: str, callback: Callable, **options: Any) -> Service:
-        """As rclpy has it, guarded."""
+        """As rclpy has it, guarded.
+
+        Parameters
+        ----------
+        srv_type : class of the service.
+        srv_name : name.
+        callback : called with request and response; returns the response.
+        **options : as of rclpy.
+
+        Returns
+        -------
+        service : of rclpy.
+        """
         return super().create_service(srv_type, srv_name, self.callback_errors.guarded_service(srv_name, callback), **options)
 
     def create_timer(self, timer_period_sec: float, callback: Callable, *arguments: Any, **options: Any) -> Timer:
-        """As rclpy has it, guarded."""
+        """As rclpy has it, guarded.
+
+        Parameters
+        ----------
+        timer_period_sec : seconds.
+        callback : called without arguments.
+        *arguments, **options : as of rclpy.
+
+        Returns
+        -------
+        timer : of rclpy.
+        """
         where = f"a timer of {timer_period_sec:g} s"
         return super().create_timer(timer_period_sec, self.callback_errors.guarded(where, callback), *arguments, **options)
 
@@ -156,7 +232,13 @@ class GuardedNode(Node):
 
 
 def caught_in_loop(node: Node, error: Exception) -> None:
-    """What the event loop itself raised: a message that cannot be read, an end that is gone."""
+    """Log and count what the event loop itself raised: a message that cannot be read, an endpoint that is gone.
+
+    Parameters
+    ----------
+    node : whose loop it is.
+    error : what was raised.
+    """
     if isinstance(node, GuardedNode):
         node.callback_errors.caught("the event loop", error)
     else:

@@ -60,18 +60,43 @@ def argument(name: str, **changes: Any) -> DeclareLaunchArgument:
 
     Parameters
     ----------
-    changes : ``default_value``, ``choices`` or ``description`` in place of the usual ones.
+    name : of the argument.
+    **changes : ``default_value``, ``choices`` or ``description`` in place of the usual ones.
+
+    Returns
+    -------
+    argument : to be declared.
     """
     return DeclareLaunchArgument(name, **(_SHARED[name] | changes))
 
 
 def value_of(context: LaunchContext, name: str) -> str:
-    """What an argument is in this launch."""
+    """Value of an argument in this launch.
+
+    Parameters
+    ----------
+    context : of the launch.
+    name : of the argument.
+
+    Returns
+    -------
+    value : as text.
+    """
     return LaunchConfiguration(name).perform(context)
 
 
 def missing(package: str, how_to_go_on: str) -> list[LogInfo]:
-    """One line where a package of others is not installed, to be launched in place of its node; nothing where it is."""
+    """A line in place of a node whose package is not installed.
+
+    Parameters
+    ----------
+    package : of another project.
+    how_to_go_on : end of the line, for people.
+
+    Returns
+    -------
+    actions : the line; empty where the package is installed.
+    """
     try:
         get_package_prefix(package)
     except (PackageNotFoundError, OSError):  # OSError: without AMENT_PREFIX_PATH
@@ -82,7 +107,16 @@ def missing(package: str, how_to_go_on: str) -> list[LogInfo]:
 
 
 def said_by(context: LaunchContext, *arguments: str) -> str:
-    """What `tracker_node`, as it is installed, prints when it is given these arguments.
+    """Output of `tracker_node`, as it is installed.
+
+    Parameters
+    ----------
+    context : of the launch.
+    *arguments : of the command.
+
+    Returns
+    -------
+    text : what it prints on stdout.
 
     Raises
     ------
@@ -106,6 +140,10 @@ def included(
     passed : arguments of ours that it gets as they are.
     own : further arguments of it, with their values.
     only_if : argument of ours that must be ``true``.
+
+    Returns
+    -------
+    action : that includes the file.
     """
     path = PathJoinSubstitution([_SHARE, "launch", f"{name}.launch.py"])
     values: dict[str, Any] = {argument: LaunchConfiguration(argument) for argument in passed} | dict(own or {})

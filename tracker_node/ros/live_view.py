@@ -93,7 +93,13 @@ class LiveView:
         self._thread.join()
 
     def watch(self, who: object, topics: Collection[str]) -> None:
-        """Image topics that ``who`` wants to see from now on; none: it goes."""
+        """Set the image topics that a viewer watches.
+
+        Parameters
+        ----------
+        who : the viewer.
+        topics : in place of those before; none: the viewer is gone.
+        """
         with self._lock:
             self._watched.pop(who, None)
             if topics:
@@ -104,7 +110,17 @@ class LiveView:
         return self._images.get(topic)
 
     def call(self, tracker: str, service: str, **fields: Any) -> tuple[bool, str]:
-        """Ask a service of a tracker; whether it succeeded, and what it said.
+        """Call a service of a tracker.
+
+        Parameters
+        ----------
+        tracker : full name of the node.
+        service : a key of `SERVICES`.
+        **fields : of the request.
+
+        Returns
+        -------
+        success, message : of the response.
 
         Raises
         ------

@@ -23,7 +23,13 @@ def overrides_of(node: Node) -> dict[str, Parameter]:
 
 
 def integers_as_doubles(node: Node, names: Collection[str]) -> None:
-    """Before these are declared, which are floating point: `-p rate:=8` is an integer to ROS; a user means 8.0."""
+    """Make integers floating-point numbers: `-p rate:=8` is an integer to ROS; a user means 8.0.
+
+    Parameters
+    ----------
+    node : whose parameters are not declared yet.
+    names : of floating-point parameters.
+    """
     overrides = overrides_of(node)
     for name in set(names) & set(overrides):
         if type(overrides[name].value) is int:
@@ -31,7 +37,12 @@ def integers_as_doubles(node: Node, names: Collection[str]) -> None:
 
 
 def refuse_unknown(node: Node, known: Collection[str]) -> None:
-    """Before anything is declared.
+    """Refuse names of parameters that the node does not have; before anything is declared.
+
+    Parameters
+    ----------
+    node : with its overrides.
+    known : names.
 
     Raises
     ------
@@ -81,7 +92,17 @@ def refuse_unknown_qos(node: Node) -> None:
 
 
 def unknown_parameters(node: Node, parameters: Sequence[Parameter]) -> SetParametersResult | None:
-    """A refusal that names the first parameter which the node does not have (rclpy's does not); None where it has all."""
+    """Refusal of parameters that the node does not have, by name; that of rclpy has none.
+
+    Parameters
+    ----------
+    node : whose parameters they are.
+    parameters : to be set.
+
+    Returns
+    -------
+    refusal : for the first unknown one; None where all are known.
+    """
     for parameter in parameters:
         if not node.has_parameter(parameter.name):
             known = list(node._parameters)

@@ -38,7 +38,17 @@ def images_published(depth: int = 10) -> QoSProfile:
 
 
 def images_subscribed(lossless: bool, depth: int = 100) -> QoSProfile:
-    """Every image in order, or the newest as they come."""
+    """Profile to subscribe to images with.
+
+    Parameters
+    ----------
+    lossless : every image in order; else the newest as they come.
+    depth : of the queue where lossless.
+
+    Returns
+    -------
+    profile : of rclpy.
+    """
     return images_published(depth) if lossless else LIVE_IMAGES
 
 
@@ -53,9 +63,16 @@ def qos_profile(offered: OfferedQos) -> QoSProfile:
 
 
 def offered_qos(profiles: list[QoSProfile], depth: int = 10) -> OfferedQos:
-    """The weakest of what several publishers offer: who asks for it gets the messages of all of them.
+    """The weakest of the profiles of several publishers: a subscription with it gets the messages of all of them.
 
-    ``depth`` stands in where a publisher's depth is not known from outside, which is the rule.
+    Parameters
+    ----------
+    profiles : of the publishers.
+    depth : in place of unknown ones; usually none is known from outside.
+
+    Returns
+    -------
+    offered : as bags state it.
     """
     reliable = all(p.reliability != ReliabilityPolicy.BEST_EFFORT for p in profiles)
     latched = bool(profiles) and all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)

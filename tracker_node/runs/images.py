@@ -67,7 +67,8 @@ def source_options_of(info: Info, path: str | Path = "run") -> SourceOptions:
 
     Parameters
     ----------
-    info : content of ``run.json``. path : of the run, for messages.
+    info : content of ``run.json``.
+    path : of the run, for messages.
 
     Returns
     -------

@@ -172,7 +172,17 @@ def state_messages(reader: BagReader, topic: str) -> list[Any]:
 
 
 def is_old(reader: BagReader, topic: str) -> bool:
-    """Whether a topic of tracked states was written by version 0.1."""
+    """Whether a topic of tracked states was written by version 0.1.
+
+    Parameters
+    ----------
+    reader : of the bag.
+    topic : its name.
+
+    Returns
+    -------
+    old : by the names of its fields.
+    """
     return "residual_px" in reader.topic(topic).definition
 
 

@@ -35,7 +35,13 @@ def add_board_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_board_shape(parser: argparse.ArgumentParser, required: bool = True) -> None:
-    """What the board is, for `board_of`."""
+    """Arguments that describe the board, for `board_of`.
+
+    Parameters
+    ----------
+    parser : of a verb.
+    required : whether a board must be given.
+    """
     add = parser.add_argument
     board = parser.add_argument_group("board").add_mutually_exclusive_group(required=required)
     board.add_argument("--charuco", metavar="COLUMNSxROWS", help="a ChArUco board of so many squares")
@@ -94,7 +100,12 @@ def sources_of(args: argparse.Namespace, stamps: str | None = None) -> dict[str,
 
     Parameters
     ----------
-    stamps : a stamp file for all cameras, see `loaders.images.stamps`.
+    args : of the command line.
+    stamps : file with times for all cameras, see `loaders.images.stamps`.
+
+    Returns
+    -------
+    sources : by camera name.
 
     Raises
     ------
@@ -122,7 +133,20 @@ def sources_of(args: argparse.Namespace, stamps: str | None = None) -> dict[str,
 def detect(
     args: argparse.Namespace, sources: dict[str, ImageSource], board: Board, least: int
 ) -> tuple[dict[str, CameraViews], dict[str, str]]:
-    """What every camera saw of the board, with a line on each on stdout; and why others have no part, with one on stderr.
+    """Find the board in the images of every camera.
+
+    A line on each camera goes to stdout, one on each that is left out to stderr.
+
+    Parameters
+    ----------
+    args : of the command line.
+    sources : by camera name.
+    board : that is searched.
+    least : cameras that must see it.
+
+    Returns
+    -------
+    seen, left_out : views by camera; problems of the others.
 
     Raises
     ------
@@ -157,5 +181,16 @@ def _name_and_path(text: str) -> tuple[str, str]:
 
 
 def wrong_option(option: str, expected: str, got: object) -> FileFormatError:
-    """The error of an option of the command line."""
+    """Error on an option of the command line.
+
+    Parameters
+    ----------
+    option : such as ``--square``.
+    expected : in words.
+    got : as given.
+
+    Returns
+    -------
+    error : to be raised.
+    """
     return FileFormatError("command line", option, expected, got)

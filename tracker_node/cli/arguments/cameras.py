@@ -34,7 +34,17 @@ def camera_topic(text: str) -> tuple[str, str]:
 
 
 def with_topics(ros_args: list[str], rig: CameraRig | None, given: Mapping[str, str]) -> list[str]:
-    """ROS arguments with the rules for all cameras; what was asked for in them before goes first.
+    """ROS arguments with the rules of remapping for all cameras; rules that are in them already go first.
+
+    Parameters
+    ----------
+    ros_args : as given.
+    rig : with topics of its cameras; None: there is none.
+    given : camera -> topic, in place of the rig's.
+
+    Returns
+    -------
+    ros_args : longer where a camera has a topic of its own.
 
     Raises
     ------
@@ -76,6 +86,17 @@ def image_size(text: str) -> tuple[int, int]:
 
 def size_option(option: str, text: str, expected: str = _IMAGE, least: int = 1, most: int = 10**6) -> tuple[int, int]:
     """The two numbers of an option, each from ``least`` to ``most``.
+
+    Parameters
+    ----------
+    option : for messages.
+    text : such as ``640x480``.
+    expected : in words, for messages.
+    least, most : of each number.
+
+    Returns
+    -------
+    first, second : the numbers.
 
     Raises
     ------

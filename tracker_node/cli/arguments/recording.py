@@ -12,7 +12,13 @@ if TYPE_CHECKING:
 
 
 def add_recording_argument(parser: argparse.ArgumentParser, built_in: Mapping[str, Any]) -> None:
-    """The positional argument, after all others: those of ``built_in`` become None where they are not given."""
+    """The positional argument for a recording, after all others.
+
+    Parameters
+    ----------
+    parser : of a verb.
+    built_in : options that become None where they are not given.
+    """
     parser.add_argument(
         "recording",
         nargs="?",
@@ -24,7 +30,16 @@ def add_recording_argument(parser: argparse.ArgumentParser, built_in: Mapping[st
 
 
 def fill_in(args: argparse.Namespace, built_in: Mapping[str, Any]) -> RecordingFile | None:
-    """Complete ``args`` from the recording, if there is one, and then from ``built_in``.
+    """Complete the command line from the recording, if there is one, and then from the defaults.
+
+    Parameters
+    ----------
+    args : of the command line; changed in place.
+    built_in : option -> default.
+
+    Returns
+    -------
+    recording : None where none is given.
 
     Raises
     ------
@@ -100,7 +115,19 @@ def _sources(recording: RecordingFile) -> list[tuple[str, str]]:
 
 
 def evaluate_recording(recording: RecordingFile, args: argparse.Namespace, run: Path, output: Path) -> int:
-    """Hold a run against what the recording names, as ``tracker_node evaluate`` does; returns the exit status."""
+    """Evaluate a run as the recording says, as ``tracker_node evaluate`` does.
+
+    Parameters
+    ----------
+    recording : with the truth and the targets.
+    args : of the command line.
+    run : folder or bag.
+    output : folder of the report.
+
+    Returns
+    -------
+    status : exit status.
+    """
     from .verbs import run_verb
 
     arguments = evaluation_of(recording, args, run, output)
@@ -108,7 +135,19 @@ def evaluate_recording(recording: RecordingFile, args: argparse.Namespace, run: 
 
 
 def evaluation_of(recording: RecordingFile, args: argparse.Namespace, run: Path, output: Path) -> list[str]:
-    """The verb ``evaluate`` and its arguments for a run of this recording; empty if it is not to be evaluated."""
+    """Command line of ``evaluate`` for a run of a recording.
+
+    Parameters
+    ----------
+    recording : with the truth and the targets.
+    args : of the command line.
+    run : folder or bag.
+    output : folder of the report.
+
+    Returns
+    -------
+    arguments : the verb and its arguments; empty where the recording names no evaluation.
+    """
     entry = recording.evaluate
     if entry is None:
         return []

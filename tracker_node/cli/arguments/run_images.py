@@ -16,7 +16,13 @@ EVIDENCE = ("region", "silhouette")
 
 
 def add_run_arguments(parser: argparse.ArgumentParser, n_sets: int) -> None:
-    """Arguments of every calibration from a run, and ``--force``, which goes for those from other files too."""
+    """Arguments of every calibration from a run, and ``--force``, which holds for those from other files too.
+
+    Parameters
+    ----------
+    parser : of a verb.
+    n_sets : default number of image sets.
+    """
     parser.add_argument("--force", action="store_true", help="overwrite the output and the report")
     group = parser.add_argument_group("from a run")
     add = group.add_argument
@@ -29,9 +35,16 @@ def add_run_arguments(parser: argparse.ArgumentParser, n_sets: int) -> None:
 
 
 def refuse_to_overwrite(args: argparse.Namespace, *paths: str | Path) -> None:
-    """Raise a `TrackerError` for the first path that is there already, unless ``--force``.
+    """Check that output files can be written without loss.
 
-    Even with it for a folder, and for two paths of one file, of which the second would overwrite the first.
+    Parameters
+    ----------
+    args : of the command line; ``force`` allows to overwrite files.
+    *paths : files to be written.
+
+    Raises
+    ------
+    TrackerError : a file that is there already and may not be overwritten, a folder, or two paths of one file.
     """
     seen: dict[Path, str | Path] = {}
     for path in paths:
@@ -70,7 +83,17 @@ def load_run_images(args: argparse.Namespace) -> RunImages:
 
 
 def evidence_of(kind: str, images: RunImages) -> LineEvidence:
-    """Of a kind of `EVIDENCE`."""
+    """Contour evidence of a run's images.
+
+    Parameters
+    ----------
+    kind : one of `EVIDENCE`.
+    images : of the run.
+
+    Returns
+    -------
+    evidence : for the fit of a rig or a body.
+    """
     from ...calibration.tracked_body.lines import RegionEvidence, SilhouetteEvidence
 
     make = SilhouetteEvidence if kind == "silhouette" else RegionEvidence
@@ -78,7 +101,18 @@ def evidence_of(kind: str, images: RunImages) -> LineEvidence:
 
 
 def named_file(args: argparse.Namespace, info: Any, key: str) -> str:
-    """A file that the command line names, or else the run."""
+    """File that the command line names, or else the run.
+
+    Parameters
+    ----------
+    args : of the command line.
+    info : content of ``run.json``.
+    key : ``rig`` or ``model``.
+
+    Returns
+    -------
+    path : of the file.
+    """
     from ...runs.images import file_of
 
     found = getattr(args, key) or file_of(info, key)

@@ -37,7 +37,17 @@ def _plain(value: Any) -> Any:
 
 
 def start_of_live_run(args: argparse.Namespace, n_expected: int | None) -> dict[str, Any]:
-    """Of a run that begins; without parameters where the nodes are given others than those of the configuration's file."""
+    """Content of ``run.json`` for a run that begins; parameters only where the nodes have those of the configuration's file.
+
+    Parameters
+    ----------
+    args : of the command line.
+    n_expected : image sets; None if not known.
+
+    Returns
+    -------
+    info : for `end_of_live_run`.
+    """
     from ...report.metrics_file import command_line, cpu, versions
     from ...runs.config_file import load_config
     from ...tracking.config import TrackerConfig, flatten
@@ -55,7 +65,17 @@ def start_of_live_run(args: argparse.Namespace, n_expected: int | None) -> dict[
 
 
 def end_of_live_run(start: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
-    """The same with what has come of it."""
+    """Content of ``run.json`` for a run that has ended.
+
+    Parameters
+    ----------
+    start : from `start_of_live_run`.
+    progress : of the pipeline.
+
+    Returns
+    -------
+    info : with the number of sets and of each status.
+    """
     from ...tracking.estimate import Status
 
     counts = {status.name: progress.statuses[status] for status in Status}
@@ -67,13 +87,18 @@ TRACKED = ("TRACKING", "DEGRADED")
 
 
 def nothing_tracked(verb: str, counts: Mapping[str, int], reason: str, state_given: bool) -> int:
-    """Exit status: 0 where the body is tracked in at least one set, else 3, and the line is printed.
+    """Say so where the body is tracked in no image set.
 
     Parameters
     ----------
+    verb : that was run.
     counts : image sets by the name of their status.
     reason : what most of them say; may be empty.
     state_given : whether the run began with a state.
+
+    Returns
+    -------
+    status : exit status; 0 where the body is tracked in at least one set, else 3.
     """
     if any(counts.get(name) for name in TRACKED):
         return 0

@@ -20,12 +20,27 @@ def subverbs(verb: str) -> list[str]:
 
 
 def module_of(verb: str, what: str) -> str:
-    """Name of the module of a sub-verb; one that is a word of Python's, such as ``import``, has an underscore behind it."""
+    """Module of a sub-verb; one that is a word of Python's, such as ``import``, has an underscore behind it.
+
+    Parameters
+    ----------
+    verb, what : such as ``rig`` and ``import``.
+
+    Returns
+    -------
+    name : for ``importlib``.
+    """
     return f"tracker_node.cli.{verb}.{what}{'_' if iskeyword(what) else ''}"
 
 
 def add_subverbs(parser: argparse.ArgumentParser, verb: str) -> None:
-    """Let ``parser`` take the sub-verbs and their arguments; the one that is asked for is run by `run_subverb`."""
+    """Add the sub-verbs and their arguments; the chosen one is run by `run_subverb`.
+
+    Parameters
+    ----------
+    parser : of the verb.
+    verb : its name.
+    """
     names = subverbs(verb)
     subparsers = parser.add_subparsers(dest="what", required=True, metavar="{" + ",".join(names) + "}")
     for name in names:

@@ -128,7 +128,13 @@ def _print_parameters(report) -> None:
 
 
 def check(condition: object, option: str, expected: str, got: object = "nothing") -> None:
-    """Raise a `FileFormatError` that names an option of the command line unless ``condition``."""
+    """Raise a `FileFormatError` that names an option of the command line unless ``condition``.
+
+    Parameters
+    ----------
+    condition : that must hold.
+    option, expected, got : for the message.
+    """
     if not condition:
         raise FileFormatError("command line", option, expected, got)
 

@@ -90,7 +90,7 @@ def _from_run(args: argparse.Namespace) -> int:
     fit = fit_rig(images.model, images.rig, images.sets, images.states, images.velocities, options, progress, evidence=evidence)
     clocks = _drift(args, images, fit, options, progress) if args.drift else {}
     rig_path = named_file(args, run_info(args.from_run), "rig")
-    rig_file = with_drift(changed(read_rig_file(rig_path), images.rig, fit), fit, clocks, images.begins_s)
+    rig_file = with_drift(changed(read_rig_file(rig_path), fit), fit, clocks, images.begins_s)
     write_rig_file(rig_file, args.output, base_dir=Path(rig_path).parent)
     write_rig_report(page, images.model, images.rig, images.sets, fit)
     write_metrics(report, rig_figures(fit) | drift_figures(clocks))
@@ -119,7 +119,19 @@ def _drift(args: argparse.Namespace, images, fit, options, progress):
 
 
 def with_drift(rig_file, fit, clocks, begins_s: float):
-    """The rig file with the offsets of ``clocks`` instead of those of ``fit``, and their drift from the run's beginning on."""
+    """The rig file with clocks that drift.
+
+    Parameters
+    ----------
+    rig_file : with the places of the fit.
+    fit : whose time offsets are replaced.
+    clocks : by camera, over the stretches of the run.
+    begins_s : time of the run's beginning, seconds.
+
+    Returns
+    -------
+    rig_file : a copy.
+    """
     cameras = dict(rig_file.cameras)
     for name, clock in clocks.items():
         entry = cameras[name]
@@ -137,8 +149,18 @@ def drift_figures(clocks) -> dict[str, float | int]:
     return figures
 
 
-def changed(rig_file, given, fit):
-    """The rig file with what has been found: places, time offsets and focal lengths; the rest as it stands there."""
+def changed(rig_file, fit):
+    """The rig file with the places, time offsets and focal lengths of a fit.
+
+    Parameters
+    ----------
+    rig_file : as it was read.
+    fit : of the rig.
+
+    Returns
+    -------
+    rig_file : a copy.
+    """
     placed = rig_file.with_extrinsics({camera.name: camera.T_world_cam for camera in fit.rig})
     cameras = dict(placed.cameras)
     for name, found in fit.cameras.items():

@@ -73,6 +73,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def source_options(args: argparse.Namespace, **more):
     """`SourceOptions` of the command line.
 
+    Parameters
+    ----------
+    args : of the command line.
+    **more : further fields of `SourceOptions`.
+
+    Returns
+    -------
+    options : which images of the sources.
+
     Raises
     ------
     TrackerError : numbers that contradict each other.
@@ -89,7 +98,16 @@ def source_options(args: argparse.Namespace, **more):
 
 
 def cameras_of(rig, args: argparse.Namespace):
-    """The cameras that the command line asks for.
+    """Cameras that the command line selects.
+
+    Parameters
+    ----------
+    rig : None where there is none.
+    args : of the command line.
+
+    Returns
+    -------
+    cameras : with their sources.
 
     Raises
     ------

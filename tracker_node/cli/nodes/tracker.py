@@ -15,7 +15,13 @@ OUTPUTS = ("state", "state_covariance", "pose", "joint_states", "markers", "mask
 
 
 def add_body_arguments(parser: argparse.ArgumentParser, required: bool = True) -> None:
-    """What is tracked, from where, and how; shared with ``pipeline``."""
+    """Arguments for rig, body and parameters; shared with ``pipeline``.
+
+    Parameters
+    ----------
+    parser : of a node.
+    required : whether rig and model must be given.
+    """
     parser.add_argument("--rig", required=required, metavar="FILE", help="rig.yaml: places and lenses of the cameras")
     parser.add_argument("--model", required=required, metavar="FILE", help="model.yaml or URDF: the body to track")
     parser.add_argument(

@@ -66,7 +66,13 @@ class BagTime:
         return True
 
     def sleep(self, until_ns: int, at_most_s: float) -> None:
-        """Until the bag's time is there, but not longer than ``at_most_s`` of wall time."""
+        """Wait for a time of the bag.
+
+        Parameters
+        ----------
+        until_ns : time of the bag, nanoseconds.
+        at_most_s : seconds of wall time, after which the wait ends in any case.
+        """
         with self._condition:
             left_s = at_most_s if self._paused else (until_ns - self._now_ns()) * 1e-9 / self._rate
             if left_s > 0.0:

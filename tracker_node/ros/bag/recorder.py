@@ -68,7 +68,17 @@ class TopicSelection:
     images: str = "all"
 
     def wants(self, topic: str, type_name: str) -> bool:
-        """Whether a topic of this type is recorded; hidden ones (a part begins with ``_``) only by their full name."""
+        """Whether a topic is recorded; hidden ones (a part begins with ``_``) only by their full name.
+
+        Parameters
+        ----------
+        topic : full name.
+        type_name : such as ``sensor_msgs/msg/Image``.
+
+        Returns
+        -------
+        wanted : whether names or patterns select it, and nothing leaves it out.
+        """
         if type_name in (RAW, COMPRESSED) and type_name not in IMAGE_CHOICES[self.images]:
             return False
         if any(pattern.fullmatch(topic) for pattern in self.exclude):

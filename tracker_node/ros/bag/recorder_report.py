@@ -154,7 +154,19 @@ class RecorderState:
 def topics_status(
     paces: Mapping[str, TopicPace], lost: Mapping[str, int], published: Mapping[str, int], now_s: float
 ) -> tuple[bytes, str, dict[str, object]]:
-    """Level, message and a line for each topic; ``published`` is by how many, and a topic without any may be silent."""
+    """Diagnostic status of the recorded topics.
+
+    Parameters
+    ----------
+    paces : by topic.
+    lost : messages that never arrived, by topic.
+    published : publishers by topic; a topic without any may be silent.
+    now_s : steady time, as of the paces.
+
+    Returns
+    -------
+    level, message, values : WARN where a published topic is silent; a line for each topic.
+    """
     silent = {}
     values: dict[str, object] = {}
     for topic, pace in sorted(paces.items()):

@@ -95,6 +95,10 @@ def chosen_cameras(
     sources : camera -> source, instead of the rig's, or besides.
     changes : (camera, or None for all of them; field; value) of capture settings.
 
+    Returns
+    -------
+    cameras : with their sources, in the order of ``names`` or of the rig.
+
     Raises
     ------
     TrackerError : a name or a field that is not known, or no camera at all.
@@ -121,7 +125,17 @@ def chosen_cameras(
 
 
 def open_cameras(chosen: Sequence[IngestCamera], options: SourceOptions, preload: bool = False) -> OpenedCameras:
-    """Look lenses up, open recordings, and check what is asked of live sources, which are not connected to yet.
+    """Look lenses up, open recordings, and check settings of live sources, which are not connected to yet.
+
+    Parameters
+    ----------
+    chosen : cameras with their sources.
+    options : which images of recordings.
+    preload : decode recordings into memory first.
+
+    Returns
+    -------
+    opened : the cameras that can be used; problems of the others by name.
 
     Raises
     ------
@@ -190,7 +204,12 @@ def _open_recorded(camera: IngestCamera, options: SourceOptions) -> ImageSource:
 
 
 def check_size(camera: IngestCamera, size: tuple[int, int]) -> None:
-    """Hold the size of a source's images against the camera's calibration, if it has one.
+    """Compare the size of a source's images with the camera's calibration, if it has one.
+
+    Parameters
+    ----------
+    camera : with its lens.
+    size : (width, height) in pixels.
 
     Raises
     ------

@@ -62,6 +62,11 @@ class IngestOptions:
 def check_consumable(opened: OpenedCameras, options: IngestOptions) -> None:
     """Refuse live cameras that are to be as fast as they are consumed.
 
+    Parameters
+    ----------
+    opened : the cameras.
+    options : of the node.
+
     Raises
     ------
     SourceError : naming them.

@@ -60,7 +60,14 @@ class CameraOutlet:
         self._native_size = (0, 0)
 
     def publish(self, image: SourceImage, native_size: tuple[int, int], stamp_ns: int) -> None:
-        """Publish an image with its calibration; ``native_size`` is (width, height) of the source's images."""
+        """Publish an image with its calibration.
+
+        Parameters
+        ----------
+        image : decoded, or a JPEG.
+        native_size : (width, height) of the source's images in pixels.
+        stamp_ns : time of exposure.
+        """
         self._native_size = native_size
         self._prepare(image)
         self._info.header.stamp = stamp_message(stamp_ns)
@@ -92,7 +99,16 @@ class CameraOutlet:
         return compressed_message(stamp_ns, self.camera.frame_id, image.bgr)
 
     def has_subscribers(self, to_images: int, to_infos: int) -> bool:
-        """Whether so many listen."""
+        """Whether enough subscribers listen.
+
+        Parameters
+        ----------
+        to_images, to_infos : least number of subscribers of images and of calibrations.
+
+        Returns
+        -------
+        enough : for both.
+        """
         images = self.images or self.compressed
         assert images is not None
         return images.get_subscription_count() >= to_images and self.infos.get_subscription_count() >= to_infos
@@ -151,7 +167,15 @@ class InputRecorder:
         self._bag = BagQueue(BagWriter(path))
 
     def record(self, camera: IngestCamera, stamp_ns: int, content: np.ndarray | bytes, bayer: str | None = None) -> None:
-        """An image as its source gave it: pixels (h, w, 3) in BGR or (h, w), a mosaic where there is a pattern, or a JPEG."""
+        """Write an image as its source gave it, and its calibration.
+
+        Parameters
+        ----------
+        camera : whose image it is.
+        stamp_ns : time of exposure.
+        content : (h, w, 3) BGR, (h, w) gray or mosaic, or the bytes of a JPEG.
+        bayer : pattern of a mosaic; None: there is none.
+        """
         if isinstance(content, bytes):
             image = jpeg_message(stamp_ns, camera.frame_id, content)
             type_name, topic = COMPRESSED, "image_raw/compressed"

@@ -24,7 +24,17 @@ class Pace:
         self.epoch_ns = 0
 
     def wait(self, stamp_ns: int, stop: threading.Event) -> float:
-        """Sleep until it is due; returns by how much that was missed, in seconds."""
+        """Sleep until an instant is due.
+
+        Parameters
+        ----------
+        stamp_ns : of the instant.
+        stop : ends the sleep when it is set.
+
+        Returns
+        -------
+        late_s : seconds by which the instant was missed.
+        """
         now = time.monotonic()
         if self._epoch_s is None:
             self._epoch_s, self.epoch_ns = now - 1e-9 * stamp_ns, time.time_ns() - stamp_ns
@@ -71,7 +81,13 @@ class ConsumerWindow:
             self._condition.notify_all()
 
     def sent(self, stamp_ns: int, complete: bool = True) -> None:
-        """An instant goes on its way; ``complete`` if all cameras are in it."""
+        """Note that an instant is on its way.
+
+        Parameters
+        ----------
+        stamp_ns : of the instant.
+        complete : whether all cameras are in it.
+        """
         with self._condition:
             self._complete = complete
             self._on_their_way.append(stamp_ns)

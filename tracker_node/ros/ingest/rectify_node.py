@@ -70,7 +70,17 @@ class _Rectifier:
 
 
 def rectification_maps(model: CameraModel, K: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where in an image of ``model`` the pixels of a pinhole camera ``K`` (3, 3) of its size come from, for ``cv2.remap``."""
+    """Maps for ``cv2.remap`` from an image without distortion to the distorted one.
+
+    Parameters
+    ----------
+    model : lens of the distorted image.
+    K : (3, 3) of the pinhole camera without distortion, of the same size.
+
+    Returns
+    -------
+    map_1, map_2 : fixed-point maps of OpenCV, (h, w, 2) int16 and (h, w) uint16.
+    """
     u, v = np.meshgrid(np.arange(model.width, dtype=float), np.arange(model.height, dtype=float))
     rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(K).T
     pixels, seen = model.project(rays)
