@@ -15,14 +15,14 @@ class Workers:
     """
 
     def __init__(self, threads: int):
-        self._threads = threads
+        self.threads = threads
         self._executor = ThreadPoolExecutor(threads - 1) if threads > 1 else None
 
     def map(self, function: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
         """``[function(item) for item in items]``."""
         if self._executor is None or len(items) < 2:
             return [function(item) for item in items]
-        n = min(self._threads, len(items))
+        n = min(self.threads, len(items))
         results: list[Any] = [None] * len(items)
 
         def work(start: int) -> None:

@@ -17,6 +17,7 @@ from tracker_node.optimize.robust_fit import Fit, align_robustly
 from tracker_node.optimize.score_objective import ScoreObjective, SearchResult
 from tracker_node.optimize.simplex import polish, search_simplex
 from tracker_node.optimize.stepping import DECIMATED_LOOPS, FIVE_LOOPS, SEVEN_LOOPS, SteppingOptions, step_downhill
+from tracker_node.parallel import Workers
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +34,8 @@ class Contestant:
 
 def contestants(scene: ColorScene, threads: int = 2) -> dict[str, Contestant]:
     """Name -> optimizer; ``stepping`` is the decimated schedule, ``default`` what is shipped for rigid bodies."""
-    score = ColorObjective(scene.model, scene.rig, threads=threads)
-    pyramid = PhotometricObjective(scene.model, scene.rig, threads=threads)
+    score = ColorObjective(scene.model, scene.rig, workers=Workers(threads))
+    pyramid = PhotometricObjective(scene.model, scene.rig, workers=Workers(threads))
     chain = scene.model.chain
 
     def stepping(loops) -> Callable[[State], Fit]:

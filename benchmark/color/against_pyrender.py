@@ -24,6 +24,7 @@ import trimesh
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.model.configuration import Configuration
 from tracker_node.objective.color.score import ColorObjective
+from tracker_node.parallel import Workers
 from tracker_node.render.opengl.renderer import OpenGLContext, PyrenderRenderer
 from tracker_node.render.raycast.extent import body_extent
 from tracker_node.render.renderer import Region
@@ -96,7 +97,7 @@ def measure(rounds: int) -> dict[str, float]:
     scene = make_scene(1)
     camera, state = scene.rig.cameras[0], scene.truth[0]
     configuration = Configuration(scene.model, state)
-    objective = ColorObjective(scene.model, CameraRig((camera,), lights=scene.rig.lights), threads=1)
+    objective = ColorObjective(scene.model, CameraRig((camera,), lights=scene.rig.lights), workers=Workers(1))
     objective.set_images(scene.images[0][:1])
     whole = 0, 0, camera.model.width, camera.model.height
     part = body_extent(configuration, camera, whole) or whole

@@ -21,6 +21,7 @@ from tracker_node.camera.light import Light
 from tracker_node.camera.rig import CameraRig
 from tracker_node.objective.color.alignment import PhotometricObjective
 from tracker_node.objective.color.score import ColorObjective, ColorOptions
+from tracker_node.parallel import Workers
 from tracker_node.report.metrics_file import cpu, report_metrics
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
@@ -51,7 +52,7 @@ def zoomed(scene: ColorScene, pixels: int) -> CameraRig:
 
 
 def mask_pixels(scene: ColorScene, rig: CameraRig) -> int:
-    objective = ColorObjective(scene.model, rig, threads=1)
+    objective = ColorObjective(scene.model, rig, workers=Workers(1))
     objective.set_images(scene.images[0])
     return int(objective.evaluate(scene.truth[0]).camera_pixels.sum())
 
@@ -76,7 +77,7 @@ def measure(repeats: int) -> dict[str, float]:
     metrics: dict[str, float] = {"score.reference_ms": reference}
 
     def objective(lights: tuple[Light, ...], threads: int = 1, **options) -> ColorObjective:
-        made = ColorObjective(scene.model, replace(rig, lights=lights), ColorOptions(**options), threads=threads)
+        made = ColorObjective(scene.model, replace(rig, lights=lights), ColorOptions(**options), workers=Workers(threads))
         made.set_images(images)
         return made
 
@@ -109,7 +110,7 @@ def measure(repeats: int) -> dict[str, float]:
         lit.score(state)
 
     report("images_and_score_ms_1t", take_in)
-    pyramid = PhotometricObjective(scene.model, replace(rig, lights=(AMBIENT, SUN)), threads=1)
+    pyramid = PhotometricObjective(scene.model, replace(rig, lights=(AMBIENT, SUN)), workers=Workers(1))
     pyramid.set_images(images)
     for level in range(pyramid.n_levels):
         at = pyramid.at_level(level)

@@ -10,6 +10,7 @@ from tracker_node.model.humans.surfaces18 import ellipsoid_human
 from tracker_node.objective.color.score import ColorObjective
 from tracker_node.optimize.simplex import search_simplex
 from tracker_node.optimize.stepping import SEVEN_LOOPS, SteppingOptions, step_downhill
+from tracker_node.parallel import Workers
 from tracker_node.render.raycast.raycaster import render_color
 
 ROOT = range(6)
@@ -83,7 +84,7 @@ def test_a_body_out_of_every_view_is_not_called_found(scene):
 
 
 def test_two_threads_and_one_give_the_same(scene):
-    alone = ColorObjective(scene.model, scene.rig, threads=1)
+    alone = ColorObjective(scene.model, scene.rig, workers=Workers(1))
     alone.set_images(scene.images)
     one, two = (step_downhill(score, scene.start(), scene.model.chain, active=ROOT) for score in (alone, scene.score))
     np.testing.assert_array_equal(one.variables, two.variables)

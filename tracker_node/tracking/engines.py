@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -24,7 +24,6 @@ from .region.modality import RegionModality
 from .region.reacquisition import Reacquisition
 
 Backgrounds = Mapping[str, np.ndarray | list]
-Parallel = Callable[[Callable, list], list]
 
 
 def make_engine(
@@ -45,18 +44,18 @@ def make_engine(
     ------
     ModelError : the body does not suit a modality.
     """
-    parallel, occluders = Workers(config.threads).map, occluders or Occluders(None, rig)
+    workers, occluders = Workers(config.threads), occluders or Occluders(None, rig)
     if config.colors is None:
-        return contour_engine(rig, model, config, backgrounds, parallel, occluders)
+        return contour_engine(rig, model, config, backgrounds, workers, occluders)
     if config.colors == TEXTURE:
-        colors = _texture_engine(rig, model, config)
+        colors = _texture_engine(rig, model, config, workers)
     elif config.colors == COLOR_OVER_BACKGROUND:
-        colors = _background_engine(rig, model, config, backgrounds, parallel)
+        colors = _background_engine(rig, model, config, backgrounds, workers)
     else:
-        colors = _color_engine(rig, model, config, parallel)
+        colors = _color_engine(rig, model, config, workers)
     if not config.contours:
         return colors
-    contours = contour_engine(rig, model, config, backgrounds, parallel, occluders)
+    contours = contour_engine(rig, model, config, backgrounds, workers, occluders)
     if JOINT in config.tags:
         from .color.modality import ColorModality
 
@@ -67,7 +66,7 @@ def make_engine(
 
 
 def contour_engine(
-    rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, backgrounds: Backgrounds, parallel: Parallel,
+    rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, backgrounds: Backgrounds, workers: Workers,
     occluders: Occluders | None = None,
 ) -> Engine:  # fmt: skip
     """The engine of regions, chamfer distances, or both.
@@ -75,28 +74,28 @@ def contour_engine(
     Parameters
     ----------
     rig, model, config, backgrounds : as for the `Tracker`.
-    parallel : maps a function over cameras.
+    workers : threads that share cameras or poses.
     occluders : what stands before the body; None: nothing does.
 
     Returns
     -------
     An engine in information units.
     """
-    chamfer = ChamferModality(rig, model, config, backgrounds, parallel, occluders) if CHAMFER in config.modalities else None
+    chamfer = ChamferModality(rig, model, config, backgrounds, workers.map, occluders) if CHAMFER in config.modalities else None
     if REGION not in config.modalities:
         assert chamfer is not None
         judge = ChamferJudge(rig, config.chamfer, chamfer)
         return Engine([chamfer], ChamferFitting(model, config, chamfer), judge, True)
-    region = RegionModality(rig, model, config, parallel, occluders, backgrounds)
+    region = RegionModality(rig, model, config, workers.map, occluders, backgrounds)
     fitting = RegionFitting(model, config, region, None if chamfer is None else (chamfer, FINE))
     limbs = LimbJudge(model, config.status)
-    area = RegionArea(rig, model, config, region, parallel)
+    area = RegionArea(rig, model, config, region, workers)
     modalities: list[Modality] = [region] if chamfer is None else [region, chamfer]
     solver = Reacquisition(rig, model, config, limbs, fitting, area)
     return Engine(modalities, solver, RegionJudge(rig, model, config, fitting, limbs), True)
 
 
-def _color_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, parallel: Parallel) -> Engine:
+def _color_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, workers: Workers) -> Engine:
     from ..objective.color.score import ColorObjective, ColorOptions
     from .color.judge import ColorJudge
     from .color.modality import ColorModality
@@ -107,38 +106,38 @@ def _color_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig
     what = color.representation, color.normalized_weight
     search: ColorSearch
     if color.optimizer != "alignment":
-        scores = MaskScores(ColorObjective(model, rig, ColorOptions(*what), threads=config.threads))
-        modality = ColorModality(rig, model, color, what, parallel, scores)
+        scores = MaskScores(ColorObjective(model, rig, ColorOptions(*what), workers=workers))
+        modality = ColorModality(rig, model, color, what, workers.map, scores)
         search = ScoreSearch(model, color, modality, scores.score)
     elif model.chain.n_axes == 0:
-        rigid = RigidScores(model, rig, color, config.threads)
-        modality = ColorModality(rig, model, color, what, parallel, rigid)
+        rigid = RigidScores(model, rig, color, workers)
+        modality = ColorModality(rig, model, color, what, workers.map, rigid)
         search = RigidSearch(model, color, modality, rigid)
     else:
-        modality = ColorModality(rig, model, color, what, parallel)
+        modality = ColorModality(rig, model, color, what, workers.map)
         search = AlignmentSearch(model, color, modality)
     judge = ColorJudge(rig, model, color, modality)
     return Engine([modality], ColorSolver(model, color, modality, search), judge, False)
 
 
 def _background_engine(
-    rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, backgrounds: Backgrounds, parallel: Parallel
+    rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, backgrounds: Backgrounds, workers: Workers
 ) -> Engine:
     from .color.modality import ColorModality
     from .color.over_background import BackgroundJudge, BackgroundScores, BackgroundSearch
     from .color.search import ColorSolver
 
-    color, scores = config.color_over_background, BackgroundScores(rig, model, backgrounds, config.threads)
+    color, scores = config.color_over_background, BackgroundScores(rig, model, backgrounds, workers)
     what = ColorConfig.representation, color.normalized_weight
-    modality = ColorModality(rig, model, color, what, parallel, scores)
+    modality = ColorModality(rig, model, color, what, workers.map, scores)
     search = BackgroundSearch(model, color, modality, scores)
     judge = BackgroundJudge(rig, model, color, modality, scores)
     return Engine([modality], ColorSolver(model, color, modality, search), judge, False)
 
 
-def _texture_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig) -> Engine:
+def _texture_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, workers: Workers) -> Engine:
     from .color.texture import TextureJudge, TextureModality, TextureSolver
 
-    modality = TextureModality(rig, model, config.threads)
+    modality = TextureModality(rig, model, workers)
     solver = TextureSolver(model, config.texture, modality)
     return Engine([modality], solver, TextureJudge(rig, config.texture, modality), False)

@@ -91,9 +91,8 @@ class Tracker:
         self._initializer: Initializer | None = None
         if config.initialization.enabled:
             follower = replace(config, initialization=replace(config.initialization, enabled=False))
-            parallel = Workers(config.threads).map
             self._initializer = Initializer(
-                rig, model, config.initialization, backgrounds, parallel, engine,
+                rig, model, config.initialization, backgrounds, Workers(config.threads), engine,
                 lambda: Tracker(rig, model, follower, backgrounds, None, occluders),
             )  # fmt: skip
         self._check = SelfCheck(rig, model, _check_options(config))

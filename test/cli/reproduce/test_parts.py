@@ -12,6 +12,7 @@ from tracker_node.experiments.plots import Profile
 from tracker_node.experiments.rigid_tracking import PAPER_RMS, UNITS, VARIABLES
 from tracker_node.experiments.somersault.scene import somersault_scene
 from tracker_node.objective.color.score import ColorObjective
+from tracker_node.parallel import Workers
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +81,7 @@ def test_no_starts_are_refused(trials):
 
 
 def test_profiles_reach_as_far_on_both_sides(scene):
-    score = ColorObjective(scene.tracked, scene.rig, threads=1)
+    score = ColorObjective(scene.tracked, scene.rig, workers=Workers(1))
     images = scene.draw(scene.tracked, scene.truth)
     profiles = convergence._profiles(lambda i: score.set_images(images[i]), score, scene.truth, 3)
     assert [list(of) for of in profiles] == [list(VARIABLES)] * 2

@@ -17,6 +17,7 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.humans.surfaces18 import ellipsoid_human
 from tracker_node.objective.color.score import ColorObjective, ColorOptions, Verdict
+from tracker_node.parallel import Workers
 from tracker_node.render.raycast.raycaster import render_color
 
 SUN = (Light("ambient", (0.3, 0.3, 0.3)), Light("directional", (0.6, 0.6, 0.6), direction=(0.4, -0.5, -0.8)))
@@ -58,7 +59,7 @@ def test_score_is_that_of_brute_force(lens, names):
     configuration = colored_scene(3, names=names)
     rig = CameraRig((look_at((2.2, 0.5, 0.4), (0.0, 0.0, 0.0), LENSES[lens]),), lights=LIGHTS)
     images = noise_images(rig)
-    objective = ColorObjective(configuration.model, rig, threads=1)
+    objective = ColorObjective(configuration.model, rig, workers=Workers(1))
     objective.set_images(images)
     views = []
     for camera in rig:
@@ -108,7 +109,7 @@ def test_many_states_at_once_have_the_scores_of_each_whatever_the_threads():
     states = [bent_state(model, seed) for seed in range(5)]
     results = []
     for threads in (1, 2, 3):
-        objective = ColorObjective(model, rig, threads=threads)
+        objective = ColorObjective(model, rig, workers=Workers(threads))
         objective.set_images(noise_images(rig))
         results += [objective.scores(states), np.array([objective.score(state) for state in states])]
     assert all(np.array_equal(results[0], other) for other in results[1:])

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from ...parallel import Workers
 from ...report.progress import say
 
 SUMMARY = "score against each variable around the truth, widths of its valley, and from how far each optimizer finds back"
@@ -38,8 +39,8 @@ def run(args: argparse.Namespace) -> int:
     folder = Path(args.output)
     folder.mkdir(parents=True, exist_ok=True)
     scene = somersault_scene(2, 192) if args.quick else somersault_scene()
-    score = ColorObjective(scene.tracked, scene.rig, threads=1)
-    pyramid = PhotometricObjective(scene.tracked, scene.rig, threads=1)
+    score = ColorObjective(scene.tracked, scene.rig, workers=Workers(1))
+    pyramid = PhotometricObjective(scene.tracked, scene.rig, workers=Workers(1))
     metrics: dict[str, float | int] = {}
     profiles, rates = {}, {}
     starts, trials = (START_ERRORS[:1], 2) if args.quick else (START_ERRORS, args.trials)

@@ -9,6 +9,7 @@ from math import radians
 from pathlib import Path
 from typing import Any
 
+from ...parallel import Workers
 from ...report.progress import say
 
 SUMMARY = "track a somersault of 11 synthetic images and three cameras by color; errors beside the paper's Table 1"
@@ -96,8 +97,8 @@ class _Objectives:
         from ...objective.color.score import ColorObjective
 
         self.chain = scene.tracked.chain
-        self.score = ColorObjective(scene.tracked, scene.rig, threads=1)
-        self.pyramid = PhotometricObjective(scene.tracked, scene.rig, threads=1)
+        self.score = ColorObjective(scene.tracked, scene.rig, workers=Workers(1))
+        self.pyramid = PhotometricObjective(scene.tracked, scene.rig, workers=Workers(1))
 
     def show(self, images: Any) -> None:
         """Both look at these images from now on."""

@@ -1,4 +1,4 @@
-"""Scores of many poses by the area that a body or limb covers on small images: what searches begin with.
+"""Scores of many poses by the area that a body or a part of it covers on small images: what searches begin with.
 
-Begin with `evidence_score` (whole bodies) and `limb_score` (one limb, the rest as it is).
+Begin with `score` (`AreaScore`); `maps` says how much the color of a pixel speaks for a part, `visual_hull` where a body may be.
 """

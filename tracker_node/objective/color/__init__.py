@@ -1,5 +1,4 @@
 """Color modality: a colored body drawn over images, compared pixel by pixel (Trewartha, Yeadon & Knight).
 
-Begin with `score` (generate and test) and `alignment` (the same as least squares); `drawing` draws smooth shapes for both,
-`scene` explains the whole image by body and background.
+Begin with `score` (generate and test) and `alignment` (the same as least squares); `drawing` draws smooth shapes for both.
 """

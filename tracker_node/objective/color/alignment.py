@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import cv2
@@ -17,6 +16,7 @@ import numpy as np
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
+from ...parallel import Workers
 from ...render.raycast.coefficients import N_COEFFICIENTS
 from ..contour_residual import assemble
 from ..normal_equations import NormalEquations
@@ -52,7 +52,7 @@ class PhotometricObjective:
 
     Parameters
     ----------
-    model, rig, colors_rgb, threads : as of `color_score.ColorObjective`.
+    model, rig, colors_rgb, workers : as of `color_score.ColorObjective`.
     """
 
     def __init__(
@@ -61,13 +61,12 @@ class PhotometricObjective:
         rig: CameraRig,
         options: PhotometricOptions | None = None,
         colors_rgb: np.ndarray | None = None,
-        threads: int = 2,
+        workers: Workers | None = None,
     ):
         self.model, self.rig, self.options = model, rig, options or PhotometricOptions()
         self.colors_rgb = colors_rgb
         self.n_levels = self.options.levels
-        self._executor = ThreadPoolExecutor(threads - 1) if threads > 1 else None
-        self._threads = threads
+        self.workers = workers or Workers(2)
         self._levels: list[_Level] = [_Level(self, every_nth(rig, 2**k, 2**k)) for k in range(self.n_levels)]
         self._pyramid: list[list[np.ndarray | None]] = [[None] * len(rig)]
 
@@ -86,7 +85,7 @@ class PhotometricObjective:
     def _images(self, level: int) -> list[np.ndarray | None]:
         while len(self._pyramid) <= level:
             finer = self._pyramid[-1]
-            self._pyramid.append(self.map(lambda image: None if image is None else cv2.pyrDown(image), finer))
+            self._pyramid.append(self.workers.map(lambda image: None if image is None else cv2.pyrDown(image), finer))
         return self._pyramid[level]
 
     def at_level(self, level: int) -> LevelObjective:
@@ -95,18 +94,6 @@ class PhotometricObjective:
         if here.stale:
             here.fill(self._images(level))
         return LevelObjective(here)
-
-    def map(self, function, items) -> list:
-        """``[function(item) for item in items]``, on the threads."""
-        if self._executor is None or len(items) < 2:
-            return [function(item) for item in items]
-        n = self._threads
-        others = [self._executor.submit(lambda k: [function(item) for item in items[k::n]], k) for k in range(1, n)]
-        results = [None] * len(items)
-        results[0::n] = [function(item) for item in items[0::n]]
-        for k, other in enumerate(others, start=1):
-            results[k::n] = other.result()
-        return results
 
 
 class _Level:
@@ -181,7 +168,7 @@ class LevelObjective:
         configuration, chain = Configuration(owner.model, state), owner.model.chain
         Ts_world_shape = np.ascontiguousarray(configuration.Ts_world_shape)
         if self._pixels > _WORTH_THREADS:
-            owner.map(lambda i: level.camera_sums(i, configuration, Ts_world_shape), level.seen)
+            owner.workers.map(lambda i: level.camera_sums(i, configuration, Ts_world_shape), level.seen)
         else:
             for i in level.seen:
                 level.camera_sums(i, configuration, Ts_world_shape)

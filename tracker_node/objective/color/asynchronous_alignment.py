@@ -11,6 +11,7 @@ import numpy as np
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
+from ...parallel import Workers
 from ..normal_equations import LeastSquaresObjective, NormalEquations
 from .alignment import PhotometricObjective, PhotometricOptions
 from .asynchronous_score import cameras_by_delay
@@ -30,7 +31,7 @@ class StaggeredPhotometricObjective:
         late_s: Sequence[float],
         options: PhotometricOptions | None = None,
         colors_rgb: np.ndarray | None = None,
-        threads: int = 2,
+        workers: Workers | None = None,
     ):
         self.velocity: np.ndarray | None = None
         options = options or PhotometricOptions()
@@ -40,7 +41,7 @@ class StaggeredPhotometricObjective:
         for late, cameras in cameras_by_delay(rig, late_s).items():
             subset = rig.subset([rig.names[i] for i in cameras])
             colors = None if colors_rgb is None else np.asarray(colors_rgb)[cameras]
-            self._parts.append((late, cameras, PhotometricObjective(model, subset, each, colors, threads)))
+            self._parts.append((late, cameras, PhotometricObjective(model, subset, each, colors, workers)))
 
     @property
     def n_levels(self) -> int:

@@ -15,6 +15,7 @@ import numpy as np
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
+from ...parallel import Workers
 from .score import ColorObjective, ColorOptions, ColorScore, Verdict
 
 
@@ -40,7 +41,7 @@ class StaggeredObjective:
         late_s: Sequence[float],
         options: ColorOptions | None = None,
         colors_rgb: np.ndarray | None = None,
-        threads: int = 2,
+        workers: Workers | None = None,
     ):
         self.model, self.rig, self.options = model, rig, options or ColorOptions()
         self.velocity: np.ndarray | None = None
@@ -49,7 +50,7 @@ class StaggeredObjective:
         for late, cameras in cameras_by_delay(rig, late_s).items():
             subset = rig.subset([rig.names[i] for i in cameras])
             colors = None if colors_rgb is None else np.asarray(colors_rgb)[cameras]
-            self._parts.append(_Part(late, cameras, ColorObjective(model, subset, each, colors, threads)))
+            self._parts.append(_Part(late, cameras, ColorObjective(model, subset, each, colors, workers)))
 
     def set_images(self, images: Sequence[np.ndarray | None]) -> None:
         """BGR images (h, w, 3) uint8 in the order of the rig; None for a camera that gave none."""

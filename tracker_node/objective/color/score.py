@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
@@ -21,6 +20,7 @@ from ...camera.rig import CameraRig
 from ...geometry import se3
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
+from ...parallel import Workers
 from ...render.raycast.coefficients import N_COEFFICIENTS
 from . import drawing as kernel
 from .any_shapes import score_with_cast
@@ -75,7 +75,7 @@ class ColorObjective:
     model, rig : body (with colors) and cameras (with lights).
     colors_rgb : (n_cameras, n_shapes, 3) in 0..255 of the shapes as each camera shows them under light of factor one, instead of
         those of the model.
-    threads : `scores` shares out its states over so many, `score` its cameras.
+    workers : threads that share states or cameras; None: two.
     """
 
     def __init__(
@@ -84,10 +84,10 @@ class ColorObjective:
         rig: CameraRig,
         options: ColorOptions | None = None,
         colors_rgb: np.ndarray | None = None,
-        threads: int = 2,
+        workers: Workers | None = None,
     ):
         self.model, self.options, self._given_colors = model, options or ColorOptions(), colors_rgb
-        self.threads = threads
+        self.workers = workers or Workers(2)
         self._images: list[np.ndarray | None] = [None] * len(rig)
         self._rows = np.zeros(0, dtype=np.int64)
         self._filled: list[bool] = []
@@ -97,7 +97,6 @@ class ColorObjective:
         self._can_lie = np.array([is_pinhole(camera) for camera in self.rig])
         exchanged = [lying(camera) if can else camera for camera, can in zip(self.rig, self._can_lie, strict=True)]
         self._views = ColorViews([*self.rig, *exchanged])
-        self._executor = ThreadPoolExecutor(threads - 1) if threads > 1 else None
         self._make_arguments()
 
     def _make_arguments(self) -> None:
@@ -125,7 +124,7 @@ class ColorObjective:
                 np.zeros(constants.directed.size, dtype=np.float32),
                 np.zeros(largest + kernel.LANES, dtype=np.int32),
             )
-            for _ in range(self.threads)
+            for _ in range(self.workers.threads)
         ]  # fmt: skip
 
     def _make_cameras(self) -> tuple[np.ndarray, ...]:
@@ -167,7 +166,7 @@ class ColorObjective:
             return self
         if row_step not in self._steps:
             options = replace(self.options, row_step=row_step)
-            self._steps[row_step] = ColorObjective(self.model, self._whole_rig, options, self._given_colors, self.threads)
+            self._steps[row_step] = ColorObjective(self.model, self._whole_rig, options, self._given_colors, self.workers)
             self._steps[row_step].set_images(self._images)
         return self._steps[row_step]
 
@@ -225,18 +224,15 @@ class ColorObjective:
                 joints[states], cameras, self._work[thread], totals[states],
             )  # fmt: skip
 
-        n = self.threads
-        if self._executor is None or len(roots) * len(self._rows) < 2:
+        n = self.workers.threads
+        if n < 2 or len(roots) * len(self._rows) < 2:
             return run(0, slice(None), self._rows)
         if len(roots) >= n:
             ends = [len(roots) * k // n for k in range(n + 1)]
             parts = [(slice(ends[k], ends[k + 1]), self._rows) for k in range(n)]
         else:  # copies: rows apart are another type, for which the kernel would be compiled again
             parts = [(slice(None), self._rows[k::n].copy()) for k in range(n)]
-        others = [self._executor.submit(run, k, *parts[k]) for k in range(1, n)]
-        run(0, *parts[0])
-        for other in others:
-            other.result()
+        self.workers.map(lambda k: run(k, *parts[k]), range(n))
 
     def _any_shapes(self, configuration: Configuration, index: int) -> np.ndarray:
         """Squares, pixels and verdict (3,) of one camera, whatever the shapes."""

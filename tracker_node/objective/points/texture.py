@@ -13,7 +13,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import cv2
@@ -22,6 +21,7 @@ import numpy as np
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
+from ...parallel import Workers
 from ..contour_residual import assemble
 from ..normal_equations import NormalEquations
 from . import texture_kernels as kernel
@@ -76,7 +76,7 @@ class TextureObjective:
     Parameters
     ----------
     model : with boxes that have pictures.
-    threads : `scores` shares out its states over so many.
+    workers : threads that share states; None: two.
 
     Raises
     ------
@@ -84,10 +84,10 @@ class TextureObjective:
     """
 
     def __init__(
-        self, model: ArticulatedModel, rig: CameraRig, options: TextureOptions | None = None, threads: int = 2
+        self, model: ArticulatedModel, rig: CameraRig, options: TextureOptions | None = None, workers: Workers | None = None
     ):  # fmt: skip
         self.model, self.rig, self.options = model, rig, options or TextureOptions()
-        self._threads = threads
+        self.workers = workers or Workers(2)
         finest = textured_extent(model) / self.options.points_per_edge
         self._points = [surface_points(model, finest * 2**k) for k in range(self.options.levels)]
         self._pyramids: list[list[np.ndarray] | None] = [None] * len(rig)
@@ -145,12 +145,11 @@ class TextureScores:
             level = self._objective.at_level(self._level)
             return [level.evaluate(state).score for state in part]
 
-        n = self._objective._threads
+        n = self._objective.workers.threads
         if n < 2 or len(states) < 8:
             return np.array(run(states))
         cuts = [len(states) * i // n for i in range(n + 1)]
-        with ThreadPoolExecutor(n) as pool:
-            parts = pool.map(run, [states[a:b] for a, b in itertools.pairwise(cuts)])
+        parts = self._objective.workers.map(run, [states[a:b] for a, b in itertools.pairwise(cuts)])
         return np.concatenate([np.array(part) for part in parts])
 
 

@@ -16,12 +16,13 @@ from ...camera.rig import CameraRig
 from ...errors import ModelError
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
-from ...objective.color.scene import SceneObjective
+from ...objective.area.background_score import BackgroundObjective
 from ...objective.constraints.prior import Prior
 from ...observation.image_set import ImageSet
 from ...optimize.fitter import Fit
 from ...optimize.levenberg_marquardt import clip_to_limits
 from ...optimize.stepping import SteppingOptions, schedule, step_downhill
+from ...parallel import Workers
 from ...render.raycast.raycaster import render_labels
 from ..assessment import Assessment
 from ..config import ColorOverBackgroundConfig
@@ -48,7 +49,7 @@ class BackgroundScores:
     Parameters
     ----------
     rig, model, backgrounds : as for the `Tracker`. A camera without a background says only what suits the parts' colors.
-    threads : of scores of many states.
+    workers : threads that share states or cameras.
 
     Raises
     ------
@@ -56,7 +57,7 @@ class BackgroundScores:
     """
 
     def __init__(
-        self, rig: CameraRig, model: ArticulatedModel, backgrounds: Mapping[str, np.ndarray | list], threads: int
+        self, rig: CameraRig, model: ArticulatedModel, backgrounds: Mapping[str, np.ndarray | list], workers: Workers
     ):
         if not backgrounds:
             raise ModelError("the modality color_over_background needs images of the background: give cameras of the rig one")
@@ -72,7 +73,7 @@ class BackgroundScores:
             image = backgrounds.get(camera.name)
             shown.append(np.median(image, axis=0).astype(np.uint8) if isinstance(image, list) else image)
         colors = np.zeros((len(rig), len(model.shapes), 3))
-        self.objective = SceneObjective(model, self._rig, colors, self._shrunk(shown), threads=threads)
+        self.objective = BackgroundObjective(model, self._rig, colors, self._shrunk(shown), workers=workers)
 
     def _shrunk(self, images: Sequence[np.ndarray | None]) -> list[np.ndarray | None]:
         return [
@@ -90,7 +91,7 @@ class BackgroundScores:
         if expected is not None:
             configuration = Configuration(self._model, expected)
             sights = [render_labels(configuration, camera, _MARGIN_PX) for camera in self._rig]
-            self.objective.look_at([None if sight is None else sight[0] for sight in sights])
+            self.objective.restrict([None if sight is None else sight[0] for sight in sights])
 
 
 class BackgroundJudge(ColorJudge):
@@ -118,7 +119,7 @@ class BackgroundJudge(ColorJudge):
 class _WithPriors:
     """The score with priors (`ScoreObjective`)."""
 
-    def __init__(self, objective: SceneObjective, priors: Sequence[Prior]):
+    def __init__(self, objective: BackgroundObjective, priors: Sequence[Prior]):
         self._objective, self._priors = objective, priors
 
     def _prior(self, state: State) -> float:

@@ -17,6 +17,7 @@ from ...optimize.alignment import align
 from ...optimize.fitter import Fit
 from ...optimize.robust_fit import RobustFitOptions, align_robustly
 from ...optimize.robust_start import RobustStartOptions
+from ...parallel import Workers
 from ..config import ColorConfig
 from ..limbs import Limb
 from ..modality import Images
@@ -27,10 +28,10 @@ from .search import AlignmentSearch, ended
 class RigidScores:
     """What compares the colors of a rigid body over its mask: a score, and least squares on a pyramid (`ColorScores`)."""
 
-    def __init__(self, model: ArticulatedModel, rig: CameraRig, config: ColorConfig, threads: int):
+    def __init__(self, model: ArticulatedModel, rig: CameraRig, config: ColorConfig, workers: Workers):
         what = config.representation, config.normalized_weight
-        self.score = ColorObjective(model, rig, ColorOptions(*what), threads=threads)
-        self.pyramid = PhotometricObjective(model, rig, PhotometricOptions(*what, levels=config.levels), threads=threads)
+        self.score = ColorObjective(model, rig, ColorOptions(*what), workers=workers)
+        self.pyramid = PhotometricObjective(model, rig, PhotometricOptions(*what, levels=config.levels), workers=workers)
         self.blind = True
 
     def set_colors(self, learned: np.ndarray | None, rgb: np.ndarray) -> None:

@@ -17,6 +17,7 @@ from ...optimize.alignment import AlignmentOptions, align
 from ...optimize.fitter import Fit
 from ...optimize.reacquire import ReacquireOptions, reacquire
 from ...optimize.robust_start import RobustStartOptions
+from ...parallel import Workers
 from ..assessment import Assessment, Report, assess_cameras, inverse_covariance
 from ..config import TextureConfig
 from ..estimate import CameraReport, Status
@@ -34,16 +35,16 @@ class TextureModality:
     Parameters
     ----------
     rig, model : as for the `Tracker`.
-    threads : of scores of many states.
+    workers : threads that share states.
 
     Attributes
     ----------
     objective : of the present images.
     """
 
-    def __init__(self, rig: CameraRig, model: ArticulatedModel, threads: int):
+    def __init__(self, rig: CameraRig, model: ArticulatedModel, workers: Workers):
         self._n_cameras = len(rig)
-        self.objective = TextureObjective(model, rig, threads=threads)
+        self.objective = TextureObjective(model, rig, workers=workers)
         self._score: tuple[State, TextureScore] | None = None
 
     def reset(self) -> None:

@@ -3,13 +3,13 @@
 From coarse to fine, on images in which the body is some eighty pixels high: log-odds of body against scene for every pixel
 (`evidence`); from these a visual hull, and in it the places where a body may stand (`objective.area.visual_hull`);
 postures from a small library at these places, in all headings, by how much of the evidence they cover
-(`objective.area.evidence_score`); the best are drawn to the silhouettes and get other limbs tried (`fit`,
+(`objective.area.score`); the best are drawn to the silhouettes and get other limbs tried (`fit`,
 `search`). What is left are a few starts for the engine.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,9 +18,10 @@ from scipy.spatial.transform import Rotation
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
-from ...objective.area.evidence_score import EvidenceScore
+from ...objective.area.score import AreaScore
 from ...objective.area.visual_hull import occupancy, places, seen_volume
 from ...observation.small_view import SmallView
+from ...parallel import Workers
 from ...render.shape_arrays import ShapeArrays
 from ..config import InitializationConfig
 from ..modality import Images
@@ -59,7 +60,7 @@ class PoseDetector:
     ----------
     rig, model, config : cameras, body, parameters.
     plates : camera name -> BGR image (or list of images) of the empty scene, where there is one.
-    parallel : maps a function over a list, on several threads.
+    workers : threads that share poses.
 
     Attributes
     ----------
@@ -73,9 +74,9 @@ class PoseDetector:
         model: ArticulatedModel,
         config: InitializationConfig,
         plates: Mapping[str, np.ndarray | list],
-        parallel: Callable[[Callable, list], list],
+        workers: Workers,
     ):
-        self._model, self._config, self._parallel = model, config, parallel
+        self._model, self._config, self._workers = model, config, workers
         self.size_m = body_size(model)
         self._views = [SmallView(camera, scale) for camera, scale in zip(rig, _scales(rig, self.size_m, config), strict=True)]
         self._cameras = [view.camera for view in self._views]
@@ -88,7 +89,7 @@ class PoseDetector:
                 small[camera.name] = [view.shrink(p) for p in (plate if isinstance(plate, list) else [plate])]
         self._evidence = StartEvidence(self._cameras, small)
         self._segmentation = StartSegmentation(self._evidence, self._cameras, self.size_m)
-        self.alternatives = LimbAlternatives(model, self._cameras, self._evidence, parallel)
+        self.alternatives = LimbAlternatives(model, self._cameras, self._evidence, workers)
         self.problem = ""
         self.watching = False
 
@@ -168,7 +169,7 @@ class PoseDetector:
         """(n,) how much of the evidence of the latest `find` each state covers."""
         poses, maps = Poses.of(list(states)), self._evidence.maps()
         total = sum(float(m[m > 0.0].sum()) for m in maps if m is not None)
-        score = EvidenceScore(self._model, self._cameras, self._parallel)
+        score = AreaScore(self._model, self._cameras, self._workers)
         score.set_maps(maps)
         return score.scores(poses.roots, poses.joints) / max(total, 1e-9)
 
@@ -203,7 +204,7 @@ class PoseDetector:
         """From hypotheses to a few starts, the best first."""
         config, rng = self._config, np.random.default_rng(self._config.seed)
         total = max(sum(float(m[m > 0.0].sum()) for m in maps if m is not None), 1e-9)
-        score = EvidenceScore(self._model, self._cameras, self._parallel)
+        score = AreaScore(self._model, self._cameras, self._workers)
         score.set_maps(maps)
         search = HypothesisSearch(score, _PRIOR * total, self.size_m)
         fit = SilhouetteFit(self._model, self._cameras, maps)
@@ -215,7 +216,7 @@ class PoseDetector:
             poses, scores = poses[kept], scores[kept]
 
         def drawn(some: Poses) -> Poses:
-            return Poses.of(self._parallel(lambda i: fit.fit(some.state(i)), list(range(len(some)))))
+            return Poses.of(self._workers.map(lambda i: fit.fit(some.state(i)), list(range(len(some)))))
 
         keep(config.hypotheses if thorough else config.hypotheses // 2, 0.15, 0.4)
         poses, scores = search.better(poses, scores, drawn(poses))
@@ -241,7 +242,7 @@ def find_start(
 ) -> list[State]:
     """States that a body may be in, the likeliest first: `PoseDetector.find` for a single image set."""
     finder = PoseDetector(
-        rig, model, config or InitializationConfig(), plates or {}, lambda function, items: [function(i) for i in items]
+        rig, model, config or InitializationConfig(), plates or {}, Workers(1)
     )
     return [start.state for start in finder.find(images, around)]
 

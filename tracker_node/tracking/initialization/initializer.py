@@ -12,6 +12,7 @@ from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...observation.image_set import ImageSet
+from ...parallel import Workers
 from ..config import InitializationConfig
 from ..engine import AnyEngine
 from ..estimate import Status, TrackEstimate
@@ -42,12 +43,12 @@ class Initializer:
         model: ArticulatedModel,
         config: InitializationConfig,
         plates: Mapping[str, np.ndarray | list],
-        parallel: Callable[[Callable, list], list],
+        workers: Workers,
         make_engine: Callable[[], AnyEngine],
         make_follower: Callable[[], Follower],
     ):
         self._model, self._config = model, config
-        self._finder = PoseDetector(rig, model, config, plates, parallel)
+        self._finder = PoseDetector(rig, model, config, plates, workers)
         self._mended = LimbRepair(model, self._finder.alternatives)
         self._make_engine, self._make_follower = make_engine, make_follower
         self._engine: AnyEngine | None = None

@@ -8,7 +8,7 @@ rest, for what nobody knows the colors of.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -17,13 +17,14 @@ from ...camera.rig import Camera
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...model.kinematic_chain import N_ROOT_DOF
-from ...objective.area.evidence_score import EvidenceScore
+from ...objective.area.score import AreaScore
 from ...observation.region.colors import stated_densities
+from ...parallel import Workers
 from ...render.raycast.raycaster import render_view
 from ..limbs import Limb
+from ..poses import Poses
 from .evidence import StartEvidence, color_density, scene_density
 from .pose_library import other_side, reachable
-from .search import Poses
 
 _SAMPLES = 1600
 _REFINED = 50  # about each of the best
@@ -40,7 +41,7 @@ class LimbAlternatives:
 
     Parameters
     ----------
-    parallel : maps a function over a list, on several threads.
+    workers : threads that share poses.
     """
 
     def __init__(
@@ -48,10 +49,10 @@ class LimbAlternatives:
         model: ArticulatedModel,
         cameras: Sequence[Camera],
         evidence: StartEvidence,
-        parallel: Callable[[Callable, list], list],
+        workers: Workers,
     ):
         self._model, self._cameras, self._evidence = model, tuple(cameras), evidence
-        self._score = EvidenceScore(model, cameras, parallel)
+        self._score = AreaScore(model, cameras, workers)
         shapes = np.arange(len(model.shapes), dtype=np.int32)
         self._stated = stated_densities(model, shapes).astype(np.float64)
         self._partners = other_side([shape.name for shape in model.shapes])

@@ -2,41 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ...model.configuration import State
-from ...objective.area.evidence_score import EvidenceScore
+from ...objective.area.score import AreaScore
+from ..poses import Poses
 from .pose_library import limbs, other_side, reachable
 
 _SHAKE_RAD = 0.25
-
-
-@dataclass(frozen=True, eq=False)
-class Poses:
-    """Many states: ``roots`` (n, 4, 4), ``joints`` (n, n_axes)."""
-
-    roots: np.ndarray
-    joints: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.roots)
-
-    def __getitem__(self, index) -> Poses:
-        return Poses(self.roots[index], self.joints[index])
-
-    def state(self, i: int) -> State:
-        return State(self.roots[i].copy(), self.joints[i].copy())
-
-    @classmethod
-    def of(cls, states: list[State]) -> Poses:
-        return cls(np.array([s.T_world_root for s in states]), np.array([s.joint_positions for s in states]))
-
-    @classmethod
-    def joined(cls, parts: list[Poses]) -> Poses:
-        return cls(np.concatenate([p.roots for p in parts]), np.concatenate([p.joints for p in parts]))
 
 
 class HypothesisSearch:
@@ -48,7 +21,7 @@ class HypothesisSearch:
     size_m : of the body.
     """
 
-    def __init__(self, score: EvidenceScore, prior_weight: float, size_m: float):
+    def __init__(self, score: AreaScore, prior_weight: float, size_m: float):
         self._score, self._prior_weight, self._shake_m = score, prior_weight, 0.04 * size_m
         chain = score.model.chain
         self._limbs = limbs(chain)

@@ -1,0 +1,81 @@
+"""Maps for `AreaScore`: how much the color of every pixel speaks for each part of the body against the background."""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+
+from ...observation.appearance_kernels import log_positive
+from ..lines.colors import other_density
+
+_DARK = np.float32(30.0)  # added to an intensity, so that the hue of dark pixels, which is noise, counts little
+_HUE = np.float32(255.0)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def fill_log_ratios(bgr, log_body, scene, room, darkest, step, clamp, region, maps):
+    """Fill ``maps`` (n_classes, h, w) with the mean log(p_class / p_scene) of the colors in each cell of the image, on its
+    ``region`` (u0, v0, u1, v1); the rest stays as it is.
+
+    Cells are ``bgr.shape[0] // h`` pixels high, or a little more, and of their pixels every ``step``-th is looked at.
+    ``log_body`` (n_colors, n_classes): log densities; ``scene``, ``room`` and ``darkest`` as in `lines.colors.read_lines`.
+    """
+    n_classes, height, width = maps.shape
+    cell = np.empty(n_classes, dtype=np.float32)
+    pixels, least_variance = room
+    most = np.float32(0.5 / least_variance)
+    rows, columns = bgr.shape[0] / height, bgr.shape[1] / width
+    for i in range(region[1], region[3]):
+        top, bottom = int(i * rows), int((i + 1) * rows)
+        for j in range(region[0], region[2]):
+            left, right = int(j * columns), int((j + 1) * columns)
+            count = 0
+            cell[:] = np.float32(0.0)
+            for v in range(top, bottom, step):
+                for u in range(left, right, step):
+                    b, g, r = np.uint32(bgr[v, u, 0]), np.uint32(bgr[v, u, 1]), np.uint32(bgr[v, u, 2])
+                    color = (np.int64(b >> 4) << 8) | np.int64(g & 0xF0) | np.int64(r >> 4)
+                    mean = pixels[v, u] if pixels.size > 0 else np.uint32(0)
+                    packed = b | (g << np.uint32(8)) | (r << np.uint32(16))
+                    other = log_positive(other_density(packed, mean, scene[color], most, np.float32(darkest)))
+                    for k in range(n_classes):
+                        cell[k] += min(max(log_body[color, k] - other, -clamp), clamp)
+                    count += 1
+            for k in range(n_classes):
+                maps[k, i, j] = cell[k] / np.float32(count)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def color_cost(r, g, b, red, green, blue, caps):
+    """Robust cost, 0..2, of one color against another: half of it by RGB, half by RGB over intensity.
+
+    ``caps`` (2,) are the squared differences that cost one half of the most.
+    """
+    dr, dg, db = r - red, g - green, b - blue
+    raw = dr * dr + dg * dg + db * db
+    one, two = _HUE / (r + g + b + _DARK), _HUE / (red + green + blue + _DARK)
+    dr, dg, db = r * one - red * two, g * one - green * two, b * one - blue * two
+    hue = dr * dr + dg * dg + db * db
+    return raw / (raw + caps[0]) + hue / (hue + caps[1])
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def background_costs(bgr, background, caps, costs):
+    """Fill ``costs`` (h, w) with those of an image (h, w, 3) if it shows the ``background`` (h, w, 3), both BGR."""
+    for v in range(costs.shape[0]):
+        for u in range(costs.shape[1]):
+            costs[v, u] = color_cost(
+                np.float32(bgr[v, u, 2]), np.float32(bgr[v, u, 1]), np.float32(bgr[v, u, 0]),
+                np.float32(background[v, u, 2]), np.float32(background[v, u, 1]), np.float32(background[v, u, 0]), caps,
+            )  # fmt: skip
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def fill_explained(bgr, costs, colors, caps, maps):
+    """Fill ``maps`` (n, h, w): how much less pixels cost in each of the ``colors`` (n, 3) RGB than ``costs`` (h, w)."""
+    for k in range(maps.shape[0]):
+        red, green, blue = colors[k, 0], colors[k, 1], colors[k, 2]
+        for v in range(maps.shape[1]):
+            for u in range(maps.shape[2]):
+                b, g, r = np.float32(bgr[v, u, 0]), np.float32(bgr[v, u, 1]), np.float32(bgr[v, u, 2])
+                maps[k, v, u] = costs[v, u] - color_cost(r, g, b, red, green, blue, caps)
