@@ -45,24 +45,52 @@ def limbs_of(model: ArticulatedModel) -> tuple[Limb, ...]:
     return (_limb(model, chain.links[0], trunk, dofs), *result)
 
 
+def joint_groups(chain: KinematicChain) -> list[np.ndarray]:
+    """Indices of the joint angles along each stretch of the tree without a branch, from the root on.
+
+    A person's are the trunk, the head, two arms and two legs.
+    """
+    groups = [np.flatnonzero(_dofs_of(chain, stretch.links)[N_ROOT_DOF:]) for stretch in _stretches(chain)]
+    return [group for group in groups if len(group)]
+
+
 def _branches(chain: KinematicChain) -> list[list[int]]:
-    """Indices of the links of each branch with degrees of freedom of its own, from its first to its last."""
+    """Indices of the links of each branch with degrees of freedom of its own, in the order of their ends."""
+    ends = sorted((stretch for stretch in _stretches(chain) if stretch.is_end and stretch.jointed), key=lambda s: s.bodies[-1])
+    return [stretch.jointed for stretch in ends]
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """A part of the tree without a branch: its rigid bodies (by their first links), its links, those that are not the root's."""
+
+    bodies: list[int]
+    links: list[int]
+    jointed: list[int]
+    is_end: bool
+
+
+def _stretches(chain: KinematicChain) -> list[_Stretch]:
+    """From the root on, each before those that hang on it."""
     n = len(chain.links)
     body = list(range(n))  # first link of the rigid body that each link belongs to
     for link in range(1, n):
         if not chain.axis_count[link]:
             body[link] = body[chain.parents[link]]
-    bodies = sorted(set(body))
-    parent = {b: body[chain.parents[b]] for b in bodies if b}
-    children = {b: sum(p == b for p in parent.values()) for b in bodies}
-    result = []
-    for leaf in bodies:
-        if leaf == 0 or children[leaf]:
-            continue
-        branch = [leaf]
-        while parent[branch[-1]] and children[parent[branch[-1]]] == 1:
-            branch.append(parent[branch[-1]])
-        result.append([link for link in range(n) if body[link] in branch])
+    children = {b: [c for c in sorted(set(body)) if c and body[chain.parents[c]] == b] for b in body}
+    result: list[_Stretch] = []
+
+    def follow(first: int) -> None:
+        bodies = [first]
+        while len(children[bodies[-1]]) == 1:
+            bodies += children[bodies[-1]]
+        links = [link for link in range(n) if body[link] in bodies]
+        beyond = children[bodies[-1]]
+        result.append(_Stretch(bodies, links, [link for link in links if body[link]], not beyond))
+        for child in beyond:
+            follow(child)
+
+    follow(0)
     return result
 
 

@@ -86,6 +86,15 @@ class Round:
     score: Score | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Apart:
+    """When poses count as two: their ``coordinates`` (n, k) differ by ``distance`` at least, in the norm of this ``order``."""
+
+    coordinates: Callable[[Poses], np.ndarray]
+    distance: float
+    order: float = np.inf
+
+
 class PoseSearch:
     """Finds poses of large score: for a lost limb, the trunk, a limb of a start; deterministic for a generator.
 
@@ -95,9 +104,7 @@ class PoseSearch:
     score : of many poses at once, such as one by area.
     dofs : (n_dof,) mask of what is drawn.
     rng : seeded.
-    apart : (Poses) -> (n, k) coordinates of which at least one differs by ``apart_by`` between poses that count as two; None:
-        any two do.
-    apart_by : in the unit of these coordinates.
+    apart : when poses count as two; None: any two do.
     """
 
     def __init__(
@@ -106,10 +113,9 @@ class PoseSearch:
         score: Score,
         dofs: np.ndarray,
         rng: np.random.Generator,
-        apart: Callable[[Poses], np.ndarray] | None = None,
-        apart_by: float = 0.0,
+        apart: Apart | None = None,
     ):
-        self._chain, self._score, self._dofs, self._rng, self._apart, self._apart_by = chain, score, dofs, rng, apart, apart_by
+        self._chain, self._score, self._dofs, self._rng, self._apart = chain, score, dofs, rng, apart
 
     def run(self, first: Poses, rounds: Sequence[Round], n: int) -> tuple[Poses, np.ndarray]:
         """Score ``first``, then what every round draws about the best of all so far.
@@ -158,13 +164,15 @@ class PoseSearch:
         -------
         The best first.
         """
-        order = np.argsort(-scores, kind="stable").tolist()
-        if self._apart is None:
+        order, apart = np.argsort(-scores, kind="stable").tolist(), self._apart
+        if apart is None:
             return order[:n]
-        places = self._apart(poses)
+        places: list[np.ndarray] = []
         chosen: list[int] = []
         for i in order:
-            if all(np.abs(places[i] - places[j]).max() >= self._apart_by for j in chosen):
+            place = apart.coordinates(poses[i : i + 1])[0]
+            if all(np.linalg.norm(place - other, apart.order) >= apart.distance for other in places):
+                places.append(place)
                 chosen.append(i)
                 if len(chosen) == n:
                     break

@@ -13,7 +13,8 @@ from tracker_node.model.shapes.primitives import Box, Ellipsoid
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.initialization.detector import StartFinder, body_size, find_start
-from tracker_node.tracking.initialization.pose_library import limbs, other_side, postures
+from tracker_node.tracking.initialization.pose_library import other_side, postures
+from tracker_node.tracking.limbs import joint_groups
 from tracker_node.tracking.tracker import Tracker
 
 SMALL = {
@@ -111,7 +112,7 @@ def test_an_initial_state_is_waited_for_where_the_search_is_off():
 
 def test_limbs_are_the_unbranched_stretches():
     axes = [axis.name for axis in SCENE.model.chain.axes]
-    groups = [{axes[i] for i in limb} for limb in limbs(SCENE.model.chain)]
+    groups = [{axes[i] for i in limb} for limb in joint_groups(SCENE.model.chain)]
     assert {len(group) for group in groups} == {6, 2, 8, 5} and len(groups) == 6
     assert {name for group in groups for name in group} == set(axes)
     assert any({"left_knee_flexion", "left_hip_flexion"} <= group and "right_knee_flexion" not in group for group in groups)
@@ -134,7 +135,7 @@ def test_postures_keep_the_limits_and_begin_with_neutral():
 def test_a_body_without_joints_has_one_posture():
     box = ArticulatedModel("box", KinematicChain(("box",), ()), (Shape("box", "box", Box((0.2, 0.12, 0.08))),))
     assert postures(box, 8, 0).shape == (1, 0)
-    assert limbs(box.chain) == []
+    assert joint_groups(box.chain) == []
 
 
 @pytest.mark.parametrize("radii", [(0.1, 0.2, 0.5), (0.5, 0.2, 0.1)])

@@ -6,7 +6,8 @@ import pytest
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.tracking.initialization.pose_library import limbs, other_side, postures, reachable
+from tracker_node.tracking.initialization.pose_library import other_side, postures, reachable
+from tracker_node.tracking.limbs import joint_groups
 
 HUMAN = human_model()
 CHAIN = HUMAN.chain
@@ -14,7 +15,7 @@ CHAIN = HUMAN.chain
 
 def test_limbs_are_the_stretches_without_a_branch():
     names = [axis.name for axis in CHAIN.axes]
-    groups = [[names[i] for i in group] for group in limbs(CHAIN)]
+    groups = [[names[i] for i in group] for group in joint_groups(CHAIN)]
     assert sorted(name for group in groups for name in group) == sorted(names)
     for side in ("left", "right"):
         leg = next(group for group in groups if f"{side}_hip_flexion" in group)

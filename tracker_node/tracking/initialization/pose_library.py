@@ -1,4 +1,4 @@
-"""Postures to begin a search with, and the limbs that it moves one after the other.
+"""Postures to begin a search with.
 
 A body whose axes have the names of the human's gets postures that people are found in; any body gets its neutral posture and
 samples between its limits.
@@ -48,26 +48,6 @@ _ONE_SIDED: tuple[tuple[dict[str, float], dict[str, float]], ...] = (
     ({"hip_abduction": 45.0, **_LEVEL}, _LEVEL),
     ({"hip_flexion": 60.0, "knee_flexion": 90.0}, {}),
 )
-
-
-def limbs(chain: KinematicChain) -> list[np.ndarray]:
-    """Indices of the joint angles, grouped: those along each stretch of the tree without a branch.
-
-    A person's are the trunk, the head, two arms and two legs.
-    """
-    children = [[i for i, parent in enumerate(chain.parents) if parent == link] for link in range(len(chain.links))]
-    groups: list[list[int]] = []
-
-    def follow(link: int, group: list[int]) -> None:
-        group.extend(range(chain.axis_start[link], chain.axis_start[link] + chain.axis_count[link]))
-        if len(children[link]) == 1:
-            return follow(children[link][0], group)
-        groups.append(group)
-        for child in children[link]:
-            follow(child, [])
-
-    follow(0, [])
-    return [np.array(group, dtype=np.int64) for group in groups if group]
 
 
 def other_side(names: Sequence[str]) -> np.ndarray:

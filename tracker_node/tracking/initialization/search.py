@@ -6,8 +6,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...objective.area.score import AreaScore
+from ..limbs import joint_groups
 from ..poses import Poses
-from .pose_library import limbs, other_side, reachable
+from .pose_library import other_side, reachable
 
 _SHAKE_RAD = 0.25
 
@@ -24,7 +25,7 @@ class HypothesisSearch:
     def __init__(self, score: AreaScore, prior_weight: float, size_m: float):
         self._score, self._prior_weight, self._shake_m = score, prior_weight, 0.04 * size_m
         chain = score.model.chain
-        self._limbs = limbs(chain)
+        self._limbs = joint_groups(chain)
         self._low, self._high = reachable(chain)
         self._neutral = np.array([axis.neutral for axis in chain.axes])
         self._sigma = np.where([axis.stiffness > 1.0 for axis in chain.axes], 0.35, 1.0)

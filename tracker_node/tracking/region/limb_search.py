@@ -23,7 +23,7 @@ from ..config import LimbSearchConfig
 from ..estimate import LimbReport, LimbStatus
 from ..limb_judge import LimbJudge, limb_measures
 from ..limbs import Limb
-from ..poses import Poses, PoseSearch, Round
+from ..poses import Apart, Poses, PoseSearch, Round
 
 _SPREADS_RAD = (0.2, 0.6)  # of random poses about likely ones
 _WANDERERS = 0.25  # share of the random poses that may be anywhere within the limits
@@ -265,7 +265,7 @@ class LimbSearch:
         rounds = [Round(spread, around, _BEST) for spread in _ROUNDS_RAD] if around else []
         search = PoseSearch(
             self._model.chain, lambda poses: images.gains(poses, limb.shapes)[:, 0], limb.dofs, self._rng,
-            lambda poses: poses.joints[:, own], _APART_RAD,
+            Apart(lambda poses: poses.joints[:, own], _APART_RAD),
         )  # fmt: skip
         return search.run(Poses.with_joints(state, joints), rounds, self._config.fits)
 
