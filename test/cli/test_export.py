@@ -119,7 +119,7 @@ def test_what_cannot_be_is_one_line_and_leaves_nothing(run, tmp_path, capsys, op
 def test_a_run_of_one_set_is_one_row_and_too_short_to_filter(tmp_path, capsys, to):
     folder = write_run(tmp_path / "run", moving(1))
     assert main(["export", str(folder), "--to", to, "-o", str(tmp_path / "a")]) == 0
-    assert "1 instant," in capsys.readouterr().out
+    assert "1 time step," in capsys.readouterr().out
     assert main(["export", str(folder), "--to", to, "--filter", "auto", "-o", str(tmp_path / "b")]) == 2
     said = capsys.readouterr().err
     assert "--filter" in said and "at least 10 sets" in said and "Traceback" not in said and not (tmp_path / "b").exists()

@@ -144,14 +144,14 @@ def test_gaps_of_two_publishers_add_up(sent):
 
 def test_without_numbers_the_middleware_is_believed():
     gaps = SequenceGaps(lambda: 1)
-    gaps.told(4)
+    gaps.reported(4)
     gaps.came(None)
     assert gaps.lost == 4
 
 
 def test_what_is_lost_never_becomes_less():
     gaps = SequenceGaps(lambda: 1)
-    gaps.told(4)
+    gaps.reported(4)
     for number in (10, 12):
         gaps.came(number)
         assert gaps.lost == 4

@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--image-sets", type=int, default=0, metavar="N", help="number of sets that there should be, to count missing ones")
     add("--first-image", type=int, metavar="N",
         help="number, in sources and truth, of the image that the first set shows (default: run.json, or 0)")  # fmt: skip
-    add("--pictures", type=int, default=6, metavar="N", help="instants on the contact sheets (default 6; 0: none)")
+    add("--pictures", type=int, default=6, metavar="N", help="time steps on the contact sheets (default 6; 0: none)")
     add("--target", action="append", default=[], metavar="KEY<=X", help="light for a figure, for example mpjpe_mm<=60; repeat")
     add("--topic", help="topic of the states, where a bag has several")
     add("--name", action="append", default=[], metavar="NAME",

@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--link", metavar="NAME", help="tum: the link whose pose is written (default: the root)")
     what.add_argument(
         "--lost", choices=("gap", "limbs", "keep"), default="gap",
-        help="states that are lost or still being looked for: a gap (default), or kept as they stand; limbs (trc, c3d,"
+        help="states that are lost or not found yet: a gap (default), or kept as they stand; limbs (trc, c3d,"
         " csv): landmarks and ISB angles of single limbs that are lost or not seen are gaps, too",
     )  # fmt: skip
     how = parser.add_argument_group("axes, units, rate")
@@ -120,7 +120,7 @@ def _say(output: str, to: str, written: Exported) -> None:
     missing = int((~motion.valid).sum())
     up, gaps = "y" if options.y_up else "z", f"{missing} of them without a state" if missing else "none without a state"
     units = [options.unit, *([options.angle_unit] if to in _ANGLES else [])]
-    print(f"wrote {output}: {len(motion)} instant{'s' * (len(motion) != 1)}, {gaps}; {up} up, {', '.join(units)}")
+    print(f"wrote {output}: {len(motion)} time step{'s' * (len(motion) != 1)}, {gaps}; {up} up, {', '.join(units)}")
     if motion.unknown_links is not None:
         limbs = motion.landmarks_valid()[motion.valid][:, options.columns(motion.model)]
         notes = [*notes, f"{int((~limbs).sum())} of {limbs.size} landmarks are gaps, since their limbs are lost or not seen"]

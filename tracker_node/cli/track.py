@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--initial-state", type=Path, metavar="FILE",
-        help="state.yaml: where the body is in the first images (default: it is looked for in them)",
+        help="state.yaml: where the body is in the first images (default: it is searched in them)",
     )  # fmt: skip
     parser.add_argument(
         "--occluders",

@@ -28,7 +28,7 @@ _COMMAND = ExecutableInPackage(executable="tracker_node", package="tracker_node"
 _SHARED: dict[str, dict[str, Any]] = {
     "rig": {"description": "rig.yaml: cameras, their places and lenses, and their sources"},
     "model": {"description": "model.yaml or URDF: the body"},
-    "initial_state": {"default_value": "", "description": "state.yaml: where the body is at first; empty: it is looked for"},
+    "initial_state": {"default_value": "", "description": "state.yaml: where the body is at first; empty: it is searched"},
     "occluders": {"default_value": "", "description": "model of fixed things that may hide the body"},
     "params_file": {"default_value": "", "description": "parameters of the tracker"},
     "calibration": {

@@ -199,7 +199,7 @@ class LiveView:
             self._errands.get()()
 
     def _ask(self, name: str, kind: Any, request: Any, answer: Future, until_s: float) -> None:
-        """Send a request once the service is found; looked for again with the next errands."""
+        """Send a request once the service is found; it is searched again with the next errands."""
         try:
             client = self._clients.get(name) or self._clients.setdefault(name, self._node.create_client(kind, name))
             if client.service_is_ready():

@@ -23,7 +23,7 @@ The depth is for a recorder on a busy machine: a reliable writer forgets what is
 """
 
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""Told to late subscribers too: robot_description."""
+"""Sent to subscribers that come later, too: robot_description."""
 
 SENSOR = qos_profile_sensor_data
 """What a viewer of live images asks for: the newest, none of them twice."""
@@ -102,7 +102,7 @@ def config_file(name: str) -> Path:
 
     Raises
     ------
-    FileNotFoundError : naming the places that were looked at.
+    FileNotFoundError : naming the places that were searched.
     """
     places = [Path(__file__).resolve().parents[2] / "config"]
     prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]

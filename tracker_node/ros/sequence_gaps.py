@@ -8,12 +8,12 @@ from typing import Any
 
 
 def with_number(callback: Callable[[Any, int | None], None]) -> Callable[..., None]:
-    """A subscription's callback that is also told the number of the message, None where the middleware does not give one."""
+    """A subscription's callback that also gets the number of the message, None where the middleware does not give one."""
     return _with_info(callback, "publication_sequence_number")
 
 
 def with_source_stamp(callback: Callable[[Any, int | None], None]) -> Callable[..., None]:
-    """A subscription's callback that is also told when the message was sent [ns], None where the middleware does not say."""
+    """A subscription's callback that also gets the time of sending [ns], None where the middleware does not know it."""
     return _with_info(callback, "source_timestamp")
 
 
@@ -56,7 +56,7 @@ class SequenceGaps:
         """Messages so far, which never become fewer: by their numbers, or, without any, as the middleware tells."""
         return max(self._missing, self._told)
 
-    def told(self, total: int) -> None:
+    def reported(self, total: int) -> None:
         """So many messages are lost, says the middleware, which does not count those that it replaces by newer ones."""
         if not self._latest:
             self._told = max(self._told, total)

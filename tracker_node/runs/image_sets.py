@@ -53,7 +53,7 @@ class ImageSetStream(ABC):
 
     @property
     def sets_not_formed(self) -> dict[str, int]:
-        """Instants without a set, by the reasons of the synchronizer; none where sets are not matched anew."""
+        """Time steps without a set, by the reasons of the synchronizer; none where sets are not matched anew."""
         return {}
 
     def size_problem(self, image: CameraImage) -> str:
@@ -193,7 +193,7 @@ def opened_sources(rig: CameraRig, options: SourceOptions, errors: list[str]) ->
 
 
 def merged_images(sources: dict[str, ImageSource], errors: list[str]) -> Iterator[CameraImage | BrokenOff]:
-    """Images of all sources, instant by instant in the order of the rig; a source that breaks off is noted once.
+    """Images of all sources, one time step after the other, in the order of the rig; a source that breaks off is noted once.
 
     They are decoded ahead in threads; what comes, and in what order, does not depend on these.
 

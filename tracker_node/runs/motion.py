@@ -17,20 +17,20 @@ from .data import RunData
 LOST = ("gap", "limbs", "keep")
 MOST_INSTANTS = 5_000_000
 ON_GRID = 0.25  # of a period: stamps that lie so near to those of a constant rate are taken for them
-_SAME_RATE = 0.01  # by which share a rate may differ from the run's own to be taken for it
+_SAME_RATE = 0.01  # by which fraction a rate may differ from the run's own to be taken for it
 _GAP = 1.5  # periods between two sets: further apart, one is missing between them
 
 
 @dataclass(frozen=True, eq=False)
 class RunMotion:
-    """States at n instants.
+    """States at n time steps.
 
     Parameters
     ----------
     stamps_ns : (n,) int64, increasing.
     values : (n, n_dof) as `model.configuration.State.to_values`; zeros where not valid.
     valid : (n,) bool; False where the body was lost, or no image set was tracked.
-    period_ns : from one instant to the next, where one is missing too.
+    period_ns : from one time step to the next, where one is missing too.
     uniform : True where the stamps are a constant period apart.
     unknown_links : (n, n_links) bool, links of limbs that are lost or not seen while the body is tracked; None: none.
     """
@@ -52,7 +52,7 @@ class RunMotion:
 
     @property
     def times_s(self) -> np.ndarray:
-        """(n,) seconds since the first instant."""
+        """(n,) seconds since the first time step."""
         return (self.stamps_ns - self.stamps_ns[0]) * 1e-9
 
     def links_valid(self) -> np.ndarray:
@@ -79,7 +79,7 @@ class RunMotion:
         return transforms
 
     def configuration(self, i: int | np.integer) -> Configuration:
-        """The model at instant ``i``."""
+        """The model at time step ``i``."""
         return Configuration(self.model, State.from_values(self.values[i]))
 
 
@@ -133,9 +133,9 @@ def steady_period_ns(stamps_ns: np.ndarray) -> float:
 
 
 def at_constant_rate(motion: RunMotion, rate_hz: float | None = None) -> tuple[RunMotion, str]:
-    """The motion at instants a constant period apart, from its first one on, and in words what had to be done for that.
+    """The motion at time steps a constant period apart, from its first one on, and in words what had to be done for that.
 
-    States are taken as they are where all stamps lie near such instants (`ON_GRID`), of several near one the nearest; otherwise
+    States are taken as they are where all stamps lie near such time steps (`ON_GRID`), of several near one the nearest; otherwise
     they are interpolated, positions and angles linearly, the root's orientation along the shortest rotation. Nothing is
     interpolated across a gap.
 
@@ -160,7 +160,7 @@ def at_constant_rate(motion: RunMotion, rate_hz: float | None = None) -> tuple[R
     n = int(rows[-1]) + 1 if as_they_are else int(elapsed[-1] / period * (1.0 + 1e-12)) + 1
     if n > MOST_INSTANTS:
         raise FileFormatError("stamps", f"{1e9 / period:.6g} Hz", f"at most {MOST_INSTANTS} instants from first to last", n)
-    grid = np.round(np.arange(n) * period)  # nanoseconds, so that an instant of the run is met exactly
+    grid = np.round(np.arange(n) * period)  # nanoseconds, so that a time step of the run is met exactly
     unknown = motion.unknown_links
     if as_they_are:
         taken = _nearest(rows, off)

@@ -71,8 +71,6 @@ def run_offline(
 ) -> dict[str, Any]:
     """Track, write the output folder, and return what ``run.json`` holds.
 
-    ``tell`` is told, before anything is tracked, what is wrong with the sources or unusual about them.
-
     An error in the middle (a damaged file, images of a wrong size) ends the run, but what was tracked until then is in the
     folder, and ``errors`` of the summary names it.
 
@@ -81,7 +79,7 @@ def run_offline(
     run : what to track.
     output : folder, made here.
     progress : called after each set with its number, how many are expected, and its estimate.
-    tell : called with a sentence.
+    tell : called with a sentence for all that is wrong with the sources, or unusual, before anything is tracked.
 
     Returns
     -------
@@ -145,7 +143,7 @@ class _Record:
     iterations: list[int] = field(default_factory=list)
     residual: list[float] = field(default_factory=list)
     faults: dict[tuple[str, str], dict[str, Any]] = field(default_factory=dict)
-    untold: Counter[str] = field(default_factory=Counter)  # sets, by degree of freedom
+    unobservable_sets: Counter[str] = field(default_factory=Counter)  # sets, by degree of freedom
 
     def add(self, estimate: TrackEstimate) -> None:
         self.status[estimate.status] += 1
@@ -157,7 +155,7 @@ class _Record:
             self.iterations.append(estimate.iterations)
             self.residual.append(estimate.residual)
         names = [] if estimate.information is None else unobservable(estimate.information, self.model)
-        self.untold.update(set(map(_what_mostly, names)))
+        self.unobservable_sets.update(set(map(_what_mostly, names)))
         for fault in estimate.faults:
             sets = self.faults.get((fault.camera, fault.kind), {"sets": 0})["sets"]
             found = {"camera": fault.camera, "kind": fault.kind, "said": fault.text, "since_ns": fault.since_ns, "sets": sets + 1}
@@ -200,7 +198,7 @@ def _summary(run: OfflineRun, stream: ImageSetStream, record: _Record) -> dict[s
         "images": stream.counters,
         "image_sets_not_formed": stream.sets_not_formed,
         "contradicted_cameras": list(record.faults.values()),
-        "unobservable": [{"what": what, "sets": sets} for what, sets in record.untold.most_common()],
+        "unobservable": [{"what": what, "sets": sets} for what, sets in record.unobservable_sets.most_common()],
         "errors": list(stream.errors),
         "notes": list(stream.notes),
         "reason": record.reasons.most_common(1)[0][0] if record.reasons else "",

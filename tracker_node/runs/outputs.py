@@ -75,7 +75,7 @@ class Output:
 
     @property
     def topic(self) -> str:
-        """Name of the topic after the tracker's, or the camera's; of JPEGs as image_transport looks for it."""
+        """Name of the topic after the tracker's, or the camera's; of JPEGs with the suffix that image_transport expects."""
         return f"{self.name}/compressed" if self.type_name == COMPRESSED_IMAGE else self.name
 
 

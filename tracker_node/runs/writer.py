@@ -102,7 +102,7 @@ class RunWriter:
                 self.bag.add_topic(f"{self._prefix}/{camera.name}/{output.topic}", output.type_name, OfferedQos())
 
     def append(self, estimate: TrackEstimate, image_set: ImageSet) -> None:
-        """One instant to all files; before a state is found, there is no row of joints and poses, and masks are empty.
+        """Write one time step to all files; before a state is found, there is no row of joints and poses, and masks are empty.
 
         Parameters
         ----------
@@ -184,10 +184,10 @@ class SmoothedWriter:
     Parameters
     ----------
     output : folder of the run; the files come into ``smoothed`` in it.
-    lag_s : seconds of what comes after an instant that are used for it; infinite: the whole of the recording, which is then
+    lag_s : seconds after a time step that its estimate uses; infinite: the whole of the recording, which is then
         written at its end.
 
-    Status, reason, residual and score are those of the tracker. What comes before the body is first believed to be found has rows
+    Status, reason, residual and score are those of the tracker. What comes before the body is first found has rows
     without a state.
     """
 

@@ -45,7 +45,7 @@ def test_squares_that_are_no_metres(square, hint):
     with pytest.raises(FileFormatError) as told:
         charuco(square=square)
     assert told.value.field == "--square"
-    assert told.value.expected == f"the edge of a square in metres, 0.002 to 0.5{hint}"
+    assert told.value.expected == f"the edge of a square in meters, 0.002 to 0.5{hint}"
 
 
 def test_markers_are_smaller_than_squares():

@@ -4,9 +4,9 @@ import pytest
 
 from tracker_node.cli.arguments.runs import nothing_tracked
 
-LOOK = "; tracker_node rig check looks for faults of the rig; see docs/troubleshooting.md"
+LOOK = "; tracker_node rig check finds faults of the rig; see docs/troubleshooting.md"
 WITHOUT, GIVE = (
-    f"leave out the initial state, so that the body is looked for{LOOK}",
+    f"leave out the initial state, so that the body is searched in the images{LOOK}",
     f"give --initial-state (calibrate pose){LOOK}",
 )
 

@@ -41,7 +41,7 @@ def run(rig_path, *arguments):
 def test_plates_show_the_room_and_are_named_in_the_rig(rig_path, tmp_path, capsys):
     assert run(rig_path, "--images", "8", "-o", str(tmp_path / "with.yaml")) == 0
     said = capsys.readouterr().out.splitlines()
-    assert said[0].startswith("cam01: 0.0 % of the plate not known")
+    assert said[0].startswith("cam01: 0.0 % of the background not known")
     for camera in load_rig(rig_path):
         plate = cv2.imread(str(tmp_path / "plates" / f"{camera.name}.png")).astype(int)
         room = cv2.imread(str(tmp_path / f"room_{camera.name}.png")).astype(int)
@@ -68,7 +68,7 @@ def test_what_always_stands_there_is_not_known_or_comes_from_a_still(rig_path, t
     for name in ("cam01", "cam02"):
         (tmp_path / f"room_{name}.png").rename(stills / f"{name}.png")
     assert run(rig_path, "--images", "8", "--force", "--stills", str(stills)) == 0
-    assert "% of the plate from the still" in capsys.readouterr().out
+    assert "% of the background from the still" in capsys.readouterr().out
     plate = cv2.imread(str(tmp_path / "plates/cam01.png")).astype(int)
     room = cv2.imread(str(stills / "cam01.png")).astype(int)
     assert np.abs(plate - room)[26:, 34:].mean() < 10.0

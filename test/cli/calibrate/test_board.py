@@ -108,7 +108,7 @@ def test_bad_options_are_named(folders, tmp_path, capsys):
     def said(*arguments):
         return refusal(capsys, tmp_path, "rig", *videos, *arguments)
 
-    assert "'--square': expected the edge of a square in metres, 0.002 to 0.5; 120 mm would be 0.12, got 120.0" in said(
+    assert "'--square': expected the edge of a square in meters, 0.002 to 0.5; 120 mm would be 0.12, got 120.0" in said(
         "--charuco", "6x5", "--square", "120"
     )
     assert "'--charuco'" in said("--charuco", "6by5", "--square", "0.12")

@@ -76,7 +76,7 @@ def test_landmarks_from_a_tracked_trial(trc_path, tmp_path):
 
 @pytest.mark.parametrize(("arguments", "message"), [
     (["body"], "--trc"),
-    (["body", "--stature", "18"], "0.4 to 3 metres"),
+    (["body", "--stature", "18"], "0.4 to 3 meters"),
     (["body", "--stature", "1.8", "--joint-sigma-mm", "-1"], "--joint-sigma-mm"),
     (["body", "--trc", "none.trc"], "none.trc"),
     (["body", "--trc", "TRC", "--states", "s.csv"], "--states"),

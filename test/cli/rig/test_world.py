@@ -134,7 +134,7 @@ def test_upright_turns_any_vertical_up(up):
     [
         ({"a": (0, 0, 0), "b": (0.2, 0, 0), "c": (0.4, 0, 0)}, ["--points"], "do not span a plane"),
         ({"a": (0, 0, 0), "b": (0.2, 0, 0)}, ["--points"], "do not span a plane"),
-        ({k: tuple(1000.0 * v for v in place) for k, place in POINTS.items()}, ["--points"], "not in metres"),
+        ({k: tuple(1000.0 * v for v in place) for k, place in POINTS.items()}, ["--points"], "not in meters"),
         ({"a": (0.1, 0, 0), "b": (0.1, 0, 0), "c": (0.1, 0, 0)}, ["--points"], "do not span a plane"),
         ({"origin": (0, 0, 0), "x": (0.2, 0, 0)}, ["--axes"], "a point named 'y'"),
         ({"origin": (0, 0, 0), "x": (0, 0, 0), "y": (0, 0.2, 0)}, ["--axes"], "the point on x is at the same place"),

@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
-from tracker_node.ros.tracker.diagnostics import LeftOut, untold_in_short
+from tracker_node.ros.tracker.diagnostics import LeftOut, unobservable_in_short
 
 
 @pytest.mark.parametrize("pattern", [[2, 0], [1, 0, 0], [3, 3, 0], [0, 0, 0, 6]])
@@ -25,7 +25,7 @@ def test_too_slow_is_said_at_once_and_taken_back_when_it_keeps_up():
 
 def test_directions_that_images_do_not_tell_are_told_in_short():
     names = [f"left_elbow_pronation_{i} -0.80 left_shoulder_internal_rotation" for i in range(20)]
-    said = untold_in_short(names)
+    said = unobservable_in_short(names)
     assert len(said) < 200 and "20 directions" in said and "left_elbow_pronation_0" in said and "16 more" in said
-    assert len(untold_in_short([*names, "root rotation about (0.00, 0.71, 0.71)"])) < 100
-    assert untold_in_short([]) == "the images tell every degree of freedom"
+    assert len(unobservable_in_short([*names, "root rotation about (0.00, 0.71, 0.71)"])) < 100
+    assert unobservable_in_short([]) == "the images tell every degree of freedom"

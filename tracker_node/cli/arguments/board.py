@@ -46,7 +46,7 @@ def add_board_shape(parser: argparse.ArgumentParser, required: bool = True) -> N
     board = parser.add_argument_group("board").add_mutually_exclusive_group(required=required)
     board.add_argument("--charuco", metavar="COLUMNSxROWS", help="a ChArUco board of so many squares")
     board.add_argument("--chessboard", metavar="COLUMNSxROWS", help="a chessboard of so many inner corners")
-    add("--square", type=float, required=required, metavar="M", help="edge of a square, metres")
+    add("--square", type=float, required=required, metavar="M", help="edge of a square, meters")
     add_markers(parser)
     add("--legacy", action="store_true", help="a ChArUco board made by OpenCV before 4.6, with an even number of rows")
 
@@ -85,7 +85,7 @@ def board_of(args: argparse.Namespace) -> Board:
     columns, rows = size_option(option, text, "columns x rows from 3x3 to 100x100, such as 4x5", 3, 100)
     if not _SQUARE_M[0] <= args.square <= _SQUARE_M[1]:
         hint = f"; {args.square:g} mm would be {1e-3 * args.square:g}" if 1e3 * _SQUARE_M[0] <= args.square else ""
-        raise wrong_option("--square", f"the edge of a square in metres, {_SQUARE_M[0]} to {_SQUARE_M[1]}{hint}", args.square)
+        raise wrong_option("--square", f"the edge of a square in meters, {_SQUARE_M[0]} to {_SQUARE_M[1]}{hint}", args.square)
     check_markers(args)
     kind = "charuco" if args.charuco else "chessboard"
     n_markers = len(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, args.dictionary)).bytesList)

@@ -62,7 +62,7 @@ def fill_in(args: argparse.Namespace, built_in: Mapping[str, Any]) -> RecordingF
 
 
 def _check_evaluation(args: argparse.Namespace, entry: EvaluateEntry) -> None:
-    """Mistakes in what the run is to be held against are said before it is tracked.
+    """Mistakes in what the run is compared with are reported before it is tracked.
 
     Raises
     ------

@@ -29,8 +29,8 @@ def add_run_arguments(parser: argparse.ArgumentParser, n_sets: int) -> None:
     add("--from-run", metavar="RUN", help="folder written by track, or a bag with tracked states and images")
     add("--sets", type=int, default=n_sets, metavar="N", help="image sets, spread over the run (default: %(default)s)")
     add("--evidence", choices=EVIDENCE, default=EVIDENCE[0],
-        help="region: colors on either side of contours; silhouette: needs plates to be good (default: %(default)s)")  # fmt: skip
-    add("--config", metavar="FILE", help="tracker parameters, for how the images are looked at (default: the run's)")
+        help="region: colors on either side of contours; silhouette: needs good backgrounds (default: %(default)s)")  # fmt: skip
+    add("--config", metavar="FILE", help="tracker parameters, for how the images are processed (default: the run's)")
     add("--quiet", action="store_true", help="no progress on stderr")
 
 

@@ -120,7 +120,7 @@ def nothing_tracked(verb: str, counts: Mapping[str, int], reason: str, state_giv
 
 
 def _next_step(state_given: bool) -> str:
-    first = "leave out the initial state, so that the body is looked for"
+    first = "leave out the initial state, so that the body is searched in the images"
     if not state_given:
         first = "give --initial-state (calibrate pose)"
-    return f"{first}; tracker_node rig check looks for faults of the rig; see docs/troubleshooting.md"
+    return f"{first}; tracker_node rig check finds faults of the rig; see docs/troubleshooting.md"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..arguments.run_images import refuse_to_overwrite
 
-SUMMARY = "make pictures of the empty scene (background plates) from the recordings of a rig, and from stills if there are any"
+SUMMARY = "make images of the background (the empty scene) from the recordings of a rig, and from stills if there are any"
 EXAMPLE = "tracker_node calibrate background --rig rig.yaml --stills empty_room/ --output-dir plates -o rig_with_plates.yaml"
 
 
@@ -21,9 +21,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--images", type=int, default=25, metavar="N", help="images of each recording to look at (default: %(default)s)"
     )
-    parser.add_argument("--output-dir", default="plates", metavar="DIR", help="folder for the plates (default: %(default)s)")
-    parser.add_argument("-o", "--output", metavar="FILE", help="rig file to write, with the plates in it (default: none)")
-    parser.add_argument("--force", action="store_true", help="overwrite the plates and the output")
+    parser.add_argument("--output-dir", default="plates", metavar="DIR", help="folder for the images (default: %(default)s)")
+    parser.add_argument("-o", "--output", metavar="FILE", help="rig file to write, with the images in it (default: none)")
+    parser.add_argument("--force", action="store_true", help="overwrite the images and the output")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
         images_of[camera.name] = plate.image
         unknown = 100.0 * (1.0 - float(plate.known.mean()))
         rest = "from the still" if still is not None else "not known, somebody is there too often"
-        print(f"{camera.name}: {unknown:.1f} % of the plate {rest}", flush=True)
+        print(f"{camera.name}: {unknown:.1f} % of the background {rest}", flush=True)
     for name, image in images_of.items():
         write_image(plates[name], image)
         print(f"wrote {plates[name]}")

@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--trc", metavar="FILE", help="joints or markers of a static trial")
     add_up_arguments(parser)
     parser.add_argument(
-        "--stature", type=float, metavar="M", help="height of the person in metres; with --trc it fixes the girths"
+        "--stature", type=float, metavar="M", help="height of the person in meters; with --trc it fixes the girths"
     )
     parser.add_argument(
         "--joint-sigma-mm",
@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     if args.from_run:
         return _fit_to_images(args)
     check(args.trc or args.stature, "--trc", "a TRC file, a stature with --stature, or a run with --from-run")
-    check(args.stature is None or 0.4 <= args.stature <= 3.0, "--stature", "0.4 to 3 metres", args.stature)
+    check(args.stature is None or 0.4 <= args.stature <= 3.0, "--stature", "0.4 to 3 meters", args.stature)
     check(0.0 <= args.joint_sigma_mm < 1e4, "--joint-sigma-mm", "0 to 10000", args.joint_sigma_mm)
     check(not args.states or (args.model and args.trc), "--states", "--model and --trc beside it", args.states)
     refuse_to_overwrite(args, args.output)
@@ -110,7 +110,7 @@ def _fit_to_images(args: argparse.Namespace) -> int:
     fit = fit_body(
         run.model, run.rig, run.sets, run.states, options, progress, evidence=evidence, velocities=run.velocities
     )
-    comment = f"{fit.model.name}, fitted to {len(run.sets)} image sets of {args.from_run}. Units: metres, degrees."
+    comment = f"{fit.model.name}, fitted to {len(run.sets)} image sets of {args.from_run}. Units: meters, degrees."
     dump_model(fit.model, args.output, f"{comment} Format: docs/formats.md.")
     write_body_report(page, run.model, run.rig, run.sets, fit)
     write_metrics(page.with_suffix(".json"), body_figures(fit))
@@ -162,7 +162,7 @@ def _comment(name: str, args: argparse.Namespace) -> str:
     parts = [f"from {os.path.basename(args.model)}"] if args.model else []
     parts += [f"scaled to {os.path.basename(args.trc)}"] if args.trc else []
     parts += [f"for a stature of {args.stature:g} m"] if args.stature else []
-    lines = [f"{name}, {', '.join(parts)}. Units: metres, degrees. Format: docs/formats.md."]
+    lines = [f"{name}, {', '.join(parts)}. Units: meters, degrees. Format: docs/formats.md."]
     if not args.model:
         lines.append("Lengths and girths: tracker_node/model/humans/measures.py names their sources.")
     return "\n".join(lines)

@@ -17,7 +17,7 @@ EXAMPLE = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--points", required=True, metavar="CSV", help="columns camera,point,x,y,z,u,v: metres and pixels")
+    parser.add_argument("--points", required=True, metavar="CSV", help="columns camera,point,x,y,z,u,v: meters and pixels")
     parser.add_argument("--size", required=True, metavar="WxH", help="size of the images, such as 768x576")
     parser.add_argument(
         "--constraint",
@@ -85,7 +85,7 @@ def _in_stages(args: argparse.Namespace, seen, size: tuple[int, int]) -> list:
         space = f"{1e3 * np.sqrt(np.mean(errors**2)):10.2f}" if len(errors) else f"{'-':>10}"
         pixels = " ".join(f"{stages[k].rms_px:10.2f}" for stages in found.values())
         print(f"{stage:<12} {11 if k < 2 else 7:>10} {pixels} {space}")
-    print("rms: pixels in each camera's image, millimetres between the points and where several cameras reconstruct them")
+    print("rms: pixels in each camera's image, millimeters between the points and where several cameras reconstruct them")
     return [stages[-1].camera for stages in found.values()]
 
 

@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
     if len(args.state) != len(args.images):
         raise FileFormatError("command line", "--images", f"one pattern for each of {len(args.state)} states", len(args.images))
     if not 0.0 < args.position_sigma_m < 100.0:
-        raise FileFormatError("command line", "--position-sigma-m", "a positive number of metres", args.position_sigma_m)
+        raise FileFormatError("command line", "--position-sigma-m", "a positive number of meters", args.position_sigma_m)
     rig_file, model = read_rig_file(args.rig), load_model(args.model)
     rig = build_rig(rig_file, Path(args.rig).parent)
     configurations = [Configuration(model, load_state(path, model)) for path in args.state]

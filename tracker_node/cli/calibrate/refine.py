@@ -71,7 +71,7 @@ def _from_run(args: argparse.Namespace) -> int:
     from ...runs.load import run_info
 
     check(not args.points2d, "--from-run", "no --points2d beside it", args.points2d)
-    check(0.0 < args.center_sigma_mm < 1e4, "--center-sigma-mm", "a positive number of millimetres", args.center_sigma_mm)
+    check(0.0 < args.center_sigma_mm < 1e4, "--center-sigma-mm", "a positive number of millimeters", args.center_sigma_mm)
     check(not (args.keep_places and args.keep_times and not args.focal), "--keep-places", "something that may change")
     report = Path(args.report or Path(args.output).with_suffix(".json"))
     page = report.with_suffix(".html")

@@ -101,7 +101,7 @@ def _options(args: argparse.Namespace):
 
 
 def _lenses(args: argparse.Namespace, sources):
-    """Given lenses by camera name, held against the recordings' sizes."""
+    """Given lenses by camera name, compared with the recordings' sizes."""
     if not args.lenses:
         return None
     from ...loaders.images.source import size_contradiction

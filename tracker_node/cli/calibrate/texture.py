@@ -8,16 +8,16 @@ from pathlib import Path
 from ..arguments.board import add_markers, check_markers, wrong_option
 from ..arguments.cameras import size_option
 
-SUMMARY = "make a model of a flat plate with a picture on it: a photo or print file, or a ChArUco board that is drawn"
+SUMMARY = "make a model of a flat plate with a texture on it: a photo or print file, or a ChArUco board that is drawn"
 EXAMPLE = "tracker_node calibrate texture --charuco 4x5 --square 0.054 --border 20 --border-grey 20 -o plate.yaml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument("--picture", metavar="FILE", help="picture of the plate's face, undistorted and cropped to it")
+    what.add_argument("--picture", metavar="FILE", help="image of the plate's face, undistorted and cropped to it")
     what.add_argument("--charuco", metavar="COLUMNSxROWS", help="draw a ChArUco board of so many squares")
-    parser.add_argument("--width", type=float, metavar="M", help="with --picture: width of the plate, metres")
-    parser.add_argument("--square", type=float, metavar="M", help="with --charuco: edge of a square, metres")
+    parser.add_argument("--width", type=float, metavar="M", help="with --picture: width of the plate, meters")
+    parser.add_argument("--square", type=float, metavar="M", help="with --charuco: edge of a square, meters")
     add_markers(parser)
     parser.add_argument("--border", type=int, default=0, metavar="MM", help="width of a plain border around the picture")
     parser.add_argument("--border-grey", type=int, default=20, metavar="0..255", help="its grey level (default: %(default)s)")
@@ -50,7 +50,7 @@ def _read(args: argparse.Namespace):
     from ...loaders.model.mesh_file import read_picture
 
     if args.width is None or not 0.0 < args.width < 100.0:
-        raise wrong_option("--width", "the plate's width in metres, with --picture", args.width)
+        raise wrong_option("--width", "the plate's width in meters, with --picture", args.width)
     picture = read_picture(Path(args.picture), "command line", "--picture")
     return picture, picture.shape[1] / args.width
 
@@ -62,7 +62,7 @@ def _drawn(args: argparse.Namespace):
 
     columns, rows = size_option("--charuco", args.charuco, "columns x rows from 2x2 to 100x100, such as 4x5", 2, 100)
     if args.square is None or not 0.0 < args.square < 10.0:
-        raise wrong_option("--square", "the edge of a square in metres, with --charuco", args.square)
+        raise wrong_option("--square", "the edge of a square in meters, with --charuco", args.square)
     check_markers(args)
     texels_per_m = max(1000.0, 40.0 / args.square)
     try:

@@ -18,16 +18,16 @@ EXAMPLE = (
     "tracker_node calibrate time --rig rig.yaml -o rig_timed.yaml\n"
     "  tracker_node calibrate time --rig rig.yaml --max-offset 10 --seconds 120 -o rig_timed.yaml"
 )
-_RUNNER_UP = 0.8  # two offsets that agree about as well are told to the user
+_RUNNER_UP = 0.8  # two offsets that agree about as well are reported
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--rig", required=True, metavar="RIG", help="rig.yaml with the sources; offsets that it has are started from")
     add("-o", "--output", default="rig_timed.yaml", metavar="FILE", help="rig to write (default: %(default)s)")
-    add("--max-offset", type=float, default=2.0, metavar="S", help="largest offset to look for, seconds (default: %(default)s)")
+    add("--max-offset", type=float, default=2.0, metavar="S", help="largest offset to search, seconds (default: %(default)s)")
     add("--seconds", type=float, default=60.0, metavar="S", help="how much of each source is read (default: %(default)s)")
-    add("--no-drift", action="store_true", help="offsets only; drift is looked for in recordings of 20 s or more")
+    add("--no-drift", action="store_true", help="offsets only; drift is estimated in recordings of 20 s or more")
     add(
         "--whole-images", action="store_true",
         help="compare how much moves altogether, for cameras whose places are not known yet; far less sharp",
@@ -113,7 +113,7 @@ def print_table(clocks) -> None:
     print(f"{'camera':12} {'offset ms':>18} {'drift ppm':>18} {'correlation':>12} {'runner-up':>10}")
     for name, c in clocks.cameras.items():
         offset = f"{1e3 * c.offset_s:8.2f} +- {1e3 * c.offset_sigma_s:6.2f}"
-        drift = f"{1e6 * c.drift:8.1f} +- {1e6 * c.drift_sigma:6.1f}" if c.drift_sigma else "not looked for"
+        drift = f"{1e6 * c.drift:8.1f} +- {1e6 * c.drift_sigma:6.1f}" if c.drift_sigma else "not estimated"
         print(f"{name:12} {offset:>18} {drift:>18} {c.correlation:12.2f} {c.runner_up:10.2f}")
     for name, c in clocks.cameras.items():
         if c.runner_up > _RUNNER_UP:

@@ -63,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--consumer", default="tracker", metavar="NODE", help="node whose state topic answers (default tracker)")
     parser.add_argument("--stamps", choices=("live", "file"), help="of the clock, or of the files (default: live when paced)")
-    parser.add_argument("--no-frame-skip", action="store_true", help="publish late images instead of skipping them")
+    parser.add_argument("--no-frame-skip", action="store_true", help="publish images after their time instead of skipping them")
     parser.add_argument("--wait-for-subscribers", type=int, default=0, metavar="N", help="wait for N subscribers to the images")
     parser.add_argument("--wait-for-info-subscribers", type=int, default=0, metavar="N", help="and to the calibrations")
     parser.add_argument("--preload", action="store_true", help="decode all images first (short clips at high rates)")
@@ -172,7 +172,7 @@ def run(args: argparse.Namespace) -> int:
     if bag_problem:
         problems = problems | {"bag": bag_problem}
     for name, problem in problems.items():
-        if opened.problems.get(name) != problem:  # told at the beginning
+        if opened.problems.get(name) != problem:  # printed at the beginning
             print(f"tracker_node camera_ingest: {name}: {problem}", file=sys.stderr)
     return 1 if problems else 0
 

@@ -31,7 +31,7 @@ def add_body_arguments(parser: argparse.ArgumentParser, required: bool = True) -
     )
     parser.add_argument("--config", metavar="FILE", help="tracker parameters (default: built in)")
     parser.add_argument(
-        "--initial-state", metavar="FILE", help="state.yaml: where the body is in the first images (default: it is looked for)"
+        "--initial-state", metavar="FILE", help="state.yaml: where the body is in the first images (default: it is searched)"
     )
 
 

@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a bag, or a video or image folder for each camera in the order of the rig, or camera=source (default: the"
         " rig's own sources)",
     )
-    parser.add_argument("--seconds", type=float, default=4.0, metavar="S", help="how much is looked at (default: %(default)s)")
+    parser.add_argument("--seconds", type=float, default=4.0, metavar="S", help="how much is processed (default: %(default)s)")
     parser.add_argument(
         "-o", "--output", default="rig_check", metavar="DIR", help="folder for a picture per camera, index.html and"
         " findings.json (default: %(default)s)",

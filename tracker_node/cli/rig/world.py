@@ -23,19 +23,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("rig", metavar="RIG", help="rig.yaml")
     frame = parser.add_mutually_exclusive_group()
-    frame.add_argument("--points", metavar="CSV", help="points of known place: columns camera,point,x,y,z,u,v (metres, pixels)")
+    frame.add_argument("--points", metavar="CSV", help="points of known place: columns camera,point,x,y,z,u,v (meters, pixels)")
     frame.add_argument("--axes", metavar="CSV", help="where the points 'origin', 'x' and 'y' are seen: columns camera,point,u,v")
     frame.add_argument(
         "--board-images", nargs="+", metavar="CAMERA=IMAGE", help="a board that lies still: its middle becomes the origin, x"
         " to its right, y to its top, z towards the viewer",
     )  # fmt: skip
     frame.add_argument("--up", choices=AXES, help="the axis of the present world that points up; it becomes z")
-    add("--scale", action="store_true", help="with --points or a board: fit the rig's scale too (default: told, not changed)")
+    add("--scale", action="store_true", help="with --points or a board: fit the rig's scale too (default: reported, not changed)")
     add("--wand", metavar="CSV", help="ends of a wand, points named NAMEa and NAMEb: columns camera,point,u,v")
-    add("--length", type=float, metavar="M", help="length of the wand, metres")
+    add("--length", type=float, metavar="M", help="length of the wand, meters")
     add("--plumb", metavar="CSV", help="where the points 'top' and 'bottom' of a plumb line are seen: columns camera,point,u,v")
     add_board_shape(parser, required=False)
-    add("-o", "--output", metavar="FILE", help="rig to write; without it everything is told, and nothing is written")
+    add("-o", "--output", metavar="FILE", help="rig to write; without it everything is printed, and nothing is written")
     add("--force", action="store_true", help="overwrite the output")
 
 
@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     if not (args.points or args.axes or args.board_images or args.up or args.wand or args.plumb):
         raise TrackerError("nothing to go by: give --points, --axes, --board-images, --up, --wand or --plumb")
     if bool(args.wand) != (args.length is not None) or (args.length is not None and not 0.0 < args.length < 100.0):
-        raise TrackerError("a wand needs --wand and its --length in metres (more than 0, less than 100)")
+        raise TrackerError("a wand needs --wand and its --length in meters (more than 0, less than 100)")
     if args.output:
         refuse_to_overwrite(args, args.output)
     base = Path(args.rig).parent
@@ -85,7 +85,7 @@ def _moved(args: argparse.Namespace, rig):
     scale = world_frame.onto_points(points, targets, with_scale=True).scale
     if not args.scale and not 1.0 / _OTHER_UNIT < scale < _OTHER_UNIT:
         raise TrackerError(
-            f"lengths of the rig times {scale:.4g} are those of the points: one of them is not in metres; --scale goes by the"
+            f"lengths of the rig times {scale:.4g} are those of the points: one of them is not in meters; --scale goes by the"
             " points"
         )
     change = world_frame.onto_points(points, targets, args.scale)
@@ -139,7 +139,7 @@ def _board_points(args: argparse.Namespace):
 
 
 def _turned_by_plumb(args: argparse.Namespace, rig):
-    """The rig upright, where a plumb line alone tells; else the angle to its vertical is told."""
+    """The rig upright, where a plumb line alone gives it; else the angle to its vertical is printed."""
     from ...calibration import world_frame
     from ...loaders.rig.control_points import load_clicks
 
@@ -154,7 +154,7 @@ def _turned_by_plumb(args: argparse.Namespace, rig):
 
 
 def _scaled_by_wand(args: argparse.Namespace, rig):
-    """The rig in the wand's scale; where points have set the scale it is told only."""
+    """The rig in the wand's scale; where points have set the scale it is only printed."""
     import numpy as np
 
     from ...calibration import world_frame

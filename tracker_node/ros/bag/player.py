@@ -256,7 +256,7 @@ class PlayerNode(GuardedNode):
         return count
 
     def _publish_latched(self, before_ns: int) -> None:
-        """What a late subscriber of the recorded graph would have been told."""
+        """The latched messages that a subscriber of the recorded graph would have got that came later."""
         latched = [name for name in self._outlets if self._bag.topics[name].qos.durability == "transient_local"]
         if latched and before_ns > self._bag.start_ns:
             last = {message.topic: message for message in self._bag.messages(latched, None, before_ns)}

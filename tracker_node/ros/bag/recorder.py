@@ -213,7 +213,7 @@ class RecorderNode(GuardedNode):
         recorded.announced = True
 
     def _on_lost(self, topic: str, recorded: _Recorded, total: int) -> None:
-        """``total`` is of this subscription: events that come together are told once."""
+        """``total`` is of this subscription: events that come together are reported once."""
         if self._topics[topic] is recorded:
             self.lost[topic] = max(self.lost[topic], recorded.lost_before + total)
 

@@ -11,7 +11,7 @@ from ..diagnostics import ERROR, OK, WARN
 MB = 2**20
 FULL_SOON_S = 600.0
 FULL_NOW_S = 60.0
-_BEHIND = 0.5  # share of the queue
+_BEHIND = 0.5  # fraction of the queue
 _STUCK_S = 2.0  # without handing anything to the operating system
 _SILENT_S = 3.0
 _SILENT_PERIODS = 10.0
@@ -73,7 +73,7 @@ class RecorderState:
     paused : by somebody who asked for it.
     messages : in the bag.
     size, free_bytes, room_bytes : of the bag; on its disk; on its disk until it stops.
-    waiting : share of the queue that is in use, 0 to 1.
+    waiting : fraction of the queue that is in use, 0 to 1.
     unsaved_s : age of the oldest message that a kill would cost.
     lost, dropped : messages that did not arrive; that came and were not written.
     dropping : whether some were dropped since the last report.

@@ -184,7 +184,7 @@ def _check_common_clock(recorded: Mapping[str, ImageSource]) -> None:
 
 
 def _with_kept_lens(camera: IngestCamera) -> IngestCamera:
-    """The lens at the camera's URL goes before that of the rig; without a rig the place of ROS's drivers is looked at too."""
+    """The lens at the camera's URL goes before that of the rig; without a rig the place of ROS's drivers is searched, too."""
     url = camera.capture.camera_info_url
     kept = load_lens(url or "", camera.name) if url or camera.of_rig is None else None
     return camera if kept is None else replace(camera, lens=kept)

@@ -49,7 +49,7 @@ class LiveCamera:
 
     Parameters
     ----------
-    camera : its lens is held against the images' size.
+    camera : its lens is compared with the images' size.
     source : its images.
     options : size, and whether originals are kept.
     publish : called in a thread of this camera's own with each image and the size (width, height) that it has in the source.
@@ -179,7 +179,7 @@ class LiveCamera:
 
 _LOOK_S = 0.2
 _DEPTH = 10
-_SILENT_S = 4.0  # from then on a topic that is published, but gives nothing, is told as a problem
+_SILENT_S = 4.0  # from then on a topic that is published, but gives nothing, is reported as a problem
 
 
 class TopicSource:

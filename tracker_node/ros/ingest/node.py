@@ -41,9 +41,9 @@ class IngestOptions:
     ----------
     source : which images, at what rate and size.
     live_stamps : stamps are moved so that the first is the time of its publication; otherwise they are the sources'.
-    as_fast_as_consumed : the next instant goes out when the consumer has answered for an earlier one; nothing is skipped.
+    as_fast_as_consumed : the next image set goes out when the consumer has answered for an earlier one; nothing is skipped.
     consumer : node whose ``state`` topic answers.
-    frame_skip : skip instants that cannot go out in time, when a later one is ready.
+    frame_skip : skip image sets that cannot go out in time, when a later one is ready.
     wait_for_subscribers, wait_for_info_subscribers : how many of them the images and calibration of every recorded camera must
         have before the first image.
     compressed : offer ``image_raw/compressed`` too (encoded only while somebody listens).

@@ -14,7 +14,7 @@ from ..qos import RESULT
 
 
 class Pace:
-    """When an instant is due: its distance in stamps from the first, on the steady clock.
+    """When an image set is due: its distance in stamps from the first, on the steady clock.
 
     ``epoch_ns`` added to a stamp gives the time of day at which it is due.
     """
@@ -24,16 +24,16 @@ class Pace:
         self.epoch_ns = 0
 
     def wait(self, stamp_ns: int, stop: threading.Event) -> float:
-        """Sleep until an instant is due.
+        """Sleep until an image set is due.
 
         Parameters
         ----------
-        stamp_ns : of the instant.
+        stamp_ns : of the image set.
         stop : ends the sleep when it is set.
 
         Returns
         -------
-        late_s : seconds by which the instant was missed.
+        late_s : seconds by which that was missed.
         """
         now = time.monotonic()
         if self._epoch_s is None:
@@ -50,9 +50,9 @@ _INCOMPLETE_S = 0.3
 
 
 class ConsumerWindow:
-    """Keeps count of the instants sent and answered.
+    """Counts the image sets sent and answered.
 
-    An answer is a `TrackedState` whose stamp is that of the instant or later. When none comes for ``patience_s``, the window
+    An answer is a `TrackedState` whose stamp is that of the image set or later. When none comes for ``patience_s``, the window
     doubles, and shrinks again with each answer: a consumer that waits for a camera which is silent decides only when it has
     seen enough of the others. We know when a camera is silent, and are less patient then. So a lossless run goes on
     whatever the cameras do, and nothing but speed depends on the wall clock.
@@ -81,11 +81,11 @@ class ConsumerWindow:
             self._condition.notify_all()
 
     def sent(self, stamp_ns: int, complete: bool = True) -> None:
-        """Note that an instant is on its way.
+        """Note that an image set is on its way.
 
         Parameters
         ----------
-        stamp_ns : of the instant.
+        stamp_ns : of the image set.
         complete : whether all cameras are in it.
         """
         with self._condition:
@@ -93,7 +93,7 @@ class ConsumerWindow:
             self._on_their_way.append(stamp_ns)
 
     def wait(self) -> bool:
-        """Until another instant may be sent; False when closed."""
+        """Wait until another image set may be sent; False when closed."""
         with self._condition:
             while not self._closed and len(self._on_their_way) >= self._size:
                 answered, patience_s = self._answered, self._patience()

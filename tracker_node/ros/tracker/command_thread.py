@@ -17,7 +17,7 @@ class CommandThread(Generic[T]):
     ----------
     wait : waits for something to do, not for long. wake : lets that return at once.
     work : does it. at_end : called in the thread when it is to end.
-    on_error : told why the thread has ended by itself.
+    on_error : called with the reason why the thread has ended by itself.
 
     Attributes
     ----------

@@ -19,9 +19,9 @@ from .worker import TrackingWorker
 _LEVELS = {Status.INITIALIZING: WARN, Status.TRACKING: OK, Status.DEGRADED: WARN, Status.LOST: ERROR}
 _LIMB_LEVELS = {LimbStatus.TRACKING: OK, LimbStatus.UNSEEN: WARN, LimbStatus.DEGRADED: WARN, LimbStatus.LOST: ERROR}
 _REMEMBERED = 150  # image sets that percentiles are of
-_ENOUGH = 20  # of them, for a verdict
+_ENOUGH = 20  # of them, for an assessment
 _JUDGED_REPORTS = 10  # what is left out is judged over so many seconds, or it would be said and unsaid by turns
-_TOO_MANY, _TOLERATED = 0.05, 0.01  # share of image sets left out from which on, and down to which, it is said
+_TOO_MANY, _TOLERATED = 0.05, 0.01  # fraction of image sets left out from which on, and down to which, it is reported
 _SILENT_REPORTS = 2  # without an image set, until that is said to be wrong
 _SILENT_REPORTS_LOSSLESS = 10  # the same of sources that wait for us, and end
 _FIRST_REPORTS = 30  # the same for the first one: cameras may be started after us
@@ -135,7 +135,7 @@ class TrackerDiagnostics:
             self._report_pause()
         else:
             self._report_times(worker)
-            self._report_untold(worker.latest)
+            self._report_unobservable(worker.latest)
 
     def _report_pause(self) -> None:
         for part in ("status", "latency", "observability"):
@@ -188,20 +188,20 @@ class TrackerDiagnostics:
             level, said = WARN, "the simulated clock went back"
         self._diagnostics.report("clock", level, said, {"jumps": stamps, "jumps of the simulated clock": clock})
 
-    def _report_untold(self, latest: TrackEstimate | None) -> None:
+    def _report_unobservable(self, latest: TrackEstimate | None) -> None:
         """What the latest images do not tell of the body, by name; a warning where it is of the body as a whole."""
         if latest is None:
             return
         if latest.information is None:
-            self._diagnostics.report("observability", OK, "not known: the images are not believed")
+            self._diagnostics.report("observability", OK, "not known: the images have no weight")
             return
         names = unobservable(latest.information, self._model)
         whole = any(name.startswith("root") for name in names)
-        values = {f"not told {i + 1}": name for i, name in enumerate(names)}
-        self._diagnostics.report("observability", WARN if whole else OK, untold_in_short(names), values)
+        values = {f"unobservable {i + 1}": name for i, name in enumerate(names)}
+        self._diagnostics.report("observability", WARN if whole else OK, unobservable_in_short(names), values)
 
 
-def untold_in_short(names: list[str]) -> str:
+def unobservable_in_short(names: list[str]) -> str:
     """How many directions the images do not tell, and of what, by the first names; the values have them all."""
     if not names:
         return "the images tell every degree of freedom"

@@ -26,9 +26,9 @@ def keep_freed_memory() -> None:
 
 @contextmanager
 def kept_for_ever() -> Iterator[None]:
-    """What is made meanwhile, and all that is there, is no garbage, and is never looked through for any: for imports.
+    """What is made meanwhile, and all that is there, is no garbage, and is never searched for any: for imports.
 
-    They make hundreds of thousands of objects: to look through them is a seventh of the time of a start, and later as much as
+    They make hundreds of thousands of objects: to search them is a seventh of the time of a start, and later as much as
     an image set may take.
     """
     enabled = gc.isenabled()
@@ -42,9 +42,9 @@ def kept_for_ever() -> Iterator[None]:
 
 
 def keep_for_ever() -> None:
-    """All that is there is kept, and never looked through for garbage again: a collection later is as short as can be.
+    """All that is there is kept, and never searched for garbage again: a collection later is as short as can be.
 
-    No other thread runs while garbage is looked for, and so no image is received.
+    No other thread runs while garbage is collected, and so no image is received.
     """
     gc.collect()
     gc.freeze()

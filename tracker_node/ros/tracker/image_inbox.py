@@ -63,7 +63,7 @@ class ImageInbox:
 
     Parameters
     ----------
-    mismatches : is told when a publisher offers what we cannot take.
+    mismatches : is informed when a publisher offers what we cannot take.
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ class ImageInbox:
                 self._condition.notify()
 
         def count_lost(event) -> None:
-            gaps.told(event.total_count)
+            gaps.reported(event.total_count)
             self.lost[camera] = lost_before + gaps.lost
 
         qos, create = images_subscribed(self._options.lossless), self._node.create_subscription

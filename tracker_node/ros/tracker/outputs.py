@@ -51,7 +51,7 @@ class TrackerOutputs:
 
     Parameters
     ----------
-    mismatches : is told when a subscriber asks for what we do not offer.
+    mismatches : is informed when a subscriber asks for what we do not offer.
     frame_prefix : before the name of the root link on /tf, for several bodies in one graph.
     """
 

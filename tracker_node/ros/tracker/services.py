@@ -1,4 +1,4 @@
-"""What a running tracker can be asked: where the body is, to begin anew, to look for it, to pause."""
+"""Services of a running tracker: set the state, reset, reinitialize, pause."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class TrackerServices:
     Parameters
     ----------
     worker : what tracks, or None while the node is not configured: requests are refused then.
-    looks_for_body : whether a body is looked for at all (the parameter ``initialization.enabled``).
+    looks_for_body : whether a body is searched at all (the parameter ``initialization.enabled``).
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class TrackerServices:
         self._subscription = node.create_subscription(PoseWithCovarianceStamped, "initialpose", self._on_initial_pose, RESULT)
 
     def _guarded(self, answer: Callable):
-        """A service's callback: ``answer(worker, request)`` says what is to be told, or raises a `TrackerError`."""
+        """A service's callback: ``answer(worker, request)`` says what is to be answered, or raises a `TrackerError`."""
 
         def callback(request, response):
             try:
@@ -67,7 +67,7 @@ class TrackerServices:
 
     def _on_reinitialize(self, worker: TrackingWorker, _request: Trigger.Request) -> str:
         if not self._looks_for_body():
-            raise TrackerError("the body is not looked for: the parameter initialization.enabled is false")
+            raise TrackerError("the body is not searched: the parameter initialization.enabled is false")
         worker.reinitialize()
         return ""
 

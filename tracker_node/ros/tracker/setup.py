@@ -111,7 +111,7 @@ class SetupBuilder:
 
     Parameters
     ----------
-    on_error : is told the details of what is not a `TrackerError`.
+    on_error : called with the details of what is not a `TrackerError`.
     """
 
     def __init__(self, on_error: Callable[[str], None] = lambda text: None):

@@ -84,7 +84,7 @@ class TrackingWorker:
 
     @property
     def fatal(self) -> Exception | None:
-        """Why the thread has ended by itself: neither an image, nor its set, nor what is told of it does that."""
+        """Why the thread has ended by itself: neither an image, nor its set, nor a report of it does that."""
         return self._thread.fatal
 
     @property
@@ -125,7 +125,7 @@ class TrackingWorker:
         self._begin(StartRequest(lambda tracker: tracker.set_state(state), state))
 
     def reinitialize(self) -> None:
-        """Look for the body wherever it may be; what has been learnt stays."""
+        """Search the body wherever it may be; what has been learnt stays."""
         self._begin(StartRequest(lambda tracker: tracker.reinitialize(), forgets_state=True))
 
     def _begin(self, request: StartRequest) -> None:
@@ -265,7 +265,7 @@ class TrackingWorker:
         self.counts.lost += estimate.status == Status.LOST
         try:
             self._on_estimate(estimate, image_set)
-        except Exception as error:  # what cannot be told of one image set does not end the tracking of the next
+        except Exception as error:  # what cannot be reported of one image set does not end the tracking of the next
             self.counts.failed += 1
             self._on_error(f"image set {image_set.stamp_ns}: not published: {_described(error)}")
 
