@@ -20,7 +20,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from tracker_node.cli.synthesize import Request, produce, show_progress
 from tracker_node.loaders.images.source import SourceOptions, load_plates
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
@@ -28,6 +27,7 @@ from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.runs.image_sets import SourceStream
+from tracker_node.synthesis.recording import Request, produce, show_progress
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.tracker import Tracker
 

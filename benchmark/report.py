@@ -23,13 +23,13 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
 
-from tracker_node.cli.synthesize import Request, produce, show_progress
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.motion.trajectory_file import read_states, write_states
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.runs.offline import OfflineRun, run_offline
+from tracker_node.synthesis.recording import Request, produce, show_progress
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the repository
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from tracker_node.experiments.cross.yellow_stick import yellow_stick
+from tracker_node.experiments.cross.throw import yellow_stick
 from tracker_node.loaders.model.model_yaml import dump_model
 from tracker_node.model.humans.surfaces18 import ellipsoid_human, nurbs_human
 

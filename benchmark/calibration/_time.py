@@ -19,14 +19,14 @@ from tracker_node.calibration.points.rig_refinement import collect_joints, refin
 from tracker_node.calibration.pose import fit_state_to_landmarks
 from tracker_node.camera.rig import CameraRig
 from tracker_node.cli.main import main as command
-from tracker_node.cli.synthesize import Request, default_motions, produce, show_progress
 from tracker_node.loaders.images.source import open_camera_source
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import dump_state
 from tracker_node.loaders.motion.openpose_json import load_openpose, match_cameras
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 from tracker_node.synthesis.motions.deepmimic import load_motion
-from tracker_node.synthesis.motions.procedural import Motion
+from tracker_node.synthesis.motions.motion import Motion
+from tracker_node.synthesis.recording import Request, default_motions, produce, show_progress
 from tracker_node.synthesis.scenes.rasterizer import ColoredMesh
 from tracker_node.synthesis.scenes.scene import SceneConfig, Studio, make_rig
 from tracker_node.synthesis.subjects.mannequin import LANDMARKS, MannequinSubject

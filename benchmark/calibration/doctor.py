@@ -18,7 +18,6 @@ from pathlib import Path
 
 from tracker_node.camera.rig import CameraRig
 from tracker_node.cli.sample import prepare
-from tracker_node.cli.synthesize import Request, default_motions, produce
 from tracker_node.doctor.diagnosis import examine
 from tracker_node.doctor.finding import Finding
 from tracker_node.doctor.recording import CameraRecording
@@ -26,6 +25,7 @@ from tracker_node.loaders.images.source import open_camera_source
 from tracker_node.loaders.rig.calibration_toml import load_pose2sim
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.report.metrics_file import report_metrics
+from tracker_node.synthesis.recording import Request, default_motions, produce
 from tracker_node.synthesis.scenes.scene import SceneConfig
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tracker_node.camera.rig import CameraRig
-from tracker_node.experiments.somersault.motion import rigid_body, somersault_rig, somersault_states, somersault_variables
+from tracker_node.experiments.somersault.scene import rigid_body, somersault_rig, somersault_states, somersault_variables
 from tracker_node.experiments.target_images import TargetStudio
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State

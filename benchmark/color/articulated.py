@@ -19,7 +19,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from tracker_node.cli.synthesize import Request, default_motions, produce, show_progress
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.evaluate import Evaluation, EvaluationOptions, evaluate
 from tracker_node.evaluation.truth.files import load_truth
@@ -33,7 +32,8 @@ from tracker_node.render.overlay import draw_overlay, target_through_mask
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.runs.data import RunData
 from tracker_node.runs.image_sets import SourceStream
-from tracker_node.synthesis.motions.procedural import PROCEDURAL
+from tracker_node.synthesis.motions.motion import PROCEDURAL
+from tracker_node.synthesis.recording import Request, default_motions, produce, show_progress
 from tracker_node.synthesis.scenes.scene import SceneConfig
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.tracker import Tracker

@@ -16,7 +16,6 @@ import numpy as np
 
 from benchmark._reference import reference_ms
 from tracker_node.camera.rig import CameraRig
-from tracker_node.cli.synthesize import Request, produce, show_progress
 from tracker_node.errors import FileFormatError, SourceError
 from tracker_node.evaluation.evaluate import Evaluation, EvaluationOptions, evaluate
 from tracker_node.evaluation.metrics import LOST_LIMB_M
@@ -30,6 +29,7 @@ from tracker_node.model.configuration import State
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.report.metrics_file import cpu
 from tracker_node.runs.data import RunData
+from tracker_node.synthesis.recording import Request, produce, show_progress
 from tracker_node.synthesis.scenes.scene import SceneConfig
 from tracker_node.tracking.config import TrackerConfig, from_dict, updated
 from tracker_node.tracking.estimate import TrackEstimate

@@ -14,13 +14,12 @@ import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from tracker_node.cli.reproduce._contour_clips import rendered
-from tracker_node.cli.synthesize import Request, default_motions
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.evaluate import Evaluation
+from tracker_node.experiments.contour.clips import rendered, synthetic_clip, track_clip
 from tracker_node.experiments.contour.errors import until_converged
-from tracker_node.experiments.contour.tracked_clip import synthetic_clip, track_clip
 from tracker_node.report.metrics_file import print_metrics, write_metrics
+from tracker_node.synthesis.recording import Request, default_motions
 from tracker_node.tracking.config import TrackerConfig
 
 CONES_IMAGES = {"quick": 30, "full": 120}

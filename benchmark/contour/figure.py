@@ -33,12 +33,12 @@ from benchmark.contour._runs import (
     time_figures,
     track,
 )
-from tracker_node.cli.synthesize import FIGURE_IMAGES, Request
 from tracker_node.errors import TrackerError
 from tracker_node.experiments.contour.errors import displaced
 from tracker_node.loaders.motion.trajectory_file import read_states
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.report.metrics_file import print_metrics, write_metrics
+from tracker_node.synthesis.recording import FIGURE_IMAGES, Request
 from tracker_node.synthesis.scenes.scene import SceneConfig, Studio
 from tracker_node.synthesis.subjects.cones import ModelSubject
 from tracker_node.synthesis.subjects.figure import speeds

@@ -31,11 +31,11 @@ from benchmark.contour._runs import (
     track,
 )
 from benchmark.contour.mannequins import BODY_CLIP, PERSON_SCENE, person_figures
-from tracker_node.cli.synthesize import Request, default_motions
 from tracker_node.errors import SourceError, TrackerError
 from tracker_node.loaders.images.source import load_plates
 from tracker_node.report.metrics_file import print_metrics, write_metrics
-from tracker_node.synthesis.motions.blending import LONG_RUN, LONG_RUN_IMAGES
+from tracker_node.synthesis.motions.motion import LONG_RUN, LONG_RUN_IMAGES
+from tracker_node.synthesis.recording import Request, default_motions
 from tracker_node.synthesis.scenes.scene import SceneConfig
 
 LONG_SCENE = replace(PERSON_SCENE, n_cameras=6, lossless=False)  # JPEG of quality 95: 4200 images

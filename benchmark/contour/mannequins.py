@@ -30,10 +30,10 @@ from benchmark.contour._runs import (
     time_figures,
     track,
 )
-from tracker_node.cli.synthesize import Request, default_motions
 from tracker_node.errors import SourceError, TrackerError
 from tracker_node.evaluation.evaluate import Evaluation
 from tracker_node.report.metrics_file import print_metrics, write_metrics
+from tracker_node.synthesis.recording import Request, default_motions
 from tracker_node.synthesis.scenes.scene import SceneConfig
 
 PERSON_SCENE = replace(SCENE, distortion=SceneConfig().distortion, shadow=True)

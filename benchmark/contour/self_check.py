@@ -25,12 +25,12 @@ from benchmark.color.articulated import recording
 from benchmark.contour._runs import RATE_HZ, Clip, recorded
 from benchmark.contour.figure import FIGURE_SCENE
 from tracker_node.camera.rig import Camera
-from tracker_node.cli.synthesize import FIGURE_IMAGES, Request, default_motions
 from tracker_node.errors import TrackerError
 from tracker_node.geometry import so3
 from tracker_node.loaders.images.source import load_plates
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.report.metrics_file import print_metrics, write_metrics
+from tracker_node.synthesis.recording import FIGURE_IMAGES, Request, default_motions
 from tracker_node.tracking.camera_fault import DELAYED, TURNED
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.tracker import Tracker

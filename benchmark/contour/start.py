@@ -29,7 +29,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmark.contour import _balancing_clip as balancing
 from benchmark.contour._runs import SCENE, add_common_arguments, configured, print_circumstances, recorded
 from tracker_node.camera.rig import CameraRig
-from tracker_node.cli.synthesize import FIGURE_IMAGES, Request, default_motions
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.truth.association import Trajectories, truth_at
 from tracker_node.evaluation.truth.files import load_truth
@@ -39,6 +38,7 @@ from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.report.metrics_file import print_metrics, write_metrics
+from tracker_node.synthesis.recording import FIGURE_IMAGES, Request, default_motions
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.tracker import Tracker

@@ -19,10 +19,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmark.color.articulated import CLIPS, DEFAULT_CACHE, recording
 from benchmark.contour._runs import Clip, judged, track
-from tracker_node.cli.synthesize import default_motions
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.images.source import load_plates
 from tracker_node.report.metrics_file import print_metrics, write_metrics
+from tracker_node.synthesis.recording import default_motions
 from tracker_node.tracking.config import from_dict
 
 ENGINES = {"contour": (False, True), "color": (True, False), "together": (True, True)}  # by colors, by contours

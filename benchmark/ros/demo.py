@@ -17,10 +17,10 @@ import tempfile
 import time
 from pathlib import Path
 
-from tracker_node.cli.synthesize import Request, produce, show_progress
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.report.metrics_file import report_metrics
+from tracker_node.synthesis.recording import Request, produce, show_progress
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 

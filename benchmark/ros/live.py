@@ -23,11 +23,11 @@ from pathlib import Path
 import numpy as np
 
 from tracker_node.camera.rig import CameraRig
-from tracker_node.cli.synthesize import Request
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.runs.config_file import dump_config
+from tracker_node.synthesis.recording import Request
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import Status
 

@@ -20,10 +20,10 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from tracker_node.cli.synthesize import Request
 from tracker_node.errors import TrackerError
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.runs.config_file import dump_config
+from tracker_node.synthesis.recording import Request
 from tracker_node.tracking.config import TrackerConfig
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository

@@ -8,8 +8,7 @@ import pytest
 from tracker_node.calibration.light_fit import LightFitOptions, fit_lights, irradiance
 from tracker_node.camera.light import Light
 from tracker_node.errors import CalibrationError, TrackerError
-from tracker_node.experiments.cross.throw import cross_rig, measured_lights, twisting_somersault
-from tracker_node.experiments.cross.yellow_stick import yellow_stick
+from tracker_node.experiments.cross.throw import cross_rig, measured_lights, twisting_somersault, yellow_stick
 from tracker_node.experiments.target_images import TargetStudio
 from tracker_node.model.configuration import Configuration
 from tracker_node.render.raycast.raycaster import render_color

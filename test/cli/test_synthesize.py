@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from tracker_node.cli.main import main
-from tracker_node.cli.synthesize import Request, produce
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.motion.trajectory_file import read_joints
 from tracker_node.model.configuration import Configuration
+from tracker_node.synthesis.recording import Request, produce
 from tracker_node.synthesis.scenes.scene import SceneConfig
 
 TINY = SceneConfig(n_cameras=1, width=160, height=120, focal_px=145.0)

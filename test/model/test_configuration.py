@@ -10,7 +10,7 @@ from helpers.bodies.bodies import crane, gantry, random_state
 from helpers.numeric import naive
 from helpers.numeric.finite_difference import assert_jacobian
 from helpers.numeric.rotations import twists
-from tracker_node.experiments.cross.yellow_stick import yellow_stick
+from tracker_node.experiments.cross.throw import yellow_stick
 from tracker_node.geometry import se3, so3
 from tracker_node.model.configuration import Configuration, State, angles_of, from_variables, to_variables, variable_names
 from tracker_node.model.humans.human import human_model

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmark.color._fits import stepping_simplex
-from tracker_node.experiments.somersault.motion import somersault_rig, somersault_states, somersault_variables
+from tracker_node.experiments.somersault.scene import somersault_rig, somersault_states, somersault_variables
 from tracker_node.model.configuration import Configuration, from_variables, to_variables
 from tracker_node.model.humans.surfaces18 import ellipsoid_human
 from tracker_node.objective.color.score import ColorObjective

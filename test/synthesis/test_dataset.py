@@ -10,10 +10,9 @@ from tracker_node.loaders.images.source import open_camera_source
 from tracker_node.loaders.motion.trajectory_file import read_joints
 from tracker_node.loaders.motion.trc import load_trc
 from tracker_node.loaders.rig.rig_yaml import load_rig
-from tracker_node.synthesis.dataset import describe, is_recorded, record
+from tracker_node.synthesis.dataset import describe, is_recorded, mannequin_sequence, record
 from tracker_node.synthesis.motions.deepmimic import load_motion
 from tracker_node.synthesis.scenes.scene import SceneConfig, make_rig
-from tracker_node.synthesis.sequences import mannequin_sequence
 from tracker_node.synthesis.subjects.mannequin import LANDMARKS, MannequinSubject
 
 SCENE = SceneConfig(n_cameras=2, width=320, height=240, focal_px=290.0)

@@ -5,8 +5,8 @@ import pytest
 
 from helpers.bodies.bodies import crane, random_state
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.synthesis.motions.procedural import swing
-from tracker_node.synthesis.sequences import digest, mannequin_sequence, model_sequence
+from tracker_node.synthesis.dataset import digest, mannequin_sequence, model_sequence
+from tracker_node.synthesis.motions.motion import swing
 from tracker_node.synthesis.subjects.cones import ModelSubject
 
 MODEL = crane()

@@ -27,6 +27,7 @@ from .points.rig_refinement import Refinement, collect_joints, refine_rig
 # Calibration pixels of a pixel of the narrow videos: fitted to the stills (affine image registration), to about 0.3 px.
 NARROW_MAP = ((1.0074, 0.0, 0.0), (0.0, 1.0074, -7.2))
 NARROW_SIZE = (1080, 1920)
+_FILES = ("rig_refined.yaml", "person.yaml", "initial_state.yaml", "truth.trc", "tracker.yaml", "recording.yaml")
 NARROW_CAMERAS = {"videos": ("cam01", "cam02"), "static": ("cam03", "cam04")}
 
 
@@ -84,6 +85,11 @@ def rig_file(rig: CameraRig, trial: str) -> RigFile:
 def has_plates(folder: Path) -> bool:
     """True when every camera's plate has been written."""
     return all((folder / f"plates/{still.stem}.png").exists() for still in (folder / "stills").glob("*.png"))
+
+
+def is_prepared(folder: Path) -> bool:
+    """True when the sample is there as a whole, ready to be tracked."""
+    return has_plates(folder) and all((folder / name).exists() for name in _FILES)
 
 
 def write_plates(folder: Path, names: tuple[str, ...] = ()) -> None:

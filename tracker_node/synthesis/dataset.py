@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cache
 from pathlib import Path
@@ -28,15 +28,19 @@ from ..errors import SourceError
 from ..loaders.motion.trajectory_file import JointsWriter, StateRow, StateTrajectory, write_states
 from ..loaders.motion.trc import MarkerTrajectories, dump_trc
 from ..loaders.rig.rig_yaml import rig_file_of, write_rig_file
-from ..model.configuration import State
+from ..model.articulated import ArticulatedModel
+from ..model.configuration import Configuration, State
 from ..version import __version__
+from .motions.motion import Motion
 from .scenes.rasterizer import ColoredMesh
 from .scenes.scene import SceneConfig, Studio, make_rig
+from .subjects.cones import ModelSubject
+from .subjects.mannequin import LANDMARKS, MannequinSubject
 
 N_PLATES = 10
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 95, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
 _STATIC_IMAGES = 5
-_DRAWING = ("dataset", "sequences", "scenes/*", "subjects/cones", "subjects/mannequin")
+_DRAWING = ("dataset", "scenes/*", "subjects/cones", "subjects/mannequin")
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,3 +191,44 @@ def _write_static(sequence: Sequence, path: Path) -> None:
     times = np.arange(_STATIC_IMAGES) / sequence.rate_hz
     valid = np.ones(positions.shape[:2], dtype=np.bool_)
     dump_trc(MarkerTrajectories(tuple(sequence.landmark_names), times, positions, sequence.rate_hz, valid), path)
+
+
+def mannequin_sequence(
+    motion: Motion, stature: float = 1.75, part_colors_rgb: Mapping[str, tuple[int, int, int]] | None = None
+) -> Sequence:
+    """The mannequin in ``motion``, dressed or in the colors of its parts; truth is its own joints."""
+    subject = MannequinSubject(stature, part_colors_rgb)
+    colors = {} if part_colors_rgb is None else {"colors": digest(subject.colors_rgb)}
+
+    def instants() -> Iterator[Instant]:
+        for body in subject.follow(motion):
+            yield Instant(ColoredMesh(body.vertices, subject.faces, subject.colors_rgb), body.landmarks)
+
+    return Sequence(
+        name=f"mannequin_{motion.name}", landmark_names=LANDMARKS, instants=instants(), n_images=len(motion),
+        rate_hz=motion.rate_hz, static_landmarks=subject.t_pose().landmarks,
+        parameters={"stature": stature, "motion": digest(motion.root_positions, motion.rotations), **colors},
+    )  # fmt: skip
+
+
+def model_sequence(model: ArticulatedModel, states: Iterable[State], rate_hz: float, name: str = "cones") -> Sequence:
+    """The tracker's own model in the given states; truth is its landmarks."""
+    subject = ModelSubject(model)
+    states = list(states)
+
+    def instants() -> Iterator[Instant]:
+        for state in states:
+            configuration = Configuration(model, state)
+            yield Instant(subject.mesh(configuration), np.array(configuration.landmarks_world))
+
+    rest = subject.mesh(Configuration(model, State.neutral(model)))
+    content = digest(rest.vertices, rest.colors_rgb, *(state.to_values() for state in states))
+    return Sequence(
+        name, model.landmark_names, instants(), len(states), rate_hz,
+        states=tuple(states), dof_names=model.chain.dof_names, parameters={"motion": content},
+    )  # fmt: skip
+
+
+def digest(*arrays: np.ndarray) -> str:
+    """Fingerprint of arrays (rounded, so that it does not hang on the last bits of a machine's arithmetic)."""
+    return hashlib.sha256(b"".join(np.round(a, 6).tobytes() for a in map(np.asarray, arrays))).hexdigest()[:16]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from benchmark.contour import accuracy as benchmark
-from tracker_node.cli.synthesize import Request, produce
+from tracker_node.synthesis.recording import Request, produce
 from tracker_node.synthesis.scenes.scene import SceneConfig
 from tracker_node.tracking.config import from_dict
 

@@ -12,7 +12,6 @@ from benchmark.contour import _runs as _contour_runs
 from benchmark.contour import figure as contour_figure
 from benchmark.contour import mannequins as contour_mannequin
 from benchmark.ros import live
-from tracker_node.cli.synthesize import Request, produce
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.model.model_yaml import dump_model
 from tracker_node.loaders.motion.trajectory_file import read_joints
@@ -20,6 +19,7 @@ from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.observation.image_set import ImageSet
+from tracker_node.synthesis.recording import Request, produce
 from tracker_node.synthesis.scenes.scene import SceneConfig
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import CameraReport, Status, Timings, TrackEstimate

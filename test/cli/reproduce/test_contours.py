@@ -1,18 +1,18 @@
 """``reproduce contours``, small, from one end to the other, and what it does when it is given what it cannot use."""
 
-import argparse
 import json
 
 import cv2
 import numpy as np
 import pytest
 
+from tracker_node.cli import sample
 from tracker_node.cli.main import main
-from tracker_node.cli.reproduce import _contour_clips
-from tracker_node.cli.reproduce import contours as _reproduce_contours
+from tracker_node.cli.reproduce import contours
 from tracker_node.errors import SourceError, TrackerError
+from tracker_node.experiments.contour import experiment
+from tracker_node.experiments.contour.clips import synthetic_clip
 from tracker_node.experiments.contour.errors import METHODS, PUBLISHED
-from tracker_node.experiments.contour.tracked_clip import synthetic_clip
 
 PICTURES = (
     "fig3_row", "fig3_body", "fig3_tracking", "fig4_evidence", "fig5_cameras", "fig6_cones", "fig6_mannequin_swing",
@@ -111,20 +111,19 @@ def test_a_sample_that_is_asked_for_and_cannot_be_had_is_an_error(no_index, tmp_
 def test_a_sample_whose_preparation_has_broken_off_is_prepared_again(monkeypatch, tmp_path):
     """recording.yaml is written even where the body could not be measured."""
     (tmp_path / "recording.yaml").touch()
-    monkeypatch.setattr(_contour_clips, "prepare", lambda folder: 1)
+    monkeypatch.setattr(sample, "prepare", lambda folder: 1)
     with pytest.raises(TrackerError, match="could not be prepared"):
-        _contour_clips.balancing_clip(tmp_path)
+        contours._sample(tmp_path)
 
 
 def test_without_the_sample_the_rest_is_measured(monkeypatch, tmp_path, capsys):
     def missing(*_):
         raise SourceError("pose2sim", "could not be fetched")
 
-    monkeypatch.setattr(_contour_clips, "cones_clip", lambda *_: "cones")
-    monkeypatch.setattr(_contour_clips, "mannequin_clip", lambda *_: "mannequin")
-    monkeypatch.setattr(_contour_clips, "balancing_clip", missing)
-    args = argparse.Namespace(recordings=tmp_path, motions=None, sample=tmp_path, quick=False, clips=None)
-    assert _reproduce_contours._clips(args) == {"cones": "cones", "mannequin": "mannequin"}
+    monkeypatch.setattr(experiment, "cones_clip", lambda *_: "cones")
+    monkeypatch.setattr(experiment, "mannequin_clip", lambda *_: "mannequin")
+    monkeypatch.setattr(experiment, "balancing_clip", missing)
+    assert experiment.make_clips(None, tmp_path, None, lambda: tmp_path, False) == {"cones": "cones", "mannequin": "mannequin"}
     assert "NOT MEASURED: balancing" in capsys.readouterr().err
 
 

@@ -6,10 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tracker_node.cli.reproduce import convergence, figures, table1
+from tracker_node.cli.reproduce import convergence as convergence_command
 from tracker_node.errors import FileFormatError
+from tracker_node.experiments import figures
 from tracker_node.experiments.plots import Profile
 from tracker_node.experiments.rigid_tracking import PAPER_RMS, UNITS, VARIABLES
+from tracker_node.experiments.somersault import convergence, table1
 from tracker_node.experiments.somersault.scene import somersault_scene
 from tracker_node.objective.color.score import ColorObjective
 from tracker_node.parallel import Workers
@@ -77,7 +79,7 @@ def test_fig_4_and_the_page_show_two_views(tmp_path, scene):
 @pytest.mark.parametrize("trials", [0, -3])
 def test_no_starts_are_refused(trials):
     with pytest.raises(FileFormatError, match="--trials"):
-        convergence.run(SimpleNamespace(trials=trials))
+        convergence_command.run(SimpleNamespace(trials=trials))
 
 
 def test_profiles_reach_as_far_on_both_sides(scene):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tracker_node.experiments.contour.errors import PUBLISHED, TITLES
-from tracker_node.experiments.contour.plots import RowPicture, row_figure, tracking_figure, variables_figure
+from tracker_node.experiments.contour.pictures import RowPicture, row_figure, tracking_figure, variables_figure
 from tracker_node.experiments.plots import Profile
 
 X = np.linspace(-2.0, 2.0, 5)

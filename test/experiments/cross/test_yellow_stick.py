@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 
-from tracker_node.experiments.cross.yellow_stick import yellow_stick
+from tracker_node.experiments.cross.throw import yellow_stick
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.shapes.primitives import Box

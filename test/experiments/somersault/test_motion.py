@@ -7,7 +7,7 @@ import pytest
 
 from tracker_node.errors import UnknownNameError
 from tracker_node.experiments.free_flight import GRAVITY
-from tracker_node.experiments.somersault.motion import (
+from tracker_node.experiments.somersault.scene import (
     CAMERA_NAMES,
     INERTIA,
     POSTURE_DEG,

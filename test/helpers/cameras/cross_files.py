@@ -6,8 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from tracker_node.experiments.cross.throw import control_points, cross_rig, measured_lights, twisting_somersault
-from tracker_node.experiments.cross.yellow_stick import yellow_stick
+from tracker_node.experiments.cross.throw import control_points, cross_rig, measured_lights, twisting_somersault, yellow_stick
 from tracker_node.experiments.target_images import TargetStudio
 from tracker_node.loaders.model.model_yaml import dump_model
 from tracker_node.loaders.model.state_yaml import dump_state

@@ -11,7 +11,7 @@ from helpers.cameras.camera_rigs import circle_rig
 from test.objective.color.test_score import SUN, bent_state
 from tracker_node.camera.light import Light
 from tracker_node.camera.rig import CameraRig
-from tracker_node.experiments.cross.yellow_stick import yellow_stick
+from tracker_node.experiments.cross.throw import yellow_stick
 from tracker_node.experiments.target_images import TargetStudio
 from tracker_node.geometry import se3, so3
 from tracker_node.model.articulated import ArticulatedModel

@@ -12,7 +12,7 @@ from helpers.numeric import naive
 from tracker_node.camera.light import Light
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import CameraRig
-from tracker_node.experiments.cross.yellow_stick import yellow_stick
+from tracker_node.experiments.cross.throw import yellow_stick
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.humans.surfaces18 import ellipsoid_human

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from tracker_node.geometry import so3
-from tracker_node.synthesis.motions.blending import joined, within
-from tracker_node.synthesis.motions.procedural import SEGMENT_PARENTS, SEGMENTS, Motion, chained, heading, swing
+from tracker_node.synthesis.motions.motion import SEGMENT_PARENTS, SEGMENTS, Motion, chained, heading, joined, swing, within
 
 RATE_HZ = 30.0
 

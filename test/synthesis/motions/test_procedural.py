@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tracker_node.geometry import so3
-from tracker_node.synthesis.motions.procedural import SEGMENT_PARENTS, SEGMENTS, chained, heading, swing
+from tracker_node.synthesis.motions.motion import SEGMENT_PARENTS, SEGMENTS, chained, heading, swing
 
 
 def test_the_procedural_motion_needs_no_file_and_is_smooth():

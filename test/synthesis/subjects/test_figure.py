@@ -3,13 +3,13 @@
 import cv2
 import numpy as np
 
-from tracker_node.cli.synthesize import Request, produce
 from tracker_node.loaders.images.source import list_images
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.motion.trajectory_file import read_joints, read_states
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.shapes.primitives import TruncatedCone
+from tracker_node.synthesis.recording import Request, produce
 from tracker_node.synthesis.scenes.clutter import patches
 from tracker_node.synthesis.scenes.scene import SceneConfig
 from tracker_node.synthesis.subjects.figure import figure_model, figure_motion, speeds

@@ -14,6 +14,7 @@ from ...report.progress import say
 from ...tracking.config import TrackerConfig
 from ...tracking.engines import make_engine
 from ..plots import Profile
+from .clips import Clip, TrackedClip, track_clip
 from .errors import (
     PUBLISHED,
     TITLES,
@@ -26,7 +27,6 @@ from .errors import (
     until_converged,
     valley,
 )
-from .tracked_clip import Clip, TrackedClip, track_clip
 
 
 @dataclass(frozen=True)

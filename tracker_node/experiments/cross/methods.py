@@ -18,11 +18,10 @@ from ...optimize.alignment import AlignmentOptions, align
 from ...optimize.simplex import polish
 from ...optimize.stepping import SEVEN_LOOPS, SteppingOptions, step_downhill
 from ..rigid_tracking import Found, TrackedSequence, moved
-from .camera_delay import estimate_delay
 from .film import Footage
 from .scene import CrossScene
 from .throw import FIELD_PERIOD_S, LATE_CAMERA, CrossTrial
-from .video_tracking import refine_video, track_video
+from .video_tracking import estimate_delay, refine_video, track_video
 
 START_ERROR = (30.0, -30.0, 26.5, 3.0, -3.0, 2.6)  # of the first field's start, mm and degrees: 50 mm and 5 degrees in all
 LOW_PASS_PX = (3.0, 1.0)  # along and across the lines: chroma has no more bandwidth, so what this removes is noise

@@ -24,7 +24,7 @@ from ...synthesis.scenes.background import cluttered_background
 from ..target_images import TargetStudio
 from . import throw as cross
 from .film import Footage, film
-from .yellow_stick import yellow_stick
+from .throw import yellow_stick
 
 CONTROL_POINT_SIGMA_PX = 1.0
 CLICK_SIGMA_PX = 1.5

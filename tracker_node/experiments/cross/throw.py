@@ -14,8 +14,10 @@ from ...camera.light import Light
 from ...camera.model import CameraModel
 from ...camera.rig import Camera, CameraRig
 from ...geometry import se3
-from ...model.articulated import ArticulatedModel
+from ...model.articulated import ArticulatedModel, Landmark, Shape
 from ...model.configuration import State, from_variables
+from ...model.kinematic_chain import KinematicChain
+from ...model.shapes.primitives import Box
 from ...synthesis.scenes.scene import looking_at
 from ..free_flight import FreeFlight, mass_properties
 
@@ -24,6 +26,11 @@ LATE_CAMERA, LATE_S = "top", 0.004  # not genlocked: it exposes so much later th
 IMAGE_SIZE = (768, 576)
 MIDDLE = np.array([0.0, 0.0, 1.25])  # of the volume
 VOLUME = 2.0  # metres along each axis
+YELLOW_RGB = (250, 215, 30)
+UP, DOWN = 0.38, 0.62  # metres from the crossing to the ends of the long prism
+LEFT, RIGHT = 0.40, 0.25  # ... of the short one
+LONG_SECTION = (0.060, 0.090)  # thickness (x) and breadth (y)
+SHORT_SECTION = (0.045, 0.080)  # thickness (x) and breadth (z)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,3 +131,25 @@ def control_points(rng: np.random.Generator, n_poles: int = 5, per_pole: int = 4
 def digitized(camera: Camera, points: np.ndarray, sigma_px: float, rng: np.random.Generator) -> np.ndarray:
     """Pixels (n, 2) of points as a person clicks on them."""
     return camera.project(points)[0] + sigma_px * rng.standard_normal((len(points), 2))
+
+
+def yellow_stick() -> ArticulatedModel:
+    """A rigid cross in the plane x = 0: origin in the crossing, the long prism along z, the short one along y."""
+    long = Box((*LONG_SECTION, UP + DOWN))
+    short = Box((SHORT_SECTION[0], LEFT + RIGHT, SHORT_SECTION[1]))
+    shapes = (
+        Shape("long", "cross", long, _at(0.0, 0.0, 0.5 * (UP - DOWN)), YELLOW_RGB),
+        Shape("short", "cross", short, _at(0.0, 0.5 * (LEFT - RIGHT), 0.0), YELLOW_RGB),
+    )
+    landmarks = (
+        Landmark("crossing", "cross", (0.0, 0.0, 0.0)),
+        Landmark("top", "cross", (0.0, 0.0, UP)),
+        Landmark("bottom", "cross", (0.0, 0.0, -DOWN)),
+        Landmark("left_end", "cross", (0.0, LEFT, 0.0)),
+        Landmark("right_end", "cross", (0.0, -RIGHT, 0.0)),
+    )
+    return ArticulatedModel("yellow_stick", KinematicChain(("cross",), ()), shapes, landmarks)
+
+
+def _at(x: float, y: float, z: float) -> np.ndarray:
+    return se3.from_rotation_translation(np.eye(3), np.round((x, y, z), 6))

@@ -2,21 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...camera.rig import CameraRig
+from ...camera.light import Light
+from ...camera.model import CameraModel
+from ...camera.rig import Camera, CameraRig
+from ...errors import UnknownNameError
+from ...geometry import se3
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import Configuration, State
+from ...model.configuration import Configuration, State, angles_of, from_variables
 from ...model.humans.surfaces18 import ellipsoid_human, nurbs_human
+from ...model.kinematic_chain import KinematicChain
 from ...render.raycast import raycaster
+from ...synthesis.scenes.scene import looking_at
+from ..free_flight import GRAVITY, FreeFlight, MassProperties
 from ..plots import bgr_of
 from ..target_images import TargetStudio
-from .motion import POSTURE_DEG, rigid_body, somersault_rig, somersault_states, somersault_variables
 
 BACKENDS = ("pyrender", "raycaster")  # the renderer that does not score comes first
+# A little piked, arms adducted, hands before the belly, toes pointed: as twisting somersaults are flown.
+POSTURE_DEG = {"torso_flexion": 4.0, "chest_flexion": 3.0, "head_flexion": 10.0} | {
+    f"{side}_{axis}": degrees
+    for side in ("left", "right")
+    for axis, degrees in (("hip_flexion", 14.0), ("knee_flexion", 6.0), ("ankle_dorsiflexion", -45.0), ("elbow_flexion", 75.0))
+}
+# Of the ellipsoid human in that posture: m^2 (one kilogram), axes of the pelvis.
+INERTIA = np.array([[0.1647, 0.0, 0.0127], [0.0, 0.1601, 0.0], [0.0127, 0.0, 0.0162]])
+_MOMENTUM = 1.046  # m^2 per flight
+_TILT, _TWIST = np.deg2rad([-0.631, -19.726])  # at take-off
+IMAGE_SIZE = (768, 576)
+CAMERA_NAMES = ("front", "side", "top")
+_CAMERA_DISTANCE = 8.0  # metres from the middle of the flight
+_FOCAL_PX = {"front": 1245.0, "side": 1245.0, "top": 1740.0}  # the whole flight just fits in every view
+_MIDDLE = np.array([0.5, 0.0, 1.68])  # of the flight, metres
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,3 +69,94 @@ def somersault_scene(n_images: int = 11, width: int = 768) -> SomersaultScene:
     measured, tracked = rigid_body(nurbs_human(), POSTURE_DEG), rigid_body(ellipsoid_human(), POSTURE_DEG)
     variables = somersault_variables()[:n_images]
     return SomersaultScene(measured, tracked, somersault_rig(width), variables, somersault_states(tracked, variables, {}))
+
+
+@dataclass(frozen=True)
+class SomersaultRanges:
+    """Ranges over all images (Table 1 of the paper), metres and degrees."""
+
+    vertical: float = 0.790
+    anterior_posterior: float = 1.000
+    lateral: float = 0.010
+    somersault_deg: float = 360.0
+    tilt_deg: float = 8.0
+    twist_deg: float = 180.0
+    take_off_height: float = 1.30
+
+    @property
+    def flight_time(self) -> float:
+        """Seconds: gravity and the height settle it; landing is as high as take-off."""
+        return float(np.sqrt(8.0 * self.vertical / GRAVITY))
+
+
+def somersault_variables(n_images: int = 11, ranges: SomersaultRanges | None = None) -> np.ndarray:
+    """(n_images, 6) in the order of `configuration.ROOT_NAMES`, evenly spaced from take-off to landing."""
+    r = ranges or SomersaultRanges()
+    s = np.linspace(0.0, 1.0, n_images)
+    angles = _rotation(s)
+    columns = np.column_stack([s, -np.abs(angles[:, 1]), -((s - 0.5) ** 2), angles])
+    angle_sizes = np.deg2rad([r.somersault_deg, r.tilt_deg, r.twist_deg])
+    sizes = np.concatenate([[r.anterior_posterior, r.lateral, r.vertical], angle_sizes])
+    variables = columns * (sizes / np.ptp(columns, axis=0))
+    variables[:, :3] += [0.0, 0.0, r.take_off_height] - variables[0, :3]
+    return variables
+
+
+def _rotation(times: np.ndarray) -> np.ndarray:
+    """Somersault, tilt, twist (n, 3) at ``times`` (n,) of a flight that takes one: nearly the paper's ranges."""
+    start = from_variables(np.array([0.0, 0.0, 0.0, 0.0, _TILT, _TWIST]))
+    momentum = start.T_world_root[:3, :3].T @ np.array([0.0, _MOMENTUM, 0.0])
+    flight = FreeFlight(MassProperties(np.zeros(3), INERTIA), start, np.zeros(3), np.linalg.solve(INERTIA, momentum), 1.0)
+    angles, near = [], np.array([0.0, _TILT, _TWIST])
+    steps = np.unique(np.concatenate([times, np.linspace(0.0, 1.0, 41)]))
+    for time in steps:  # small ones: full turns are counted on the way
+        near = angles_of(flight.state(time).T_world_root[:3, :3], near)
+        angles.append(near)
+    return np.array(angles)[np.searchsorted(steps, times)]
+
+
+def somersault_states(model: ArticulatedModel, variables: np.ndarray, posture_deg: Mapping[str, float]) -> list[State]:
+    """The body in one fixed posture at every row of ``variables`` (n, 6)."""
+    angles = posture(model, posture_deg)
+    return [from_variables(np.concatenate([row, angles])) for row in variables]
+
+
+def rigid_body(model: ArticulatedModel, posture_deg: Mapping[str, float]) -> ArticulatedModel:
+    """The body in a posture that it keeps: its shapes on one link, six degrees of freedom; the pose is still that of its root."""
+    posed = Configuration(model, State(np.eye(4), posture(model, posture_deg)))
+    shapes = tuple(
+        replace(shape, link="body", T_link_shape=T) for shape, T in zip(model.shapes, posed.Ts_world_shape, strict=True)
+    )
+    return ArticulatedModel(model.name, KinematicChain(("body",), ()), shapes)
+
+
+def posture(model: ArticulatedModel, degrees: Mapping[str, float]) -> np.ndarray:
+    """(n_axes,) radians: the named joint axes at these angles, the others neutral."""
+    angles = np.array([axis.neutral for axis in model.chain.axes])
+    names = [axis.name for axis in model.chain.axes]
+    for name, value in degrees.items():
+        if name not in names:
+            raise UnknownNameError("joint axis", name, names)
+        angles[names.index(name)] = np.deg2rad(value)
+    return angles
+
+
+def somersault_rig(width: int = IMAGE_SIZE[0]) -> CameraRig:
+    """Front, side and top view of the flight and the lights, all known; smaller pictures for ``width`` below 768."""
+    scale = width / IMAGE_SIZE[0]
+    height = round(scale * IMAGE_SIZE[1])
+    front = looking_at(_MIDDLE + _CAMERA_DISTANCE * np.array([1.0, 0.0, 0.0]), _MIDDLE)
+    side = looking_at(_MIDDLE - _CAMERA_DISTANCE * np.array([0.0, 1.0, 0.0]), _MIDDLE)
+    # Seen from above, the flight goes to the right of the picture.
+    top = se3.from_rotation_translation(np.diag([1.0, -1.0, -1.0]), _MIDDLE + _CAMERA_DISTANCE * np.array([0.0, 0.0, 1.0]))
+    lights = (
+        Light("ambient", (0.35, 0.35, 0.35)),
+        Light("directional", (0.45, 0.45, 0.45), direction=(-1.0, -0.6, -0.8)),
+        Light("directional", (0.30, 0.30, 0.30), direction=(-0.2, 1.0, -0.7)),
+    )
+    cameras = []
+    for name, place in zip(CAMERA_NAMES, (front, side, top), strict=True):
+        focal = scale * _FOCAL_PX[name]
+        K = np.array([[focal, 0.0, 0.5 * (width - 1)], [0.0, focal, 0.5 * (height - 1)], [0.0, 0.0, 1.0]])
+        cameras.append(Camera(name, CameraModel(width, height, K), place))
+    return CameraRig(tuple(cameras), lights=lights)

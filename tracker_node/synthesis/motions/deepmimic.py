@@ -15,8 +15,19 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from ...errors import FileFormatError, SourceError, UnknownNameError
 from ...loaders.json_values import read_json
-from .blending import LONG_RUN, LONG_RUN_CLIPS, LONG_RUN_IMAGES, LONG_RUN_RADIUS_M, joined, within
-from .procedural import PROCEDURAL, Motion, chained, heading, swing
+from .motion import (
+    LONG_RUN,
+    LONG_RUN_CLIPS,
+    LONG_RUN_IMAGES,
+    LONG_RUN_RADIUS_M,
+    PROCEDURAL,
+    Motion,
+    chained,
+    heading,
+    joined,
+    swing,
+    within,
+)
 
 # Column of each segment's joint in a clip, and the number of its columns (4: quaternion, 1: angle about the lateral axis).
 _COLUMNS = {

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...geometry import so3
-from ..motions.procedural import Motion
+from ..motions.motion import Motion
 
 # Landmark -> joint of the body (SMPL-X names).
 LANDMARK_JOINTS = {

@@ -5,8 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tracker_node.cli.reproduce import _contour_clips as clips
-from tracker_node.experiments.contour import part, shots, tracking
+from tracker_node.experiments.contour import clips, experiment, pictures, tracking
 from tracker_node.experiments.plots import Profile
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.tracking.config import TrackerConfig
@@ -69,21 +68,21 @@ def test_true_sets_are_spread_over_the_clip_without_its_ends(tmp_path, monkeypat
 @pytest.mark.parametrize("thickness", [1.0, 0.8])
 def test_the_part_is_as_thick_as_it_is_told_to_be(thickness):
     """Half a metre long from its root; at height z its half axes are 0.08 and 0.07 m times 1 - 0.55 z."""
-    model = part.part_model(thickness)
+    model = experiment.part_model(thickness)
     (shape,) = model.shapes
     cone = shape.primitive
     assert (cone.a, cone.b) == pytest.approx((0.08 * thickness, 0.07 * thickness))
     assert (cone.k, cone.z1, cone.z2) == (-0.55, 0.0, 0.5)
     assert Configuration(model, State.neutral(model)).Ts_world_shape[0] == pytest.approx(np.eye(4))
-    assert [title for title, _ in part.MODELS.values()] == ["a model of its size", "a model a fifth thinner"]
-    assert [share for _, share in part.MODELS.values()] == [1.0, 0.8]
+    assert [title for title, _ in experiment.MODELS.values()] == ["a model of its size", "a model a fifth thinner"]
+    assert [share for _, share in experiment.MODELS.values()] == [1.0, 0.8]
 
 
 def sequence_numbers(n, monkeypatch):
     asked = []
-    monkeypatch.setattr(shots, "_sequence", lambda clip, run, camera, numbers: (asked.extend(numbers), ([], []))[1])
+    monkeypatch.setattr(pictures, "_sequence", lambda clip, run, camera, numbers: (asked.extend(numbers), ([], []))[1])
     clip = SimpleNamespace(rig=SimpleNamespace(cameras=["first"]), name="c")
-    assert shots.sequence_pictures(None, clip, SimpleNamespace(estimates=[None] * n)) == []
+    assert pictures.sequence_pictures(None, clip, SimpleNamespace(estimates=[None] * n)) == []
     return asked
 
 
@@ -96,21 +95,21 @@ def test_a_shot_is_of_the_pose_before_and_the_one_found(monkeypatch):
     states = [State(np.eye(4), np.zeros(0)) for _ in range(3)]
     taken = []
     monkeypatch.setattr(
-        shots, "shoot", lambda camera, image, before, found, *_: taken.append((before.state, found.state)) or "shot"
+        pictures, "shoot", lambda camera, image, before, found, *_: taken.append((before.state, found.state)) or "shot"
     )
     camera = SimpleNamespace(name="a")
-    clip = SimpleNamespace(plates={"a": np.zeros(1)}, model=part.part_model(), config=TrackerConfig())
+    clip = SimpleNamespace(plates={"a": np.zeros(1)}, model=experiment.part_model(), config=TrackerConfig())
     run = SimpleNamespace(estimates=[SimpleNamespace(state=state) for state in states])
     image_set = SimpleNamespace(get=lambda name: SimpleNamespace(bgr=np.zeros((2, 2, 3))))
-    assert shots._shot(clip, run, camera, 2, image_set) == "shot"
-    assert shots._shot(clip, run, camera, 0, image_set) == "shot"
+    assert pictures._shot(clip, run, camera, 2, image_set) == "shot"
+    assert pictures._shot(clip, run, camera, 0, image_set) == "shot"
     (before, found), (first, same) = taken
     assert before is states[1]
     assert found is states[2]
     assert first is same is states[0]
-    assert shots._shot(clip, run, camera, 1, SimpleNamespace(get=lambda name: None)) is None
+    assert pictures._shot(clip, run, camera, 1, SimpleNamespace(get=lambda name: None)) is None
     clip.plates = {}
-    assert shots._shot(clip, run, camera, 1, image_set) is None
+    assert pictures._shot(clip, run, camera, 1, image_set) is None
 
 
 def test_recordings_are_kept_by_name_and_length(tmp_path, monkeypatch, capsys):

@@ -1,9 +1,9 @@
-"""A recording with true joints, tracked from its first pose and held against them."""
+"""Recordings with true joints, rendered once and kept or the real sample, tracked from their first pose and evaluated."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 
@@ -14,18 +14,28 @@ from ...errors import SourceError, TrackerError
 from ...evaluation.evaluate import Evaluation, EvaluationOptions, evaluate
 from ...evaluation.truth.association import Trajectories
 from ...evaluation.truth.files import load_truth
-from ...loaders.images.source import SourceOptions, load_plates
+from ...loaders.images.source import SourceOptions, load_plates, resized_plates
 from ...loaders.model.model_yaml import load_model
 from ...loaders.model.state_yaml import load_state
+from ...loaders.recording_yaml import load_recording
 from ...loaders.rig.rig_yaml import load_rig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...observation.image_set import ImageSet
+from ...report.progress import say
+from ...runs.config_file import load_config
 from ...runs.data import RunData
 from ...runs.image_sets import SourceStream, resampled_rig
+from ...synthesis.recording import Request, produce, show_progress
+from ...synthesis.scenes.scene import SceneConfig
 from ...tracking.config import TrackerConfig
 from ...tracking.estimate import TrackEstimate
 from ...tracking.tracker import Tracker
+
+_SMALL_SCENE = SceneConfig(n_cameras=3, width=320, height=240, focal_px=290.0)
+_SMALL_IMAGES = 6
+_CONES_IMAGES, _SWING_IMAGES = 60, 60
+_BALANCING_LAG_IMAGES = 0.9  # of the images behind the joints, as runs on the whole clip find it
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,3 +126,52 @@ def track_clip(
     run = RunData.of_estimates(clip.folder, clip.model, rig, estimates)
     options = EvaluationOptions(clip.name, clip.lag_images, clip.align, image_sets=total)
     return TrackedClip(tuple(estimates), evaluate(run, clip.model, clip.truth, options))
+
+
+def rendered(name: str, request: Request, cache: Path) -> Path:
+    """Folder of the recording that ``request`` asks for, rendered if it is not there."""
+    count = "" if request.n_images is None else f"-{request.n_images}"
+    folder = cache / f"{name}{count}"
+    made = produce(request, folder, progress=show_progress)
+    say(f"{name}: {'rendered into' if made else 'found in'} {folder}")
+    return folder
+
+
+def cones_clip(cache: Path, small: bool = False) -> Clip:
+    """The tracker's own model in motion."""
+    return _synthetic("cones", Request(subject="model", motion="waves", n_images=_CONES_IMAGES), cache, small)
+
+
+def mannequin_clip(cache: Path, motions: str | None, small: bool = False) -> Clip:
+    """A dressed body that is not the tracker's, in a kick with a spin; swinging its limbs where there are no captured motions."""
+    if motions is None or small:
+        return _synthetic("mannequin_swing", Request(motion="swing", n_images=_SWING_IMAGES), cache, small)
+    return _synthetic("mannequin_spinkick", Request(motion="spinkick", motions=motions), cache, small)
+
+
+def _synthetic(name: str, request: Request, cache: Path, small: bool) -> Clip:
+    if small:
+        request = replace(request, n_images=_SMALL_IMAGES, scene=_SMALL_SCENE)
+    return synthetic_clip(rendered(f"small_{name}" if small else name, request, cache), name)
+
+
+def balancing_clip(folder: Path, small: bool = False) -> Clip:
+    """The Balancing sample, in the size that it is tracked in.
+
+    Parameters
+    ----------
+    folder : the prepared sample.
+    small : only its first images.
+
+    Returns
+    -------
+    The clip, with backgrounds made of its own images.
+    """
+    rig, model = load_rig(folder / "rig_refined.yaml"), load_model(folder / "person.yaml")
+    size = load_recording(folder / "recording.yaml").images.resize
+    images = SourceOptions(size=size, end=_SMALL_IMAGES if small else None)
+    return Clip(
+        "balancing", folder, rig, model, load_state(folder / "initial_state.yaml", model),
+        resized_plates(load_plates(rig), resampled_rig(rig, images)), load_truth(folder / "truth.trc"),
+        images, load_config(folder / "tracker.yaml"), _BALANCING_LAG_IMAGES, "first",
+    )  # fmt: skip
