@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
 def script(shell: str) -> str:
     """The script of a shell of `SHELLS`, made from the parsers of all verbs."""
     words = list(all_words())
-    return fish_script(words) if shell == "fish" else bash_script(words, in_zsh=shell == "zsh")
+    return _fish_script(words) if shell == "fish" else _bash_script(words, in_zsh=shell == "zsh")
 
 
 def all_words() -> Iterator[Words]:
@@ -77,7 +77,7 @@ def _words_of(key: str, parser: argparse.ArgumentParser) -> Iterator[Words]:
     yield from below
 
 
-def bash_script(words: list[Words], in_zsh: bool = False) -> str:
+def _bash_script(words: list[Words], in_zsh: bool = False) -> str:
     """A function for bash 4 or newer; zsh runs the same by bashcompinit.
 
     Parameters
@@ -134,7 +134,7 @@ def bash_script(words: list[Words], in_zsh: bool = False) -> str:
     return "\n".join(lines) + "\n"
 
 
-def fish_script(words: list[Words]) -> str:
+def _fish_script(words: list[Words]) -> str:
     """A line for each word that fish may offer."""
     program, *others = words
     start = f"complete -c {PROGRAM} -n"

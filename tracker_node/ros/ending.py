@@ -162,7 +162,7 @@ class Ending:
             with suppress(Exception):  # the bag itself says what is wrong with it
                 close()
         within(LEAVE_S, self._leave or _nothing)
-        remove_own_segments()
+        _remove_own_segments()
         end_now(0)
 
 
@@ -202,7 +202,7 @@ def within(seconds: float, action: Callable[[], None]) -> None:
     thread.join(seconds)
 
 
-def remove_own_segments() -> None:
+def _remove_own_segments() -> None:
     """The shared memory in which others read what this process has sent: Fast DDS keeps its lock file open while it lives."""
     held = Path("/proc/self/fd")
     for link in held.iterdir() if held.is_dir() else ():

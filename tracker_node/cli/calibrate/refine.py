@@ -93,8 +93,8 @@ def _from_run(args: argparse.Namespace) -> int:
     rig_file = with_drift(changed(read_rig_file(rig_path), fit), fit, clocks, images.begins_s)
     write_rig_file(rig_file, args.output, base_dir=Path(rig_path).parent)
     write_rig_report(page, images.model, images.rig, images.sets, fit)
-    write_metrics(report, rig_figures(fit) | drift_figures(clocks))
-    print_cameras(fit)
+    write_metrics(report, rig_figures(fit) | _drift_figures(clocks))
+    _print_cameras(fit)
     for name, clock in clocks.items():
         print(f"{name:12} drift {1e6 * clock.drift:8.1f} +- {1e6 * clock.drift_sigma:6.1f} ppm")
     print(f"wrote {args.output}, {page} and {report}")
@@ -141,7 +141,7 @@ def with_drift(rig_file, fit, clocks, begins_s: float):
     return rig_file.model_copy(update={"cameras": cameras})
 
 
-def drift_figures(clocks) -> dict[str, float | int]:
+def _drift_figures(clocks) -> dict[str, float | int]:
     """Figures of clocks as flat metrics, ``refine.<camera>.drift_ppm`` and its sigma."""
     figures: dict[str, float | int] = {}
     for name, clock in clocks.items():
@@ -174,7 +174,7 @@ def changed(rig_file, fit):
     return placed.model_copy(update={"cameras": cameras})
 
 
-def print_cameras(fit) -> None:
+def _print_cameras(fit) -> None:
     """What has been found, as a table."""
     print(f"{'camera':12} {'lines':>7} {'rms px':>16} {'moved mm':>16} {'turned deg':>16} {'later ms':>16}")
     for name, c in fit.cameras.items():

@@ -166,7 +166,7 @@ def run(args: argparse.Namespace) -> int:
                     node.destroy_node()
         finally:
             bag_problem = _close(recorder)
-    print(summarize(counts))
+    print(_summarize(counts))
     if recorder is not None:
         print(f"recorded: {recorder.written} messages in {args.record}, {recorder.dropped} dropped")
     if bag_problem:
@@ -189,7 +189,7 @@ def _close(recorder) -> str:
     return ""
 
 
-def summarize(counts) -> str:
+def _summarize(counts) -> str:
     """One line per camera."""
     return "\n".join(
         f"{name}: " + ", ".join(f"{value} {key}" for key, value in count.values().items() if value or key == "published")

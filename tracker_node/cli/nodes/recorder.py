@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
     from ...ros.executor import finished_bag, ros_process, spin
     from ...ros.tracker.heap import keep_freed_memory
 
-    selection = selection_of(args)
+    selection = _selection_of(args)
     keep_freed_memory()
     bag = _open_bag(args)
     with finished_bag(bag):
@@ -127,7 +127,7 @@ def _check_room(output: Path, min_free_bytes: int) -> None:
         raise TrackerError(f"{place}: --min-free-mb asks for {min_free_bytes // MB} MB of free room, there are {free // MB}")
 
 
-def selection_of(args: argparse.Namespace):
+def _selection_of(args: argparse.Namespace):
     """`TopicSelection` of the command line.
 
     Raises

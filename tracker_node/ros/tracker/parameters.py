@@ -85,7 +85,7 @@ class ConfigParameters:
     def _declare_field(self, name: str, default: Any) -> Any:
         if isinstance(default, float):
             integers_as_doubles(self._node, [name])
-        descriptor = descriptor_of(name, self._described[name])
+        descriptor = _descriptor_of(name, self._described[name])
         expected = f"a {type(default).__name__} ({descriptor.additional_constraints})"
         return self._declare(name, default, descriptor, expected)
 
@@ -165,11 +165,11 @@ class ConfigParameters:
         for name in () if keep else self._described.keys() - now.keys():
             self._node.undeclare_parameter(name)
         for name in sorted(now.keys() - self._described.keys()):
-            self._node.declare_parameter(name, now[name], descriptor_of(name, described[name]))
+            self._node.declare_parameter(name, now[name], _descriptor_of(name, described[name]))
         self._described = {**self._described, **described} if keep else described
 
 
-def descriptor_of(name: str, description: Mapping[str, Any]) -> ParameterDescriptor:
+def _descriptor_of(name: str, description: Mapping[str, Any]) -> ParameterDescriptor:
     """What ``ros2 param describe`` and rqt show: meaning, unit, range or choices.
 
     Parameters
