@@ -10,9 +10,10 @@ from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.objective import contour_residual as kernel
-from tracker_node.objective.chamfer.objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
+from tracker_node.objective.chamfer.correspondences import ContourBody, ContourCorrespondences, ContourOptions, EvidenceMaps
 from tracker_node.objective.constraints.prior import Prior
-from tracker_node.render.shape_arrays import ShapeArrays
+from tracker_node.render.contour.generators import SAMPLES, world_spheres
+from tracker_node.render.contour.picks import N_PICK_COLUMNS
 
 
 def test_assembly_is_what_dense_jacobians_give():
@@ -49,12 +50,25 @@ def test_interpolation_is_exact_on_planes_and_ends_at_the_border():
         assert not kernel.bilinear(plane, *outside)[0]
 
 
-def scattered_boundary(state: State, model, slot: CameraSlot, offset_px: float) -> np.ndarray:
-    """A point straight outward of every outline sample, ``offset_px`` away: the nearest sample stays the same nearby."""
-    arrays = ShapeArrays.from_model(model)
+def outline_of(state: State, model, camera) -> np.ndarray:
+    """(n, N_SAMPLE_COLUMNS): the outline's samples that ``camera`` sees, as the kernel notes them."""
+    body, options = ContourBody.of(model, [camera]), ContourOptions(samples_per_line=12, alignment=0.6)
     nothing = EvidenceMaps((0, 0), *np.zeros((2, 480, 640), np.float32), np.zeros((1, 4), np.float32))
-    ContourObjective(model, arrays, [slot], [nothing], ContourOptions(samples_per_line=12, alignment=0.6)).linearize(state)
-    outline = slot.samples[(slot.samples[:, 0] != 0.0)]
+    n, most, Ts = len(model.shapes), SAMPLES * 12, Configuration(model, state).Ts_world_shape
+    spheres, samples = np.empty((n, 4)), np.zeros((n * most, kernel.N_SAMPLE_COLUMNS))
+    world_spheres(Ts, body.arrays.bounds, spheres)
+    seen = np.zeros((n, most), np.uint8), np.zeros((n, most, N_PICK_COLUMNS)), np.zeros(n, np.int64)
+    n_links = len(model.chain.links)
+    sums = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6)), np.zeros(kernel.N_STATISTICS)
+    kernel.linearize_camera(
+        body.arrays.packed, Ts, spheres, body.cameras[0], nothing.packed, options.packed(), 12, True, (*seen, samples, *sums)
+    )
+    return samples[samples[:, 0] != 0.0]
+
+
+def scattered_boundary(state: State, model, camera, offset_px: float) -> np.ndarray:
+    """A point straight outward of every outline sample, ``offset_px`` away: the nearest sample stays the same nearby."""
+    outline = outline_of(state, model, camera)
     points = outline[:, :4].copy()
     points[:, :2] += offset_px * outline[:, 2:4]
     distance = np.linalg.norm(points[:, None, :2] - outline[None, :, :2], axis=2)
@@ -67,13 +81,12 @@ def scattered_boundary(state: State, model, slot: CameraSlot, offset_px: float) 
 def test_the_pull_of_the_boundary_has_the_gradient_of_its_cost(offset_px, scale_px):
     model = two_links(hand=False)
     state = State(se3.exp([0.02, 0.05, -0.1, 0.1, 0.2, 0.3]), np.array([0.6, 0.4]))
-    slots = [CameraSlot(camera, model, 12) for camera in cameras()]
-    boundaries = [scattered_boundary(state, model, slot, offset_px) for slot in slots]
+    boundaries = [scattered_boundary(state, model, camera, offset_px) for camera in cameras()]
     assert min(len(b) for b in boundaries) >= 10
     flat = np.zeros((2, 480, 640), np.float32)  # maps without a slope: the samples themselves say nothing
     maps = [EvidenceMaps((0, 0), *flat, boundary) for boundary in boundaries]
     options = ContourOptions(samples_per_line=12, boundary_weight=0.7, boundary_scale_px=scale_px)
-    objective = ContourObjective(model, ShapeArrays.from_model(model), slots, maps, options)
+    objective = ContourCorrespondences(ContourBody.of(model, cameras()), maps, options, state)
     equations = objective.linearize(state)
     assert equations.count == 0
     n_points, scale_sq = sum(len(b) for b in boundaries), scale_px**2
@@ -87,8 +100,8 @@ def test_the_pull_of_the_boundary_has_the_gradient_of_its_cost(offset_px, scale_
 def test_boundary_points_beyond_the_reach_or_with_another_normal_are_not_explained():
     model = two_links(hand=False)
     state = State(se3.exp([0.02, 0.05, -0.1, 0.1, 0.2, 0.3]), np.array([0.6, 0.4]))
-    slot = CameraSlot(cameras()[0], model, 12)
-    near = scattered_boundary(state, model, slot, 1.0)
+    camera = cameras()[0]
+    near = scattered_boundary(state, model, camera, 1.0)
     far, turned = near.copy(), near.copy()
     far[:, :2] += 300.0
     turned[:, 2:] *= -1.0
@@ -96,8 +109,9 @@ def test_boundary_points_beyond_the_reach_or_with_another_normal_are_not_explain
     for boundary, unexplained in ((near, 0), (far, len(near)), (turned, len(near))):
         maps = [EvidenceMaps((0, 0), *flat, boundary)]
         options = ContourOptions(samples_per_line=12, reach_px=5.0)
-        equations = ContourObjective(model, ShapeArrays.from_model(model), [slot], maps, options).linearize(state)
-        assert slot.stats[kernel.N_UNEXPLAINED] == unexplained
+        contours = ContourCorrespondences(ContourBody.of(model, [camera]), maps, options, state)
+        equations = contours.linearize(state)
+        assert contours.residuals(state)[0].stats[kernel.N_UNEXPLAINED] == unexplained
         assert (equations.cost > 0) == (unexplained == 0)
 
 

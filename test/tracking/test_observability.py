@@ -12,7 +12,7 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 from tracker_node.model.shapes.primitives import Box, Ellipsoid, TruncatedCone
-from tracker_node.objective.lines.objective import RegionObjective, RegionOptions, View
+from tracker_node.objective.lines.correspondences import LineDrawer, LineOptions, View
 from tracker_node.observation.region.colors import N_COLORS
 from tracker_node.render.raycast.raycaster import render_mask
 from tracker_node.render.shape_arrays import ShapeArrays
@@ -29,9 +29,7 @@ def rigid(primitive):
 def information_of(model, state, n_cameras):
     """Of the region lines of images that show the body white before black."""
     rig = CameraRig(tuple(look_at(eye, (0, 0, 0), LENS, f"cam{i}") for i, eye in enumerate(EYES[:n_cameras])))
-    objective = RegionObjective(
-        rig, model, ShapeArrays.from_model(model), np.zeros(len(model.shapes), dtype=np.int32), RegionOptions()
-    )  # fmt: skip
+    drawer = LineDrawer(rig, model, ShapeArrays.from_model(model), np.zeros(len(model.shapes), dtype=np.int32), LineOptions())
     body, scene = np.full((1, N_COLORS), 1e-6, dtype=np.float32), np.full(N_COLORS, 1e-6, dtype=np.float32)
     body[0, -1], scene[0] = 1.0, 1.0
     configuration = Configuration(model, state)
@@ -39,9 +37,7 @@ def information_of(model, state, n_cameras):
     for camera in rig:
         mask = render_mask(configuration, camera).astype(np.uint8)
         views.append(View(np.repeat(255 * mask[:, :, None], 3, axis=2), (body, scene)))
-    objective.set_views(views)
-    objective.correspond(state, 1.0)
-    return objective.linearize(state).H
+    return drawer.draw(views, state, 1.0, 0.5).linearize(state).H
 
 
 def turned(seed=3):

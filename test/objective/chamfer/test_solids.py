@@ -11,10 +11,9 @@ from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box, Mesh, TruncatedCone
-from tracker_node.objective.chamfer.objective import CameraSlot, ContourObjective, ContourOptions, EvidenceMaps
+from tracker_node.objective.chamfer.correspondences import ContourBody, ContourCorrespondences, ContourOptions, EvidenceMaps
 from tracker_node.optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 from tracker_node.render.raycast.raycaster import render_mask
-from tracker_node.render.shape_arrays import ShapeArrays
 
 
 def ring():
@@ -29,9 +28,8 @@ def model_of(name):
     return ArticulatedModel("m", KinematicChain(("body",), ()), (Shape("s", "body", SHAPES[name]),))
 
 
-def objective_of(model, maps, options):
-    slots = [CameraSlot(camera, model, options.samples_per_line) for camera in cameras()]
-    return ContourObjective(model, ShapeArrays.from_model(model), slots, maps, options)
+def contours_of(model, maps, options, state):
+    return ContourCorrespondences(ContourBody.of(model, cameras()), maps, options, state)
 
 
 def ramp_maps(seed):
@@ -45,12 +43,13 @@ def ramp_maps(seed):
 @pytest.mark.parametrize("name", SHAPES)
 def test_gradient_matches_finite_differences(name):
     model, state = model_of(name), State(se3.exp([0.02, 0.05, 0.2, 0.4, 0.2, 0.3]), np.zeros(0))
-    objective = objective_of(model, [ramp_maps(1), ramp_maps(2)], ContourOptions(robust_scale_px=30.0, alignment=-2.0))
-    equations = objective.linearize(state)
+    options = ContourOptions(robust_scale_px=30.0, alignment=-2.0)
+    contours = contours_of(model, [ramp_maps(1), ramp_maps(2)], options, state)
+    equations = contours.linearize(state)
     assert equations.count > 50
     step = 1e-6
     numeric = np.array([
-        (objective.linearize(state.retract(d)).cost - objective.linearize(state.retract(-d)).cost) / (2 * step)
+        (contours.linearize(state.retract(d)).cost - contours.linearize(state.retract(-d)).cost) / (2 * step)
         for d in np.eye(6) * step
     ])  # fmt: skip
     np.testing.assert_allclose(2 * equations.g, numeric, rtol=2e-3, atol=5e-4 * np.abs(numeric).max())
@@ -69,8 +68,8 @@ def test_a_box_finds_its_silhouettes():
     maps = [silhouette_maps(render_mask(Configuration(model, truth), camera)) for camera in cameras()]
     state = truth.retract(np.array([0.01, -0.015, 0.01, 0.03, -0.04, 0.03]))
     for _ in range(6):
-        objective = objective_of(model, maps, ContourOptions(inner_weight=0.0, boundary_weight=0.0))
-        state = minimize(objective, state, model.chain, LevenbergMarquardtOptions(max_iterations=5)).state
+        contours = contours_of(model, maps, ContourOptions(inner_weight=0.0, boundary_weight=0.0), state)
+        state = minimize(contours, state, model.chain, LevenbergMarquardtOptions(max_iterations=5)).state
     off = state.difference(truth)
     assert np.linalg.norm(off[:3]) < 0.002
     assert np.degrees(np.linalg.norm(off[3:])) < 0.5

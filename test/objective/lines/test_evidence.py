@@ -7,7 +7,7 @@ from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.objective.lines import correspondence as kernel
-from tracker_node.objective.lines.objective import RegionObjective, RegionOptions, View
+from tracker_node.objective.lines.correspondences import LineDrawer, LineOptions, View
 from tracker_node.observation.region.colors import N_COLORS
 from tracker_node.render.contour.generators import OUTER
 from tracker_node.render.contour.samples import CLASS, LINK, SHAPE
@@ -23,16 +23,15 @@ def test_evidence_is_what_the_lines_say():
     state = drawn.retract(np.array([0.004, -0.003, 0.002, 0.02, 0.01, -0.02, 0.03, 0.02]))
     body, scene = np.full((1, N_COLORS), 1e-6, dtype=np.float32), np.full(N_COLORS, 1e-6, dtype=np.float32)
     body[0, -1], scene[0] = 1.0, 1.0
-    options = RegionOptions()
-    objective = RegionObjective(rig, model, ShapeArrays.from_model(model), np.zeros(3, dtype=np.int32), options)
+    options, model_sigma_px = LineOptions(), 0.5
+    drawer = LineDrawer(rig, model, ShapeArrays.from_model(model), np.zeros(3, dtype=np.int32), options)
     masks = [render_mask(Configuration(model, drawn), camera) > 0 for camera in rig]
-    objective.set_views([View(np.repeat(255 * m[:, :, None].astype(np.uint8), 3, axis=2), (body, scene)) for m in masks])
-    objective.correspond(drawn, 1.0)
-    evidence = objective.part_evidence(state, CLOSE_PX)
+    views = [View(np.repeat(255 * m[:, :, None].astype(np.uint8), 3, axis=2), (body, scene)) for m in masks]
+    found = drawer.draw(views, drawn, 1.0, model_sigma_px)
+    evidence = found.at(state).part_evidence(CLOSE_PX)
     there = Configuration(model, state)
     for i, camera in enumerate(rig):
-        slot = objective.slots[i]
-        lines, info = slot.lines[: slot.n], slot.info[: slot.n]
+        lines, info = found.cameras[i].lines, found.cameras[i].info
         T = there.Ts_world_link[info[:, LINK]]
         points = np.einsum("nij,nj->ni", T[:, :3, :3], lines[:, :3]) + T[:, :3, 3]
         pixels, valid = camera.model.project(se3.apply(camera.T_cam_world, points))
@@ -41,7 +40,7 @@ def test_evidence_is_what_the_lines_say():
         r = np.einsum("nj,nj->n", normals, pixels - lines[:, kernel.LINE_U : kernel.LINE_V + 1]) - lines[:, kernel.MEAN]
         for shape in range(3):
             mine = (info[:, CLASS] == OUTER) & (info[:, SHAPE] == shape)
-            model_variance = options.packed(1.0, objective.model_sigma_px)[kernel.MODEL_VARIANCE]
+            model_variance = options.packed(1.0, model_sigma_px)[kernel.MODEL_VARIANCE]
             assert evidence.expected[i, shape] == mine.sum()
             assert evidence.found[i, shape] == (mine & told).sum()
             assert evidence.close[i, shape] == (mine & told & (np.abs(r) < CLOSE_PX)).sum()

@@ -1,5 +1,7 @@
 """Correspondence lines against pictures whose edges are known in closed form: a disk is what a sphere ahead of a camera shows."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Ellipsoid
 from tracker_node.objective.lines import table
-from tracker_node.objective.lines.objective import RegionObjective, RegionOptions, View
+from tracker_node.objective.lines.correspondences import LineCorrespondences, LineDrawer, LineOptions, View
 from tracker_node.observation.region.background import EmptyRoom
 from tracker_node.observation.region.colors import RegionColors, color_classes, stated_densities, trust_stated_colors
 from tracker_node.optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
@@ -47,7 +49,24 @@ def disk(radius, noise=4.0, seed=0):
     return np.clip(np.rint(image), 0, 255).astype(np.uint8), radius_px
 
 
-def objective_of(radius, image, learnt_at=(0.0, 0.0), radius_px=None, **options):
+@dataclass
+class Drawing:
+    """Lines of a ball in one image."""
+
+    model: ArticulatedModel
+    classes: np.ndarray
+    options: LineOptions
+    view: View
+
+    def __post_init__(self):
+        self.arrays = ShapeArrays.from_model(self.model)
+        self.drawer = LineDrawer(rig(), self.model, self.arrays, self.classes, self.options)
+
+    def draw(self, state: State, scale: float, model_sigma_px: float = 0.5, view: View | None = None) -> LineCorrespondences:
+        return self.drawer.draw([view or self.view], state, scale, model_sigma_px)
+
+
+def drawing_of(radius, image, learnt_at=(0.0, 0.0), radius_px=None, **options) -> Drawing:
     model = ball(radius)
     classes = color_classes(model)
     colors = RegionColors(classes, stated_densities(model, classes), 0.3)
@@ -55,19 +74,14 @@ def objective_of(radius, image, learnt_at=(0.0, 0.0), radius_px=None, **options)
     inside = np.hypot(u - CENTER[0] - learnt_at[0], v - CENTER[1] - learnt_at[1]) < radius_px
     sound = np.ones(1, dtype=np.bool_)
     colors.learn(image, (0, 0, WIDTH, HEIGHT), inside.astype(np.uint8), 1.0, 3, 40, sound)
-    objective = RegionObjective(rig(), model, ShapeArrays.from_model(model), classes, RegionOptions(**options))
-    objective.set_views([View(image, (colors.body, colors.scene))])
-    return objective
+    return Drawing(model, classes, LineOptions(**options), View(image, (colors.body, colors.scene)))
 
 
 @pytest.mark.parametrize("off_px", [-6.0, 0.3, 6.0])
 def test_a_line_finds_how_far_its_contour_is(off_px):
     image, radius_px = disk(0.25)
-    objective = objective_of(0.25, image, radius_px=radius_px, samples_per_line=40)
-    scale = 1.0
-    objective.correspond(at(x=off_px * DISTANCE / FOCAL), scale)
-    slot = objective.slots[0]
-    lines = slot.lines[: slot.n]
+    drawing = drawing_of(0.25, image, radius_px=radius_px, samples_per_line=40)
+    lines = drawing.draw(at(x=off_px * DISTANCE / FOCAL), 1.0).cameras[0].lines
     normals = lines[:, table.LINE_NU : table.LINE_NV + 1]
     from_center = lines[:, table.LINE_U : table.LINE_V + 1] - CENTER
     # The circle along the ray from the sample: |p + t n| = R
@@ -82,13 +96,12 @@ def test_a_line_finds_how_far_its_contour_is(off_px):
 
 def test_gradient_is_that_of_the_cost():
     image, radius_px = disk(0.25)
-    objective = objective_of(0.25, image, radius_px=radius_px, robust_sigmas=2.0)
-    objective.correspond(at(x=0.01), 2.0)
+    lines = drawing_of(0.25, image, radius_px=radius_px, robust_sigmas=2.0).draw(at(x=0.01), 2.0)
     state, step = at(x=0.013, y=-0.004, z=DISTANCE + 0.01), 1e-6
-    g = objective.linearize(state).g
+    g = lines.linearize(state).g
 
     def cost(i, size):
-        return objective.linearize(state.retract(size * np.eye(6)[i])).cost
+        return lines.linearize(state.retract(size * np.eye(6)[i])).cost
 
     slope = np.array([(cost(i, step) - cost(i, -step)) / (4.0 * step) for i in range(3)])
     # The robust weights are held: g has the slope's direction, and more than its size where residuals are large
@@ -97,12 +110,12 @@ def test_gradient_is_that_of_the_cost():
 
 def test_coarse_to_fine_lines_lead_home_and_tell_how_surely():
     image, radius_px = disk(0.25, noise=4.0)
-    objective = objective_of(0.25, image, (6.0, 2.0), radius_px, samples_per_line=40, model_sigma_px=1.0)
+    drawing = drawing_of(0.25, image, (6.0, 2.0), radius_px, samples_per_line=40)
     state = at(x=0.08, y=-0.05, z=DISTANCE + 0.10)
     result = None
     for scale in (4.0, 4.0, 2.0, 1.0, 1.0):
-        objective.correspond(state, scale)
-        result = minimize(objective, state, objective.model.chain, LevenbergMarquardtOptions(max_iterations=3))
+        lines = drawing.draw(state, scale, 1.0)
+        result = minimize(lines, state, drawing.model.chain, LevenbergMarquardtOptions(max_iterations=3))
         state = result.state
     error = state.T_world_root[:3, 3] - [0.0, 0.0, DISTANCE]
     assert np.abs(error[:2]).max() < 0.1 * DISTANCE / FOCAL  # a tenth of a pixel
@@ -116,10 +129,9 @@ def test_a_part_that_is_narrower_than_its_line_is_found_as_a_whole():
     radius = 0.03
     image, radius_px = disk(radius)
     assert radius_px < 5.0
-    objective = objective_of(radius, image, radius_px=radius_px, half_length=8)
+    drawing = drawing_of(radius, image, radius_px=radius_px, half_length=8)
     off_px = 11.0  # more than twice its own width
-    objective.correspond(at(x=off_px * DISTANCE / FOCAL), 2.0)
-    lines = objective.slots[0].lines[: objective.slots[0].n]
+    lines = drawing.draw(at(x=off_px * DISTANCE / FOCAL), 2.0).cameras[0].lines
     across = np.abs(lines[:, table.LINE_NU]) > 0.95  # lines that run through the ball
     shifts = lines[across, table.MEAN] * lines[across, table.LINE_NU]
     assert across.sum() >= 4
@@ -130,9 +142,8 @@ def test_evidence_tells_a_ball_that_is_there_from_one_that_is_not():
     image, radius_px = disk(0.25)
     shares = []
     for x in (0.0, 0.45):
-        objective = objective_of(0.25, image, radius_px=radius_px)
-        objective.correspond(at(x=x), 1.0)
-        evidence = objective.part_evidence(at(x=x), 2.5)
+        lines = drawing_of(0.25, image, radius_px=radius_px).draw(at(x=x), 1.0)
+        evidence = lines.at(at(x=x)).part_evidence(2.5)
         shares.append(float(evidence.close.sum() / evidence.expected.sum()))
         assert np.all(evidence.found <= evidence.expected)
         assert np.all(evidence.close <= evidence.found)
@@ -144,9 +155,7 @@ def test_the_spread_beyond_the_lines_own_is_that_of_a_wrong_model():
     image, radius_px = disk(0.25)
     spreads = []
     for radius in (0.25, 0.25 * (1.0 + 3.0 / radius_px)):
-        objective = objective_of(radius, image, radius_px=radius_px)
-        objective.correspond(at(), 1.0)
-        spreads.append(objective.spread_px(at()))
+        spreads.append(drawing_of(radius, image, radius_px=radius_px).draw(at(), 1.0).at(at()).spread_px)
     assert spreads[0] < 0.3
     assert spreads[1] == pytest.approx(1.4826 * 3.0, abs=0.6)  # all of them are three pixels off
 
@@ -160,15 +169,14 @@ def test_a_known_room_of_the_bodys_color_still_shows_the_body():
     image = np.clip(np.where(share, BODY_BGR + noise, wall + noise), 0, 255).astype(np.uint8)
     errors = []
     for known in (False, True):
-        objective = objective_of(0.25, image, (8.0, 0.0), radius_px, samples_per_line=40)
+        drawing = drawing_of(0.25, image, (8.0, 0.0), radius_px, samples_per_line=40)
         if known:
             plate = np.clip(wall + np.random.default_rng(2).normal(0.0, 2.0, wall.shape), 0, 255).astype(np.uint8)
-            view = objective.views[0]
-            objective.set_views([View(image, view.densities, EmptyRoom([plate], 3.0, 0.0, 4).packed)])
+            drawing.view = View(image, drawing.view.densities, EmptyRoom([plate], 3.0, 0.0, 4).packed)
         state = at(x=8.0 * DISTANCE / FOCAL)
         for scale in (2.0, 1.0):
-            objective.correspond(state, scale)
-            state = minimize(objective, state, objective.model.chain, LevenbergMarquardtOptions(max_iterations=3)).state
+            lines = drawing.draw(state, scale)
+            state = minimize(lines, state, drawing.model.chain, LevenbergMarquardtOptions(max_iterations=3)).state
         errors.append(np.hypot(*state.T_world_root[:2, 3]) * FOCAL / DISTANCE)
     assert errors[1] < 0.5
     assert errors[1] < errors[0]
@@ -233,17 +241,62 @@ def test_colors_that_the_images_do_not_bear_out_are_not_expected():
     np.testing.assert_array_equal(colors.body, before)
 
 
-def test_what_lines_bear_out_is_found_anew_for_other_lines_and_other_distances():
+def test_what_lines_say_is_found_anew_for_other_states_other_lines_and_other_distances():
     image, radius_px = disk(0.25)
-    objective, state = objective_of(0.25, image, radius_px=radius_px), at(x=8.0 * DISTANCE / FOCAL)
-    objective.correspond(state, 4.0)
-    coarse, spread_px, equations = objective.part_evidence(state, 2.5), objective.spread_px(state), objective.linearize(state)
-    assert not np.array_equal(objective.linearize(at()).g, equations.g)
-    np.testing.assert_array_equal(objective.linearize(state).H, equations.H)
-    assert objective.part_evidence(state, 20.0).close.sum() > coarse.close.sum()
-    objective.correspond(state, 1.0)
-    assert objective.part_evidence(state, 2.5).chi2.sum() != coarse.chi2.sum()
-    assert objective.spread_px(state) != spread_px
-    assert not np.array_equal(objective.linearize(state).H, equations.H)
-    objective.set_views([None])
-    assert objective.part_evidence(state, 2.5).expected.sum() == 0.0
+    drawing, state = drawing_of(0.25, image, radius_px=radius_px), at(x=8.0 * DISTANCE / FOCAL)
+    lines = drawing.draw(state, 4.0)
+    coarse, spread_px, equations = lines.at(state).part_evidence(2.5), lines.at(state).spread_px, lines.linearize(state)
+    assert not np.array_equal(lines.linearize(at()).g, equations.g)
+    np.testing.assert_array_equal(lines.linearize(state).H, equations.H)
+    assert lines.at(state).part_evidence(20.0).close.sum() > coarse.close.sum()
+    fine = drawing.draw(state, 1.0)
+    assert fine.at(state).part_evidence(2.5).chi2.sum() != coarse.chi2.sum()
+    assert fine.at(state).spread_px != spread_px
+    assert not np.array_equal(fine.linearize(state).H, equations.H)
+    nothing = drawing.drawer.draw([None], state, 1.0, 0.5)
+    assert nothing.at(state).part_evidence(2.5).expected.sum() == 0.0
+    assert nothing.camera_equations(state) == [None] and nothing.active == []
+
+
+def test_lines_that_have_been_drawn_do_not_change_when_others_are():
+    """The drawer's work arrays are used again; what is compared later, with whatever state, is compared with one's own lines."""
+    image, radius_px = disk(0.25)
+    drawing, state, other = drawing_of(0.25, image, radius_px=radius_px), at(x=0.02), at(x=-0.03, y=0.01)
+    lines = drawing.draw(state, 2.0)
+    kept, info = lines.cameras[0].lines.copy(), lines.cameras[0].info.copy()
+    before = [(lines.linearize(s), lines.at(s).part_evidence(2.5), lines.at(s).spread_px) for s in (state, other)]
+    drawing.draw(other, 4.0, 2.0).linearize(other)
+    drawing.drawer.draw([None], other, 1.0, 0.5)
+    np.testing.assert_array_equal(lines.cameras[0].lines, kept)
+    np.testing.assert_array_equal(lines.cameras[0].info, info)
+    for s, (equations, evidence, spread_px) in zip((state, other), before, strict=True):
+        now, found = lines.linearize(s), lines.at(s).part_evidence(2.5)
+        np.testing.assert_array_equal(now.H, equations.H)
+        np.testing.assert_array_equal(now.g, equations.g)
+        np.testing.assert_array_equal(found.chi2, evidence.chi2)
+        assert (now.cost, lines.at(s).spread_px) == (equations.cost, spread_px)
+
+
+def test_what_has_been_said_of_a_state_stays_as_it_is():
+    """Also when the same lines have been compared with another state since, from which nothing is left over."""
+    image, radius_px = disk(0.25)
+    lines, state = drawing_of(0.25, image, radius_px=radius_px).draw(at(x=0.02), 2.0), at(x=0.03)
+    there = lines.at(state)
+    g, cost, gradient = there.equations.g.copy(), there.cost_per_line, lines.camera_equations(state)[0].gradient.copy()
+    assert lines.at(state) is there  # asked again at once, nothing is summed again
+    lines.linearize(at(x=-0.02))
+    np.testing.assert_array_equal(there.equations.g, g)
+    assert there.cost_per_line == cost
+    np.testing.assert_array_equal(lines.camera_equations(state)[0].gradient, gradient)
+
+
+def test_lines_of_a_camera_that_exposes_later_are_those_of_the_body_where_it_is_then():
+    """Drawn, and compared with states, with the body moved by the offset: ahead of the state by six pixels."""
+    image, radius_px = disk(0.25)
+    drawing = drawing_of(0.25, image, radius_px=radius_px)
+    offset = np.zeros(6)
+    offset[0] = 6.0 * DISTANCE / FOCAL
+    late = drawing.drawer.draw([drawing.view], at(x=-offset[0]), 1.0, 0.5, [offset])
+    now = drawing.draw(at(), 1.0)
+    np.testing.assert_allclose(late.cameras[0].lines, now.cameras[0].lines, atol=1e-9)
+    np.testing.assert_allclose(late.linearize(at(x=0.01 - offset[0])).g, now.linearize(at(x=0.01)).g, rtol=1e-6, atol=1e-6)
