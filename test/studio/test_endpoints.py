@@ -7,7 +7,7 @@ import pytest
 from starlette.applications import Starlette
 
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.yaml_file import FileModel
+from tracker_node.loaders.file_model import FileModel
 from tracker_node.studio.endpoints import Answer, get, image, json_object, post
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import FileFormatError
-from .file_kind import PARAMETERS, check_kind
+from .file_model import PARAMETERS, check_kind
 from .yaml_file import read_mapping, write_mapping
 
 _ROS_KEY = "ros__parameters"

@@ -13,83 +13,49 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from ..errors import FileFormatError, SourceError
-from .file_kind import RECORDING
-from .rig.rig_yaml import ImageSize
-from .source_address import filled, parse_source, relocated, sources_by_name
-from .yaml_file import FileModel, PositiveNumber, is_number, problem, read_mapping, validate
+from .file_model import RECORDING, FileModel, PositiveNumber, checked, is_number, problem, validate
+from .rig.rig_yaml import ImageSize, check_source
+from .source_address import filled, relocated, sources_by_name
+from .yaml_file import read_mapping
 
 MOST_LAG_IMAGES = 1000
 FILES = ("rig", "model", "initial_state", "occluders", "config")
 
 
-def _whole(value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= 1_000_000_000:
-        raise problem("a whole number, 0 or more", value)
-    return value
-
-
-def _at_least_one(value: Any) -> int:
-    if _whole(value) < 1:
-        raise problem("a whole number, 1 or more", value)
-    return value
+def _is_whole(value: Any) -> bool:
+    return type(value) is int and 0 <= value <= 1_000_000_000
 
 
 def _sources(value: Any) -> str | dict[str, str]:
     """One pattern for all cameras, or a source for each; not a union of types, whose errors would name neither."""
-    if isinstance(value, str):
-        try:
-            filled(value, "cam", 1)
-        except SourceError:
-            raise problem("a pattern with {name} or {number}, or a source for each camera", value) from None
-        return _source(value, "")
-    if not isinstance(value, dict):
-        raise problem("a pattern with {name} or {number}, or a source for each camera", value)
-    return {str(name): _source(source, str(name)) for name, source in value.items()}
-
-
-def _source(value: Any, field: str) -> str:
     try:
-        if not isinstance(value, str):
-            raise SourceError(str(value), "is no text")
-        parse_source(value)
-    except SourceError as error:
-        raise problem("a path, or a source of a known kind (docs/cameras.md)", error.source, field) from None
-    return value
+        if isinstance(value, str):
+            filled(value, "cam", 1)
+            return check_source(value)
+        return {str(name): check_source(source, str(name)) for name, source in value.items()}
+    except (AttributeError, SourceError):
+        raise problem("a pattern with {name} or {number}, or a source for each camera", value) from None
 
 
-def _switch(value: Any) -> bool:
-    if not isinstance(value, bool):
-        raise problem("true or false", value)
-    return value
+def _names(value: Any) -> Any:
+    return [value] if isinstance(value, str) else value
 
 
-def _files(value: Any) -> tuple[str, ...]:
-    """One file, or several."""
-    names = [value] if isinstance(value, str) else value
-    if not isinstance(names, (list, tuple)) or not all(isinstance(name, str) for name in names):
-        raise problem("a file, or a list of files", value)
-    return tuple(names)
+def _are_files(value: Any) -> bool:
+    return isinstance(_names(value), (list, tuple)) and all(isinstance(name, str) for name in _names(value))
 
 
-def _lag(value: Any) -> Any:
-    if value != "auto" and not (is_number(value) and abs(value) <= MOST_LAG_IMAGES):
-        raise problem(f"'auto' or a number of images, at most {MOST_LAG_IMAGES}", value)
-    return value
+def _is_lag(value: Any) -> bool:
+    return value == "auto" or (is_number(value) and abs(value) <= MOST_LAG_IMAGES)
 
 
-def _name(value: Any) -> str:
-    if not isinstance(value, str) or not value.strip():
-        raise problem("a name", value)
-    return value
-
-
-Files = Annotated[tuple[str, ...], BeforeValidator(_files)]
-Whole = Annotated[int, BeforeValidator(_whole)]
-Positive = Annotated[int, BeforeValidator(_at_least_one)]
+Files = Annotated[tuple[str, ...], checked("a file, or a list of files", _are_files, lambda value: tuple(_names(value)))]
+Whole = Annotated[int, checked("a whole number, 0 or more", _is_whole)]
+Positive = Annotated[int, checked("a whole number, 1 or more", lambda value: _is_whole(value) and value >= 1)]
 Sources = Annotated[str | dict[str, str], BeforeValidator(_sources)]
-Switch = Annotated[bool, BeforeValidator(_switch)]
-Lag = Annotated[str | float, BeforeValidator(_lag)]
-Name = Annotated[str, BeforeValidator(_name)]
+Switch = Annotated[bool, checked("true or false", lambda value: isinstance(value, bool))]
+Lag = Annotated[str | float, checked(f"'auto' or a number of images, at most {MOST_LAG_IMAGES}", _is_lag)]
+Name = Annotated[str, checked("a name", lambda value: isinstance(value, str) and value.strip())]
 
 
 class ImagesEntry(FileModel):

@@ -9,21 +9,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar
+from typing import Any, ClassVar
 
-import numpy as np
 import yaml
-from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, model_validator
-from pydantic_core import PydanticCustomError
 
-from ..errors import FileFormatError, shown
-from .file_kind import check_kind
+from ..errors import FileFormatError
 from .whole_file import read_text, write_whole
 
-LARGEST = 1e12  # no length, angle or pixel of a real scene is beyond
-MOST_TOLD = 5  # problems of a file, in one message
 MOST_VALUES = 1_000_000  # of a file, each alias counted as often as it is used
 MOST_LEVELS = 100  # of lists and mappings within each other
 MOST_DIGITS = 1000  # of an integer
@@ -219,160 +212,3 @@ def write_mapping(values: Mapping[str, Any], path: str | Path, comment: str = ""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, text)
-
-
-UNKNOWN = "unknown_keys"  # type of pydantic's error for them
-
-
-class FileModel(BaseModel):
-    """Base of every validated part of a file: closed set of fields, no coercion of text to numbers.
-
-    ``KIND``: what a whole file is called (`file_kind`); empty for parts.
-    """
-
-    KIND: ClassVar[str] = ""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=False, arbitrary_types_allowed=False)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _known_fields_only(cls, values: Any) -> Any:
-        if isinstance(values, dict):
-            unknown = [key for key in values if key not in cls.model_fields]
-            if unknown:
-                free = [name for name in cls.model_fields if name not in values]
-                context = {"keys": unknown, "valid": sorted(cls.model_fields), "free": free}
-                raise PydanticCustomError(UNKNOWN, "unknown keys", context)
-        elif not isinstance(values, BaseModel):
-            raise problem("a mapping", values)
-        return values
-
-
-def problem(expected: str, got: object, field: str = "") -> PydanticCustomError:
-    """What a validator raises; ``field`` is relative to where the validator stands."""
-    context = {"expected": expected, "got": got, "field": field}
-    return PydanticCustomError("format", "expected {expected}", context)
-
-
-def is_number(value: Any) -> bool:
-    """True for a number that a file may hold; beyond `LARGEST` squares and cosines lose their meaning."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST
-
-
-def _checked_numbers(value: Any, shape: tuple[int | None, ...], what: str) -> Any:
-    array = value.tolist() if isinstance(value, np.ndarray) else value
-    if not shape:
-        if not is_number(array):
-            raise ValueError
-        return float(array)
-    if not isinstance(array, (list, tuple)) or (shape[0] is not None and len(array) != shape[0]):
-        raise ValueError
-    return tuple(_checked_numbers(item, shape[1:], what) for item in array)
-
-
-def numbers(*shape: int | None, what: str = "") -> Any:
-    """Type of finite numbers of this shape, e.g. ``numbers(3, 3)``; ``None`` stands for any length; ``numbers()`` is one."""
-    sizes = " x ".join("n" if size is None else str(size) for size in shape)
-    expected = what or (f"{sizes} finite numbers" if shape else "a finite number")
-
-    def check(value: Any) -> Any:
-        try:
-            return _checked_numbers(value, shape, expected)
-        except (ValueError, OverflowError):
-            raise problem(expected, value) from None
-
-    inner: Any = float
-    for _ in shape:
-        inner = tuple[inner, ...]
-    return Annotated[inner, BeforeValidator(check)]
-
-
-Number = numbers()
-PositiveNumber = Annotated[float, BeforeValidator(lambda v: _positive(v))]
-
-
-def _positive(value: Any) -> float:
-    if not is_number(value) or not value > 0.0:
-        raise problem("a positive number", value)
-    return float(value)
-
-
-T = TypeVar("T", bound=BaseModel)
-
-
-def validate(format_class: type[T], values: dict[str, Any], path: str | Path) -> T:
-    """``values`` checked against a format.
-
-    Raises
-    ------
-    WrongKindOfFileError : the file is a body where a rig is asked for, say.
-    FileFormatError : with all that is wrong, up to a handful: keys that are not known before what may come of them.
-    """
-    try:
-        return format_class.model_validate(values)
-    except ValidationError as error:
-        if issubclass(format_class, FileModel) and format_class.KIND:
-            check_kind(values, format_class.KIND, path)
-        problems = [told for one in error.errors(include_url=False) for told in _told(one, values)]
-        problems.sort(key=lambda told: not told.unknown)  # stable
-        first, others = problems[0], problems[1:]
-        some = others[: MOST_TOLD - 1]
-        also = [f"field '{told.field}': expected {told.expected[:400]}, got {shown(told.got)}" for told in some]
-        if len(others) >= MOST_TOLD:
-            also.append(f"and {len(others) - MOST_TOLD + 1} more problems in this file")
-        raise FileFormatError(path, first.field, first.expected, first.got, also) from None
-
-
-class _Told(NamedTuple):
-    """A problem of a file, in the file's own terms."""
-
-    field: str
-    expected: str
-    got: object
-    unknown: bool = False
-
-
-def _told(error: Any, values: Any) -> list[_Told]:
-    """The problems that an error of pydantic stands for: one, or each of several keys that are not known."""
-    context = error.get("ctx", {})
-    field = _dotted(error["loc"], values, error["type"])
-    if error["type"] == UNKNOWN:
-        return [_unknown_key(field, str(key), context["valid"], context["free"]) for key in context["keys"]]
-    if error["type"] == "format":
-        field = ".".join(part for part in (field, context["field"]) if part)
-        return [_Told(field or "(top level)", context["expected"], context["got"])]
-    return [_Told(field or "(top level)", *_expected_and_got(error))]
-
-
-def _unknown_key(field: str, key: str, valid: list[str], free: list[str]) -> _Told:
-    near = get_close_matches(key, free, n=1, cutoff=0.6) or get_close_matches(key, valid, n=1, cutoff=0.8)
-    expected = f"'{near[0]}', or another of {valid}" if near else f"one of {valid}"
-    return _Told(".".join(part for part in (field, key) if part), expected, key, unknown=True)
-
-
-def _expected_and_got(error: Any) -> tuple[str, object]:
-    if error["type"] == "missing":
-        return "a value", "nothing"
-    if error["type"] == "union_tag_not_found":
-        return f"a field {error['ctx']['discriminator']}", "none"
-    if error["type"] == "union_tag_invalid":
-        return f"{error['ctx']['discriminator']} to be one of {error['ctx']['expected_tags']}", error["ctx"]["tag"]
-    message = error["msg"]
-    for prefix in ("Input should be ", "Value error, "):
-        message = message.removeprefix(prefix)
-    return message, error["input"]
-
-
-def _dotted(location: tuple[int | str, ...], values: Any, kind: str) -> str:
-    """Dotted path of an error in the file's own terms: tags that pydantic adds for unions are left out."""
-    parts, here = [], values
-    for i, part in enumerate(location):
-        last = i == len(location) - 1
-        if isinstance(here, dict) and part in here:
-            here = here[part]
-        elif isinstance(here, (list, tuple)) and isinstance(part, int) and part < len(here):
-            here = here[part]
-        elif not (last and kind == "missing"):
-            continue
-        parts.append(str(part))
-    return ".".join(parts)

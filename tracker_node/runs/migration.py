@@ -20,11 +20,11 @@ from ..loaders.bag.message_types import STATE_COVARIANCE, TRACKED_STATE, Message
 from ..loaders.bag.reader import BagMessage, BagReader
 from ..loaders.bag.writer import BagExistsError, BagWriter
 from ..loaders.config_yaml import dump_parameters, load_parameters
-from ..loaders.file_kind import BODY, RIG, kind_of
+from ..loaders.file_model import BODY, RIG, FileModel, kind_of, validate
 from ..loaders.model.model_file import ModelFile
 from ..loaders.rig.rig_yaml import RigFile
 from ..loaders.whole_file import read_text, write_whole
-from ..loaders.yaml_file import FileModel, read_mapping, validate
+from ..loaders.yaml_file import read_mapping
 from ..tracking.config import CONTOURS, from_dict
 from ..tracking.estimate import GRAY_LEVELS, PX, LimbStatus
 from ..tracking.renamed import migrated

@@ -12,7 +12,7 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
 from ..errors import FileFormatError
-from ..loaders.yaml_file import FileModel, validate
+from ..loaders.file_model import FileModel, validate
 from .images import RecordedImages
 
 _MOST_SHRINK, _MOST_IMAGES = 16, 10**9

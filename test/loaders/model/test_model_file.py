@@ -3,6 +3,7 @@
 import pytest
 
 from tracker_node.errors import FileFormatError
+from tracker_node.loaders.file_model import validate
 from tracker_node.loaders.model.model_file import (
     LEAST_RANGE,
     AxisEntry,
@@ -13,7 +14,6 @@ from tracker_node.loaders.model.model_file import (
     MimicEntry,
     ModelFile,
 )
-from tracker_node.loaders.yaml_file import validate
 
 AXIS = {"name": "bend", "direction": [0, 1, 0]}
 CONE = {"link": "a", "type": "truncated_elliptical_cone", "a": 0.1, "b": 0.2}

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tracker_node.errors import FileFormatError
+from tracker_node.loaders.file_model import LARGEST
 from tracker_node.loaders.model.urdf_xml import read_robot
-from tracker_node.loaders.yaml_file import LARGEST
 
 
 def robot(tmp_path, inside="", name="a.urdf", attributes=""):

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from helpers.cameras.render_scenes import LENSES, look_at
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import TrackerError
-from tracker_node.loaders.yaml_file import validate
+from tracker_node.loaders.file_model import validate
 from tracker_node.studio.digitize.click_store import ClickStore
 from tracker_node.studio.digitize.page import Asked, AskedClick, AskedName, Desk
 from tracker_node.studio.images import SetNumbers

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from helpers.cameras.small_clip import make_clip
 from tracker_node.errors import TrackerError
-from tracker_node.loaders.yaml_file import validate
+from tracker_node.loaders.file_model import validate
 from tracker_node.studio.pose.page import Drag, Loaded, Pose, PoseDesk, PoseInSet, Saved
 from tracker_node.studio.session import StudioFiles, open_session
 

@@ -6,67 +6,36 @@ from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from ...model.articulated import DEFAULT_COLOR_RGB
 from ...model.kinematic_chain import ROOT_DOF_NAMES
 from ...model.shapes.nurbs import N_AROUND, RING_SPACING, Loft, Section
 from ...model.shapes.primitives import BOX_FACES
-from ..file_kind import BODY
-from ..yaml_file import FileModel, Number, PositiveNumber, is_number, numbers, problem
+from ..file_model import BODY, FileModel, Number, PositiveNumber, are_numbers, checked, floats, is_number, numbers, problem
 
 LEAST_RANGE = 1e-6  # degrees or meters between an axis's limits; radians and back must not close it
 Vector = numbers(3)
 
 
-def _positive_vector(value: Any) -> tuple[float, float, float]:
-    ok = isinstance(value, (list, tuple)) and len(value) == 3
-    if not ok or any(not is_number(v) or not v > 0 for v in value):
-        raise problem("3 positive numbers (meters)", value)
-    return float(value[0]), float(value[1]), float(value[2])
+def _are_limits(value: Any) -> bool:
+    return are_numbers(value, 2) and value[1] - value[0] > LEAST_RANGE
 
 
-def _positive_pair(value: Any) -> tuple[float, float]:
-    ok = isinstance(value, (list, tuple)) and len(value) == 2
-    if not ok or any(not is_number(v) or not v > 0 for v in value):
-        raise problem("2 positive numbers (meters)", value)
-    return float(value[0]), float(value[1])
+def _is_color(value: Any) -> bool:
+    return isinstance(value, (list, tuple)) and len(value) == 3 and all(type(v) is int and 0 <= v <= 255 for v in value)
 
 
-def _ring_spacing(value: Any) -> float:
-    if not is_number(value) or not value >= 0.001:
-        raise problem("a number >= 0.001 (meters)", value)
-    return float(value)
-
-
-def _color(value: Any) -> tuple[int, int, int]:
-    ok = isinstance(value, (list, tuple)) and len(value) == 3
-    if not ok or any(isinstance(v, bool) or not isinstance(v, int) or not 0 <= v <= 255 for v in value):
-        raise problem("[r, g, b], whole numbers of 0..255", value)
-    return value[0], value[1], value[2]
-
-
-def _limits_deg(value: Any) -> tuple[float, float]:
-    return _limits(value, "degrees")
-
-
-def _limits_m(value: Any) -> tuple[float, float]:
-    return _limits(value, "meters")
-
-
-def _limits(value: Any, unit: str) -> tuple[float, float]:
-    ok = isinstance(value, (list, tuple)) and len(value) == 2
-    ok = ok and all(is_number(v) for v in value)
-    if not ok or not value[1] - value[0] > LEAST_RANGE:
-        raise problem(f"[lower, upper] in {unit} with lower < upper", value)
-    return float(value[0]), float(value[1])
-
-
-PositiveVector = Annotated[tuple[float, float, float], BeforeValidator(_positive_vector)]
-PositivePair = Annotated[tuple[float, float], BeforeValidator(_positive_pair)]
-Color = Annotated[tuple[int, int, int], BeforeValidator(_color)]
-Degrees = Annotated[tuple[float, float], BeforeValidator(_limits_deg)]
-Meters = Annotated[tuple[float, float], BeforeValidator(_limits_m)]
+PositiveVector = Annotated[
+    tuple[float, float, float], checked("3 positive numbers (meters)", lambda v: are_numbers(v, 3) and min(v) > 0, floats)
+]
+PositivePair = Annotated[
+    tuple[float, float], checked("2 positive numbers (meters)", lambda v: are_numbers(v, 2) and min(v) > 0, floats)
+]
+Color = Annotated[tuple[int, int, int], checked("[r, g, b], whole numbers of 0..255", _is_color, tuple)]
+Degrees = Annotated[tuple[float, float], checked("[lower, upper] in degrees with lower < upper", _are_limits, floats)]
+Meters = Annotated[tuple[float, float], checked("[lower, upper] in meters with lower < upper", _are_limits, floats)]
+RingSpacing = Annotated[float, checked("a number >= 0.001 (meters)", lambda v: is_number(v) and v >= 0.001, float)]
 
 
 class MimicEntry(FileModel):
@@ -233,7 +202,7 @@ class LoftEntry(_ShapeBase):
     sections: tuple[SectionEntry, ...] = Field(min_length=2)
     domes: PositivePair
     vertices_around: Annotated[int, Field(ge=8, le=1024)] = N_AROUND
-    ring_spacing: Annotated[float, BeforeValidator(_ring_spacing)] = RING_SPACING
+    ring_spacing: RingSpacing = RING_SPACING
 
     @model_validator(mode="after")
     def _sound(self) -> LoftEntry:

@@ -14,7 +14,8 @@ from ...model.articulated import ArticulatedModel, Landmark, Shape
 from ...model.kinematic_chain import Axis, Following, Joint, KinematicChain
 from ...model.shapes.nurbs import N_AROUND, RING_SPACING, LoftedSolid, loft_mesh
 from ...model.shapes.primitives import BOX_FACES, Box, Ellipsoid, Mesh, Primitive, TruncatedCone
-from ..yaml_file import Inline, read_mapping, validate, write_mapping
+from ..file_model import validate
+from ..yaml_file import Inline, read_mapping, write_mapping
 from .mesh_file import read_mesh, read_picture, write_mesh, write_picture
 from .model_file import (
     AxisEntry,

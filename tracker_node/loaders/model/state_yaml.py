@@ -13,8 +13,8 @@ from ...errors import FileFormatError, ModelError
 from ...geometry import quaternion, se3
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State, refuse_implausible
-from ..file_kind import STATE
-from ..yaml_file import FileModel, Number, numbers, problem, read_mapping, validate, write_mapping
+from ..file_model import STATE, FileModel, Number, numbers, problem, validate
+from ..yaml_file import read_mapping, write_mapping
 from .model_yaml import transform_of
 
 

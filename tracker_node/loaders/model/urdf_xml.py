@@ -10,8 +10,8 @@ import numpy as np
 
 from ...errors import FileFormatError
 from ...geometry import se3, so3
+from ..file_model import LARGEST
 from ..whole_file import read_bytes
-from ..yaml_file import LARGEST
 
 _XACRO = "a plain URDF (make one with `xacro FILE > robot.urdf`)"
 

@@ -10,7 +10,8 @@ from pydantic import Field, model_validator
 
 from ...camera.capture_settings import CaptureSettings
 from ...errors import TrackerError
-from ..yaml_file import FileModel, PositiveNumber, parse_value, problem, validate
+from ..file_model import FileModel, PositiveNumber, problem, validate
+from ..yaml_file import parse_value
 
 
 class CaptureEntry(FileModel):

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from ...camera.capture_settings import CaptureSettings
 from ...camera.distortion import COEFFICIENT_COUNTS
@@ -16,9 +16,21 @@ from ...camera.model import CameraModel, plausible
 from ...camera.rig import Camera, CameraRig
 from ...errors import CalibrationError, FileFormatError, SourceError
 from ...geometry import se3
-from ..file_kind import RIG
+from ..file_model import (
+    RIG,
+    FileModel,
+    Number,
+    PositiveNumber,
+    are_numbers,
+    checked,
+    floats,
+    is_number,
+    numbers,
+    problem,
+    validate,
+)
 from ..source_address import TOPIC_NAME, parse_source, relocated
-from ..yaml_file import FileModel, Number, PositiveNumber, is_number, numbers, problem, read_mapping, validate, write_mapping
+from ..yaml_file import read_mapping, write_mapping
 from .capture_yaml import CaptureEntry, capture_entry
 
 NS_PER_S = 1_000_000_000
@@ -26,39 +38,54 @@ MAX_SCALE = 1e4  # between the pixels of a file and those of the calibration
 MAX_DRIFT_PPM = 1e5  # a tenth; quartz clocks have 100 millionths
 
 
-def _image_size(value: Any) -> tuple[int, int]:
-    two = isinstance(value, (list, tuple)) and len(value) == 2
-    if not two or not all(isinstance(v, (int, float)) and float(v).is_integer() and 1 <= v <= 100_000 for v in value):
-        raise problem("[width, height] in whole pixels", value)
-    return int(value[0]), int(value[1])
+def _is_size(value: Any) -> bool:
+    return are_numbers(value, 2) and all(float(v).is_integer() and 1 <= v <= 100_000 for v in value)
 
 
-ImageSize = Annotated[tuple[int, int], BeforeValidator(_image_size)]
+def _three(value: Any) -> Any:
+    return [value] * 3 if is_number(value) else value
 
 
-def _gain(value: Any) -> tuple[float, float, float]:
-    items = [value] * 3 if isinstance(value, (int, float)) else value
-    ok = isinstance(items, (list, tuple)) and len(items) == 3
-    if not ok or any(not is_number(v) or not 0 < v < 1e6 for v in items):
-        raise problem("one positive number or [r, g, b]", value)
-    return float(items[0]), float(items[1]), float(items[2])
+def _is_gain(value: Any) -> bool:
+    return are_numbers(_three(value), 3) and all(0 < v < 1e6 for v in _three(value))
 
 
-def _source(value: str | None) -> str | None:
+def check_source(value: Any, field: str = "") -> str:
+    """Validator of an image source.
+
+    Parameters
+    ----------
+    value : text of the grammar of `loaders.source_address`.
+    field : name below the place where the validator stands, for the message.
+
+    Returns
+    -------
+    The value.
+
+    Raises
+    ------
+    PydanticCustomError : no text, or a source of an unknown kind.
+    """
     try:
-        if value is not None:
-            parse_source(value)
+        if not isinstance(value, str):
+            raise SourceError(str(value), "is no text")
+        parse_source(value)
     except SourceError as error:
-        raise problem(
-            "a path, or a source of a known kind (file:, bag:, v4l2:, topic:, rtsp://, http://, udp://)", error.source
-        ) from None
+        expected = "a path, or a source of a known kind (file:, bag:, v4l2:, topic:, rtsp://, http://, udp://)"
+        raise problem(expected, error.source, field) from None
     return value
 
 
-def _topic(value: str | None) -> str | None:
-    if value is not None and not TOPIC_NAME.fullmatch(value):
-        raise problem("the name of an image topic, such as /front/image_raw", value)
-    return value
+def _is_topic(value: Any) -> bool:
+    return isinstance(value, str) and TOPIC_NAME.fullmatch(value) is not None
+
+
+ImageSize = Annotated[tuple[int, int], checked("[width, height] in whole pixels", _is_size, lambda v: tuple(map(int, v)))]
+Gain = Annotated[
+    tuple[float, float, float], checked("one positive number or [r, g, b]", _is_gain, lambda v: floats(_three(v)))
+]
+Source = Annotated[str, BeforeValidator(lambda value: check_source(value))]
+Topic = Annotated[str, checked("the name of an image topic, such as /front/image_raw", _is_topic)]
 
 
 class CameraEntry(FileModel):
@@ -69,8 +96,8 @@ class CameraEntry(FileModel):
     distortion_model: Literal["none", "plumb_bob", "rational_polynomial", "equidistant"] = "none"
     distortion: numbers(None) = ()  # type: ignore[valid-type]
     T_world_cam: numbers(4, 4)  # type: ignore[valid-type]
-    source: Annotated[str | None, AfterValidator(_source)] = None
-    topic: Annotated[str | None, AfterValidator(_topic)] = None
+    source: Source | None = None
+    topic: Topic | None = None
     capture: CaptureEntry | None = None
     time_offset_s: Number = 0.0
     time_drift_ppm: Number = 0.0
@@ -80,7 +107,7 @@ class CameraEntry(FileModel):
     interlaced: Literal["top_first", "bottom_first"] | None = None
     pixel_map: numbers(2, 3) | None = None  # type: ignore[valid-type]
     file_image_size: ImageSize | None = None
-    gain: Annotated[tuple[float, float, float], BeforeValidator(_gain)] = (1.0, 1.0, 1.0)
+    gain: Gain = (1.0, 1.0, 1.0)
     gamma: PositiveNumber = 1.0
 
     @model_validator(mode="after")
@@ -151,7 +178,7 @@ class LightEntry(FileModel):
     position: numbers(3) | None = None  # type: ignore[valid-type]
     direction: numbers(3) | None = None  # type: ignore[valid-type]
     cone_deg: Number | None = None
-    intensity: Annotated[tuple[float, float, float], BeforeValidator(_gain)] = (1.0, 1.0, 1.0)
+    intensity: Gain = (1.0, 1.0, 1.0)
 
     @model_validator(mode="after")
     def _complete(self) -> LightEntry:

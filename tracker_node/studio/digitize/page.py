@@ -15,9 +15,9 @@ from ...calibration.points.dlt import CONSTRAINTS
 from ...calibration.points.triangulation import METHODS
 from ...camera.rig import CameraRig, epipolar_curve
 from ...errors import CalibrationError, FileFormatError, UnknownNameError
+from ...loaders.file_model import FileModel, PositiveNumber, numbers
 from ...loaders.json_values import finite
 from ...loaders.rig.control_points import load_places
-from ...loaders.yaml_file import FileModel, PositiveNumber, numbers
 from ..endpoints import get, post
 from ..session import StudioSession
 from . import digitizing

@@ -19,7 +19,7 @@ from starlette.routing import BaseRoute, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from ...errors import FileFormatError, TrackerError
-from ...loaders.yaml_file import FileModel, Number, validate
+from ...loaders.file_model import FileModel, Number, validate
 from ..endpoints import get, json_object, post
 from ..session import PoseFiles, StudioSession
 

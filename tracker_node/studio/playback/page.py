@@ -9,8 +9,8 @@ import numpy as np
 from starlette.routing import BaseRoute
 
 from ...errors import FileFormatError, TrackerError, UnknownNameError
+from ...loaders.file_model import FileModel
 from ...loaders.json_values import finite_list
-from ...loaders.yaml_file import FileModel
 from ...model.articulated import ArticulatedModel
 from ...tracking.estimate import LimbStatus, Status
 from ..endpoints import get, image, post

@@ -10,8 +10,8 @@ import numpy as np
 from starlette.routing import BaseRoute
 
 from ...errors import FileFormatError, UnknownNameError
+from ...loaders.file_model import FileModel, Number, numbers
 from ...loaders.json_values import finite
-from ...loaders.yaml_file import FileModel, Number, numbers
 from ...model.configuration import State
 from ..endpoints import get, post
 from ..outlines import OutlineDrawer

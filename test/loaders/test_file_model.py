@@ -7,7 +7,7 @@ import pytest
 from helpers.cameras.small_clip import make_clip
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError, WrongKindOfFileError
-from tracker_node.loaders.file_kind import check_kind, kind_of
+from tracker_node.loaders.file_model import check_kind, kind_of
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.recording_yaml import load_recording
