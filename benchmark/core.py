@@ -20,7 +20,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from tracker_node.loaders.images.source import SourceOptions, load_plates
+from tracker_node.loaders.images.source import SourceOptions, load_backgrounds
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.rig.rig_yaml import load_rig
@@ -104,7 +104,7 @@ def measure(folder: Path, config: TrackerConfig, rounds: int) -> tuple[np.ndarra
     """Milliseconds of every image set; medians of observing and optimizing; mean iterations and samples."""
     rig, model = load_rig(folder / "rig.yaml"), load_model(folder / "person.yaml")
     sets: list[ImageSet] = list(SourceStream(rig, config.synchronizer, SourceOptions()))
-    tracker = Tracker(rig, model, config, load_plates(rig), load_state(folder / "state.yaml", model))
+    tracker = Tracker(rig, model, config, load_backgrounds(rig), load_state(folder / "state.yaml", model))
     times, stages, counts = [], [], []
     gc.disable()
     for _ in range(rounds):

@@ -21,7 +21,7 @@ import numpy as np
 
 from tracker_node.cli.sample import prepare, run_verb
 from tracker_node.errors import TrackerError
-from tracker_node.loaders.images.source import load_plates
+from tracker_node.loaders.images.source import load_backgrounds
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.rig.rig_yaml import load_rig
@@ -75,7 +75,7 @@ def main() -> int:
     figures |= {f"{NAME}.{status.name.lower()}": counts[status] for status in (Status.TRACKING, Status.DEGRADED, Status.LOST)}
     figures[f"{NAME}.ms"] = float(np.median([estimate.timings.total_ms for estimate in estimates]))
     sets = _first_sets(rig, config, n)
-    tracker = Tracker(rig, model, config, load_plates(rig), start.retract(_aside(model.n_dof)))
+    tracker = Tracker(rig, model, config, load_backgrounds(rig), start.retract(_aside(model.n_dof)))
     wrong = [tracker.step(image_set).status for image_set in sets[:N_WRONG]]
     figures[f"{NAME}.beside_sets"] = len(wrong)
     figures[f"{NAME}.beside_but_tracking"] = sum(status is Status.TRACKING for status in wrong)

@@ -25,7 +25,7 @@ from tracker_node.evaluation.masks.reference import CameraMasks, load_reference_
 from tracker_node.evaluation.metrics import intersection_over_union
 from tracker_node.evaluation.truth.association import Trajectories
 from tracker_node.evaluation.truth.files import load_truth
-from tracker_node.loaders.images.source import load_plates, open_camera_source, resized_plates
+from tracker_node.loaders.images.source import load_backgrounds, open_camera_source, resized_backgrounds
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.rig.rig_yaml import load_rig
@@ -101,7 +101,7 @@ def load_clip(
         load_truth(sample / "truth.trc"),
         sets,
         {camera.name: part.masks for camera, part in zip(full, parts, strict=True)},
-        resized_plates(load_plates(full), small),
+        resized_backgrounds(load_backgrounds(full), small),
     )
 
 

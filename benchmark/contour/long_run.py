@@ -32,7 +32,7 @@ from benchmark.contour._runs import (
 )
 from benchmark.contour.mannequins import BODY_CLIP, PERSON_SCENE, person_figures
 from tracker_node.errors import SourceError, TrackerError
-from tracker_node.loaders.images.source import load_plates
+from tracker_node.loaders.images.source import load_backgrounds
 from tracker_node.report.metrics_file import print_metrics, write_metrics
 from tracker_node.synthesis.motions.motion import LONG_RUN, LONG_RUN_IMAGES
 from tracker_node.synthesis.recording import Request, default_motions
@@ -56,7 +56,7 @@ def main(arguments: list[str] | None = None) -> int:
         if not args.scaled:
             request = replace(request, motion=BODY_CLIP, scene=PERSON_SCENE, n_images=None)
             clip = with_body(clip, fitted_body(recorded(f"mannequin_{BODY_CLIP}_4", request, args.cache), config, args.body))
-        plates = load_plates(clip.rig) if args.room else {}
+        plates = load_backgrounds(clip.rig) if args.room else {}
         run = track(clip, config, clip.sets(), _progress, plates)
         result = judged(clip, run, LONG_RUN)
         report_lost(result)

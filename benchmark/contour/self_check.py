@@ -27,7 +27,7 @@ from benchmark.contour.figure import FIGURE_SCENE
 from tracker_node.camera.rig import Camera
 from tracker_node.errors import TrackerError
 from tracker_node.geometry import so3
-from tracker_node.loaders.images.source import load_plates
+from tracker_node.loaders.images.source import load_backgrounds
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.report.metrics_file import print_metrics, write_metrics
 from tracker_node.synthesis.recording import FIGURE_IMAGES, Request, default_motions
@@ -100,7 +100,7 @@ def run(clip: Clip, sets: Iterable[ImageSet], args: argparse.Namespace) -> list[
     for change in args.set:
         key, _, text = change.partition("=")
         values[key] = type_of(text)
-    plates = load_plates(clip.rig) if args.plates else {}
+    plates = load_backgrounds(clip.rig) if args.plates else {}
     tracker = Tracker(clip.rig, clip.model, from_dict(values), plates, clip.start)
     estimates = [tracker.step(image_set) for image_set in sets]
     counts = np.bincount([int(e.status) for e in estimates], minlength=4)

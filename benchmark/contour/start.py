@@ -33,7 +33,7 @@ from tracker_node.errors import TrackerError
 from tracker_node.evaluation.truth.association import Trajectories, truth_at
 from tracker_node.evaluation.truth.files import load_truth
 from tracker_node.evaluation.truth.landmarks import EVALUATED_JOINTS
-from tracker_node.loaders.images.source import load_plates
+from tracker_node.loaders.images.source import load_backgrounds
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import ImageSet
@@ -106,7 +106,7 @@ def load(name: str, args: argparse.Namespace) -> Recording:
     else:
         found = recorded("mannequin_walk", Request(motion="walk", motions=args.motions), args.cache)
     truth = load_truth(found.folder / "truth.csv")
-    return Recording(found.rig, found.model, load_plates(found.rig) if plates else {}, list(found.sets()), truth, 0.0)
+    return Recording(found.rig, found.model, load_backgrounds(found.rig) if plates else {}, list(found.sets()), truth, 0.0)
 
 
 @dataclass(frozen=True)

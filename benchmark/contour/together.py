@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmark.color.articulated import CLIPS, DEFAULT_CACHE, recording
 from benchmark.contour._runs import Clip, judged, track
 from tracker_node.errors import TrackerError
-from tracker_node.loaders.images.source import load_plates
+from tracker_node.loaders.images.source import load_backgrounds
 from tracker_node.report.metrics_file import print_metrics, write_metrics
 from tracker_node.synthesis.recording import default_motions
 from tracker_node.tracking.config import from_dict
@@ -55,7 +55,7 @@ def measure(clip: Clip, name: str, args: argparse.Namespace) -> dict[str, float 
     for key, (colors, contours) in ENGINES.items():
         modalities = [*(["color"] if colors else []), *([args.contours] if contours else [])]
         config = from_dict({"modalities": modalities, **({"color": {"learn_colors": True}} if colors else {})})
-        run = track(clip, config, clip.sets(limit=args.sets), plates=load_plates(clip.rig) if args.plates else None)
+        run = track(clip, config, clip.sets(limit=args.sets), plates=load_backgrounds(clip.rig) if args.plates else None)
         result = judged(clip, run, name)
         figures[f"together_{name}.{key}_error_mm"] = result.offset_free.mean_mm
         figures[f"together_{name}.{key}_error_raw_mm"] = result.raw.mean_mm

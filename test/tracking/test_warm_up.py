@@ -20,7 +20,7 @@ from pathlib import Path
 import cv2
 from numba.core.dispatcher import Dispatcher
 from tracker_node.loaders.model.model_yaml import load_model
-from tracker_node.loaders.images.source import load_plates
+from tracker_node.loaders.images.source import load_backgrounds
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.observation.image_set import CameraImage, ImageSet
@@ -44,7 +44,7 @@ def in_memory():
 
 warm_up(rig, model, TrackerConfig(), state)
 before = in_memory()
-tracker = Tracker(rig, model, TrackerConfig(), load_plates(rig), state)
+tracker = Tracker(rig, model, TrackerConfig(), load_backgrounds(rig), state)
 for i in range(n):
     tracker.step(ImageSet(i * 33_000_000, tuple(image(camera, i) for camera in rig.names)))
 print(len(before), "new:", *(f"{module}.{name}" for module, name, _ in in_memory() - before))

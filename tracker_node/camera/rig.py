@@ -29,7 +29,7 @@ class Camera:
     time_drift_ppm : by how much common time advances more than the camera's own, in millionths, from its first image on.
     stamps : where its own stamps come from, see `loaders.images.stamps`; None for what the source has by default.
     stamp_file : file that has the stamp of every image of the source, or None.
-    plate : path of an image of the empty scene (background plate), or None.
+    background : path of an image of the background, or None.
     interlaced : ``top_first`` or ``bottom_first`` where each image of the source is two fields, and which was exposed first.
     gain, gamma : how the camera answers to light, see `camera.light`; ``gain`` is (r, g, b).
     """

@@ -21,6 +21,14 @@ def load_parameters(path: str | Path, node: str = "tracker") -> dict[str, Any]:
     A ROS parameter file may hold sections for several nodes: those named ``/**``, ``node`` or ``/node`` are taken, a later
     one over an earlier one.
 
+    Parameters
+    ----------
+    path, node : file; name of the node.
+
+    Returns
+    -------
+    Section -> name -> value.
+
     Raises
     ------
     FileFormatError : naming file and section.
@@ -33,7 +41,13 @@ def load_parameters(path: str | Path, node: str = "tracker") -> dict[str, Any]:
 
 
 def dump_parameters(parameters: Mapping[str, Any], path: str | Path, comment: str = "") -> None:
-    """Write parameters with dotted names as a ROS parameter file, which `load_parameters` and ``--params-file`` both read."""
+    """Write a ROS parameter file, which `load_parameters` and ``--params-file`` both read.
+
+    Parameters
+    ----------
+    parameters, path : dotted name -> value; file.
+    comment : lines on top of the file.
+    """
     nested: dict[str, Any] = {}
     for name, value in parameters.items():
         *groups, last = name.split(".")

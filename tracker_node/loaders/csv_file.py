@@ -78,6 +78,16 @@ class CsvCells:
         return value
 
     def numbers(self, first: int, last: int) -> np.ndarray:
+        """Finite numbers of neighboring columns.
+
+        Parameters
+        ----------
+        first, last : columns, ``last`` exclusive.
+
+        Returns
+        -------
+        (last - first,) float64.
+        """
         return np.array([self.number(column) for column in range(first, last)])
 
 

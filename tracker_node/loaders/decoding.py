@@ -86,7 +86,15 @@ class Preparation:
             raise SourceError(self.source, f"{what} cannot be resampled; publish color, or leave its size")
 
     def image(self, stamp_ns: int, content: np.ndarray | bytes) -> SourceImage:
-        """The image to publish of what a source has given: pixels (h, w[, 3]) or the bytes of a JPEG.
+        """The image to publish of what a source has given.
+
+        Parameters
+        ----------
+        stamp_ns, content : nanoseconds; pixels (h, w[, 3]), or the bytes of a JPEG.
+
+        Returns
+        -------
+        Image in the encoding and size that are published.
 
         Raises
         ------
@@ -107,7 +115,7 @@ class Preparation:
             if publish == "native":
                 return mosaic, f"bayer_{pattern}8"
             pixels = cv2.cvtColor(mosaic, _FROM_BAYER[pattern])
-        pixels = resampled(pixels, self.size)
+        pixels = _resampled(pixels, self.size)
         if pixels.ndim == 3 and publish == "mono":
             return cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), "mono8"
         if pixels.ndim == 2 and publish == "color":
@@ -118,6 +126,10 @@ class Preparation:
 def check_fields(settings: CaptureSettings, source: str) -> None:
     """Refuse to take mosaics, or JPEG images that are to be passed on, apart into fields.
 
+    Parameters
+    ----------
+    settings, source : of the camera; name of its source, for messages.
+
     Raises
     ------
     SourceError : naming the source.
@@ -126,7 +138,7 @@ def check_fields(settings: CaptureSettings, source: str) -> None:
         raise SourceError(source, "interlaced images cannot be mosaics, nor passed on as JPEG")
 
 
-def resampled(pixels: np.ndarray, size: tuple[int, int] | None) -> np.ndarray:
+def _resampled(pixels: np.ndarray, size: tuple[int, int] | None) -> np.ndarray:
     """An image at another size (width, height): area averages when it shrinks, linear interpolation when it grows."""
     if size is None or (pixels.shape[1], pixels.shape[0]) == tuple(size):
         return pixels
@@ -135,7 +147,16 @@ def resampled(pixels: np.ndarray, size: tuple[int, int] | None) -> np.ndarray:
 
 
 def decoded(data: bytes | array.array | np.ndarray, flags: int = cv2.IMREAD_COLOR) -> np.ndarray | None:
-    """Pixels of an encoded image (JPEG, PNG, ...); None where it is damaged, or larger than OpenCV may read."""
+    """Pixels of an encoded image (JPEG, PNG, ...).
+
+    Parameters
+    ----------
+    data, flags : file's content; of ``cv2.imdecode``.
+
+    Returns
+    -------
+    Pixels; None where the image is damaged, or larger than OpenCV may read.
+    """
     content = np.frombuffer(data, np.uint8)
     try:
         return cv2.imdecode(content, flags) if content.size else None
@@ -144,7 +165,16 @@ def decoded(data: bytes | array.array | np.ndarray, flags: int = cv2.IMREAD_COLO
 
 
 def decode_jpeg(data: bytes, size: tuple[int, int] | None = None) -> np.ndarray:
-    """Pixels (h, w, 3) BGR; where ``size`` is a half, a quarter or an eighth, they are never computed at full size.
+    """Pixels of a JPEG.
+
+    Parameters
+    ----------
+    data : file's content.
+    size : (width, height) to deliver; a half, a quarter or an eighth is never computed at full size. None for the file's.
+
+    Returns
+    -------
+    (h, w, 3) BGR.
 
     Raises
     ------
@@ -157,7 +187,7 @@ def decode_jpeg(data: bytes, size: tuple[int, int] | None = None) -> np.ndarray:
     pixels = decoded(data, flags | cv2.IMREAD_IGNORE_ORIENTATION)
     if pixels is None:
         raise SourceError("JPEG image", "cannot be decoded")
-    return resampled(pixels, size)
+    return _resampled(pixels, size)
 
 
 def jpeg_size(data: bytes) -> tuple[int, int]:
@@ -189,14 +219,18 @@ def bayer_pattern(encoding: str) -> str | None:
 def pixels_of(
     camera: str, size: tuple[int, int], encoding: str, step: int, content: np.ndarray, what: str = "image message"
 ) -> tuple[np.ndarray, str]:
-    """Pixels of a sensor_msgs/Image, (height, width[, 3]), and the name by which the core knows their encoding.
-
-    They are a view of ``content``; a read-only copy where rows have padding at their ends.
+    """Pixels of a sensor_msgs/Image.
 
     Parameters
     ----------
-    size : (width, height). step : bytes from row to row. content : (n,) uint8.
+    camera, size : name, for messages; (width, height).
+    encoding, step, content : as in the message; bytes from row to row; (n,) uint8.
     what : the image, for messages.
+
+    Returns
+    -------
+    (height, width[, 3]) uint8, a view of ``content`` or, where rows have padding, a read-only copy; and the name that
+    the core has for their encoding.
 
     Raises
     ------

@@ -46,7 +46,17 @@ class FileModel(BaseModel):
 
 
 def problem(expected: str, got: object, field: str = "") -> PydanticCustomError:
-    """What a validator raises; ``field`` is relative to where the validator stands."""
+    """The error that a validator raises.
+
+    Parameters
+    ----------
+    expected, got : what the message says.
+    field : relative to where the validator stands.
+
+    Returns
+    -------
+    Error to raise.
+    """
     context = {"expected": expected, "got": got, "field": field}
     return PydanticCustomError("format", "expected {expected}", context)
 
@@ -108,7 +118,17 @@ def _checked_numbers(value: Any, shape: tuple[int | None, ...]) -> Any:
 
 
 def numbers(*shape: int | None, what: str = "") -> Any:
-    """Type of finite numbers of this shape, e.g. ``numbers(3, 3)``; ``None`` stands for any length; ``numbers()`` is one."""
+    """Type of finite numbers of a shape, for fields of a `FileModel`.
+
+    Parameters
+    ----------
+    *shape : such as ``numbers(3, 3)``; ``None`` stands for any length; ``numbers()`` is one number.
+    what : expectation in the message; by default the shape.
+
+    Returns
+    -------
+    Annotated tuple of tuples of float.
+    """
     sizes = " x ".join("n" if size is None else str(size) for size in shape)
     expected = what or (f"{sizes} finite numbers" if shape else "a finite number")
 
@@ -130,29 +150,37 @@ T = TypeVar("T", bound=BaseModel)
 
 
 def validate(format_class: type[T], values: dict[str, Any], path: str | Path) -> T:
-    """``values`` checked against a format.
+    """Content of a file checked against a format.
+
+    Parameters
+    ----------
+    format_class, values, path : class of the format; content; file, for messages.
+
+    Returns
+    -------
+    Object of ``format_class``.
 
     Raises
     ------
     WrongKindOfFileError : the file is a body where a rig is asked for, say.
-    FileFormatError : with all that is wrong, up to a handful: keys that are not known before what may come of them.
+    FileFormatError : with all that is wrong, up to a handful: unknown keys before what may come of them.
     """
     try:
         return format_class.model_validate(values)
     except ValidationError as error:
         if issubclass(format_class, FileModel) and format_class.KIND:
             check_kind(values, format_class.KIND, path)
-        problems = [told for one in error.errors(include_url=False) for told in _told(one, values)]
-        problems.sort(key=lambda told: not told.unknown)  # stable
+        problems = [found for one in error.errors(include_url=False) for found in _problems_of(one, values)]
+        problems.sort(key=lambda found: not found.unknown)  # stable
         first, others = problems[0], problems[1:]
         some = others[: _MOST_REPORTED - 1]
-        also = [f"field '{told.field}': expected {told.expected[:400]}, got {shown(told.got)}" for told in some]
+        also = [f"field '{found.field}': expected {found.expected[:400]}, got {shown(found.got)}" for found in some]
         if len(others) >= _MOST_REPORTED:
             also.append(f"and {len(others) - _MOST_REPORTED + 1} more problems in this file")
         raise FileFormatError(path, first.field, first.expected, first.got, also) from None
 
 
-class _Told(NamedTuple):
+class _Problem(NamedTuple):
     """A problem of a file, in the file's own terms."""
 
     field: str
@@ -161,7 +189,7 @@ class _Told(NamedTuple):
     unknown: bool = False
 
 
-def _told(error: Any, values: Any) -> list[_Told]:
+def _problems_of(error: Any, values: Any) -> list[_Problem]:
     """The problems that an error of pydantic stands for: one, or each of several keys that are not known."""
     context = error.get("ctx", {})
     field = _dotted(error["loc"], values, error["type"])
@@ -169,14 +197,14 @@ def _told(error: Any, values: Any) -> list[_Told]:
         return [_unknown_key(field, str(key), context["valid"], context["free"]) for key in context["keys"]]
     if error["type"] == "format":
         field = ".".join(part for part in (field, context["field"]) if part)
-        return [_Told(field or "(top level)", context["expected"], context["got"])]
-    return [_Told(field or "(top level)", *_expected_and_got(error))]
+        return [_Problem(field or "(top level)", context["expected"], context["got"])]
+    return [_Problem(field or "(top level)", *_expected_and_got(error))]
 
 
-def _unknown_key(field: str, key: str, valid: list[str], free: list[str]) -> _Told:
+def _unknown_key(field: str, key: str, valid: list[str], free: list[str]) -> _Problem:
     near = get_close_matches(key, free, n=1, cutoff=0.6) or get_close_matches(key, valid, n=1, cutoff=0.8)
     expected = f"'{near[0]}', or another of {valid}" if near else f"one of {valid}"
-    return _Told(".".join(part for part in (field, key) if part), expected, key, unknown=True)
+    return _Problem(".".join(part for part in (field, key) if part), expected, key, unknown=True)
 
 
 def _expected_and_got(error: Any) -> tuple[str, object]:
@@ -216,7 +244,7 @@ _SECTIONS = {
 
 
 def kind_of(values: Mapping[Any, Any]) -> str:
-    """What it is, with its article; empty where the keys do not tell."""
+    """Kind of a file, with its article; empty where its keys do not identify one."""
     if isinstance(values.get("metrics"), dict):
         return "a file of metrics"
     if "image_sets" in values and "status_counts" in values:
@@ -244,9 +272,13 @@ def kind_of(values: Mapping[Any, Any]) -> str:
 def check_kind(values: Mapping[Any, Any], wanted: str, path: str | Path) -> None:
     """Refuse a file that is known to be of another kind.
 
+    Parameters
+    ----------
+    values, wanted, path : content; one of the kinds of this module; file, for messages.
+
     Raises
     ------
-    WrongKindOfFileError : saying which.
+    WrongKindOfFileError : with the kind that it is.
     """
     found = kind_of(values)
     if found and found != wanted:

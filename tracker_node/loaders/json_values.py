@@ -1,4 +1,4 @@
-"""JSON read at the door, and numbers for JSON, which knows none that are not finite."""
+"""JSON read strictly, and numbers for JSON, which knows none that are not finite."""
 
 from __future__ import annotations
 
@@ -24,7 +24,15 @@ def read_json(path: str | Path) -> Any:
 
 
 def parse_json(text: str | bytes, file: str | Path) -> Any:
-    """What JSON text says; ``file`` is for messages.
+    """Values of a JSON text.
+
+    Parameters
+    ----------
+    text, file : content; file, for messages.
+
+    Returns
+    -------
+    Plain values.
 
     Raises
     ------
@@ -44,7 +52,16 @@ def finite(value: float) -> float | None:
 
 
 def finite_list(values: np.ndarray, digits: int) -> list[Any]:
-    """Nested lists of an array's numbers, rounded to so many digits after the point; None for those that are not finite."""
+    """An array for JSON.
+
+    Parameters
+    ----------
+    values, digits : of any shape; digits after the point that are kept.
+
+    Returns
+    -------
+    Nested lists; None for numbers that are not finite.
+    """
     rounded = np.round(values, digits).astype(object)
     rounded[~np.isfinite(values)] = None
     listed: list[Any] = rounded.tolist()

@@ -36,7 +36,15 @@ class OwnedFolder:
         self._digests: dict[str, list[str]] = _read_ledger(self.path / _LEDGER)
 
     def write(self, name: str, write: Callable[[Path], object]) -> Path:
-        """Replace the file ``name`` (a path below the folder) by what ``write`` makes at the path that it is given.
+        """Replace a file.
+
+        Parameters
+        ----------
+        name, write : path below the folder; writes the file at the path that it is given.
+
+        Returns
+        -------
+        Path of the file.
 
         Raises
         ------

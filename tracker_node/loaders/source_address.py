@@ -50,7 +50,7 @@ class SourceAddress:
 
     @property
     def shown(self) -> str:
-        """For messages: without the user and the password of a stream."""
+        """Address for messages: without the user and the password of a stream."""
         return without_password(str(self))
 
     def __str__(self) -> str:
@@ -94,7 +94,17 @@ def parse_source(text: str) -> SourceAddress:
 
 
 def relocated(text: str, old_dir: str | Path, new_dir: str | Path | None = None) -> str:
-    """A source with its path, relative to ``old_dir``, made absolute, or relative to ``new_dir``."""
+    """A source with its path taken from another folder.
+
+    Parameters
+    ----------
+    text, old_dir : source; folder that its path is relative to.
+    new_dir : folder that the path becomes relative to; None for an absolute path.
+
+    Returns
+    -------
+    Source; one without a path as it is.
+    """
     address = parse_source(text)
     if address.kind not in (FILE, BAG) or os.path.isabs(address.target):
         return text
@@ -104,6 +114,14 @@ def relocated(text: str, old_dir: str | Path, new_dir: str | Path | None = None)
 
 def filled(pattern: str, name: str, number: int) -> str:
     """A pattern of sources, such as ``videos/{name}.mp4`` or ``cam{number:02}``, for one camera.
+
+    Parameters
+    ----------
+    pattern, name, number : pattern; name of the camera, and its number.
+
+    Returns
+    -------
+    Source.
 
     Raises
     ------

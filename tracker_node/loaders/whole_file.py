@@ -28,7 +28,11 @@ ARCHIVE_BYTES = 2_000 * MB
 
 
 def check_regular(path: str | Path, limit: int) -> None:
-    """Refuse what is missing, what is no regular file, and what is larger than ``limit`` bytes.
+    """Refuse a path that is missing or no regular file, and a file that is too large.
+
+    Parameters
+    ----------
+    path, limit : file; most bytes that it may have.
 
     Raises
     ------
@@ -51,6 +55,14 @@ def check_regular(path: str | Path, limit: int) -> None:
 def read_bytes(path: str | Path, limit: int = SETTINGS_BYTES) -> bytes:
     """Content of a file.
 
+    Parameters
+    ----------
+    path, limit : file; most bytes that it may have.
+
+    Returns
+    -------
+    Bytes.
+
     Raises
     ------
     FileFormatError : it is missing, unreadable, no regular file, or larger than ``limit`` bytes.
@@ -67,7 +79,16 @@ def read_bytes(path: str | Path, limit: int = SETTINGS_BYTES) -> bytes:
 
 
 def read_text(path: str | Path, limit: int = SETTINGS_BYTES, unix_lines: bool = True) -> str:
-    """Text of a file, UTF-8, with ends of lines as on Unix, or as they are; see `read_bytes`.
+    """Text of a file, UTF-8.
+
+    Parameters
+    ----------
+    path, limit : file; most bytes that it may have.
+    unix_lines : turn all ends of lines to those of Unix.
+
+    Returns
+    -------
+    Text.
 
     Raises
     ------
@@ -86,11 +107,16 @@ def _size(n_bytes: int) -> str:
 
 @contextmanager
 def whole_file(path: str | Path, suffix: str = "") -> Iterator[Path]:
-    """A path to write to in place of ``path``, in the same folder; at the end of the block the file goes there at once.
+    """A path to write to in place of another; at the end of the block the file goes there at once.
 
     Parameters
     ----------
+    path : file that is written or replaced.
     suffix : end of the temporary name, where the writer asks for one.
+
+    Yields
+    ------
+    Path in the same folder.
 
     Raises
     ------
@@ -115,7 +141,12 @@ def whole_file(path: str | Path, suffix: str = "") -> Iterator[Path]:
 
 
 def write_whole(path: str | Path, text: str) -> None:
-    """Replace a text file by another, UTF-8; see `whole_file`."""
+    """Replace a text file by another, UTF-8; see `whole_file`.
+
+    Parameters
+    ----------
+    path, text : file; its new content.
+    """
     with whole_file(path) as draft:
         draft.write_text(text, encoding="utf-8")
 

@@ -1,8 +1,7 @@
-"""YAML at the door: strict reading, errors that name file and field, compact writing.
+"""YAML read strictly, with errors that name file and field, and written compactly.
 
 Numbers, truth values and nothing are those of the core schema of YAML 1.2: ``1e-3`` is a number, ``0640`` is 640, ``0o17`` is 15,
-``yes``, ``1:30`` and ``2024-05-01`` are text. Strict: a key given twice is refused, and a mapping may hold only the fields that
-its format knows.
+``yes``, ``1:30`` and ``2024-05-01`` are text. A key given twice is refused.
 """
 
 from __future__ import annotations
@@ -181,7 +180,20 @@ def read_mapping(path: str | Path) -> dict[str, Any]:
 
 
 def parse_mapping(text: str, path: str | Path) -> dict[str, Any]:
-    """Top-level mapping of the text of ``path``; see `read_mapping`."""
+    """Top-level mapping of a YAML text.
+
+    Parameters
+    ----------
+    text, path : content; file, for messages.
+
+    Returns
+    -------
+    Key -> value.
+
+    Raises
+    ------
+    FileFormatError : as `read_mapping`.
+    """
     try:
         values = yaml.load(text, Loader=_StrictLoader)
     except _DuplicateKey as error:
@@ -206,7 +218,13 @@ def parse_value(text: str) -> Any:
 
 
 def write_mapping(values: Mapping[str, Any], path: str | Path, comment: str = "") -> None:
-    """Write a mapping as YAML, whole or not at all; ``comment`` lines go on top."""
+    """Write a mapping as YAML, whole or not at all.
+
+    Parameters
+    ----------
+    values, path : plain values; file.
+    comment : lines on top of the file.
+    """
     text = "".join(f"# {line}".rstrip() + "\n" for line in comment.splitlines())
     text += yaml.dump(dict(values), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=110)
     path = Path(path)

@@ -14,7 +14,7 @@ from ..camera.rig import Camera, CameraRig
 from ..errors import FileFormatError
 from ..loaders.bag.images import image_topics
 from ..loaders.bag.reader import BagReader
-from ..loaders.images.source import SourceOptions, load_plates, resized_plates
+from ..loaders.images.source import SourceOptions, load_backgrounds, resized_backgrounds
 from ..loaders.rig.capture_yaml import changed_settings, split_change
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
@@ -258,7 +258,7 @@ def images_of_run(run: RunData, given: CameraRig, model: ArticulatedModel, n_set
     if not found:
         raise FileFormatError(run.path, "(images)", "images of the tracked sets, in its bag or the rig's sources", "none")
     return RunImages(
-        rig, model, config, resized_plates(load_plates(given), rig),
+        rig, model, config, resized_backgrounds(load_backgrounds(given), rig),
         tuple(images[int(run.stamps_ns[i])] for i in found),
         tuple(State.from_values(run.values[i]) for i in found),
         tuple(velocity_at(run, i) for i in found),

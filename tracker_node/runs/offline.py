@@ -15,7 +15,7 @@ import numpy as np
 from ..camera.rig import CameraRig
 from ..errors import TrackerError
 from ..loaders.bag.reader import BagReader
-from ..loaders.images.source import SourceOptions, load_plates, resized_plates
+from ..loaders.images.source import SourceOptions, load_backgrounds, resized_backgrounds
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..observation.image_set import ImageSet
@@ -94,7 +94,7 @@ def run_offline(
         rig, stream = _stream_of(run, reader)
         for sentence in (*stream.errors, *stream.notes):
             tell(sentence)
-        plates = resized_plates(load_plates(run.rig), rig)
+        plates = resized_backgrounds(load_backgrounds(run.rig), rig)
         tracker = Tracker(rig, run.model, run.config, plates, run.initial_state, run.occluders)
         if run.smooth_s is not None and not tracker.in_information_units:
             raise TrackerError(f"to smooth takes contours (region, chamfer), got the modality {run.config.colors} alone")

@@ -7,7 +7,7 @@ from sensor_msgs.msg import CameraInfo, Image
 
 from helpers.ros.graph import Probe
 from tracker_node.camera.rig import CameraRig
-from tracker_node.loaders.images.source import load_plates
+from tracker_node.loaders.images.source import load_backgrounds
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.rig.rig_yaml import load_rig
@@ -65,4 +65,4 @@ def files_of(recording: Path) -> list:
 def tracker_of(recording: Path) -> Tracker:
     """The tracker that the node has, without the node."""
     options = options_of(recording)
-    return Tracker(options.rig, options.model, options.config, load_plates(options.rig), options.initial_state)
+    return Tracker(options.rig, options.model, options.config, load_backgrounds(options.rig), options.initial_state)

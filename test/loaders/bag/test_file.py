@@ -247,9 +247,9 @@ def test_the_last_message_is_told_once_in_each_file():
     assert kept.take("/b") == []  # the file in which it was said
     for _ in range(2):
         kept.begin_file()
-        assert kept.told == set()
+        assert kept.repeated == set()
         assert kept.take("/b") == [("/a", 2, b"new")]
-        assert kept.told == {"/a"}
+        assert kept.repeated == {"/a"}
         assert kept.take("/b") == []
 
 
@@ -259,7 +259,7 @@ def test_a_topic_that_speaks_first_itself_is_not_told_before():
     kept.keep(latched_topic("/b"), 2, b"b")
     kept.begin_file()
     assert kept.take("/a") == [("/b", 2, b"b")]
-    assert kept.told == {"/b"}
+    assert kept.repeated == {"/b"}
 
 
 def test_what_is_not_latched_or_not_wanted_is_not_kept():

@@ -16,10 +16,10 @@ from tracker_node.loaders.images.source import (
     PreloadedSource,
     SourceOptions,
     list_images,
-    load_plates,
+    load_backgrounds,
     open_camera_source,
     open_source,
-    resized_plates,
+    resized_backgrounds,
 )
 
 N, WIDTH, HEIGHT, RATE_HZ = 12, 64, 48, 25.0
@@ -233,24 +233,24 @@ def rig_with_plate(path: Path | None) -> CameraRig:
 def test_only_cameras_with_a_plate_have_one(tmp_path: Path) -> None:
     pixels = np.random.default_rng(0).integers(0, 256, (30, 40, 3), dtype=np.uint8)
     cv2.imwrite(str(tmp_path / "plate.png"), pixels)
-    plates = load_plates(rig_with_plate(tmp_path / "plate.png"))
+    plates = load_backgrounds(rig_with_plate(tmp_path / "plate.png"))
     assert list(plates) == ["cam01"]
     assert (plates["cam01"] == pixels).all()
-    assert load_plates(rig_with_plate(None)) == {}
+    assert load_backgrounds(rig_with_plate(None)) == {}
 
 
 def test_plates_follow_the_size_of_the_images(tmp_path: Path) -> None:
     rig = rig_with_plate(tmp_path / "plate.png")
     cv2.imwrite(str(tmp_path / "plate.png"), np.full((30, 40, 3), 7, np.uint8))
     smaller = CameraRig(tuple(replace(camera, model=camera.model.resized(20, 15)) for camera in rig))
-    plates = load_plates(rig)
-    assert resized_plates(plates, smaller)["cam01"].shape == (15, 20, 3)
-    assert resized_plates(plates, rig)["cam01"] is plates["cam01"]
+    plates = load_backgrounds(rig)
+    assert resized_backgrounds(plates, smaller)["cam01"].shape == (15, 20, 3)
+    assert resized_backgrounds(plates, rig)["cam01"] is plates["cam01"]
 
 
 def test_unusable_plates_are_named(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match=r"gone\.png.*cam01"):
-        load_plates(rig_with_plate(tmp_path / "gone.png"))
+        load_backgrounds(rig_with_plate(tmp_path / "gone.png"))
     cv2.imwrite(str(tmp_path / "small.png"), np.zeros((3, 4, 3), np.uint8))
     with pytest.raises(CalibrationError, match=r"cam01.*expected 40x30, got 4x3"):
-        load_plates(rig_with_plate(tmp_path / "small.png"))
+        load_backgrounds(rig_with_plate(tmp_path / "small.png"))

@@ -52,7 +52,7 @@ def test_covariances_come_back(tmp_path):
 @pytest.mark.parametrize(
     ("change", "problem"),
     [
-        (lambda lines: lines[:-1], "16 rows for each instant"),
+        (lambda lines: lines[:-1], "16 rows for each time step"),
         (lambda lines: lines[:5] + lines[6:], "line 6"),
         (lambda lines: [*lines[:4], lines[4].replace("state", "root"), *lines[5:]], "line 5"),
         (lambda lines: [lines[0], lines[1].rsplit(",", 1)[0] + ",wide", *lines[2:]], "column 'slide'"),

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from helpers.cameras.small_clip import make_clip
-from tracker_node.loaders.images.source import load_plates
+from tracker_node.loaders.images.source import load_backgrounds
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import State
 from tracker_node.studio.pose.score import ColorScore, ContourScore
@@ -27,7 +27,7 @@ def scorer(request, clip):
     rig = load_rig(clip.rig_file)
     if request.param == "color":
         return ColorScore(rig, clip.model, TrackerConfig())
-    return ContourScore(rig, clip.model, TrackerConfig(), load_plates(rig))
+    return ContourScore(rig, clip.model, TrackerConfig(), load_backgrounds(rig))
 
 
 def test_the_true_pose_scores_best(clip, images, scorer):

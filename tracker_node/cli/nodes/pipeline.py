@@ -123,7 +123,7 @@ def _run_folder(args: argparse.Namespace) -> Path | None:
 
 def _check_files(rig, args: argparse.Namespace) -> None:
     """Mistakes in files are said before anything is started."""
-    from ...loaders.images.source import load_plates
+    from ...loaders.images.source import load_backgrounds
     from ...loaders.model.model_yaml import load_model
     from ...loaders.model.state_yaml import load_state
     from ...runs.config_file import load_config
@@ -135,7 +135,7 @@ def _check_files(rig, args: argparse.Namespace) -> None:
         load_state(args.initial_state, model)
     if args.occluders:
         load_model(args.occluders)
-    load_plates(rig)
+    load_backgrounds(rig)
 
 
 def _body_options(args: argparse.Namespace, cameras: list[str]) -> list[str]:

@@ -14,7 +14,7 @@ from ...errors import SourceError, TrackerError
 from ...evaluation.evaluate import Evaluation, EvaluationOptions, evaluate
 from ...evaluation.truth.association import Trajectories
 from ...evaluation.truth.files import load_truth
-from ...loaders.images.source import SourceOptions, load_plates, resized_plates
+from ...loaders.images.source import SourceOptions, load_backgrounds, resized_backgrounds
 from ...loaders.model.model_yaml import load_model
 from ...loaders.model.state_yaml import load_state
 from ...loaders.recording_yaml import load_recording
@@ -101,7 +101,7 @@ def synthetic_clip(folder: str | Path, name: str, images: SourceOptions | None =
     folder = Path(folder)
     rig, model = load_rig(folder / "rig.yaml"), load_model(folder / "person.yaml")
     start, truth = load_state(folder / "state.yaml", model), load_truth(folder / "truth.csv")
-    return Clip(name, folder, rig, model, start, load_plates(rig), truth, images or SourceOptions())
+    return Clip(name, folder, rig, model, start, load_backgrounds(rig), truth, images or SourceOptions())
 
 
 def track_clip(
@@ -172,6 +172,6 @@ def balancing_clip(folder: Path, small: bool = False) -> Clip:
     images = SourceOptions(size=size, end=_SMALL_IMAGES if small else None)
     return Clip(
         "balancing", folder, rig, model, load_state(folder / "initial_state.yaml", model),
-        resized_plates(load_plates(rig), resampled_rig(rig, images)), load_truth(folder / "truth.trc"),
+        resized_backgrounds(load_backgrounds(rig), resampled_rig(rig, images)), load_truth(folder / "truth.trc"),
         images, load_config(folder / "tracker.yaml"), _BALANCING_LAG_IMAGES, "first",
     )  # fmt: skip

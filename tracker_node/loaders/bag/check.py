@@ -1,4 +1,4 @@
-"""Check of a bag: everything in it read once, and compared with its metadata and index; and a sound copy of a damaged one."""
+"""Check of a bag: everything in it read once, and compared with its metadata and index; and a finished copy of a damaged one."""
 
 from __future__ import annotations
 
@@ -51,9 +51,9 @@ class BagCheck:
 
     Attributes
     ----------
-    remedy : what makes a sound bag of a damaged one of its kind.
-    problems : what is wrong with the bag; empty for a sound one.
-    notes : what is worth knowing of a sound one.
+    remedy : what makes a finished bag of a damaged one of its kind.
+    problems : what is wrong with the bag; empty for an undamaged one.
+    notes : what is worth knowing of an undamaged one.
     seconds : from the first message to the last.
     """
 
@@ -91,7 +91,16 @@ class BagCheck:
 
 
 def check_bag(path: str | Path, on_file: Callable[[Path], None] = lambda file: None) -> BagCheck:
-    """Read all of a bag; ``on_file`` is called before each file.
+    """Read all of a bag, and compare what was read with what the bag says of itself.
+
+    Parameters
+    ----------
+    path : bag folder, or a file of one.
+    on_file : called before each file is read.
+
+    Returns
+    -------
+    Problems, notes, and rate and gaps of every topic.
 
     Raises
     ------
@@ -121,7 +130,17 @@ def check_bag(path: str | Path, on_file: Callable[[Path], None] = lambda file: N
 
 
 def figures_of(topic: BagTopic, stamps_ns: np.ndarray) -> TopicFigures:
-    """Rate, gaps and order of a topic from the times of its messages (n,) in nanoseconds, as they stand in the bag."""
+    """Rate, gaps and order of a topic.
+
+    Parameters
+    ----------
+    topic : as the bag lists it.
+    stamps_ns : (n,) of its messages in nanoseconds, in the order of the file.
+
+    Returns
+    -------
+    Figures; rate and gaps are zero for fewer than two messages.
+    """
     n = len(stamps_ns)
     if n < 2:
         return TopicFigures(topic, n)
@@ -178,7 +197,7 @@ def _different(problems: list[str]) -> list[str]:
 
 def _check_metadata(reader: BagReader, check: BagCheck) -> None:
     if not reader.path.is_dir():
-        check.notes.append(f"one file on its own: {METADATA_FILE} was not looked at")
+        check.notes.append(f"one file on its own: {METADATA_FILE} was not read")
         return
     if not (reader.path / METADATA_FILE).exists():
         check.problems.append(f"there is no {METADATA_FILE}")
@@ -202,11 +221,11 @@ def _information(folder: Path) -> dict[str, Any]:
 def _check_counts(reader: BagReader, check: BagCheck) -> None:
     if reader.recovered:
         return
-    told = Counter({name: topic.message_count for name, topic in reader.topics.items()})
+    listed = Counter({name: topic.message_count for name, topic in reader.topics.items()})
     found = Counter({each.topic.name: each.count for each in check.topics})
-    for name in sorted(told):
-        if told[name] != found[name]:
-            check.problems.append(f"{name}: {told[name]} messages by the index, {found[name]} found")
+    for name in sorted(listed):
+        if listed[name] != found[name]:
+            check.problems.append(f"{name}: {listed[name]} messages by the index, {found[name]} found")
 
 
 def _note(reader: BagReader, check: BagCheck) -> None:
@@ -228,7 +247,7 @@ class Repair:
     Parameters
     ----------
     count : messages.
-    problem : what was wrong with the source; empty for a sound bag.
+    problem : what was wrong with the source; empty for an undamaged bag.
     """
 
     count: int
@@ -236,9 +255,18 @@ class Repair:
 
 
 def repair_bag(source: str | Path, destination: str | Path, compression: str = "none") -> Repair:
-    """Copy all that can be read of ``source`` to a new bag with MCAP storage.
+    """Copy all that can be read of a bag to a new bag with MCAP storage.
 
     A message whose time ROS cannot hold (`LAST_NS`) gets that of the message before it.
+
+    Parameters
+    ----------
+    source, destination : bag folder or file; folder of the new bag, which must not exist.
+    compression : of the new bag's chunks, one of `mcap_writer.COMPRESSIONS`.
+
+    Returns
+    -------
+    Number of messages, and what was wrong with the source.
 
     Raises
     ------

@@ -79,7 +79,14 @@ class BagFile:
         self._channels[topic.name] = self._writer.add_channel(topic.name, self._schemas[topic.type_name], metadata)
 
     def write(self, topic: str, sequence: int, stamp_ns: int, publish_ns: int, data: bytes) -> None:
-        """One message of a topic that has been announced."""
+        """Write one message.
+
+        Parameters
+        ----------
+        topic, sequence : a topic that has been announced; number of the message in it.
+        stamp_ns, publish_ns : when it was recorded and when it was sent, nanoseconds.
+        data : serialized message (CDR).
+        """
         if self._first_ns is None:
             self._first_ns = stamp_ns
         self._writer.add_message(self._channels[topic], sequence, stamp_ns, publish_ns, data)
@@ -155,7 +162,7 @@ class DiskReserve:
 
 KEPT_BYTES = 64 * 2**20
 """At the end of the file, that stay in memory."""
-_AGAIN_BYTES = 512 * 2**20  # before, looked at again: what was not on the disk yet the last time
+_AGAIN_BYTES = 512 * 2**20  # before, examined again: what was not on the disk yet the last time
 
 
 class WrittenPages:
@@ -206,9 +213,9 @@ _TRANSFORMS = "tf2_msgs/msg/TFMessage"
 
 
 class LatchedMessages:
-    """Keeps the last message of every latched topic, to be told again at the beginning of the next file.
+    """Keeps the last message of every latched topic, which is repeated at the beginning of the next file.
 
-    Of several publishers of one topic only the last that has spoken is known. Transforms (``/tf_static``) are the exception,
+    Of several publishers of one topic only the last that has published is known. Transforms (``/tf_static``) are the exception,
     for there several publishers are the rule: one message holds the last of every child frame, whoever sent it.
 
     Parameters
@@ -217,7 +224,7 @@ class LatchedMessages:
 
     Attributes
     ----------
-    told : topics of which this file holds a message again.
+    repeated : topics of which this file holds a message again.
     """
 
     def __init__(self, wanted: bool):
@@ -225,15 +232,21 @@ class LatchedMessages:
         self._last: dict[str, tuple[int, bytes]] = {}  # topic -> when it was sent, and the message
         self._due: dict[str, tuple[int, bytes]] = {}
         self._frames: dict[str, dict[str, Any]] = {}  # topic -> child frame -> its transform
-        self.told: set[str] = set()
+        self.repeated: set[str] = set()
 
     def keep(self, topic: TopicRecord, publish_ns: int, data: bytes) -> None:
-        """A message has been written."""
+        """Take note of a message that has been written.
+
+        Parameters
+        ----------
+        topic, publish_ns : of the message; nanoseconds when it was sent.
+        data : serialized message (CDR).
+        """
         if self._wanted and topic.qos.durability == "transient_local":
             self._last[topic.name] = (publish_ns, self._merged(topic.name, data) if topic.type_name == _TRANSFORMS else data)
 
     def _merged(self, topic: str, data: bytes) -> bytes:
-        """The transforms of a message with those that the topic has told of other frames."""
+        """The transforms of a message with those that the topic has published of other frames."""
         try:
             said: Any = typestore().deserialize_cdr(data, _TRANSFORMS)
         except (SerdeError, struct.error, ValueError, IndexError, KeyError):
@@ -244,12 +257,12 @@ class LatchedMessages:
         return bytes(typestore().serialize_cdr(message, _TRANSFORMS))
 
     def begin_file(self) -> None:
-        """All that is kept is to be told again in it."""
-        self._due, self.told = dict(self._last), set()
+        """All that is kept is due in it."""
+        self._due, self.repeated = dict(self._last), set()
 
     def take(self, topic: str) -> list[tuple[str, int, bytes]]:
         """Topic, time and bytes of what comes before the first message of a file, which is one of ``topic``."""
         due = [(name, *kept) for name, kept in self._due.items() if name != topic or name in self._frames]
         self._due = {}
-        self.told.update(name for name, _, _ in due)
+        self.repeated.update(name for name, _, _ in due)
         return due

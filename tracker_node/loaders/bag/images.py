@@ -1,4 +1,4 @@
-"""Images in bags: which topics hold them, and their pixels without a copy."""
+"""Images in the messages of a bag, and their pixels without a copy."""
 
 from __future__ import annotations
 
@@ -19,9 +19,15 @@ _TOPIC_ENDS = ((RAW, "image_raw"), (COMPRESSED, "image_raw/compressed"))
 
 
 def image_topics(reader: BagReader, cameras: Iterable[str]) -> dict[str, str]:
-    """Topic -> camera for the cameras whose images the bag holds, raw ones before compressed ones.
+    """Topics with the images of cameras, raw ones before compressed ones.
 
-    Any namespace may stand before the camera's name, but only one topic may fit.
+    Parameters
+    ----------
+    reader, cameras : open bag; names. Any namespace may stand before a camera's name, but only one topic may fit.
+
+    Returns
+    -------
+    Topic -> camera, of the cameras whose images the bag holds.
 
     Raises
     ------
@@ -41,7 +47,15 @@ def image_topics(reader: BagReader, cameras: Iterable[str]) -> dict[str, str]:
 
 
 def camera_images(reader: BagReader, topics: dict[str, str]) -> Iterator[CameraImage]:
-    """Images of ``topics`` (topic -> camera) in the order of recording, pixels as read-only views where possible.
+    """Images of cameras in the order of recording, pixels as read-only views where possible.
+
+    Parameters
+    ----------
+    reader, topics : open bag; topic -> camera.
+
+    Yields
+    ------
+    One image of one camera.
 
     Raises
     ------
@@ -52,7 +66,16 @@ def camera_images(reader: BagReader, topics: dict[str, str]) -> Iterator[CameraI
 
 
 def image_of(reader: BagReader, message: BagMessage, camera: str) -> CameraImage:
-    """The image in a message of the types `RAW` and `COMPRESSED`.
+    """The image in a message.
+
+    Parameters
+    ----------
+    reader, message : open bag, and a message of it of type `RAW` or `COMPRESSED`.
+    camera : its name, also for messages.
+
+    Returns
+    -------
+    Image with the stamp of the message's header.
 
     Raises
     ------
@@ -76,7 +99,15 @@ def _pixels(content: Any, encoding: str, camera: str, stamp_ns: int) -> tuple[np
 
 
 def source_content(reader: BagReader, message: BagMessage) -> tuple[int, np.ndarray | bytes, str | None]:
-    """Stamp, pixels (h, w, 3) in BGR or (h, w), or a JPEG as it is, and the Bayer pattern of a mosaic.
+    """The image in a message as a source delivers it.
+
+    Parameters
+    ----------
+    reader, message : open bag, and a message of it of type `RAW` or `COMPRESSED`.
+
+    Returns
+    -------
+    Stamp (ns), pixels (h, w, 3) in BGR or (h, w), or a JPEG as it is, and the Bayer pattern of a mosaic or None.
 
     Raises
     ------
@@ -94,7 +125,16 @@ def source_content(reader: BagReader, message: BagMessage) -> tuple[int, np.ndar
 
 
 def only_topic(reader: BagReader, type_name: str, wanted: Collection[str] = ()) -> str:
-    """The one topic of ``type_name``, or the one that ``wanted`` names.
+    """The one topic of a type.
+
+    Parameters
+    ----------
+    reader, type_name : open bag; such as ``sensor_msgs/msg/Image``.
+    wanted : topics to choose from; empty for all.
+
+    Returns
+    -------
+    Its name.
 
     Raises
     ------

@@ -78,7 +78,16 @@ class FileContents:
 
 
 def one_text(problems: Iterable[str], most: int = 4) -> str:
-    """Several problems as one text, the same ones once, and not more than a person reads."""
+    """Several problems as one text, each once.
+
+    Parameters
+    ----------
+    problems, most : sentences; number of those that are written out.
+
+    Returns
+    -------
+    Text, with the number of those left out.
+    """
     different = list(dict.fromkeys(problems))
     more = [f"and {len(different) - most} more"] if len(different) > most else []
     return "; ".join([*different[:most], *more])
@@ -96,7 +105,16 @@ _FIRST_PRIVATE = 0x80  # opcodes from here on are other programs' own
 
 
 def scan(path: Path, contents: FileContents | None = None) -> Iterator[RawMessage]:
-    """All messages in the order of the file; schemas, channels and the problems found go to ``contents`` as they come.
+    """Messages of a file in its order, read from its beginning.
+
+    Parameters
+    ----------
+    path : file.
+    contents : gets schemas, channels and the problems found as they come.
+
+    Yields
+    ------
+    One message that is there in full.
 
     Raises
     ------
@@ -227,7 +245,15 @@ def _chunk_parts(body: bytes) -> tuple[int, str, memoryview]:
 
 
 def unpacked(compression: str, content: bytes | memoryview) -> Any:
-    """The records of a chunk, as bytes or a view of them.
+    """The records of a chunk.
+
+    Parameters
+    ----------
+    compression, content : empty, ``zstd`` or ``lz4``; bytes of the chunk.
+
+    Returns
+    -------
+    Bytes, or ``content`` itself.
 
     Raises
     ------

@@ -85,20 +85,47 @@ class McapWriter:
         return len(self._chunk_indexes)
 
     def add_schema(self, name: str, encoding: str, data: bytes) -> int:
-        """Announce a message type; its number."""
+        """Announce a message type.
+
+        Parameters
+        ----------
+        name, encoding : such as ``sensor_msgs/msg/Image``; ``ros2msg``, or empty where there is no definition.
+        data : definition.
+
+        Returns
+        -------
+        Its number in the file.
+        """
         self._schemas.append(Schema(id=len(self._schemas) + 1, data=data, encoding=encoding, name=name))
         self._append(_encoded(self._schemas[-1]))
         return len(self._schemas)
 
     def add_channel(self, topic: str, schema: int, metadata: dict[str, str]) -> int:
-        """Announce a topic; its number."""
+        """Announce a topic.
+
+        Parameters
+        ----------
+        topic, schema : name; number of its message type.
+        metadata : quality of service and hash of the type, as texts.
+
+        Returns
+        -------
+        Its number in the file.
+        """
         number = len(self._channels) + 1
         self._channels.append(Channel(number, topic, "cdr", metadata, schema))
         self._append(_encoded(self._channels[-1]))
         return number
 
     def add_message(self, channel: int, sequence: int, log_ns: int, publish_ns: int, data: bytes) -> None:
-        """One message; ``data`` is referred to until the chunk is finished, not copied."""
+        """Take one message into the chunk, which is finished when it is full.
+
+        Parameters
+        ----------
+        channel, sequence : number of the topic, and of the message in it.
+        log_ns, publish_ns : when it was recorded and when it was sent, nanoseconds.
+        data : serialized message; it is referred to until the chunk is finished, not copied.
+        """
         self._chunk_messages.setdefault(channel, []).append((log_ns, self._chunk_size))
         length = _MESSAGE_FIELDS + len(data)
         self._append(_MESSAGE_HEAD.pack(Opcode.MESSAGE, length, channel, sequence, log_ns, publish_ns))
@@ -107,7 +134,12 @@ class McapWriter:
             self.finish_chunk()
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
-        """Texts about the file as a whole."""
+        """Write texts about the file as a whole.
+
+        Parameters
+        ----------
+        name, values : of the record; its texts by name.
+        """
         self.finish_chunk()
         offset, data = self.size, _encoded(Metadata(name=name, metadata=values))
         self._put([data])

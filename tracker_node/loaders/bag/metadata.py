@@ -87,7 +87,17 @@ class TimeSpan:
 
 
 def bag_information(files: dict[str, TimeSpan], topics: Iterable[TopicRecord], custom: dict[str, str]) -> dict[str, Any]:
-    """Content of ``metadata.yaml`` below its top key; ``files`` by name, in the order of recording."""
+    """Content of ``metadata.yaml`` below its top key.
+
+    Parameters
+    ----------
+    files, topics : files by name in the order of recording; topics with their numbers of messages.
+    custom : texts for ``custom_data``.
+
+    Returns
+    -------
+    Mapping of plain values.
+    """
     return {
         "version": METADATA_VERSION,
         "storage_identifier": "mcap",
@@ -115,7 +125,12 @@ def bag_information(files: dict[str, TimeSpan], topics: Iterable[TopicRecord], c
 
 
 def write_metadata(folder: Path, information: dict[str, Any]) -> None:
-    """Write ``metadata.yaml``, whole or not at all."""
+    """Write ``metadata.yaml``, whole or not at all.
+
+    Parameters
+    ----------
+    folder, information : of the bag; see `bag_information`.
+    """
     text = yaml.safe_dump({"rosbag2_bagfile_information": information}, sort_keys=False)
     unfinished = folder / f"{METADATA_FILE}.tmp"
     unfinished.write_text(text, encoding="utf-8")

@@ -119,13 +119,28 @@ class BagQueue:
             return 0
 
     def add_topic(self, topic: str, type_name: str, qos: OfferedQos, definition: MessageType) -> None:
-        """Announce a topic; it must come before its messages."""
+        """Announce a topic; it must come before its messages.
+
+        Parameters
+        ----------
+        topic, type_name : such as ``/tracker/state`` and ``tracker_msgs/msg/TrackedState``.
+        qos, definition : quality of service that its publisher offers; the type as the bag states it.
+        """
         if topic not in self._topics:
             self._topics.add(topic)
             self._queue.put(_Topic(topic, type_name, qos, definition))
 
     def put(self, topic: str, stamp_ns: int, data: bytes, publish_ns: int | None = None) -> bool:
-        """Hand over one serialized message; False if there was no room for it.
+        """Hand over one serialized message.
+
+        Parameters
+        ----------
+        topic, stamp_ns : announced topic; when the message was received, nanoseconds.
+        data, publish_ns : CDR bytes; when it was sent, None for the same time.
+
+        Returns
+        -------
+        False if there was no room for it.
 
         Raises
         ------

@@ -110,7 +110,7 @@ class BagReader:
 
     @property
     def remedy(self) -> str:
-        """What makes a sound bag of this one where it is damaged."""
+        """What makes a finished bag of this one where it is damaged."""
         return REPAIR_SQLITE if self._sqlite else REPAIR
 
     @property
@@ -134,7 +134,16 @@ class BagReader:
     def messages(
         self, topics: Collection[str] | None = None, start_ns: int | None = None, stop_ns: int | None = None
     ) -> Iterator[BagMessage]:
-        """Messages of ``topics`` (default: all) recorded in [start, stop), in the order of recording.
+        """Messages in the order of recording.
+
+        Parameters
+        ----------
+        topics : names; None for all.
+        start_ns, stop_ns : stamps of recording, the latter exclusive; None for the bag's.
+
+        Returns
+        -------
+        Iterator of messages.
 
         Raises
         ------
@@ -239,9 +248,9 @@ class BagReader:
         if not chosen:
             return
         for connection in chosen:  # else what is decoded would lack the fields that are asked for
-            told = self.topics[connection.topic].type_name
-            if connection.msgtype != told:
-                expected = f"messages of one type, {told} as {METADATA_FILE} says"
+            stated = self.topics[connection.topic].type_name
+            if connection.msgtype != stated:
+                expected = f"messages of one type, {stated} as {METADATA_FILE} says"
                 raise FileFormatError(self.path, connection.topic, expected, connection.msgtype)
         messages = self._reader.messages(chosen, start_ns, stop_ns)
         while True:

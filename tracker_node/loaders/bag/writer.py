@@ -121,7 +121,11 @@ class BagWriter:
     def add_topic(self, topic: str, type_name: str, qos: OfferedQos | None = None, definition: MessageType | None = None) -> None:
         """Announce a topic; repeating it with the same type does nothing.
 
-        ``definition`` is for types that `message_types.message_type` does not find, for example one with an empty text.
+        Parameters
+        ----------
+        topic, type_name : such as ``/tracker/state`` and ``tracker_msgs/msg/TrackedState``.
+        qos : quality of service that its publisher offers; None for the default.
+        definition : of types that `message_types.message_type` does not find, for example one with an empty text.
 
         Raises
         ------
@@ -138,10 +142,12 @@ class BagWriter:
         self._file.add_topic(record)
 
     def write(self, topic: str, stamp_ns: int, data: bytes | memoryview, publish_ns: int | None = None) -> None:
-        """One serialized message, with its CDR header.
+        """Write one serialized message. The format has no times before 1970, they become 0.
 
-        ``stamp_ns`` is when it was received, ``publish_ns`` when it was sent (the same if not given); the format has no
-        times before 1970, they become 0.
+        Parameters
+        ----------
+        topic, stamp_ns : announced topic; when the message was received, nanoseconds.
+        data, publish_ns : CDR bytes with their header; when it was sent, None for the same time.
 
         Raises
         ------
@@ -173,7 +179,13 @@ class BagWriter:
         self._with_reserve(lambda: self._file.write(topic.name, topic.message_count, stamp_ns, publish_ns, message))
 
     def write_message(self, topic: str, stamp_ns: int, message: Any) -> None:
-        """One message of a type of `message_types.typestore`; the topic is announced if it is new."""
+        """Write one message; its topic is announced if it is new.
+
+        Parameters
+        ----------
+        topic, stamp_ns : name; when the message was received, nanoseconds.
+        message : of a type of `message_types.typestore`.
+        """
         type_name = message.__msgtype__
         self.add_topic(topic, type_name)
         self.write(topic, stamp_ns, bytes(typestore().serialize_cdr(message, type_name)))
@@ -251,7 +263,7 @@ class BagWriter:
     def _add_counts(self, counts: Counter[str]) -> None:
         """Of a file that nothing more comes to."""
         self._in_files.update(counts)
-        self.repeated.update(topic for topic in self._latched.told if counts[topic])
+        self.repeated.update(topic for topic in self._latched.repeated if counts[topic])
 
     def _with_reserve(self, action: Callable[[], None], again: bool = False) -> None:
         """On a full disk give back the room that was kept, and write to it what has come so far, or all of ``action``."""

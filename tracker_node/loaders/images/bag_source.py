@@ -96,7 +96,15 @@ class BagSource(ImageSource):
 
 
 def topic_of_camera(address: SourceAddress, camera: str) -> SourceAddress:
-    """The address with the topic that belongs to a camera, by its name, unless it names one.
+    """Source in a bag with the topic of a camera.
+
+    Parameters
+    ----------
+    address, camera : source, kept if it has a topic; name.
+
+    Returns
+    -------
+    The same bag with a topic.
 
     Raises
     ------

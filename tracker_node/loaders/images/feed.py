@@ -1,4 +1,4 @@
-"""Several image sources as one stream of instants on a common clock.
+"""Several image sources as one stream of time steps on a common clock.
 
 Each source is decoded in a thread of its own, a few images ahead. A source that fails ends, with its problem named; the
 others go on.
@@ -63,7 +63,7 @@ class ImageFeed:
 
     Parameters
     ----------
-    sources : camera name -> its images; the order is that of the images in an instant.
+    sources : camera name -> its images; the order is that of the images in a time step.
 
     Use it as a context manager, or call `close`, so that the decoding threads end.
     """
@@ -102,7 +102,7 @@ class ImageFeed:
 
     @property
     def next_is_ready(self) -> bool:
-        """Whether the instant after the current one is decoded already."""
+        """Whether the time step after the current one is decoded already."""
         return all(report.ended or not self._queues[camera].empty() for camera, report in self.reports.items())
 
     def __iter__(self) -> Iterator[Instant]:
@@ -168,7 +168,16 @@ def _marked(camera: str, images: Iterable[SourceImage]) -> Iterator[FeedImage]:
 
 
 def is_repetition(before: SourceImage, image: SourceImage) -> bool:
-    """Whether two images of a camera are the same to the last bit."""
+    """Whether two images of a camera are the same to the last bit.
+
+    Parameters
+    ----------
+    before, image : images that follow each other.
+
+    Returns
+    -------
+    True for the same pixels, or the same JPEG.
+    """
     a, b = before.pixels, image.pixels
     if a is None or b is None:
         return before.jpeg == image.jpeg

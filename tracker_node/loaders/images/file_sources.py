@@ -164,7 +164,7 @@ def list_images(path: str) -> list[str]:
         pattern = path[: printf.start()] + "[0-9]*" + path[printf.end() :] if printf else path
         found = [file for file in glob.glob(pattern) if Path(file).suffix.lower() in IMAGE_SUFFIXES]
     if not found:
-        raise SourceError(path, f"no image files there (looked for {' '.join(IMAGE_SUFFIXES)})")
+        raise SourceError(path, f"no image files there (of {' '.join(IMAGE_SUFFIXES)})")
     return sorted(found, key=_natural_key)
 
 

@@ -154,7 +154,17 @@ class DeviceCapture(_OpenCvCapture):
 def open_capture(
     address: SourceAddress, size: tuple[int, int] | None, settings: CaptureSettings, stamps: str | None, threads: int = 1
 ) -> LiveCapture:
-    """Connect to a device or a stream; ``stamps`` as in the rig.
+    """Connect to a device or a stream.
+
+    Parameters
+    ----------
+    address, size : of the camera; (width, height) that is asked for, or None.
+    settings, stamps : of a device; as in the rig, ``capture`` for the time of arrival.
+    threads : of the decoder.
+
+    Returns
+    -------
+    Open connection.
 
     Raises
     ------
@@ -166,7 +176,11 @@ def open_capture(
 
 
 def check_live_settings(address: SourceAddress, settings: CaptureSettings, stamps: str | None) -> None:
-    """What a live source cannot do is said before anything is started.
+    """Refuse settings that a live source cannot follow, before anything is started.
+
+    Parameters
+    ----------
+    address, settings, stamps : of the camera, as in the rig.
 
     Raises
     ------

@@ -68,7 +68,12 @@ class SourceOptions:
             raise ValueError(f"expected a factor and a number of threads of at least 1, got {self.shrink} and {self.threads}")
 
     def check_aspect(self, width: int, height: int, name: str) -> None:
-        """Refuse to resample images of this size to another aspect: what is round would not be.
+        """Refuse to resample images to another aspect: what is round would not be.
+
+        Parameters
+        ----------
+        width, height : of the images, px.
+        name : of the source, for messages.
 
         Raises
         ------
@@ -85,7 +90,16 @@ class SourceOptions:
             raise SourceError(name, f"resampling to {aspects} would stretch them: give {nearest}")
 
     def output_size(self, width: int, height: int) -> tuple[int, int]:
-        """(width, height) of what is delivered of images of this size."""
+        """Size of the delivered images.
+
+        Parameters
+        ----------
+        width, height : of the source's images, px.
+
+        Returns
+        -------
+        (width, height), px.
+        """
         return self.size or (max(1, width // self.shrink), max(1, height // self.shrink))
 
 

@@ -76,7 +76,7 @@ class PreloadedSource(ImageSource):
 
 
 class InterlacedSource(ImageSource):
-    """A source of interlaced images as twice as many images of one instant each, missing lines interpolated.
+    """A source of interlaced images as twice as many images, one a field, missing lines interpolated.
 
     Numbers, rate and ``start`` and ``end`` of the options are those of the delivered images. Where originals are kept, that of
     the first field is the image that both come from, and the second has none.
@@ -122,7 +122,14 @@ class InterlacedSource(ImageSource):
 def open_source(path: str | Path, options: SourceOptions | None = None, **changes) -> ImageSource:
     """Open a video file, an image folder, a pattern of image files, or the images in a bag (`loaders.source_address`).
 
-    ``changes`` are fields of `SourceOptions`, for short calls: ``open_source("cam01.mp4", start=10, end=20)``.
+    Parameters
+    ----------
+    path, options : source; how it is read, None for all of it.
+    **changes : fields of `SourceOptions`, for short calls: ``open_source("cam01.mp4", start=10, end=20)``.
+
+    Returns
+    -------
+    Source, opened.
 
     Raises
     ------
@@ -148,9 +155,16 @@ def open_source(path: str | Path, options: SourceOptions | None = None, **change
 
 
 def open_camera_source(camera: Camera, options: SourceOptions | None = None) -> ImageSource:
-    """Source of a rig's camera: its size is held against the calibration, its stamps get the camera's time offset.
+    """Source of a rig's camera: its size is compared with the calibration, its stamps get the camera's time offset.
 
-    With ``options.size`` the images are resampled; the lens for them is ``camera.model.resized(*options.size)``.
+    Parameters
+    ----------
+    camera : of the rig.
+    options : how it is read; with a ``size`` images are resampled, for the lens ``camera.model.resized(*options.size)``.
+
+    Returns
+    -------
+    Source, opened.
 
     Raises
     ------
@@ -167,7 +181,16 @@ def open_camera_source(camera: Camera, options: SourceOptions | None = None) -> 
 
 
 def open_camera_source_of_any_size(camera: Camera, options: SourceOptions | None = None) -> ImageSource:
-    """As `open_camera_source`, whatever size the images have."""
+    """Source of a rig's camera whatever the size of its images; otherwise as `open_camera_source`.
+
+    Parameters
+    ----------
+    camera, options : of the rig; how its source is read.
+
+    Returns
+    -------
+    Source, opened.
+    """
     if not camera.source:
         raise SourceError(camera.name, "the rig names no source for this camera")
     options = options or SourceOptions()
@@ -191,13 +214,27 @@ def open_camera_source_of_any_size(camera: Camera, options: SourceOptions | None
 
 
 def size_contradiction(expected: tuple[int, int], got: tuple[int, int], source: str) -> str:
-    """The sentence for images that are not of the size that the calibration is for."""
+    """The sentence for images that are not of the size that the calibration is for.
+
+    Parameters
+    ----------
+    expected, got : (width, height), px.
+    source : where the images come from; a password in it is left out.
+
+    Returns
+    -------
+    Text without an end.
+    """
     sizes = f"expected {expected[0]}x{expected[1]}, got {got[0]}x{got[1]}"
     return f"image size contradicts the calibration: {sizes} in {without_password(source)}"
 
 
 def check_recorded(source: str, capture: CaptureSettings) -> None:
     """Refuse settings of a device for a recording.
+
+    Parameters
+    ----------
+    source, capture : of a camera, as in the rig.
 
     Raises
     ------
@@ -207,34 +244,41 @@ def check_recorded(source: str, capture: CaptureSettings) -> None:
         raise SourceError(source, f"{', '.join(capture.of_device)} can be set for v4l2: sources only")
 
 
-def load_plates(rig: CameraRig) -> dict[str, np.ndarray]:
-    """Camera name -> BGR plate (height, width, 3) for the cameras that name one.
+def load_backgrounds(rig: CameraRig) -> dict[str, np.ndarray]:
+    """Camera name -> BGR image of the background (height, width, 3), for the cameras that name one.
 
     Raises
     ------
-    SourceError : a plate that is missing or cannot be read.
-    CalibrationError : a plate that does not have the size of the camera's images.
+    SourceError : an image that is missing or cannot be read.
+    CalibrationError : an image that does not have the size of the camera's images.
     """
-    plates = {}
+    backgrounds = {}
     for camera in rig:
         if not camera.background:
             continue
-        plate = cv2.imread(camera.background, cv2.IMREAD_COLOR)
-        if plate is None:
-            raise SourceError(camera.background, f"cannot be read as the plate of camera '{camera.name}'")
-        expected, got = (camera.model.width, camera.model.height), (plate.shape[1], plate.shape[0])
-        if expected != got:
-            problem = f"plate has another size than the calibration: expected {expected[0]}x{expected[1]}, got {got[0]}x{got[1]}"
+        image = cv2.imread(camera.background, cv2.IMREAD_COLOR)
+        if image is None:
+            raise SourceError(camera.background, f"cannot be read as the background of camera '{camera.name}'")
+        if problem := camera.model.size_problem(image):
             raise CalibrationError(camera.name, f"{problem} in {camera.background}")
-        plates[camera.name] = plate
-    return plates
+        backgrounds[camera.name] = image
+    return backgrounds
 
 
-def resized_plates(plates: dict[str, np.ndarray], rig: CameraRig) -> dict[str, np.ndarray]:
-    """The plates in the size of the images of ``rig``, for cameras whose images are published resampled."""
+def resized_backgrounds(backgrounds: dict[str, np.ndarray], rig: CameraRig) -> dict[str, np.ndarray]:
+    """Images of the background in another size, for cameras whose images are published resampled.
+
+    Parameters
+    ----------
+    backgrounds, rig : camera -> BGR image (h, w, 3); rig with the lenses of the published images.
+
+    Returns
+    -------
+    Camera -> BGR image in the size of its lens.
+    """
     result = {}
-    for name, plate in plates.items():
+    for name, image in backgrounds.items():
         size = (rig[name].model.width, rig[name].model.height)
-        same = plate.shape[1::-1] == size
-        result[name] = plate if same else cv2.resize(plate, size, interpolation=cv2.INTER_AREA)
+        same = image.shape[1::-1] == size
+        result[name] = image if same else cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     return result

@@ -38,12 +38,30 @@ _LONGEST_PERIOD_S = 100.0  # between images; more is a wrong unit
 
 
 def common_ns(own_ns: int, first_ns: int, offset_ns: int = 0, drift_ppm: float = 0.0) -> int:
-    """Common time of an image with the own stamp ``own_ns``, whose camera's first image had ``first_ns``."""
+    """Common time of an image.
+
+    Parameters
+    ----------
+    own_ns, first_ns : stamps of the image and of its camera's first image, on the camera's clock.
+    offset_ns, drift_ppm : common time minus the camera's at its first image; by how much it advances more, in millionths.
+
+    Returns
+    -------
+    Nanoseconds.
+    """
     return own_ns + offset_ns + round(1e-6 * drift_ppm * (own_ns - first_ns))
 
 
 def file_times(camera: Camera, n_images: int) -> tuple[int, ...] | None:
-    """Own stamps in ns of the ``n_images`` images of a camera's file; None where they follow from its image rate.
+    """Stamps of the images of a camera's file, on the camera's clock.
+
+    Parameters
+    ----------
+    camera, n_images : of the rig; number of images in its file.
+
+    Returns
+    -------
+    (n_images,) ns; None where they follow from the file's image rate.
 
     Raises
     ------
@@ -72,7 +90,15 @@ def period_ns(times: Sequence[int]) -> int:
 
 
 def stamps_from_first_ns(path: str | Path, times_s: np.ndarray) -> np.ndarray:
-    """(n,) int64: nanoseconds since the first of increasing times in seconds.
+    """Stamps from times of which only the differences count.
+
+    Parameters
+    ----------
+    path, times_s : file, for messages; (n,) increasing seconds.
+
+    Returns
+    -------
+    (n,) int64 nanoseconds since the first.
 
     Raises
     ------
@@ -116,12 +142,20 @@ def presentation_times(path: str | Path) -> tuple[int, ...]:
 
 
 def load_stamp_file(path: str | Path, camera: str) -> tuple[int, ...]:
-    """Stamps of a camera's images in ns, in the order of the images.
+    """Stamps of a camera's images from a file, in the order of the images.
 
     A CSV file with a column of times (``time``, ``timestamp``, ``stamp`` or ``frame_time``, in seconds, or with the unit behind,
     ``time_ns``), and optionally one of cameras (``camera``, ``cam_id``, ``port``; their names, or the numbers that these end
     with) and one of image numbers (``image``, ``frame``); or a text file of one number of seconds a line. Other columns
     (Caliscope's ``sync_index``) are not read. Without image numbers the lines of a camera are its images in order of time.
+
+    Parameters
+    ----------
+    path, camera : file; name.
+
+    Returns
+    -------
+    (n,) ns.
 
     Raises
     ------
@@ -213,13 +247,18 @@ _KEPT = 64  # files whose times are kept in memory
 
 
 def varying_times(path: str, n_images: int) -> tuple[int, ...] | None:
-    """Times of the images of a video in ns, the first at 0; None where they are even, or where the file has none.
+    """Times of a video's images that are not evenly apart.
 
     Nothing is decoded, but the whole file is read once: some tenths of a second for each gigabyte that is in the memory already.
 
     Parameters
     ----------
+    path : video file.
     n_images : that the file announces; times of those that are missing follow at the usual distance.
+
+    Returns
+    -------
+    (n,) ns, the first at 0; None where they are even, or where the file has none.
     """
     status = os.stat(path)
     times = _varying(path, status.st_mtime_ns, status.st_size)

@@ -15,7 +15,12 @@ _STATUS_COLORS = tuple(STATES[name.lower()] for name in _STATUS)
 
 
 def write_foxglove_layout(graph: ViewedGraph, path: str | Path) -> None:
-    """Write a ``.json`` file, for *Layouts, Import from file*."""
+    """Write a layout for *Layouts, Import from file*.
+
+    Parameters
+    ----------
+    graph, path : topics that it shows; ``.json`` file.
+    """
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, json.dumps(foxglove_layout(graph), indent=1) + "\n")
 
@@ -58,7 +63,7 @@ def foxglove_layout(graph: ViewedGraph) -> dict[str, Any]:
 
 
 def _stacked(panels: list[str], percentages: list[float]) -> Any:
-    """Panels below each other; each percentage is the share of what is left that the next one takes."""
+    """Panels below each other; each percentage is the part of what is left that the next one takes."""
     if len(panels) == 1:
         return panels[0]
     rest = _stacked(panels[1:], percentages[1:])

@@ -10,7 +10,12 @@ from .viewed_graph import ViewedGraph, color_of
 
 
 def write_plotjuggler_layout(graph: ViewedGraph, path: str | Path) -> None:
-    """Write a ``.xml`` file, for *Layout, Load* or ``plotjuggler --layout FILE``."""
+    """Write a layout for *Layout, Load* or ``plotjuggler --layout FILE``.
+
+    Parameters
+    ----------
+    graph, path : topics that it shows; ``.xml`` file.
+    """
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, plotjuggler_layout(graph))
 

@@ -13,7 +13,12 @@ _VISIBLE = ("Grid", "Frames", "Shapes", "Robot model", "Root")
 
 
 def write_rviz_layout(graph: ViewedGraph, path: str | Path) -> None:
-    """Write a ``.rviz`` file; ``rviz2 -d FILE`` opens it."""
+    """Write a configuration, which ``rviz2 -d FILE`` opens.
+
+    Parameters
+    ----------
+    graph, path : topics that it shows; ``.rviz`` file.
+    """
     write_mapping(rviz_layout(graph), path, "RViz: rviz2 -d FILE. Made by `tracker_node layouts`.")
 
 

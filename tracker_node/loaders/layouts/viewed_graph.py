@@ -1,4 +1,4 @@
-"""What layouts of viewers (RViz, Foxglove, PlotJuggler) show: the topics of one tracker and its cameras."""
+"""Topics of one tracker and its cameras that layouts of viewers (RViz, Foxglove, PlotJuggler) show."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class ViewedGraph:
         return self.resolved(f"{self.tracker}/{name}")
 
     def resolved(self, name: str) -> str:
-        """What a relative topic is called in the graph, such as a camera's, ``robot_description`` and ``initialpose``."""
+        """Name of a relative topic in the graph, such as a camera's, ``robot_description`` and ``initialpose``."""
         return "/".join(["", *filter(None, (self.namespace.strip("/"), name))])
 
 

@@ -16,11 +16,19 @@ from ..whole_file import MEDIA_BYTES, check_regular, read_bytes
 
 
 def read_picture(file: str | Path, referrer: str | Path, field: str) -> np.ndarray:
-    """Picture (h, w, 3) uint8 RGB; a gray one is read as gray RGB.
+    """Picture of a file; a gray one is read as gray RGB.
+
+    Parameters
+    ----------
+    file, referrer, field : picture; file and field that ask for it, for messages.
+
+    Returns
+    -------
+    (h, w, 3) uint8 RGB.
 
     Raises
     ------
-    FileFormatError : naming ``referrer`` and ``field``, where the file is asked for.
+    FileFormatError : naming ``referrer`` and ``field``.
     """
     file = Path(file)
     if not os.path.isfile(file):  # Path.is_file raises for a name that is too long
@@ -37,7 +45,12 @@ def read_picture(file: str | Path, referrer: str | Path, field: str) -> np.ndarr
 
 
 def write_picture(picture: np.ndarray, file: str | Path) -> None:
-    """Write (h, w, 3) uint8 RGB without loss, as PNG."""
+    """Write a picture without loss, as PNG.
+
+    Parameters
+    ----------
+    picture, file : (h, w, 3) uint8 RGB; PNG file.
+    """
     ok, encoded = cv2.imencode(".png", np.ascontiguousarray(picture[:, :, ::-1]))
     if not ok:
         raise ValueError(f"expected a picture that PNG can hold, got {picture.shape}")
@@ -45,17 +58,21 @@ def write_picture(picture: np.ndarray, file: str | Path) -> None:
 
 
 def read_mesh(file: str | Path, scale: float, referrer: str | Path, field: str, texture: np.ndarray | None = None) -> Mesh:
-    """Mesh of a file, its coordinates times ``scale`` (1 for a file in meters, 0.001 for one in millimeters).
-
-    Colors of faces or vertices, texture and normals are taken over where the file has them.
+    """Mesh of a file, with colors of faces or vertices, texture and normals where the file has them.
 
     Parameters
     ----------
+    file, scale : mesh; factor to meters (0.001 for a file in millimeters).
+    referrer, field : file and field that ask for it, for messages.
     texture : (h, w, 3) uint8 RGB to put in the place of the file's own; the file must have texture coordinates.
+
+    Returns
+    -------
+    Mesh in meters.
 
     Raises
     ------
-    FileFormatError : naming ``referrer`` and ``field``, where the file is asked for.
+    FileFormatError : naming ``referrer`` and ``field``.
     """
     import trimesh  # slow to import, and few models have meshes
 
@@ -83,7 +100,7 @@ def read_mesh(file: str | Path, scale: float, referrer: str | Path, field: str, 
     try:
         return Mesh(vertices, faces, **surface)
     except ValueError as error:  # corners with two coordinates, faces of corners that are not there
-        raise FileFormatError(referrer, field, "a sound mesh", f"{file}: {error}") from None
+        raise FileFormatError(referrer, field, "a consistent mesh", f"{file}: {error}") from None
 
 
 def _surface(loaded: Any, faces: np.ndarray, texture: np.ndarray | None) -> dict[str, np.ndarray]:
@@ -141,9 +158,17 @@ def _named_in(file: Path, keyword: str) -> list[Path]:
 
 
 def write_mesh(mesh: Mesh, stem: Path) -> Path:
-    """Write a mesh with every digit of its vertices (meters), and say where.
+    """Write a mesh with every digit of its vertices.
 
     OBJ with colors of vertices or, beside it, material and texture; colors of faces go to a PLY file, since OBJ has none.
+
+    Parameters
+    ----------
+    mesh, stem : in meters; path without its suffix.
+
+    Returns
+    -------
+    Path of the file.
     """
     stem.parent.mkdir(parents=True, exist_ok=True)
     as_ply = mesh.face_colors_rgb is not None and mesh.texture is None and mesh.vertex_colors_rgb is None

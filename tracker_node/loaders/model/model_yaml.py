@@ -32,7 +32,7 @@ _X, _Y, _Z = np.eye(3)
 
 
 def load_model(path: str | Path) -> ArticulatedModel:
-    """Body of a model file or of a robot description (``.urdf``); meshes and pictures are looked for relative to its folder.
+    """Body of a model file or of a robot description (``.urdf``); meshes and pictures are searched relative to its folder.
 
     Raises
     ------
@@ -40,15 +40,15 @@ def load_model(path: str | Path) -> ArticulatedModel:
     """
     if Path(path).suffix.lower() in (".urdf", ".xacro"):
         return load_urdf(path)
-    return build_model(read_model_file(path), path)
+    return _build_model(_read_model_file(path), path)
 
 
-def read_model_file(path: str | Path) -> ModelFile:
+def _read_model_file(path: str | Path) -> ModelFile:
     """The validated content of a model file (raises as `load_model`)."""
     return validate(ModelFile, read_mapping(path), path)
 
 
-def build_model(model_file: ModelFile, path: str | Path) -> ArticulatedModel:
+def _build_model(model_file: ModelFile, path: str | Path) -> ArticulatedModel:
     """Body of a validated file; ``path`` is for messages and for finding meshes and pictures."""
     joints = []
     for name, entry in model_file.joints.items():
@@ -67,7 +67,13 @@ def build_model(model_file: ModelFile, path: str | Path) -> ArticulatedModel:
 
 
 def dump_model(model: ArticulatedModel, path: str | Path, comment: str = "") -> None:
-    """Write a body; meshes and pictures go beside the file as ``<stem>_<shape>...``. ``comment`` stands on top of the file."""
+    """Write a body; meshes and pictures go beside the file as ``<stem>_<shape>...``.
+
+    Parameters
+    ----------
+    model, path : body; YAML file.
+    comment : lines on top of the file.
+    """
     path = Path(path)
     names = [shape.name for shape in model.shapes]
     if len(set(names)) != len(names):
@@ -94,7 +100,16 @@ def dump_model(model: ArticulatedModel, path: str | Path, comment: str = "") -> 
 
 
 def transform_of(xyz: tuple[float, ...], rpy_deg: tuple[float, ...]) -> np.ndarray:
-    """T (4, 4) of an offset (meters) and fixed-axis roll, pitch, yaw (degrees): R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    """Rigid transform of an offset and fixed-axis angles: R = Rz(yaw) Ry(pitch) Rx(roll).
+
+    Parameters
+    ----------
+    xyz, rpy_deg : meters; roll, pitch, yaw in degrees.
+
+    Returns
+    -------
+    T_parent_child (4, 4).
+    """
     roll, pitch, yaw = np.deg2rad(rpy_deg)
     rotation = so3.from_axis_angle(_Z, yaw) @ so3.from_axis_angle(_Y, pitch) @ so3.from_axis_angle(_X, roll)
     return se3.from_rotation_translation(rotation, np.array(xyz))

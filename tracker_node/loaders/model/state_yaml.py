@@ -70,7 +70,15 @@ class StateFile(FileModel):
 
 
 def load_state(path: str | Path, model: ArticulatedModel) -> State:
-    """State of ``model`` from a file.
+    """State of a model from a file.
+
+    Parameters
+    ----------
+    path, model : YAML file; body.
+
+    Returns
+    -------
+    State; joints that the file does not name are neutral, or follow their leader.
 
     Raises
     ------
@@ -104,7 +112,13 @@ def load_state(path: str | Path, model: ArticulatedModel) -> State:
 
 
 def dump_state(state: State, model: ArticulatedModel, path: str | Path, comment: str = "") -> None:
-    """Write a state of ``model``; every joint angle is named."""
+    """Write a state; every joint angle is named.
+
+    Parameters
+    ----------
+    state, model, path : state of ``model``; YAML file.
+    comment : lines on top of the file.
+    """
     rotation = quaternion.xyzw_from_matrix(state.T_world_root[:3, :3])
     joints: dict[str, dict[str, float]] = {"joints_deg": {}, "joints_m": {}}
     for axis, value in zip(model.chain.axes, state.joint_positions, strict=True):

@@ -36,9 +36,16 @@ def read_materials(robot: Node) -> dict[str, Color]:
 
 
 def read_shapes(link: Node, kind: str, materials: dict[str, Color]) -> list[Shape]:
-    """Shapes of a link from its ``kind`` of geometry, "visual" or "collision", in the link's frame.
+    """Shapes of a link, in its frame.
 
-    Names are unique within the link only.
+    Parameters
+    ----------
+    link, kind : node; "visual" or "collision".
+    materials : name -> color; those that the link defines are added.
+
+    Returns
+    -------
+    Shapes, their names unique within the link only.
     """
     name, result = link.text("name"), []
     for entry in link.all(kind):
@@ -128,7 +135,7 @@ def _mesh(node: Node, colored: bool) -> Mesh:
 def _mesh_path(node: Node) -> Path:
     """File of a <mesh>: relative to the URDF, ``file://...``, or ``package://name/...``.
 
-    A package is looked for among the folders above the URDF and where ROS has its packages.
+    A package is searched among the folders above the URDF and where ROS has its packages.
     """
     filename, folder = node.text("filename"), node.path.resolve().parent
     scheme, separator, rest = filename.partition("://")

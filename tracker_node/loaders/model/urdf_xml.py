@@ -1,4 +1,4 @@
-"""XML of a robot description, read so that every complaint names the file and the place in it."""
+"""XML of a robot description, read so that every error names the file and the place in it."""
 
 from __future__ import annotations
 
@@ -27,6 +27,17 @@ class Node:
         return self.element.tag
 
     def error(self, expected: str, got: object, attribute: str = "") -> FileFormatError:
+        """Error at this element.
+
+        Parameters
+        ----------
+        expected, got : what the message says.
+        attribute : where it is, if not the element itself.
+
+        Returns
+        -------
+        Error to raise.
+        """
         return FileFormatError(self.path, f"{self.field}.{attribute}" if attribute else self.field, expected, got)
 
     def all(self, tag: str) -> list[Node]:
@@ -60,6 +71,16 @@ class Node:
         return value
 
     def number(self, attribute: str, default: float | None = None) -> float:
+        """A finite number of an attribute.
+
+        Parameters
+        ----------
+        attribute, default : name; value where it is missing, None where it must be there.
+
+        Returns
+        -------
+        The number.
+        """
         value = self.element.get(attribute)
         if value is None and default is not None:
             return default
@@ -72,6 +93,17 @@ class Node:
         return value
 
     def numbers(self, attribute: str, n: int, default: Sequence[float] | None = None) -> tuple[float, ...]:
+        """Finite numbers of an attribute.
+
+        Parameters
+        ----------
+        attribute, n : name; how many.
+        default : values where it is missing, None where it must be there.
+
+        Returns
+        -------
+        (n,) numbers.
+        """
         value = self.element.get(attribute)
         if value is None and default is not None:
             return tuple(default)

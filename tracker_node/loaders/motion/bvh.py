@@ -51,8 +51,10 @@ def dump_bvh(
 
     Parameters
     ----------
-    Ts_world_link : (n, n_links, 4, 4); the format has no way to leave one out.
+    model, Ts_world_link : body; (n, n_links, 4, 4), the format has no way to leave one out.
+    period_s, path : seconds between two; BVH file.
     y_up : turn the world's axes to those of `trc.dump_trc`; the body then looks along z in the pose of zeros.
+    unit : of lengths, m, cm or mm.
     landmarks : names of those that become joints.
     """
     bones = _bones(model, Ts_world_link, AXES_Y_UP if y_up else np.eye(3), 1.0 / METERS_PER_UNIT[unit], landmarks)

@@ -60,9 +60,11 @@ def dump_c3d(
 
     Parameters
     ----------
+    markers, path : points in meters; C3D file.
     y_up : turn the axes to those of OpenSim, as `trc.dump_trc` does. ``POINT:Y_SCREEN`` says which axis is up.
     unit : m, cm or mm. Coordinates are single precision: 0.06 mm at 1 km.
     descriptions : of the markers.
+    angles, degrees : at the same times; whether they are written in degrees, or in radians.
 
     Raises
     ------
@@ -124,7 +126,12 @@ def load_c3d(path: str | Path, y_up: bool | None = None) -> MarkerTrajectories:
 
     Parameters
     ----------
+    path : C3D file.
     y_up : turn the file's axes, y up as in OpenSim, to z up. None: as ``POINT:Y_SCREEN`` says; without it z is up.
+
+    Returns
+    -------
+    Markers in meters.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""How states move and how surely they are known, as CSV: ``velocities.csv`` and ``covariances.csv``.
+"""Velocities and covariances of states as CSV: ``velocities.csv`` and ``covariances.csv``.
 
 Velocities have 17 significant digits, covariances 9.
 """
@@ -37,7 +37,12 @@ class VelocitiesWriter(CsvWriter):
         super().__init__(path, ("stamp_ns", *(f"{column}_per_s" for column in dof_columns(dof_names, dof_units))))
 
     def append(self, stamp_ns: int, velocity: np.ndarray) -> None:
-        """One instant: ``velocity`` (n_dof,) in the state's tangent per second."""
+        """Write one time step.
+
+        Parameters
+        ----------
+        stamp_ns, velocity : nanoseconds; (n_dof,) in the state's tangent per second.
+        """
         if np.shape(velocity) != (self._n,):
             raise ValueError(f"expected a velocity ({self._n},), got {np.shape(velocity)}")
         self.write_rows([[int(stamp_ns), *map(exact, velocity)]])
@@ -51,7 +56,13 @@ class CovariancesWriter(CsvWriter):
         super().__init__(path, (*COVARIANCE_COLUMNS, *self._names))
 
     def append(self, stamp_ns: int, state: np.ndarray, velocity: np.ndarray) -> None:
-        """One instant: covariances (n_dof, n_dof) of the state in its tangent, and of the velocity."""
+        """Write one time step.
+
+        Parameters
+        ----------
+        stamp_ns : nanoseconds.
+        state, velocity : covariances (n_dof, n_dof) of the state in its tangent, and of the velocity.
+        """
         n = len(self._names)
         for of, matrix in ((STATE, state), (VELOCITY, velocity)):
             if matrix.shape != (n, n):
@@ -82,6 +93,6 @@ def read_covariances(path: str | Path) -> CovarianceTrajectory:
             raise FileFormatError(path, f"line {cells.line}", f"{stamps_ns[-1]}, {of}, {name}", ", ".join(cells.text[:3]))
         values.append(cells.numbers(len(COVARIANCE_COLUMNS), len(COVARIANCE_COLUMNS) + n))
     if len(values) != len(stamps_ns) * len(due):
-        raise FileFormatError(path, "(end)", f"{len(due)} rows for each instant", f"{len(values) % len(due)} for the last")
+        raise FileFormatError(path, "(end)", f"{len(due)} rows for each time step", f"{len(values) % len(due)} for the last")
     matrices = np.array(values).reshape(-1, 2, n, n)
     return CovarianceTrajectory(names, np.array(stamps_ns, dtype=np.int64), matrices[:, 0], matrices[:, 1])

@@ -74,7 +74,15 @@ def load_openpose(path: str | Path) -> dict[str, ImagePoints]:
 
 
 def match_cameras(groups: dict[str, ImagePoints], cameras: tuple[str, ...]) -> dict[str, ImagePoints]:
-    """The groups by camera name: equal names first (``cam01`` or ``cam01_json``), then equal last numbers (``cam1_json``).
+    """Folders of 2D points by camera: equal names first (``cam01`` or ``cam01_json``), then equal last numbers (``cam1_json``).
+
+    Parameters
+    ----------
+    groups, cameras : folder -> points; names of the cameras.
+
+    Returns
+    -------
+    Camera -> points.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Named numbers over time in OpenSim's tables: motions (``.mot``) and storages (``.sto``).
 
 A header of lines ``key=value`` that ends in ``endheader``, a line of column names, the first of them ``time``, and a row per
-instant. ``inDegrees`` tells of angles; lengths have no unit in the file and are meters in OpenSim.
+time step. ``inDegrees`` is for angles; lengths have no unit in the file and are meters in OpenSim.
 """
 
 from __future__ import annotations
@@ -39,7 +39,13 @@ class NumberTable:
 
 
 def dump_table(table: NumberTable, path: str | Path, title: str = "Coordinates") -> None:
-    """Write a ``.mot`` or ``.sto``; what is not valid becomes ``nan``."""
+    """Write a ``.mot`` or ``.sto``; values that are not valid become ``nan``.
+
+    Parameters
+    ----------
+    table, path : columns over time; file.
+    title : first line of the file.
+    """
     n, k = table.values.shape
     header = [title, "version=1", f"nRows={n}", f"nColumns={k + 1}", f"inDegrees={'yes' if table.in_degrees else 'no'}"]
     lines = [*header, "endheader", "\t".join(("time", *table.names))]

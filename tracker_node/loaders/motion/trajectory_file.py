@@ -28,7 +28,7 @@ _N_ROOT_TRANSLATION = 3
 
 @dataclass(frozen=True, eq=False)
 class StateRow:
-    """One instant of ``states.csv``.
+    """One time step of ``states.csv``.
 
     ``values`` (n_dof,) as `model.configuration.State.to_values`: meters and radians; all NaN where there is no state, which the
     file shows by empty cells. ``status`` is the name of the status, ``score`` the objective's value in its own unit,
@@ -108,7 +108,12 @@ class JointsWriter(CsvWriter):
         super().__init__(path, JOINT_COLUMNS)
 
     def append(self, stamp_ns: int, positions_m: np.ndarray) -> None:
-        """One instant: ``positions_m`` (n_landmarks, 3) in the world."""
+        """Write one time step.
+
+        Parameters
+        ----------
+        stamp_ns, positions_m : nanoseconds; (n_landmarks, 3) in the world.
+        """
         points = np.asarray(positions_m)
         if points.shape != (len(self.landmark_names), 3):
             raise ValueError(f"expected positions ({len(self.landmark_names)}, 3), got {points.shape}")
@@ -123,19 +128,38 @@ class PosesWriter(CsvWriter):
         super().__init__(path, POSE_COLUMNS)
 
     def append(self, stamp_ns: int, T_world_root: np.ndarray) -> None:
-        """One instant: ``T_world_root`` (4, 4)."""
+        """Write one time step.
+
+        Parameters
+        ----------
+        stamp_ns, T_world_root : nanoseconds; (4, 4).
+        """
         q_xyzw = quaternion.xyzw_from_matrix(T_world_root[:3, :3])
         self.write_rows([[int(stamp_ns), *map(exact, T_world_root[:3, 3]), *map(exact, q_xyzw)]])
 
 
 def dof_columns(dof_names: Sequence[str], dof_units: Sequence[str] = ()) -> tuple[str, ...]:
-    """Column names: the degree of freedom with its unit, ``root_x_m``, ``left_knee_flexion_rad``; no units: all joints turn."""
+    """Names of columns: the degree of freedom with its unit, ``root_x_m``, ``left_knee_flexion_rad``.
+
+    Parameters
+    ----------
+    dof_names, dof_units : (n_dof,); "m" or "rad" each, empty for a chain whose joints all turn.
+
+    Returns
+    -------
+    (n_dof,) names.
+    """
     units = dof_units or tuple("m" if i < _N_ROOT_TRANSLATION else "rad" for i in range(len(dof_names)))
     return tuple(f"{name}_{unit}" for name, unit in zip(dof_names, units, strict=True))
 
 
 def write_states(path: str | Path, trajectory: StateTrajectory) -> None:
-    """The whole of ``states.csv`` at once."""
+    """Write the whole of ``states.csv`` at once.
+
+    Parameters
+    ----------
+    path, trajectory : file; rows in its order.
+    """
     with StatesWriter(path, trajectory.dof_names, trajectory.dof_units) as writer:
         for row in trajectory.rows:
             writer.append(row)
@@ -179,7 +203,12 @@ def read_states(path: str | Path) -> StateTrajectory:
 
 
 def write_joints(path: str | Path, trajectory: JointTrajectory) -> None:
-    """The whole of ``joints.csv`` at once; positions that are not valid get no row."""
+    """Write the whole of ``joints.csv`` at once; positions that are not valid get no row.
+
+    Parameters
+    ----------
+    path, trajectory : file; positions over time.
+    """
     with CsvWriter(path, JOINT_COLUMNS) as writer:
         for stamp_ns, points, valid in zip(trajectory.stamps_ns, trajectory.positions_m, trajectory.valid, strict=True):
             pairs = zip(trajectory.names, points, valid, strict=True)
@@ -196,33 +225,34 @@ def read_joints(path: str | Path) -> JointTrajectory:
     table = CsvTable(path)
     table.expect_prefix(JOINT_COLUMNS)
     names: dict[str, int] = {}
-    instants: dict[int, dict[str, np.ndarray]] = {}
+    steps: dict[int, dict[str, np.ndarray]] = {}
     for cells in table.rows():
         stamp_ns, name = cells.integer(0), cells.text[1]
         names.setdefault(name, len(names))
-        points = instants.setdefault(stamp_ns, {})
+        points = steps.setdefault(stamp_ns, {})
         if name in points:
             problem = f"a second one at {stamp_ns}"
-            raise FileFormatError(path, f"line {cells.line}", f"one row per instant of '{name}'", problem)
+            raise FileFormatError(path, f"line {cells.line}", f"one row per time step of '{name}'", problem)
         points[name] = cells.numbers(2, 5)
-    positions_m = np.zeros((len(instants), len(names), 3))
-    valid = np.zeros((len(instants), len(names)), dtype=np.bool_)
-    for row, points in enumerate(instants.values()):
+    positions_m = np.zeros((len(steps), len(names), 3))
+    valid = np.zeros((len(steps), len(names)), dtype=np.bool_)
+    for row, points in enumerate(steps.values()):
         for name, point in points.items():
             positions_m[row, names[name]] = point
             valid[row, names[name]] = True
-    return JointTrajectory(tuple(names), np.array(list(instants), dtype=np.int64), positions_m, valid)
+    return JointTrajectory(tuple(names), np.array(list(steps), dtype=np.int64), positions_m, valid)
 
 
 _SECOND_NS = 1_000_000_000
 
 
 def dump_tum(stamps_ns: np.ndarray, positions_m: np.ndarray, quaternions_xyzw: np.ndarray, path: str | Path) -> None:
-    """Write poses; stamps keep their nanoseconds.
+    """Write poses in the format of the TUM RGB-D benchmark: lines of ``stamp tx ty tz qx qy qz qw``, seconds and meters.
 
     Parameters
     ----------
-    stamps_ns, positions_m, quaternions_xyzw : (n,), (n, 3) and (n, 4).
+    stamps_ns, positions_m, quaternions_xyzw : (n,), (n, 3) and (n, 4), of the body in the world.
+    path : text file.
     """
     lines = ["# timestamp tx ty tz qx qy qz qw"]
     for stamp_ns, p, q in zip(stamps_ns, positions_m, quaternions_xyzw, strict=True):

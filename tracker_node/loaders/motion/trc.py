@@ -47,13 +47,18 @@ class MarkerTrajectories:
 def load_trc(path: str | Path, y_up: bool = True) -> MarkerTrajectories:
     """Markers of a TRC file.
 
+    A cell that is empty, missing at the end of a row or not a finite number makes its marker invalid in that row, as do
+    three zeros, which several programs write for a marker not seen.
+
     Parameters
     ----------
+    path : TRC file.
     y_up : the file's axes are those of OpenSim (x forward, y up, z right); they are turned to z up by
         ``X_world = trc[..., [2, 0, 1]]``. With False the file's axes are taken as the world's.
 
-    A cell that is empty, missing at the end of a row or not a finite number makes its marker invalid in that row, as do
-    three zeros, which several programs write for a marker not seen.
+    Returns
+    -------
+    Markers in meters.
 
     Raises
     ------
@@ -83,7 +88,14 @@ def load_trc(path: str | Path, y_up: bool = True) -> MarkerTrajectories:
 
 
 def dump_trc(markers: MarkerTrajectories, path: str | Path, y_up: bool = True, unit: str = "m") -> None:
-    """Write a TRC file in ``unit`` (m, cm, mm); invalid markers become empty cells (``nan`` in a row's last)."""
+    """Write a TRC file; invalid markers become empty cells (``nan`` in a row's last).
+
+    Parameters
+    ----------
+    markers, path : in meters; TRC file.
+    y_up : turn the axes to those of OpenSim.
+    unit : m, cm or mm.
+    """
     positions = markers.positions_m[..., [1, 2, 0]] if y_up else markers.positions_m
     if unit != "m":
         positions = positions / METERS_PER_UNIT[unit]

@@ -103,7 +103,12 @@ DIALECTS = ("pose2sim", "anipose", "caliscope")
 
 
 def dump_calibration_toml(rig: CameraRig, path: str | Path, dialect: str = "pose2sim") -> None:
-    """Write lenses and places, from the world to the camera, meters.
+    """Write lenses and poses, from the world to the camera, meters.
+
+    Parameters
+    ----------
+    rig, path : cameras; TOML file.
+    dialect : one of `DIALECTS`.
 
     Raises
     ------

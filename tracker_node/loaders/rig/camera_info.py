@@ -61,7 +61,12 @@ def load_camera_info(path: str | Path) -> tuple[str, CameraModel]:
 
 
 def dump_camera_info(name: str, model: CameraModel, path: str | Path) -> None:
-    """Write a lens so that ROS camera drivers can read it (no rectification, projection equal to K)."""
+    """Write a lens so that ROS camera drivers can read it (no rectification, projection equal to K).
+
+    Parameters
+    ----------
+    name, model, path : camera; its lens; YAML file.
+    """
     projection = np.hstack([model.K, np.zeros((3, 1))])
     coefficients = model.distortion if model.distortion.size else np.zeros(5)
     values: dict[str, Any] = {
@@ -108,6 +113,15 @@ _FIELD = "camera_info_url"
 def camera_info_path(url: str, camera: str, environment: Mapping[str, str] = os.environ) -> Path:
     """The file that a URL names, which need not exist.
 
+    Parameters
+    ----------
+    url, camera : empty for the default; name of the camera.
+    environment : variables, of which ``ROS_HOME``, ``HOME`` and ``AMENT_PREFIX_PATH`` are read.
+
+    Returns
+    -------
+    Path.
+
     Raises
     ------
     FileFormatError : another scheme, an unknown ``${...}``, a relative path, or a package that is not installed.
@@ -123,7 +137,15 @@ def camera_info_path(url: str, camera: str, environment: Mapping[str, str] = os.
 
 
 def load_lens(url: str, camera: str, environment: Mapping[str, str] = os.environ) -> CameraModel | None:
-    """The lens that is kept there; None where there is none yet.
+    """The lens that is kept at a URL.
+
+    Parameters
+    ----------
+    url, camera, environment : as of `camera_info_path`.
+
+    Returns
+    -------
+    Lens; None where there is none yet.
 
     Raises
     ------
@@ -135,7 +157,16 @@ def load_lens(url: str, camera: str, environment: Mapping[str, str] = os.environ
 
 
 def save_lens(url: str, camera: str, lens: CameraModel, environment: Mapping[str, str] = os.environ) -> Path:
-    """Keep a lens there, whole or not at all; folders are made as needed. Returns the file.
+    """Keep a lens at a URL, whole or not at all; folders are made as needed.
+
+    Parameters
+    ----------
+    url, camera : as of `camera_info_path`.
+    lens, environment : that is written; as of `camera_info_path`.
+
+    Returns
+    -------
+    Path of the file.
 
     Raises
     ------

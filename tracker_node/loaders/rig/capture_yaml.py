@@ -45,7 +45,15 @@ def capture_entry(settings: CaptureSettings) -> CaptureEntry | None:
 
 
 def changed_settings(settings: CaptureSettings, changes: Iterable[tuple[str, str]]) -> CaptureSettings:
-    """Settings with fields from the command line: ``("exposure_us", "4000")``, ``("controls.brightness", "3")``.
+    """Settings with fields from the command line.
+
+    Parameters
+    ----------
+    settings, changes : to start from; such as ``("exposure_us", "4000")``, ``("controls.brightness", "3")``.
+
+    Returns
+    -------
+    New settings.
 
     Raises
     ------
@@ -62,7 +70,15 @@ def changed_settings(settings: CaptureSettings, changes: Iterable[tuple[str, str
 
 
 def split_change(text: str, cameras: Iterable[str]) -> tuple[str | None, str, str]:
-    """``cam1.exposure_us=4000`` -> (``cam1``, ``exposure_us``, ``4000``); without a camera's name the first is None.
+    """Parts of a change: ``cam1.exposure_us=4000`` -> (``cam1``, ``exposure_us``, ``4000``).
+
+    Parameters
+    ----------
+    text, cameras : from the command line; names of the cameras.
+
+    Returns
+    -------
+    (camera or None, field, value).
 
     Raises
     ------

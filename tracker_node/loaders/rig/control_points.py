@@ -59,7 +59,12 @@ def load_control_points(path: str | Path) -> dict[str, ControlPoints]:
 
 
 def dump_control_points(seen: Mapping[str, ControlPoints], path: str | Path) -> None:
-    """Inverse of `load_control_points`."""
+    """Write control points for `load_control_points`.
+
+    Parameters
+    ----------
+    seen, path : camera -> its points; CSV file.
+    """
     with CsvWriter(path, COLUMNS) as writer:
         for camera, of_camera in seen.items():
             triples = zip(of_camera.names, of_camera.points, of_camera.pixels, strict=True)
@@ -115,7 +120,12 @@ def load_clicks(path: str | Path) -> dict[str, dict[str, np.ndarray]]:
 
 
 def dump_clicks(clicks: Mapping[str, Mapping[str, np.ndarray]], path: str | Path) -> None:
-    """Write camera -> point -> its pixel (2,)."""
+    """Write clicks for `load_clicks`.
+
+    Parameters
+    ----------
+    clicks, path : camera -> point -> its pixel (2,); CSV file.
+    """
     with CsvWriter(path, CLICK_COLUMNS) as writer:
         for camera, points in clicks.items():
             writer.write_rows([[camera, point, *map(exact, pixel)] for point, pixel in points.items()])

@@ -41,6 +41,11 @@ def load_dlt(path: str | Path) -> np.ndarray:
 
 
 def dump_dlt(coefficients: ArrayLike, path: str | Path) -> None:
-    """Write L1..L11 (n_cameras, 11), in place of what was there."""
+    """Write DLT coefficients, in place of what was there.
+
+    Parameters
+    ----------
+    coefficients, path : L1..L11 (n_cameras, 11); text file.
+    """
     lines = [",".join(repr(float(value)) for value in row) for row in np.asarray(coefficients).T]
     write_whole(path, "\n".join(lines) + "\n")

@@ -71,7 +71,16 @@ def detect_all(paths: Sequence[str | Path]) -> str:
 
 
 def dropped(rig_file: RigFile, target: str) -> list[str]:
-    """What of a rig a format (of the constants of this module) cannot hold, a few words each."""
+    """What of a rig another format cannot hold.
+
+    Parameters
+    ----------
+    rig_file, target : rig; one of the constants of this module.
+
+    Returns
+    -------
+    A few words each.
+    """
     entries = rig_file.cameras
     sentences = []
     for field, info in CameraEntry.model_fields.items():

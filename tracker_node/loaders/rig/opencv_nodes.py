@@ -69,8 +69,8 @@ def _matrix(node: dict, path: str | Path, field: str) -> np.ndarray:
     kind = _KIND.fullmatch(str(node.get("dt", "")))
     channels = int(kind[1] or 1) if kind else 0
     data = [data] if is_number(data) else data  # of XML, where one word is no list
-    sound = _is_count(rows) and _is_count(columns) and channels and isinstance(data, list) and all(map(is_number, data))
-    if not sound or rows * columns * channels != len(data):
+    consistent = _is_count(rows) and _is_count(columns) and channels and isinstance(data, list) and all(map(is_number, data))
+    if not consistent or rows * columns * channels != len(data):
         raise FileFormatError(path, field, "a matrix with rows, cols, dt, and as many numbers as data", "something else")
     shape = (rows, columns) if channels == 1 else (rows, columns, channels)
     return numbers_of(data).reshape(shape)

@@ -47,7 +47,12 @@ def load_opencv(paths: Sequence[str | Path], image_size: tuple[int, int] | None 
 
     Parameters
     ----------
+    paths : YAML, XML or JSON files.
     image_size : (width, height), for files that do not say it.
+
+    Returns
+    -------
+    Cameras; one camera, or the left one of a pair, is the world's origin.
 
     Raises
     ------
@@ -67,6 +72,10 @@ def load_opencv(paths: Sequence[str | Path], image_size: tuple[int, int] | None 
 
 def dump_opencv(rig: CameraRig, path: str | Path) -> None:
     """Write a rig as a sequence ``cameras``; YAML, XML or JSON by the file's extension.
+
+    Parameters
+    ----------
+    rig, path : cameras; file.
 
     Raises
     ------

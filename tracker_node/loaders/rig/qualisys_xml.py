@@ -49,6 +49,10 @@ def load_qualisys(path: str | Path) -> CameraRig:
 def dump_qualisys(rig: CameraRig, path: str | Path) -> None:
     """Write a rig as a Qualisys calibration.
 
+    Parameters
+    ----------
+    rig, path : cameras; XML file.
+
     Raises
     ------
     CalibrationError : a lens that the format cannot hold.

@@ -253,7 +253,15 @@ def _refuse_plates(values: Mapping[str, Any], path: str | Path) -> None:
 
 
 def build_rig(rig_file: RigFile, base_dir: str | Path) -> CameraRig:
-    """Cameras of a rig file; relative sources and plates are taken from ``base_dir``.
+    """Cameras of a rig file.
+
+    Parameters
+    ----------
+    rig_file, base_dir : content; folder that relative sources and backgrounds are taken from.
+
+    Returns
+    -------
+    Rig.
 
     Raises
     ------
@@ -294,8 +302,11 @@ def load_rig(path: str | Path) -> CameraRig:
 def write_rig_file(rig_file: RigFile, path: str | Path, base_dir: str | Path | None = None) -> None:
     """Write a rig file.
 
-    With ``base_dir``, the folder that the relative sources and plates were relative to, they are rewritten for the folder
-    of ``path``; without it they are written as they are.
+    Parameters
+    ----------
+    rig_file, path : content; YAML file.
+    base_dir : folder that relative sources and backgrounds are relative to: they are rewritten for the folder of ``path``. None:
+        they are written as they are.
     """
     values = rig_file.model_dump(mode="python", exclude_none=True, exclude_defaults=True)
     values = {key: values[key] for key in ("world_frame", "cameras", "lights") if key in values}

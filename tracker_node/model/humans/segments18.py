@@ -25,7 +25,7 @@ HIP_HALF_WIDTH = 0.25 * m.HIP_SECTION[1]  # as Yeadon places it
 SHOULDER_HALF_WIDTH = 0.5 * m.SHOULDER_BREADTH
 CLAVICLE = (0.0, 0.030, m.SHOULDER - m.NIPPLE + 0.010)  # the inner end of the left shoulder segment, from the chest's origin
 
-# Every color is strong, and neighbors and the two sides differ, both in (r, g, b) and in its share of the sum.
+# Every color is strong, and neighbors and the two sides differ, both in (r, g, b) and in its fraction of the sum.
 COLORS = {
     "pelvis": (235, 205, 40), "torso": (50, 80, 230), "chest": (225, 50, 60), "head": (235, 190, 120),
     "left_shoulder": (50, 190, 70), "left_upper_arm": (235, 60, 200), "left_forearm": (40, 200, 215), "left_hand": (225, 45, 60),

@@ -14,7 +14,7 @@ from .primitives import Box, Ellipsoid, Primitive, TruncatedCone
 from .round_cones import END, N_CAPSULE, START
 
 _ROUND = 1.15  # half-axes of a smaller ratio count as equal
-_REACH = 0.75  # how far towards the sharp end of an ellipse's axis a circle in it is put, as a share of the farthest
+_REACH = 0.75  # how far towards the sharp end of an ellipse's axis a circle in it is put, as a fraction of the farthest
 
 
 def inner_capsules(primitive: Primitive) -> np.ndarray:

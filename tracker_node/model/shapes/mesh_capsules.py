@@ -24,7 +24,7 @@ _FEWEST_ACROSS, _MOST_ALONG = 5, 41  # cells; odd, so that one row of them lies 
 _SPACING = 0.6  # of samples of the surface, in cells: a point half a cell from all of them would let the filling leak
 _FINE = 0.4  # of those that distances are taken to, in the least side of a cell
 _MOST_SAMPLES = 100_000  # of these, beside four of each triangle; where there are more, they are taken farther apart
-_FLAT = 1e-3  # a mesh whose box is thinner than this share of its length holds nothing
+_FLAT = 1e-3  # a mesh whose box is thinner than this fraction of its length holds nothing
 _SHELL = 0.1  # an open mesh of which less is closed in is taken for the shell of what it goes around
 _APART = 0.4  # balls that are closer to a larger one, in its radii, are left out
 _SMALLEST = 0.2  # and those that are so much smaller than the largest
@@ -32,9 +32,9 @@ _BALLS = 150  # at most; where there are more, they are taken farther apart
 _MOST = 5  # round cones of one mesh
 _WORTH = 0.05  # a further one must hold so much of what the first one does
 _TURNS = 4  # of looking for the other end
-_MOVES, _STEP = 10, 0.5  # of the ends; the first by this share of their radius
+_MOVES, _STEP = 10, 0.5  # of the ends; the first by this fraction of their radius
 _WAYS = np.vstack([np.eye(3), -np.eye(3)])
-_LEAST_ROOM = 0.98  # share of its radius that the surface must leave a round cone everywhere
+_LEAST_ROOM = 0.98  # fraction of its radius that the surface must leave a round cone everywhere
 
 
 @dataclass(frozen=True, eq=False)

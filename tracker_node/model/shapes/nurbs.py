@@ -196,7 +196,7 @@ def _rings(loft: Loft) -> np.ndarray:
 
 
 def _dome(row: np.ndarray, height: float, angle: float) -> tuple[float, ...]:
-    """The section ``row`` carried up (or down) an elliptical dome, with the share of its width that is left there."""
+    """The section ``row`` carried up (or down) an elliptical dome, with the fraction of its width that is left there."""
     scale = 0.0 if angle == _DOME_ANGLES[-1] else float(np.cos(angle))
     return (row[0] + height * np.sin(angle), *row[1:], scale)
 

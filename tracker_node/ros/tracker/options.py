@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from ...camera.model import CameraModel
 from ...camera.rig import CameraRig
-from ...loaders.images.source import load_plates, resized_plates
+from ...loaders.images.source import load_backgrounds, resized_backgrounds
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...runs.loop import Steppable
@@ -52,7 +52,7 @@ class TrackerMaker:
 
     def __init__(self, options: TrackerOptions):
         self._options = options
-        self._plates = load_plates(options.rig)
+        self._plates = load_backgrounds(options.rig)
         self._small: SmallTrackers | None = None
         self._prepared: tuple[TrackerConfig, bool] | None = None
 
@@ -114,7 +114,7 @@ class TrackerMaker:
         options = self._options
         if options.make_tracker is not None:
             return options.make_tracker(rig, options.model, config, options.initial_state)
-        plates = resized_plates({name: plate for name, plate in self._plates.items() if name in rig.names}, rig)
+        plates = resized_backgrounds({name: plate for name, plate in self._plates.items() if name in rig.names}, rig)
         return Tracker(rig, options.model, config, plates, options.initial_state, options.occluders)
 
     def check(self, cameras: tuple[str, ...], config: TrackerConfig) -> None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from ...loaders.images.source import load_plates, resized_plates
+from ...loaders.images.source import load_backgrounds, resized_backgrounds
 from ...model.configuration import State
 from ...observation.image_set import CameraImage, ImageSet
 from ...tracking.config import TrackerConfig
@@ -33,7 +33,7 @@ class PoseBench:
         self._images, self._model = session.needed_images(), session.needed_model()
         rig = session.needed_rig()
         self.rig, self.factor = working_rig(rig)
-        self._plates = resized_plates(load_plates(rig), self.rig)
+        self._plates = resized_backgrounds(load_backgrounds(rig), self.rig)
         # A pose that is given is fitted to, not looked for
         self._config = replace(session.config, initialization=replace(session.config.initialization, enabled=False))
         self.scorer = self._make_scorer(self._config)
