@@ -15,7 +15,7 @@ import numpy as np
 
 KINDS = ("ambient", "directional", "point", "spot")
 AMBIENT, DIRECTIONAL, POINT, SPOT = range(4)
-SPOT_EDGE = 0.8  # a spot is at full strength within this fraction of its half angle, and falls to nothing at the half angle itself
+SPOT_EDGE = 0.8  # a spot is at full strength within this fraction of its half angle, and falls to nothing at the angle itself
 
 # Columns of packed lights
 KIND, INTENSITY, POSITION, DIRECTION, COS_OUTER, COS_INNER = 0, 1, 4, 7, 10, 11

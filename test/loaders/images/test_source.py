@@ -224,33 +224,33 @@ def test_images_whose_time_is_over_are_left_out_and_counted(path: Path):
 LENS = CameraModel(40, 30, np.array([[40.0, 0.0, 19.5], [0.0, 40.0, 14.5], [0.0, 0.0, 1.0]]))
 
 
-def rig_with_plate(path: Path | None) -> CameraRig:
+def rig_with_background(path: Path | None) -> CameraRig:
     first, second = list(CAMERAS)[:2]
-    plated = Camera(first, LENS, np.eye(4), background=None if path is None else str(path))
-    return CameraRig((plated, Camera(second, LENS, np.eye(4))))
+    with_one = Camera(first, LENS, np.eye(4), background=None if path is None else str(path))
+    return CameraRig((with_one, Camera(second, LENS, np.eye(4))))
 
 
-def test_only_cameras_with_a_plate_have_one(tmp_path: Path) -> None:
+def test_only_cameras_with_a_background_have_one(tmp_path: Path) -> None:
     pixels = np.random.default_rng(0).integers(0, 256, (30, 40, 3), dtype=np.uint8)
-    cv2.imwrite(str(tmp_path / "plate.png"), pixels)
-    plates = load_backgrounds(rig_with_plate(tmp_path / "plate.png"))
-    assert list(plates) == ["cam01"]
-    assert (plates["cam01"] == pixels).all()
-    assert load_backgrounds(rig_with_plate(None)) == {}
+    cv2.imwrite(str(tmp_path / "background.png"), pixels)
+    backgrounds = load_backgrounds(rig_with_background(tmp_path / "background.png"))
+    assert list(backgrounds) == ["cam01"]
+    assert (backgrounds["cam01"] == pixels).all()
+    assert load_backgrounds(rig_with_background(None)) == {}
 
 
-def test_plates_follow_the_size_of_the_images(tmp_path: Path) -> None:
-    rig = rig_with_plate(tmp_path / "plate.png")
-    cv2.imwrite(str(tmp_path / "plate.png"), np.full((30, 40, 3), 7, np.uint8))
+def test_backgrounds_follow_the_size_of_the_images(tmp_path: Path) -> None:
+    rig = rig_with_background(tmp_path / "background.png")
+    cv2.imwrite(str(tmp_path / "background.png"), np.full((30, 40, 3), 7, np.uint8))
     smaller = CameraRig(tuple(replace(camera, model=camera.model.resized(20, 15)) for camera in rig))
-    plates = load_backgrounds(rig)
-    assert resized_backgrounds(plates, smaller)["cam01"].shape == (15, 20, 3)
-    assert resized_backgrounds(plates, rig)["cam01"] is plates["cam01"]
+    backgrounds = load_backgrounds(rig)
+    assert resized_backgrounds(backgrounds, smaller)["cam01"].shape == (15, 20, 3)
+    assert resized_backgrounds(backgrounds, rig)["cam01"] is backgrounds["cam01"]
 
 
-def test_unusable_plates_are_named(tmp_path: Path) -> None:
+def test_unusable_backgrounds_are_named(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match=r"gone\.png.*cam01"):
-        load_backgrounds(rig_with_plate(tmp_path / "gone.png"))
+        load_backgrounds(rig_with_background(tmp_path / "gone.png"))
     cv2.imwrite(str(tmp_path / "small.png"), np.zeros((3, 4, 3), np.uint8))
     with pytest.raises(CalibrationError, match=r"cam01.*expected 40x30, got 4x3"):
-        load_backgrounds(rig_with_plate(tmp_path / "small.png"))
+        load_backgrounds(rig_with_background(tmp_path / "small.png"))

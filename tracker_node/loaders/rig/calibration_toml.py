@@ -14,12 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ...camera.model import CameraModel, plausible
 from ...camera.rig import Camera, CameraRig
-from ...errors import CalibrationError, FileFormatError, UnknownNameError
+from ...errors import FileFormatError, UnknownNameError
 from ...geometry import se3, so3
 from ..whole_file import read_text, write_whole
-from .lens import identifier
+from .lens import array_of, identifier, lens_of, pose_of, rig_of
 
 
 def load_pose2sim(path: str | Path) -> CameraRig:
@@ -38,11 +37,7 @@ def load_pose2sim(path: str | Path) -> CameraRig:
     cameras = {key: value for key, value in _flat(tables).items() if "matrix" in value and not value.get("ignore")}
     if not cameras:
         raise FileFormatError(path, "(top level)", "one table per camera with size, matrix, rotation, translation", list(tables))
-    built = tuple(_camera(path, key, table) for key, table in cameras.items())
-    names = [camera.name for camera in built]
-    if len(set(names)) != len(names):
-        raise FileFormatError(path, "name", "a different name for each camera", names)
-    return CameraRig(built)
+    return rig_of(path, "name", [_camera(path, key, table) for key, table in cameras.items()])
 
 
 def _flat(tables: Mapping) -> dict[str, dict]:
@@ -54,49 +49,15 @@ def _flat(tables: Mapping) -> dict[str, dict]:
 
 def _camera(path: Path, key: str, table: dict) -> Camera:
     name = identifier(str(table.get("name", key)))
-    size = _numbers(path, f"{key}.size", table.get("size"), (2,))
+    size = array_of(path, f"{key}.size", table.get("size"), (2,))
     if not np.all((size >= 1) & (size <= 100_000) & (size == np.round(size))):
         raise FileFormatError(path, f"{key}.size", "width and height in whole pixels", table.get("size"))
-    K = _numbers(path, f"{key}.matrix", table["matrix"], (3, 3))
-    if K[0, 0] == 0.0 or K[1, 1] == 0.0:
-        raise CalibrationError(name, f"uncalibrated: focal length 0 in {path}")
-    if K[1, 0] or K[2, 0] or K[2, 1] or K[2, 2] != 1.0:
-        raise FileFormatError(path, f"{key}.matrix", "[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]", K.tolist())
-    coefficients = _numbers(path, f"{key}.distortions", table.get("distortions", []), None)
-    fisheye = bool(table.get("fisheye", False))
-    counts = (4,) if fisheye else (0, 4, 5, 8)
-    if coefficients.size not in counts:
-        expected = f"{' or '.join(map(str, counts))} coefficients{' of a fisheye lens' if fisheye else ''}"
-        raise FileFormatError(path, f"{key}.distortions", expected, coefficients.tolist())
-    kind = "equidistant" if fisheye else {0: "none", 8: "rational_polynomial"}.get(coefficients.size, "plumb_bob")
-    rotation = _numbers(path, f"{key}.rotation", table.get("rotation"), None)
-    if rotation.size == 3:
-        rotation = so3.exp(rotation.ravel())
-    translation = _numbers(path, f"{key}.translation", table.get("translation"), None)
-    if rotation.shape != (3, 3):
-        raise FileFormatError(path, f"{key}.rotation", "a rotation vector (radians) or a 3 x 3 matrix", rotation.tolist())
-    if translation.size != 3:
-        raise FileFormatError(path, f"{key}.translation", "3 numbers (meters)", translation.tolist())
-    T_cam_world = se3.from_rotation_translation(rotation, translation.ravel())
-    if not se3.is_rigid(T_cam_world, tolerance=1e-5):
-        raise FileFormatError(path, f"{key}.rotation", "a proper rotation", rotation.tolist())
-    try:
-        model = plausible(CameraModel(int(size[0]), int(size[1]), K, kind, coefficients))
-    except ValueError as error:
-        raise FileFormatError(path, key, "a camera that can be built", str(error)) from error
-    return Camera(name, model, se3.inverse(se3.nearest_rigid(T_cam_world)))
-
-
-def _numbers(path: Path, field: str, value: object, shape: tuple[int, ...] | None) -> np.ndarray:
-    expected = "numbers" if shape is None else f"{' x '.join(map(str, shape))} numbers"
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise FileFormatError(path, field, expected, value) from error
-    # Not above a million: nothing here is, and squares must stay finite (this also refuses infinities and not-a-number).
-    if (shape is not None and array.shape != shape) or not np.all(np.abs(array) <= 1e6):
-        raise FileFormatError(path, field, expected, value)
-    return array
+    K = array_of(path, f"{key}.matrix", table["matrix"], (3, 3))
+    coefficients = array_of(path, f"{key}.distortions", table.get("distortions", []))
+    fields, fisheye = (f"{key}.matrix", f"{key}.distortions"), bool(table.get("fisheye", False))
+    lens = lens_of(path, fields, name, (int(size[0]), int(size[1])), K, coefficients, fisheye)
+    rotation, translation = (array_of(path, f"{key}.{part}", table.get(part)) for part in ("rotation", "translation"))
+    return Camera(name, lens, se3.inverse(pose_of(path, f"{key}.rotation", rotation, translation)))
 
 
 DIALECTS = ("pose2sim", "anipose", "caliscope")

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 
 from ...camera.distortion import COEFFICIENT_COUNTS
-from ...camera.model import CameraModel, plausible
-from ...errors import CalibrationError, FileFormatError
+from ...camera.model import CameraModel
+from ...errors import FileFormatError
 from ..yaml_file import read_mapping, write_mapping
+from .lens import array_of, lens_of
 
 _NAMES = {"fisheye": "equidistant"}  # what OpenCV's tools call it
 
@@ -36,28 +37,17 @@ def load_camera_info(path: str | Path) -> tuple[str, CameraModel]:
     values = read_mapping(path)
     name = str(values.get("camera_name") or Path(path).stem)
     width, height = (_size(path, values, key) for key in ("image_width", "image_height"))
-    K = _matrix(path, values, "camera_matrix").reshape(-1)
-    if K.size != 9:
-        raise FileFormatError(path, "camera_matrix.data", "9 numbers", K.tolist())
-    if K[0] == 0.0:
-        raise CalibrationError(name, f"uncalibrated (K[0] = 0) in {path}")
-    if K[3] or K[6] or K[7] or K[8] != 1.0:
-        raise FileFormatError(path, "camera_matrix.data", "fx, skew, cx, 0, fy, cy, 0, 0, 1", K.tolist())
-    kind = values.get("distortion_model", "plumb_bob")
-    coefficients = np.zeros(0)
-    if kind not in ("", "none"):
-        kind = _NAMES.get(str(kind), str(kind))
-        coefficients = _matrix(path, values, "distortion_coefficients").reshape(-1)
-    kind = kind or "none"
+    K = _matrix(path, values, "camera_matrix")
+    kind = str(values.get("distortion_model", "plumb_bob") or "none")
+    kind = _NAMES.get(kind, kind)
     if kind not in COEFFICIENT_COUNTS:
         raise FileFormatError(path, "distortion_model", f"one of {sorted(COEFFICIENT_COUNTS)}", kind)
+    coefficients = np.zeros(0) if kind == "none" else _matrix(path, values, "distortion_coefficients")
     if coefficients.size not in COEFFICIENT_COUNTS[kind]:
         expected = f"{' or '.join(map(str, COEFFICIENT_COUNTS[kind]))} coefficients of {kind}"
         raise FileFormatError(path, "distortion_coefficients.data", expected, coefficients.tolist())
-    try:
-        return name, plausible(CameraModel(width, height, K.reshape(3, 3), kind, coefficients))
-    except ValueError as error:
-        raise FileFormatError(path, "camera_matrix.data", "a camera matrix", str(error)) from error
+    fields = ("camera_matrix.data", "distortion_coefficients.data")
+    return name, lens_of(path, fields, name, (width, height), K, coefficients, kind == "equidistant")
 
 
 def dump_camera_info(name: str, model: CameraModel, path: str | Path) -> None:
@@ -97,13 +87,7 @@ def _matrix(path: str | Path, values: dict[str, Any], key: str) -> np.ndarray:
     table = values.get(key)
     if not isinstance(table, dict) or "data" not in table:
         raise FileFormatError(path, key, "a matrix with rows, cols and data", table)
-    try:
-        data = np.array(table["data"], dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise FileFormatError(path, f"{key}.data", "numbers", table["data"]) from error
-    if data.ndim != 1 or not np.all(np.abs(data) <= 1e6):  # nor not-a-number
-        raise FileFormatError(path, f"{key}.data", "a list of numbers, none above a million", table["data"])
-    return data
+    return array_of(path, f"{key}.data", table["data"], (len(table["data"]),) if isinstance(table["data"], list) else None)
 
 
 DEFAULT_URL = "file://${ROS_HOME}/camera_info/${NAME}.yaml"

@@ -15,19 +15,18 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ...camera.model import CameraModel, plausible
+from ...camera.model import CameraModel
 from ...camera.rig import Camera, CameraRig
-from ...errors import CalibrationError, FileFormatError
+from ...errors import FileFormatError
 from ...geometry import se3
 from ..whole_file import write_whole
-from .lens import identifier
+from .lens import identifier, lens_of, pose_of, rig_of
 from .opencv_nodes import LARGEST, Node, is_number, numbers_of, read_storage
 
 Nodes = Callable[[str], Node]  # the node of a name, or None
 
 _LENS = ("camera_matrix", "distortion_coefficients")
 _PAIR = (("M1", "D1"), ("M2", "D2"))
-_KINDS = {0: "none", 4: "plumb_bob", 5: "plumb_bob", 8: "rational_polynomial"}
 
 
 class _Storage:
@@ -61,7 +60,7 @@ def load_opencv(paths: Sequence[str | Path], image_size: tuple[int, int] | None 
     storage = _Storage(paths)
     cameras = storage.node("cameras")
     if isinstance(cameras, list):
-        return _rig(storage, cameras, image_size)
+        return rig_of(storage.path, "cameras", [_of_rig(storage, entry, image_size) for entry in cameras])
     if storage.node("M1") is None:
         lens = _lens(storage, storage.node, _LENS, image_size)
         return CameraRig((Camera(identifier(Path(paths[0]).stem), lens, np.eye(4)),))
@@ -103,14 +102,6 @@ def dump_opencv(rig: CameraRig, path: str | Path) -> None:
     write_whole(path, storage.releaseAndGetString())
 
 
-def _rig(storage: _Storage, entries: list, image_size: tuple[int, int] | None) -> CameraRig:
-    cameras = tuple(_of_rig(storage, entry, image_size) for entry in entries)
-    names = [camera.name for camera in cameras]
-    if not cameras or len(set(names)) != len(names):
-        raise FileFormatError(storage.path, "cameras", "cameras, each with a different name", names or "none")
-    return CameraRig(cameras)
-
-
 def _of_rig(storage: _Storage, entry: Node, image_size: tuple[int, int] | None) -> Camera:
     if not isinstance(entry, dict):
         raise FileFormatError(storage.path, "cameras[]", "a map with name, camera_matrix, R and T", "something else")
@@ -124,42 +115,17 @@ def _of_rig(storage: _Storage, entry: Node, image_size: tuple[int, int] | None) 
 def _lens(storage: _Storage, node: Nodes, names: tuple[str, str], image_size: tuple[int, int] | None) -> CameraModel:
     """The lens of the matrix and the coefficients of these names."""
     field, coefficients_field = names
-    K = _matrix(storage, node, field)
-    if K.size != 9:
-        raise FileFormatError(storage.path, field, "a 3 x 3 matrix", K.tolist())
-    K = K.reshape(3, 3)
-    if K[0, 0] == 0.0:
-        raise CalibrationError(field, f"uncalibrated: focal length 0 in {storage.path}")
-    if K[1, 0] or K[2, 0] or K[2, 1] or K[2, 2] != 1.0:
-        raise FileFormatError(storage.path, field, "[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]", K.tolist())
-    coefficients = _matrix(storage, node, coefficients_field).ravel()
+    K, coefficients = _matrix(storage, node, field), _matrix(storage, node, coefficients_field).ravel()
     fisheye = _integer(node("fisheye_model")) == 1 or node("camera_model") == "fisheye"
     if coefficients.size > 8 and not coefficients[8:].any():
         coefficients = coefficients[:8]  # thin prism and tilt that are not used
-    if (coefficients.size != 4) if fisheye else (coefficients.size not in _KINDS):
-        expected = "4 coefficients of a fisheye lens" if fisheye else "0, 4, 5 or 8 coefficients"
-        raise FileFormatError(storage.path, coefficients_field, expected, coefficients.tolist())
-    kind = "equidistant" if fisheye else _KINDS[coefficients.size]
-    width, height = _image_size(storage, node, image_size)
-    try:
-        straight = not (fisheye or coefficients.any())
-        return plausible(CameraModel(width, height, K) if straight else CameraModel(width, height, K, kind, coefficients))
-    except ValueError as error:
-        raise FileFormatError(storage.path, coefficients_field, "a lens that can be built", str(error)) from error
+    if not fisheye and coefficients.size in (4, 5, 8) and not coefficients.any():
+        coefficients = np.zeros(0)
+    return lens_of(storage.path, names, field, _image_size(storage, node, image_size), K, coefficients, fisheye)
 
 
 def _pose(storage: _Storage, node: Nodes) -> np.ndarray:
-    rotation, translation = _matrix(storage, node, "R"), _matrix(storage, node, "T")
-    if rotation.size == 3:
-        rotation = cv2.Rodrigues(rotation)[0]
-    elif rotation.size == 9:
-        rotation = rotation.reshape(3, 3)
-    if rotation.shape != (3, 3) or translation.size != 3:
-        raise FileFormatError(storage.path, "R", "a rotation (3 x 3 or Rodrigues) and a translation of 3", rotation.tolist())
-    pose = se3.from_rotation_translation(rotation, translation.ravel())
-    if not se3.is_rigid(pose, tolerance=1e-5):
-        raise FileFormatError(storage.path, "R", "a proper rotation", rotation.tolist())
-    return se3.nearest_rigid(pose)
+    return pose_of(storage.path, "R", _matrix(storage, node, "R"), _matrix(storage, node, "T"))
 
 
 def _matrix(storage: _Storage, node: Nodes, name: str) -> np.ndarray:

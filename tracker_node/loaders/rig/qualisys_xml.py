@@ -11,12 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ...camera.model import CameraModel, plausible
 from ...camera.rig import Camera, CameraRig
 from ...errors import CalibrationError, FileFormatError
-from ...geometry import se3
 from ..whole_file import read_bytes, whole_file
-from .lens import identifier
+from .lens import identifier, lens_of, pose_of, rig_of
 
 SUBPIXELS = 64.0
 MM = 1000.0
@@ -39,11 +37,7 @@ def load_qualisys(path: str | Path) -> CameraRig:
     found = [element for element in root.findall("cameras/camera") if element.get("active", "1") == "1"]
     if root.tag != "calibration" or not found:
         raise FileFormatError(path, "(file)", "<calibration> with <cameras> of which one is active", f"<{root.tag}>")
-    cameras = tuple(_camera(path, element) for element in found)
-    names = [camera.name for camera in cameras]
-    if len(set(names)) != len(names):
-        raise FileFormatError(path, "serial", "a different serial number for each camera", names)
-    return CameraRig(cameras)
+    return rig_of(path, "serial", [_camera(path, element) for element in found])
 
 
 def dump_qualisys(rig: CameraRig, path: str | Path) -> None:
@@ -118,16 +112,10 @@ def _camera(path: str | Path, element: ET.Element) -> Camera:
     p1, p2 = (number(inner, key, "0") for key in _TANGENTIAL)
     rows = np.array([[number(transform, f"r{i}{j}") for j in (1, 2, 3)] for i in (1, 2, 3)])
     center = np.array([number(transform, key) for key in "xyz"]) / MM
-    pose = se3.from_rotation_translation((_TO_OPTICAL @ rows).T, center)
-    if not se3.is_rigid(pose, tolerance=1e-4):
-        raise FileFormatError(path, f"{place}.transform", "a rotation r11..r33", rows.tolist())
-    pose = se3.nearest_rigid(pose)
+    pose = pose_of(path, f"{place}.transform", (_TO_OPTICAL @ rows).T, center, tolerance=1e-4)
     size = (int(number(fov, "right") - left) + 1, int(number(fov, "bottom") - top) + 1)
     distortion = np.array([k1, k2, p1, p2, k3])
     if min(size) < 1:
         raise FileFormatError(path, f"{place}.fov_video", "left <= right and top <= bottom", dict(fov.attrib))
-    try:
-        lens = plausible(CameraModel(*size, K, "plumb_bob", distortion) if distortion.any() else CameraModel(*size, K))
-    except ValueError as error:
-        raise FileFormatError(path, f"{place}.intrinsic", "a lens that can be built", str(error)) from error
-    return Camera(name, lens, pose)
+    fields, coefficients = (f"{place}.intrinsic", f"{place}.intrinsic"), distortion if distortion.any() else np.zeros(0)
+    return Camera(name, lens_of(path, fields, name, size, K, coefficients), pose)
