@@ -49,17 +49,17 @@ class SequenceGaps:
     def __init__(self, publishers: Callable[[], int]):
         self._publishers = publishers
         self._latest: list[int] = []  # of each publisher, that heard of last at the end
-        self._missing = self._told = 0
+        self._missing = self._reported = 0
 
     @property
     def lost(self) -> int:
         """Messages so far, which never become fewer: by their numbers, or, without any, as the middleware tells."""
-        return max(self._missing, self._told)
+        return max(self._missing, self._reported)
 
     def reported(self, total: int) -> None:
         """So many messages are lost, says the middleware, which does not count those that it replaces by newer ones."""
         if not self._latest:
-            self._told = max(self._told, total)
+            self._reported = max(self._reported, total)
 
     def came(self, number: int | None) -> None:
         """A message with this number."""

@@ -80,8 +80,8 @@ def run_info(path: str | Path) -> dict[str, Any]:
 
 def _info_of(folder: Path) -> Path:
     """Of a part of a run it is the file of the run that tells, unless the part has one of its own."""
-    told_beside = folder.name in (SMOOTHED, BAG) and not (folder / SUMMARY).exists()
-    return (folder.parent if told_beside else folder) / SUMMARY
+    of_part = folder.name in (SMOOTHED, BAG) and not (folder / SUMMARY).exists()
+    return (folder.parent if of_part else folder) / SUMMARY
 
 
 def _read_info(path: Path) -> dict[str, Any]:

@@ -51,13 +51,13 @@ class TrackingLoop:
     ----------
     tracker : None while it cannot be made.
     tracked : the latest estimate of a tracker since it began.
-    told : how the tracker was told to begin; None once it has tracked an image set since.
+    request : how the tracker was asked to begin; None once it has tracked an image set since.
     """
 
     def __init__(self, tracker: Steppable | None = None):
         self.tracker = tracker
         self.tracked: TrackEstimate | None = None
-        self.told: StartRequest | None = None
+        self.request: StartRequest | None = None
         self._tracked_set: ImageSet | None = None
         self._last_ns: int | None = None
 
@@ -73,11 +73,11 @@ class TrackingLoop:
         if self._last_ns is not None and image_set.stamp_ns < self._last_ns:
             self.tracker.reset()  # a recording began again
             self.tracked = self._tracked_set = None
-            if self.told is not None:
-                self.told.tell(self.tracker)
+            if self.request is not None:
+                self.request.tell(self.tracker)
         self._last_ns = image_set.stamp_ns
         self.tracked, self._tracked_set = self.tracker.step(image_set), image_set
-        self.told = None
+        self.request = None
         return self.tracked
 
     def begin(self, request: StartRequest) -> None:
@@ -86,7 +86,7 @@ class TrackingLoop:
             self.tracked = self._tracked_set = None
         if request.forgets_clock:
             self._last_ns = None
-        self.told = request
+        self.request = request
         if self.tracker is not None:
             request.tell(self.tracker)
 
@@ -95,8 +95,8 @@ class TrackingLoop:
         old, self.tracker = self.tracker, tracker
         if tracker is None:
             return
-        if self.told is not None:
-            self.told.tell(tracker)
+        if self.request is not None:
+            self.request.tell(tracker)
         elif self.tracked is not None and self.tracked.status is Status.INITIALIZING:
             tracker.reinitialize()
         elif self.tracked is not None and not self._taken_over(tracker, old):

@@ -67,10 +67,10 @@ def test_figures_are_in_milliseconds_and_millionths():
     })  # fmt: skip
 
 
-def test_the_table_says_what_was_not_looked_for_and_what_is_in_doubt(capsys):
+def test_the_table_says_what_was_not_estimated_and_what_is_in_doubt(capsys):
     print_table(CLOCKS)
     _, left, right, *notes = capsys.readouterr().out.splitlines()
     assert left.split() == ["left", "10.00", "+-", "2.00", "30.0", "+-", "1.0", "0.90", "0.50"]
-    assert right.split() == ["right", "-10.00", "+-", "3.00", "not", "looked", "for", "0.80", "0.85"]
+    assert right.split() == ["right", "-10.00", "+-", "3.00", "not", "estimated", "0.80", "0.85"]
     assert len(notes) == 1
     assert "another offset of right" in notes[0]

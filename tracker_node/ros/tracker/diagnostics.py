@@ -69,7 +69,7 @@ class TrackerDiagnostics:
         self._jumps_of_clock, self._jumps_before = 0, (0, 0)  # of stamps, and of the clock
         self._silent = 0
         self._left_out = LeftOut()
-        self._limbs_told: set[str] = set()
+        self._limbs_reported: set[str] = set()
         self._since_ns: dict[str, int] = {}  # part -> stamp from which on it has been in trouble
 
     def estimated(self, estimate: TrackEstimate, image_set: ImageSet, counts: WorkerCounts, now_ns: int) -> None:
@@ -102,7 +102,7 @@ class TrackerDiagnostics:
         for limb in estimate.limbs:
             said = limb.status.name + (f": {limb.reason}" if limb.reason else "")
             values = {"probability of being lost": float(limb.probability)}
-            self._limbs_told.add(limb.name)
+            self._limbs_reported.add(limb.name)
             part, trouble = f"limb {limb.name}", limb.status != LimbStatus.TRACKING
             level = self._lasting(part, _LIMB_LEVELS[limb.status], trouble, estimate.stamp_ns)
             self._diagnostics.report(part, level, said, values, logged=False)
@@ -140,7 +140,7 @@ class TrackerDiagnostics:
     def _report_pause(self) -> None:
         for part in ("status", "latency", "observability"):
             self._diagnostics.report(part, OK, PAUSED)
-        for name in list(self._limbs_told):
+        for name in list(self._limbs_reported):
             self._diagnostics.report(f"limb {name}", OK, PAUSED, logged=False)
 
     def _report_times(self, worker: TrackingWorker) -> None:

@@ -110,8 +110,8 @@ class TrackerNode(ManagedNode):
             lossless=self._lossless,
             on_error=self.get_logger().error,
         )
-        self._told = TrackerDiagnostics(self._diagnostics, options.model)
-        self._cameras_told = CameraDiagnostics(self._diagnostics, options.rig, self._inbox, self._from_topics)
+        self._tracker_diagnostics = TrackerDiagnostics(self._diagnostics, options.model)
+        self._camera_diagnostics = CameraDiagnostics(self._diagnostics, options.rig, self._inbox, self._from_topics)
 
     def begin(self) -> None:
         """Listen and track."""
@@ -120,7 +120,7 @@ class TrackerNode(ManagedNode):
         self._use_new_setup()
         self._inbox.subscribe(self._parameters_of_node.cameras)
         refuse_unknown_qos(self)
-        self._cameras_told.restart()
+        self._camera_diagnostics.restart()
         self._listening_since_s = time.monotonic()
         if self._from_topics and self._setup_in_use.rig is not None:
             self._diagnostics.report("calibration", OK, "complete")  # it is kept while inactive
@@ -266,21 +266,21 @@ class TrackerNode(ManagedNode):
         self._outputs.publish(estimate, image_set, self._worker.rig)
         if self._worker.counts.tracked == 1:
             self.get_logger().info(f"first image set tracked {time.monotonic() - self._began_s:.2f} s after the start")
-        self._told.estimated(estimate, image_set, self._worker.counts, self.get_clock().now().nanoseconds)
-        self._cameras_told.contradicted(estimate.faults)
+        self._tracker_diagnostics.estimated(estimate, image_set, self._worker.counts, self.get_clock().now().nanoseconds)
+        self._camera_diagnostics.contradicted(estimate.faults)
 
     def _on_jump(self, jump: TimeJump) -> None:
         """Only said: the tracker begins again when stamps go back, at the same image set however the clock's messages come."""
         self.get_logger().warning(f"time went back by {-jump.delta.nanoseconds * 1e-9:.3f} s")
         if self._worker is not None:
-            self._told.clock_jumped()
+            self._tracker_diagnostics.clock_jumped()
 
     def report(self) -> None:
         """Once a second: rates, and each camera."""
         self._mismatches.recheck(again=self.state == ACTIVE)
         if self._worker is not None and self.state == ACTIVE:
-            self._told.report(self._worker)
-            self._cameras_told.report(self._worker, self._parameters_of_node.cameras)
+            self._tracker_diagnostics.report(self._worker)
+            self._camera_diagnostics.report(self._worker, self._parameters_of_node.cameras)
 
 
 def _fixed_parameters(options: TrackerOptions) -> dict[str, FixedParameter]:

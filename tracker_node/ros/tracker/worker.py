@@ -255,10 +255,10 @@ class TrackingWorker:
         if loop.tracker is None:  # a camera has been added since whose lens is not known
             self.counts.skipped += 1
             return
-        told, began = loop.told, time.perf_counter()
+        request, began = loop.request, time.perf_counter()
         try:
             estimate = self.latest = loop.step(image_set)
-            self._requests.followed(told)
+            self._requests.followed(request)
         except Exception as error:
             estimate = self.latest = self._failed(image_set, error, 1e3 * (time.perf_counter() - began))
         self.counts.tracked += 1
