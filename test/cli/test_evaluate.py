@@ -227,7 +227,7 @@ def test_runs_are_compared(files, tmp_path, capsys):
     figures = figures_of(tmp_path)
     assert figures["run.mpjpe_mm"] == pytest.approx(figures["live.mpjpe_mm"])
     summary = (tmp_path / "figures" / "summary.csv").read_text().splitlines()
-    assert summary[0] == "figure,run,live,difference,,meaning,key"
+    assert summary[0] == "metric,run,live,difference,,meaning,key"
     assert any(line.startswith("Joint error (MPJPE),30.0,30.0,0.0,mm") for line in summary)
     assert main(["evaluate", str(files / "run"), str(files / "live"), *more]) == 2
     assert "--output" in capsys.readouterr().err

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.evaluation.metrics import Interval, instants, intervals, reacquisition_times
+from tracker_node.evaluation.metrics import Interval, intervals, reacquisition_times, times_with_gaps
 
 
 @pytest.mark.parametrize(
@@ -25,12 +25,12 @@ def test_both_ends_are_counted():
 
 def test_gaps_have_their_first_and_last_missing_set():
     """One set is missing after 0.1 s, three after 0.3 s."""
-    times, sets = instants(np.array([0.0, 0.1, 0.3, 0.7]), 0.1)
+    times, sets = times_with_gaps(np.array([0.0, 0.1, 0.3, 0.7]), 0.1)
     assert times == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4, 0.6, 0.7])
     assert sets.tolist() == [0, 1, -1, 2, -1, -1, 3]
-    times, sets = instants(np.array([0.0, 0.14]), 0.1)
+    times, sets = times_with_gaps(np.array([0.0, 0.14]), 0.1)
     assert sets.tolist() == [0, 1]
-    times, sets = instants(np.array([0.0, 0.24]), 0.1)
+    times, sets = times_with_gaps(np.array([0.0, 0.24]), 0.1)
     assert sets.tolist() == [0, -1, 1]
 
 

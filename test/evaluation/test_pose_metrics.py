@@ -145,9 +145,9 @@ def test_add_s_does_not_see_a_turn_onto_itself():
 
 
 def test_near_is_both_near():
-    share = measures.share_near(np.array([0.04, 0.06, 0.04, 0.05]), np.deg2rad([4.0, 4.0, 6.0, 4.999]))
+    share = measures.fraction_near(np.array([0.04, 0.06, 0.04, 0.05]), np.deg2rad([4.0, 4.0, 6.0, 4.999]))
     assert share == 0.5
-    assert np.isnan(measures.share_near(np.zeros(0), np.zeros(0)))
+    assert np.isnan(measures.fraction_near(np.zeros(0), np.zeros(0)))
 
 
 def test_the_mean_rotation_is_that_of_scipy():

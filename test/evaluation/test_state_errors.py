@@ -130,7 +130,7 @@ def test_a_review_with_states_alone_judges_joints_too(tmp_path):
         ),
     )
     states = load_true_states(states_file(tmp_path / "truth.csv", truth))
-    figures = review(run, truth.model, Truth(states=states), EvaluationOptions("x", 0.0)).figures()
+    figures = review(run, truth.model, Truth(states=states), EvaluationOptions("x", 0.0)).metrics()
     assert figures["x.mpjpe_mm"] == pytest.approx(30.0) == figures["x.mpjpe_max_mm"]
     assert figures["x.pa_mpjpe_mm"] == pytest.approx(0.0, abs=1e-6)
     assert (figures["x.pck_50mm"], figures["x.root_5cm_5deg"]) == (1.0, 1.0)
@@ -143,7 +143,7 @@ def test_a_review_with_states_alone_judges_joints_too(tmp_path):
 def test_a_review_without_truth_tells_what_the_run_says(tmp_path):
     tracked = motion(10)
     run = load_run(write_run(tmp_path / "run", tracked, ["TRACKING"] * 4 + ["LOST"] * 3 + ["DEGRADED"] * 3))
-    figures = review(run, tracked.model, Truth(), EvaluationOptions("x")).figures()
+    figures = review(run, tracked.model, Truth(), EvaluationOptions("x")).metrics()
     assert (figures["x.said_lost_sets"], figures["x.said_degraded_sets"], figures["x.said_losses"]) == (3, 3, 1)
     assert figures["x.said_reacquisition_s_max"] == pytest.approx(3 * PERIOD_NS * 1e-9)
     assert figures["x.residual_px"] == pytest.approx(2.5) and "x.mpjpe_mm" not in figures
@@ -155,7 +155,7 @@ def test_losses_and_reacquisition_from_truth(tmp_path):
     positions[10:16, 3] += [0.0, 0.0, 0.5]
     positions[28:, 3] += [0.0, 0.0, 0.5]
     truth = Trajectories(tracked.model.landmark_names, tracked.stamps_ns, positions, np.ones(positions.shape[:2], dtype=bool))
-    figures = review(run_of(tmp_path, tracked), tracked.model, Truth(truth), EvaluationOptions("x", 0.0)).figures()
+    figures = review(run_of(tmp_path, tracked), tracked.model, Truth(truth), EvaluationOptions("x", 0.0)).metrics()
     assert (figures["x.lost_sets"], figures["x.losses"], figures["x.not_reacquired"]) == (8, 2, 1)
     assert figures["x.reacquisition_s_median"] == pytest.approx(6 * PERIOD_NS * 1e-9)
 

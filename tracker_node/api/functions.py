@@ -113,7 +113,7 @@ def evaluate(
     first = first_image_of(run.info) if first_image is None else first_image
     options = EvaluationOptions("run", lag_images, align, image_sets, first)
     found = review(run.data, run.model, truth_of([str(path) for path in paths], y_up, run.model), options)
-    return {key.removeprefix("run."): value for key, value in found.figures().items()}
+    return {key.removeprefix("run."): value for key, value in found.metrics().items()}
 
 
 def export(

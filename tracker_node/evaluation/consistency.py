@@ -32,21 +32,49 @@ CONFIDENCE = 0.95
 
 
 def nees(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
-    """(...) of errors (..., n) with covariances (..., n, n)."""
+    """Normalized estimation error squared.
+
+    Parameters
+    ----------
+    errors : (..., n).
+    covariances : (..., n, n) of them.
+
+    Returns
+    -------
+    (...), n on average where the covariances are right.
+    """
     return (whitened(errors, covariances) ** 2).sum(axis=-1)
 
 
 def whitened(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
-    """(..., n) L^-1 e with P = L L^T: unit covariance, where P is right."""
+    """Errors in units of their covariance: L^-1 e with P = L L^T.
+
+    Parameters
+    ----------
+    errors : (..., n).
+    covariances : (..., n, n) of them.
+
+    Returns
+    -------
+    (..., n), of unit covariance where P is right.
+    """
     return np.linalg.solve(np.linalg.cholesky(covariances), errors[..., None])[..., 0]
 
 
 def effective_sets(white: np.ndarray) -> float:
-    """T_eff of runs (n_runs, T, n) of white errors: as many independent sets would average as well as T of these do.
+    """T_eff of runs: as many independent sets would average as well as the T sets of these do.
 
     Correlations are about zero, not about the mean of a run: an error that stays the same throughout a run counts as one. They
-    are taken as shares of those of one set: errors that are too large, or alike, in every set do not make the bounds wider.
+    are divided by those of one set: errors that are too large, or alike, in every set do not make the bounds wider.
     Of a single run only the axes' own are taken, and chance makes T_eff smaller than it is, the bounds wider.
+
+    Parameters
+    ----------
+    white : (n_runs, T, n) of `whitened`.
+
+    Returns
+    -------
+    From 1 to T.
     """
     n_sets = white.shape[1]
     powers = np.array([_correlation_power(white, lag) for lag in range(n_sets)])
@@ -66,13 +94,23 @@ def _correlation_power(white: np.ndarray, lag: int) -> float:
 
 
 def mean_bounds(n: int, n_sets: float) -> tuple[float, float]:
-    """Within which the mean of ``n_sets`` independent NEES of ``n`` numbers lies in `CONFIDENCE` of all cases."""
+    """Bounds of a mean NEES in `CONFIDENCE` of all cases.
+
+    Parameters
+    ----------
+    n : numbers of each error.
+    n_sets : how many independent NEES the mean is of.
+
+    Returns
+    -------
+    low, high.
+    """
     tail = 0.5 * (1.0 - CONFIDENCE)
     low, high = chi2.ppf([tail, 1.0 - tail], n * n_sets) / n_sets
     return float(low), float(high)
 
 
-_SMALLEST = 1e-12  # share of the largest eigenvalue: below it a covariance has no inverse
+_SMALLEST = 1e-12  # fraction of the largest eigenvalue: below it a covariance has no inverse
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +145,19 @@ class NeesSeries:
 
 
 def landmark_nees(run: RunData, model: ArticulatedModel, joints: Evaluation, offset_free: bool) -> NeesSeries | None:
-    """Of every joint's position, as it is or without its constant offset; None for a run without covariances."""
+    """NEES of every joint's position.
+
+    Parameters
+    ----------
+    run : with covariances, or without.
+    model : body of the run.
+    joints : the run compared with true joints.
+    offset_free : take the constant offset of each joint out.
+
+    Returns
+    -------
+    One column a joint; None for a run without covariances.
+    """
     if run.details is None:
         return None
     columns = [model.landmark_index(joint) for joint in joints.joints]
@@ -120,7 +170,17 @@ def landmark_nees(run: RunData, model: ArticulatedModel, joints: Evaluation, off
 
 
 def state_nees(run: RunData, truth: Sequence[State | None]) -> NeesSeries | None:
-    """Of the whole state, of a run with covariances against a true state for every set of it; None where either has none."""
+    """NEES of the whole state.
+
+    Parameters
+    ----------
+    run : with covariances, or without.
+    truth : (n,) the true state of each image set of the run, or None.
+
+    Returns
+    -------
+    One column; None for a run without covariances, or where no covariance has an inverse.
+    """
     if run.details is None:
         return None
     valid = np.array([state is not None for state in truth])

@@ -1,4 +1,4 @@
-"""A run held against truth: everything that the report shows, in numbers."""
+"""A run compared with true joints: everything that the report shows, in numbers."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ ALIGNMENTS = ("auto", "first", "stamp")
 
 @dataclass(frozen=True)
 class EvaluationOptions:
-    """How a run is held against truth.
+    """How a run is compared with truth.
 
     Parameters
     ----------
-    name : prefix of the figures' keys.
+    name : prefix of the metrics' keys.
     lag_images : constant lag of the images behind the truth; None estimates it.
-    align : ``stamp``: run and truth count time from the same instant; ``first``: the truth's first row belongs to the first
+    align : ``stamp``: run and truth have one clock; ``first``: the truth's first row belongs to the first
         image set; ``auto``: ``stamp`` where both overlap in time and the truth is not a TRC, else ``first``.
-    image_sets : how many there should be; 0 takes what run and stamps tell.
+    image_sets : how many there should be; 0 takes what run and stamps say.
     """
 
     name: str = "run"
@@ -41,7 +41,7 @@ class EvaluationOptions:
 
 @dataclass(frozen=True, eq=False)
 class ErrorSeries:
-    """Errors (n, m) in metres where ``valid`` (n, m)."""
+    """Errors (n, m) in meters where ``valid`` (n, m)."""
 
     errors_m: np.ndarray
     valid: np.ndarray
@@ -61,7 +61,7 @@ class ErrorSeries:
 
 @dataclass(frozen=True, eq=False)
 class BoneLengths:
-    """Mean and standard deviation over the run, (b,) millimetres each."""
+    """Mean and standard deviation over the run, (b,) millimeters each."""
 
     bones: tuple[tuple[str, str], ...]
     estimate_mean_mm: np.ndarray
@@ -131,8 +131,8 @@ class Evaluation:
         return doubts
 
     def metrics(self) -> dict[str, float | int]:
-        """Figures under their keys, in the order of the report."""
-        figures: dict[str, float | int] = {
+        """Metrics by key, in the order of the report."""
+        found: dict[str, float | int] = {
             "image_sets": self.image_sets,
             "judged_sets": int(self.raw.valid.any(axis=1).sum()),
             "lost_sets": int(self.lost.sum()) + self.missing_sets,
@@ -143,26 +143,38 @@ class Evaluation:
             "mpjpe_no_lag_correction_mm": self.no_lag_correction.mean_mm,
             "lag_images": self.lag_images,
         }
-        figures.update({f"iou_{camera}": _mean(ious) for camera, ious in self.silhouettes.ious.items()})
-        figures["residual_px"] = _mean(self.residual)
+        found.update({f"iou_{camera}": _mean(ious) for camera, ious in self.silhouettes.ious.items()})
+        found["residual_px"] = _mean(self.residual)
         for i, camera in enumerate(self.cameras):
-            figures[f"residual_px_{camera}"] = _mean(self.camera_residuals[self.camera_residuals[:, i] > 0, i])
-        figures["iterations"] = _mean(self.iterations)
-        figures["bone_length_std_mm"] = _mean(self.bones.estimate_std_mm)
-        figures["truth_bone_length_std_mm"] = _mean(self.bones.truth_std_mm)
+            found[f"residual_px_{camera}"] = _mean(self.camera_residuals[self.camera_residuals[:, i] > 0, i])
+        found["iterations"] = _mean(self.iterations)
+        found["bone_length_std_mm"] = _mean(self.bones.estimate_std_mm)
+        found["truth_bone_length_std_mm"] = _mean(self.bones.truth_std_mm)
         for joint, value in zip(self.joints, self.raw.per_joint_mm(), strict=True):
-            figures[f"landmark_mm.{joint}"] = float(value)
-        return {f"{self.name}.{key}": value for key, value in figures.items()}
+            found[f"landmark_mm.{joint}"] = float(value)
+        return {f"{self.name}.{key}": value for key, value in found.items()}
 
 
 def evaluate(
     run: RunData, model: ArticulatedModel, truth: Trajectories, options: EvaluationOptions, own_time: bool = False
 ) -> Evaluation:
-    """Hold a run against truth. Silhouettes are added by the caller, who has the images.
+    """Compare a run with true joints. Silhouettes are added by the caller, who has the images.
+
+    Parameters
+    ----------
+    run : states over time.
+    model : body of the run.
+    truth : joints over time, of landmarks of the model or others.
+    options : lag, alignment in time, and how many image sets there should be.
+    own_time : the truth's stamps count from its own first row.
+
+    Returns
+    -------
+    All errors, joint by joint and set by set.
 
     Raises
     ------
-    FileFormatError : run and truth have no joint, or no instant, in common.
+    FileFormatError : run and truth have no joint, or no time, in common.
     """
     joints = common_joints(model.landmark_names, truth.names)
     if not joints:
@@ -216,7 +228,20 @@ def evaluate(
 
 
 def aligned(truth: OnOneClock, stamps_ns: np.ndarray, image_0_ns: int, align: str, own_time: bool) -> OnOneClock:
-    """Truth on the clock of the run's stamps (see `EvaluationOptions`); ``image_0_ns`` is the stamp of image 0."""
+    """Truth on the clock of the run's stamps (see `EvaluationOptions`).
+
+    Parameters
+    ----------
+    truth : anything with stamps.
+    stamps_ns : (n,) of the run.
+    image_0_ns : stamp of image 0 of the run.
+    align : one of `ALIGNMENTS`.
+    own_time : the truth's stamps count from its own first row.
+
+    Returns
+    -------
+    The same kind of truth, shifted or as it is.
+    """
     if align not in ALIGNMENTS:
         raise ValueError(f"expected an alignment of {ALIGNMENTS}, got {align!r}")
     overlap = truth.stamps_ns[0] <= stamps_ns[-1] and truth.stamps_ns[-1] >= stamps_ns[0]
@@ -228,19 +253,36 @@ def aligned(truth: OnOneClock, stamps_ns: np.ndarray, image_0_ns: int, align: st
 def expected_sets(run: RunData, period_ns: float, stated: int = 0) -> int:
     """Number of image sets that there should be a state for.
 
-    The largest of: ``stated``, what ``run.json`` expected (unless the run was told to stop early), the periods between the
-    first and the last stamp (which shows gaps), and the states.
+    Parameters
+    ----------
+    run : its states, and in ``run.json`` how many sets it expected, which counts unless it was asked to stop early.
+    period_ns : of the images; the periods between the first and the last stamp show gaps.
+    stated : what the user says.
+
+    Returns
+    -------
+    The largest of all these.
     """
     counted = run.info.get("expected_image_sets", 0)
     options = run.info.get("options")
-    told_to_stop = isinstance(options, dict) and options.get("max_sets") is not None
-    counted = counted if isinstance(counted, int) and not told_to_stop else 0
+    stopped_early = isinstance(options, dict) and options.get("max_sets") is not None
+    counted = counted if isinstance(counted, int) and not stopped_early else 0
     spanned = round(float(run.stamps_ns[-1] - run.stamps_ns[0]) / period_ns) + 1
     return max(stated, counted, spanned, len(run))
 
 
 def image_numbers(run: RunData, period_ns: float) -> np.ndarray:
-    """(n,) number of the image that every set shows, 0 for the first set."""
+    """Number of the image that every set shows.
+
+    Parameters
+    ----------
+    run : its stamps.
+    period_ns : of the images.
+
+    Returns
+    -------
+    (n,) int, 0 for the first set.
+    """
     return np.round((run.stamps_ns - run.stamps_ns[0]) / period_ns).astype(int)
 
 
@@ -263,11 +305,11 @@ def _tracked_joints(
 def _bone_lengths(estimate: Trajectories, truth: Trajectories) -> BoneLengths:
     bones = common_bones(estimate.names)
     pairs = [(estimate.names.index(a), estimate.names.index(b)) for a, b in bones]
-    figures = []
+    found = []
     for points in (estimate, truth):
         lengths, valid = metrics.bone_lengths(points.positions_m, points.valid, pairs)
-        figures += [1e3 * values for values in metrics.mean_and_std(lengths, valid)]
-    return BoneLengths(bones, *figures)
+        found += [1e3 * values for values in metrics.mean_and_std(lengths, valid)]
+    return BoneLengths(bones, *found)
 
 
 def _lost_limbs(joints: tuple[str, ...], errors: np.ndarray, valid: np.ndarray) -> tuple[str, ...]:

@@ -17,17 +17,47 @@ LOST_LIMB_SETS = 5  # ... for so many sets running, or at the end
 
 
 def joint_errors(estimate: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """Distances (n, m) in metres between positions (n, m, 3)."""
+    """Distances between positions.
+
+    Parameters
+    ----------
+    estimate, truth : (n, m, 3) meters.
+
+    Returns
+    -------
+    (n, m) meters.
+    """
     return np.linalg.norm(estimate - truth, axis=-1)
 
 
 def mean_error(errors: np.ndarray, valid: np.ndarray) -> float:
-    """Mean over every valid joint of every set: the MPJPE, in the unit of ``errors`` (n, m)."""
+    """Mean over every valid joint of every set: the MPJPE.
+
+    Parameters
+    ----------
+    errors : (n, m).
+    valid : (n, m).
+
+    Returns
+    -------
+    In the unit of ``errors``.
+    """
     return float(errors[valid].mean()) if valid.any() else float("nan")
 
 
 def mean_over(errors: np.ndarray, valid: np.ndarray, axis: int) -> np.ndarray:
-    """Masked mean along ``axis`` of (n, m): 0 gives one number a landmark, 1 one a set; NaN where nothing is valid."""
+    """Mean of what is valid.
+
+    Parameters
+    ----------
+    errors : (n, m).
+    valid : (n, m).
+    axis : 0: a mean per landmark; 1: one per set.
+
+    Returns
+    -------
+    (m,) or (n,), NaN where nothing is valid.
+    """
     count = valid.sum(axis=axis)
     total = np.where(valid, errors, 0.0).sum(axis=axis)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
@@ -40,14 +70,14 @@ def offset_free_errors(
 
     Parameters
     ----------
-    difference : (n, m, 3) estimate minus truth, metres, world frame.
+    difference : (n, m, 3) estimate minus truth, meters, world frame.
     valid : (n, m).
     rotations : (n, m, 3, 3) R_world_segment of the segment that each landmark's offset is constant in; None for the world
         frame.
 
     Returns
     -------
-    errors (n, m) in metres; offsets (m, 3) in metres in the frame used: the mean of the valid differences, which is the
+    errors (n, m) in meters; offsets (m, 3) in meters in the frame used: the mean of the valid differences, which is the
     constant that leaves the smallest sum of squares.
     """
     if rotations is not None:
@@ -60,32 +90,71 @@ def offset_free_errors(
 def bone_lengths(
     positions: np.ndarray, valid: np.ndarray, bones: Sequence[tuple[int, int]]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Lengths (n, b) in metres between pairs of landmark indices, and where they are valid (n, b)."""
+    """Distances between pairs of landmarks.
+
+    Parameters
+    ----------
+    positions : (n, m, 3) meters.
+    valid : (n, m).
+    bones : b pairs of landmark indices.
+
+    Returns
+    -------
+    lengths : (n, b) meters.
+    valid : (n, b).
+    """
     start, end = np.array([b[0] for b in bones], dtype=int), np.array([b[1] for b in bones], dtype=int)
     return joint_errors(positions[:, start], positions[:, end]), valid[:, start] & valid[:, end]
 
 
 def mean_and_std(values: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Masked mean and standard deviation over the sets of (n, b): (b,) each."""
+    """Mean and standard deviation over the sets, of what is valid.
+
+    Parameters
+    ----------
+    values : (n, b).
+    valid : (n, b).
+
+    Returns
+    -------
+    mean, std : (b,) each.
+    """
     mean = mean_over(values, valid, axis=0)
     variance = mean_over((values - np.where(np.isnan(mean), 0.0, mean)) ** 2, valid, axis=0)
     return mean, np.sqrt(variance)
 
 
 def lost_sets(has_estimate: np.ndarray, said_lost: np.ndarray, errors: np.ndarray, valid: np.ndarray) -> np.ndarray:
-    """(n,) True for a set without an estimate, with status LOST, or with a joint more than `LOST_JOINT_M` from truth.
+    """Sets without an estimate, with status LOST, or with a joint more than `LOST_JOINT_M` from truth.
 
-    ``has_estimate`` and ``said_lost`` (n,); ``errors`` (n, m) metres where ``valid`` (n, m).
+    Parameters
+    ----------
+    has_estimate, said_lost : (n,).
+    errors : (n, m) meters.
+    valid : (n, m).
+
+    Returns
+    -------
+    (n,) bool.
     """
     off = ((errors > LOST_JOINT_M) & valid).any(axis=1)
     return ~has_estimate | said_lost | off
 
 
 def lost_limbs(errors: np.ndarray, valid: np.ndarray) -> np.ndarray:
-    """(k,) True for a limb that was lost, from the errors (n, k) in metres of the limbs' end joints.
+    """Limbs that were lost.
 
     Lost: more than `LOST_LIMB_M` off in `LOST_LIMB_SETS` consecutive sets, or in the last set that can be judged. A set that
     cannot be judged neither begins nor breaks a series.
+
+    Parameters
+    ----------
+    errors : (n, k) of the limbs' end joints, meters.
+    valid : (n, k).
+
+    Returns
+    -------
+    (k,) bool.
     """
     lost = np.zeros(errors.shape[1], dtype=bool)
     for k in range(errors.shape[1]):
@@ -103,7 +172,16 @@ def _longest_series(flags: np.ndarray) -> int:
 
 
 def intersection_over_union(a: np.ndarray, b: np.ndarray) -> float:
-    """Of two masks of one shape (non-zero is inside); NaN when both are empty."""
+    """Agreement of two masks.
+
+    Parameters
+    ----------
+    a, b : of one shape, non-zero inside.
+
+    Returns
+    -------
+    0 to 1; NaN when both are empty.
+    """
     if a.shape != b.shape:
         raise ValueError(f"expected masks of one shape, got {a.shape} and {b.shape}")
     a, b = a != 0, b != 0
@@ -131,7 +209,17 @@ class Spread:
 
 
 def spread_of(errors: np.ndarray, valid: np.ndarray | None = None) -> Spread:
-    """Of errors, with or without sign; those that are not ``valid`` or not finite do not count."""
+    """Spread of the sizes of errors.
+
+    Parameters
+    ----------
+    errors : with or without sign; those that are not finite do not count.
+    valid : of the same shape; others do not count.
+
+    Returns
+    -------
+    In the unit of the errors.
+    """
     sizes = np.abs(np.asarray(errors, dtype=np.float64))
     sizes = sizes[np.isfinite(sizes) if valid is None else valid & np.isfinite(sizes)]
     if not len(sizes):
@@ -154,9 +242,16 @@ class Interval:
 
 
 def intervals(flags: np.ndarray, known: np.ndarray | None = None) -> tuple[Interval, ...]:
-    """The longest series of sets in which ``flags`` (n,) holds.
+    """The longest series of sets in which something holds.
 
-    A set that is not ``known`` (n,) neither begins nor ends a series, and is not its last one.
+    Parameters
+    ----------
+    flags : (n,) bool.
+    known : (n,) bool; a set that is not known neither begins nor ends a series, and is not its last one.
+
+    Returns
+    -------
+    In order of time.
     """
     rows = np.arange(len(flags)) if known is None else np.flatnonzero(known)
     on = np.concatenate([[False], np.asarray(flags, dtype=bool)[rows], [False]])
@@ -165,12 +260,18 @@ def intervals(flags: np.ndarray, known: np.ndarray | None = None) -> tuple[Inter
     return tuple(Interval(int(rows[a]), int(rows[b - 1]), bool(b < len(rows))) for a, b in pairs)
 
 
-def instants(times_s: np.ndarray, period_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """Instants of sets, increasing (n,), with the first and the last missing one in every gap of more than 1.5 periods.
+def times_with_gaps(times_s: np.ndarray, period_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Times of sets, with the first and the last missing one in every gap of more than 1.5 periods.
+
+    Parameters
+    ----------
+    times_s : (n,) of the sets, increasing.
+    period_s : of the images.
 
     Returns
     -------
-    (k,) times, and (k,) the set at each; -1 for one that is missing.
+    times : (k,).
+    sets : (k,) the set at each; -1 for one that is missing.
     """
     steps = np.diff(times_s)
     after = times_s[:-1][steps > 1.5 * period_s] + period_s
@@ -182,7 +283,18 @@ def instants(times_s: np.ndarray, period_s: float) -> tuple[np.ndarray, np.ndarr
 
 
 def reacquisition_times(flags: np.ndarray, times_s: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
-    """Seconds from the first lost set to the first sound one after it, for every loss that has ended; times (n,) of the sets."""
+    """Times from the first lost set to the first tracked one after it, for every loss that has ended.
+
+    Parameters
+    ----------
+    flags : (n,) bool, lost.
+    times_s : (n,) of the sets.
+    known : (n,) bool; see `intervals`.
+
+    Returns
+    -------
+    (k,) seconds.
+    """
     rows = np.arange(len(flags)) if known is None else np.flatnonzero(known)
     ended = [interval for interval in intervals(flags, known) if interval.ended]
     after = [rows[np.searchsorted(rows, interval.last) + 1] for interval in ended]

@@ -1,6 +1,6 @@
 """Measures of poses that the literature compares by: pure functions of arrays.
 
-Lengths are metres, angles radians. Arrays over time have the image set first; a mask (n, m) says where a joint counts. Means over
+Lengths are meters, angles radians. Arrays over time have the image set first; a mask (n, m) says where a joint counts. Means over
 nothing are not-a-number.
 """
 
@@ -25,7 +25,7 @@ def procrustes_aligned(estimate: np.ndarray, truth: np.ndarray, valid: np.ndarra
 
     Parameters
     ----------
-    estimate, truth : (n, m, 3) metres.
+    estimate, truth : (n, m, 3) meters.
     valid : (n, m); joints that do not count have no part, but are moved with the others.
 
     Returns
@@ -52,6 +52,15 @@ def pa_mpjpe(estimate: np.ndarray, truth: np.ndarray, valid: np.ndarray) -> floa
     """Mean joint error after `procrustes_aligned`: what is left is posture, without place, heading and size.
 
     Known as protocol 2 of Human3.6M (Ionescu et al., IEEE PAMI 36, 2014). Sets with fewer than three valid joints do not count.
+
+    Parameters
+    ----------
+    estimate, truth : (n, m, 3) meters.
+    valid : (n, m).
+
+    Returns
+    -------
+    Meters.
     """
     judged = valid.sum(axis=1) >= _MIN_JOINTS
     estimate, truth, valid = estimate[judged], truth[judged], valid[judged]
@@ -59,9 +68,19 @@ def pa_mpjpe(estimate: np.ndarray, truth: np.ndarray, valid: np.ndarray) -> floa
 
 
 def pck(errors: np.ndarray, valid: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
-    """Percentage of correct keypoints: share (k,), 0..1, of the valid errors (n, m) that are at most each of ``thresholds`` (k,).
+    """Percentage of correct keypoints: fraction of the valid errors that are at most each of some thresholds.
 
     In three dimensions with 150 mm: Mehta et al., 3DV 2017.
+
+    Parameters
+    ----------
+    errors : (n, m) meters.
+    valid : (n, m).
+    thresholds : (k,) meters.
+
+    Returns
+    -------
+    (k,), 0..1.
     """
     judged = np.sort(errors[valid])
     if not len(judged):
@@ -70,12 +89,31 @@ def pck(errors: np.ndarray, valid: np.ndarray, thresholds: np.ndarray) -> np.nda
 
 
 def pck_auc(errors: np.ndarray, valid: np.ndarray) -> float:
-    """Mean of `pck` over thresholds from 0 to 150 mm in steps of 5 (Mehta et al., 3DV 2017): 1 is perfect."""
+    """Mean of `pck` over thresholds from 0 to 150 mm in steps of 5 (Mehta et al., 3DV 2017).
+
+    Parameters
+    ----------
+    errors : (n, m) meters.
+    valid : (n, m).
+
+    Returns
+    -------
+    0..1; 1 is perfect.
+    """
     return float(pck(errors, valid, np.linspace(0.0, PCK_AUC_M, PCK_AUC_STEPS)).mean())
 
 
 def direction_errors(estimate: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """(...) angles between vectors (..., 3); NaN for a vector of no length."""
+    """Angles between vectors.
+
+    Parameters
+    ----------
+    estimate, truth : (..., 3) of any length.
+
+    Returns
+    -------
+    (...) radians; NaN for a vector of no length.
+    """
     cross = np.linalg.norm(np.cross(estimate, truth), axis=-1)
     dot = (estimate * truth).sum(axis=-1)
     angles = np.arctan2(cross, dot)
@@ -83,36 +121,67 @@ def direction_errors(estimate: np.ndarray, truth: np.ndarray) -> np.ndarray:
 
 
 def rotation_errors(estimate: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """(...) angles of the rotations (..., 3, 3) that lead from one to the other: |A - B|_F = 2 sqrt(2) sin(angle / 2)."""
+    """Angles of the rotations that lead from one to the other: |A - B|_F = 2 sqrt(2) sin(angle / 2).
+
+    Parameters
+    ----------
+    estimate, truth : (..., 3, 3).
+
+    Returns
+    -------
+    (...) radians.
+    """
     chord = np.linalg.norm(estimate - truth, axis=(-2, -1))
     return 2.0 * np.arcsin(np.minimum(chord / np.sqrt(8.0), 1.0))
 
 
 def add_errors(estimate: np.ndarray, truth: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """ADD (n,): mean distance of the model's points in the estimated pose to the same points in the true one.
+    """ADD: mean distance of the model's points in the estimated pose to the same points in the true one.
 
     Hinterstoisser et al., ACCV 2012, eq. 3.
 
     Parameters
     ----------
     estimate, truth : (n, 4, 4) poses of the model.
-    points : (k, 3) on its surface, in its own frame.
+    points : (k, 3) on its surface, in its own frame, meters.
+
+    Returns
+    -------
+    (n,) meters.
     """
     return np.array([joint_errors(_moved(a, points), _moved(b, points)).mean() for a, b in zip(estimate, truth, strict=True)])
 
 
 def add_s_errors(estimate: np.ndarray, truth: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """ADD-S (n,): the same to the nearest point, for bodies that look alike from several sides.
+    """ADD-S: the same to the nearest point, for bodies that look alike from several sides.
 
     Hinterstoisser et al., ACCV 2012, eq. 4: from every point in the true pose to the nearest one in the estimated pose.
+
+    Parameters
+    ----------
+    estimate, truth, points : as of `add_errors`.
+
+    Returns
+    -------
+    (n,) meters.
     """
     tree = cKDTree(points)
     back = [np.linalg.inv(a) @ b for a, b in zip(estimate, truth, strict=True)]
     return np.array([tree.query(_moved(T, points))[0].mean() for T in back])
 
 
-def share_near(position_errors: np.ndarray, rotation_errors: np.ndarray) -> float:
-    """Share of the poses within 5 cm and 5 degrees of truth (Shotton et al., CVPR 2013), of errors (n,) in metres and radians."""
+def fraction_near(position_errors: np.ndarray, rotation_errors: np.ndarray) -> float:
+    """Fraction of the poses within 5 cm and 5 degrees of truth (Shotton et al., CVPR 2013).
+
+    Parameters
+    ----------
+    position_errors : (n,) meters.
+    rotation_errors : (n,) radians.
+
+    Returns
+    -------
+    0..1; NaN without poses.
+    """
     if not len(position_errors):
         return float("nan")
     return float(((position_errors <= NEAR_M) & (rotation_errors <= NEAR_RAD)).mean())

@@ -14,7 +14,7 @@ from . import pose_metrics
 from .consistency import NeesSeries, landmark_nees, state_nees
 from .evaluate import Evaluation, EvaluationOptions, SilhouetteScores, aligned, evaluate, expected_sets
 from .masks.silhouettes import Picture
-from .metrics import Spread, instants, intervals, reacquisition_times, spread_of
+from .metrics import Spread, intervals, reacquisition_times, spread_of, times_with_gaps
 from .state_errors import ROWS, RigidErrors, SegmentErrors, StateErrors, link_poses, rigid_errors, segment_errors, state_errors
 from .truth.association import image_period_ns
 from .truth.files import Truth
@@ -72,13 +72,13 @@ class Review:
 
     def over_time(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Times (k,) and ``values`` (n, ...) at them (k, ...), not-a-number where sets are missing."""
-        times, sets = instants(self.times_s, self.period_s)
+        times, sets = times_with_gaps(self.times_s, self.period_s)
         return times, np.where((sets < 0).reshape(-1, *[1] * (values.ndim - 1)), np.nan, values[sets])
 
     def lost_over_time(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Times (k,), where it was lost (k,), missing sets included, and where that is known (k,). Needs joints."""
         assert self.joints is not None
-        times, sets = instants(self.times_s, self.period_s)
+        times, sets = times_with_gaps(self.times_s, self.period_s)
         judged = np.any(self.joints.raw.valid, axis=1)
         judged |= ~self.run.has_state  # without a state it is lost, whatever the truth
         return times, (sets < 0) | self.joints.lost[sets], (sets < 0) | judged[sets]
@@ -90,22 +90,22 @@ class Review:
 
     @property
     def timings(self) -> dict[str, np.ndarray]:
-        """Stage -> milliseconds of the sets that tell."""
+        """Stage -> milliseconds of the sets that have them."""
         if self.run.details is None:
             return {}
         known = np.isfinite(self.run.details.timings_ms).all(axis=1)
         return {stage: self.run.details.timings_ms[known, i] for i, stage in enumerate(STAGES) if known.any()}
 
-    def figures(self) -> dict[str, float | int]:
-        """Figures under their keys, the run's name before each."""
+    def metrics(self) -> dict[str, float | int]:
+        """Metrics by key, the run's name before each."""
         if self.joints is not None:
-            figures = {key.removeprefix(f"{self.name}."): value for key, value in self.joints.metrics().items()}
+            metrics = {key.removeprefix(f"{self.name}."): value for key, value in self.joints.metrics().items()}
         else:
-            figures = {"image_sets": self.image_sets, **_own(self.run)}
-        for part in (self._joint_figures, self._loss_figures, self._state_figures, self._nees_figures, self._own_figures):
-            figures |= part()
-        landmarks = {key: figures.pop(key) for key in list(figures) if key.startswith("landmark_mm.")}
-        return {f"{self.name}.{key}": value for key, value in {**figures, **landmarks}.items()}
+            metrics = {"image_sets": self.image_sets, **_own(self.run)}
+        for part in (self._joint_metrics, self._loss_metrics, self._state_metrics, self._nees_metrics, self._own_metrics):
+            metrics |= part()
+        landmarks = {key: metrics.pop(key) for key in list(metrics) if key.startswith("landmark_mm.")}
+        return {f"{self.name}.{key}": value for key, value in {**metrics, **landmarks}.items()}
 
     def joint_spreads(self, j: int | None = None) -> tuple[Spread, Spread]:
         """Of one joint's errors, or all joints', in mm: as they are and without their constant offset in the segment."""
@@ -115,81 +115,93 @@ class Review:
         raw, free = (spread_of(1e3 * e.errors_m[:, columns], e.valid[:, columns]) for e in both)
         return raw, free
 
-    def _joint_figures(self) -> dict[str, float | int]:
+    def _joint_metrics(self) -> dict[str, float | int]:
         e = self.joints
         if e is None:
             return {}
-        figures: dict[str, float | int] = {}
+        metrics: dict[str, float | int] = {}
         for key, spread in zip(_LENGTHS_MM, self.joint_spreads(), strict=True):
-            figures |= {f"{key}_rms_mm": spread.rms, f"{key}_p95_mm": spread.p95, f"{key}_max_mm": spread.max}
-        figures["pa_mpjpe_mm"] = 1e3 * pose_metrics.pa_mpjpe(e.estimate_m, e.truth_m, e.raw.valid)
+            metrics |= {f"{key}_rms_mm": spread.rms, f"{key}_p95_mm": spread.p95, f"{key}_max_mm": spread.max}
+        metrics["pa_mpjpe_mm"] = 1e3 * pose_metrics.pa_mpjpe(e.estimate_m, e.truth_m, e.raw.valid)
         shares = pose_metrics.pck(e.raw.errors_m, e.raw.valid, np.array(pose_metrics.PCK_THRESHOLDS_M))
-        figures |= {f"pck_{1e3 * m:.0f}mm": float(share) for m, share in zip(pose_metrics.PCK_THRESHOLDS_M, shares, strict=True)}
-        figures["pck_auc_150mm"] = pose_metrics.pck_auc(e.raw.errors_m, e.raw.valid)
+        metrics |= {f"pck_{1e3 * m:.0f}mm": float(share) for m, share in zip(pose_metrics.PCK_THRESHOLDS_M, shares, strict=True)}
+        metrics["pck_auc_150mm"] = pose_metrics.pck_auc(e.raw.errors_m, e.raw.valid)
         if self.directions is not None:
-            figures["segment_direction_deg"] = spread_of(self.directions.angle_deg, self.directions.valid).mean
-            figures["segment_direction_offset_free_deg"] = spread_of(self.directions.free_angle_deg, self.directions.valid).mean
-        return figures
+            metrics["segment_direction_deg"] = spread_of(self.directions.angle_deg, self.directions.valid).mean
+            metrics["segment_direction_offset_free_deg"] = spread_of(self.directions.free_angle_deg, self.directions.valid).mean
+        return metrics
 
-    def _loss_figures(self) -> dict[str, float | int]:
+    def _loss_metrics(self) -> dict[str, float | int]:
         if self.joints is None:
             return {}
         times, lost, known = self.lost_over_time()
         return _losses(lost, times, known)
 
-    def _state_figures(self) -> dict[str, float | int]:
-        figures: dict[str, float | int] = {}
+    def _state_metrics(self) -> dict[str, float | int]:
+        metrics: dict[str, float | int] = {}
         if self.states is not None:
             for k, (name, unit) in enumerate(zip(self.states.names, self.states.units, strict=True)):
                 raw, free = self.states.spreads(k)
-                figures |= {f"dof_rms.{name}_{unit}": raw.rms, f"dof_max.{name}_{unit}": raw.max}
-                figures[f"dof_offset_free_rms.{name}_{unit}"] = free.rms
+                metrics |= {f"dof_rms.{name}_{unit}": raw.rms, f"dof_max.{name}_{unit}": raw.max}
+                metrics[f"dof_offset_free_rms.{name}_{unit}"] = free.rms
             angles = [k for k, name in enumerate(self.states.names) if name not in ROWS.values()]
-            figures["joint_angle_deg"] = spread_of(self.states.errors[:, angles], self.states.valid[:, angles]).mean
+            metrics["joint_angle_deg"] = spread_of(self.states.errors[:, angles], self.states.valid[:, angles]).mean
         if self.segments is not None:
             ok = self.segments.valid
-            figures["segment_position_mm"] = spread_of(self.segments.position_mm[ok]).mean
-            figures["segment_angle_deg"] = spread_of(self.segments.angle_deg[ok]).mean
+            metrics["segment_position_mm"] = spread_of(self.segments.position_mm[ok]).mean
+            metrics["segment_angle_deg"] = spread_of(self.segments.angle_deg[ok]).mean
             root = 1e-3 * self.segments.position_mm[ok, 0], np.deg2rad(self.segments.angle_deg[ok, 0])
-            figures["root_5cm_5deg"] = pose_metrics.share_near(*root)
+            metrics["root_5cm_5deg"] = pose_metrics.fraction_near(*root)
         if self.axes_deg is not None:
-            figures |= {f"root_axis_{axis}_deg": spread_of(self.axes_deg[:, i]).mean for i, axis in enumerate("xyz")}
+            metrics |= {f"root_axis_{axis}_deg": spread_of(self.axes_deg[:, i]).mean for i, axis in enumerate("xyz")}
         if self.rigid is not None:
-            figures |= {"add_mm": spread_of(self.rigid.add_mm).mean, "add_s_mm": spread_of(self.rigid.add_s_mm).mean}
-        return figures
+            metrics |= {"add_mm": spread_of(self.rigid.add_mm).mean, "add_s_mm": spread_of(self.rigid.add_s_mm).mean}
+        return metrics
 
-    def _nees_figures(self) -> dict[str, float | int]:
-        figures: dict[str, float | int] = {}
+    def _nees_metrics(self) -> dict[str, float | int]:
+        metrics: dict[str, float | int] = {}
         for key, series in (("landmark_nees", self.landmark_nees), ("landmark_nees_offset_free", self.landmark_nees_free)):
             if series is not None:
-                figures[key] = float(np.nanmean(series.values))
-                figures[f"{key}_in_bounds"] = float(series.in_bounds.mean())
+                metrics[key] = float(np.nanmean(series.values))
+                metrics[f"{key}_in_bounds"] = float(series.in_bounds.mean())
         if self.state_nees is not None:
             low, high = self.state_nees.bounds[0]
-            figures |= {"state_nees": float(self.state_nees.means[0]), "state_nees_low": low, "state_nees_high": high}
-        return figures
+            metrics |= {"state_nees": float(self.state_nees.means[0]), "state_nees_low": low, "state_nees_high": high}
+        return metrics
 
-    def _own_figures(self) -> dict[str, float | int]:
-        figures: dict[str, float | int] = {
+    def _own_metrics(self) -> dict[str, float | int]:
+        metrics: dict[str, float | int] = {
             "sets_without_state": int((~self.run.has_state).sum()) + self.image_sets - len(self.run),
             "said_lost_sets": int(self.said_lost.sum()),
             "said_degraded_sets": int((self.run.status == Status.DEGRADED).sum()),
         }
-        figures |= {f"said_{key}": value for key, value in _losses(self.said_lost, self.times_s).items()}
+        metrics |= {f"said_{key}": value for key, value in _losses(self.said_lost, self.times_s).items()}
         for stage, values in self.timings.items():
             at = np.percentile(values, PERCENTILES)
-            figures |= {f"{stage}_ms_p{p}": float(value) for p, value in zip(PERCENTILES, at, strict=True)}
-        return figures
+            metrics |= {f"{stage}_ms_p{p}": float(value) for p, value in zip(PERCENTILES, at, strict=True)}
+        return metrics
 
 
 def review(
     run: RunData, model: ArticulatedModel, truth: Truth, options: EvaluationOptions, sources: Mapping[str, str] | None = None
 ) -> Review:
-    """Hold a run against whatever truth there is. Pictures and silhouettes are added by the caller, who has the images.
+    """Compare a run with whatever truth there is. Pictures and silhouettes are added by the caller, who has the images.
+
+    Parameters
+    ----------
+    run : states over time.
+    model : body of the run.
+    truth : joints, states, both or nothing.
+    options : as of `evaluate`.
+    sources : label -> where something came from, for the report.
+
+    Returns
+    -------
+    All that could be measured.
 
     Raises
     ------
-    FileFormatError : run and truth have no joint, or no instant, in common.
+    FileFormatError : run and truth have no joint, or no time, in common.
     """
     period_ns = image_period_ns(run.stamps_ns) if len(run) > 1 else 1e9
     expected = expected_sets(run, period_ns, options.image_sets)
@@ -226,7 +238,7 @@ def segment_directions(e: Evaluation) -> SegmentDirections | None:
 
 
 def _at_sets(truth: Truth, run: RunData, options: EvaluationOptions, lag: float, period_ns: float) -> TrueStates:
-    """True states at the run's instants, matched in time as joints are."""
+    """True states at the run's stamps, matched in time as joints are."""
     assert truth.states is not None
     image_0_ns = int(run.stamps_ns[0]) - round(options.first_image * period_ns)
     moved = aligned(truth.states, run.stamps_ns, image_0_ns, options.align, truth.states_own_time)
@@ -249,11 +261,11 @@ def _against_states(run: RunData, model: ArticulatedModel, truth: TrueStates) ->
 
 def _own(run: RunData) -> dict[str, float | int]:
     """What stands in `Evaluation.metrics` too, of a run without truth."""
-    figures: dict[str, float | int] = {"residual_px": _mean(run.residual[run.has_state])}
+    metrics: dict[str, float | int] = {"residual_px": _mean(run.residual[run.has_state])}
     for i, camera in enumerate(run.cameras):
         seen = run.camera_residuals[run.camera_residuals[:, i] > 0, i]
-        figures[f"residual_px_{camera}"] = _mean(seen)
-    return figures | {"iterations": _mean(run.iterations[run.has_state])}
+        metrics[f"residual_px_{camera}"] = _mean(seen)
+    return metrics | {"iterations": _mean(run.iterations[run.has_state])}
 
 
 def _mean(values: np.ndarray) -> float:

@@ -81,7 +81,18 @@ class RigidErrors:
 
 
 def state_errors(run: RunData, model: ArticulatedModel, truth: TrueStates) -> StateErrors:
-    """Errors of the variables that both have; ``truth`` holds a row for every image set of the run."""
+    """Errors of the variables that run and truth both have.
+
+    Parameters
+    ----------
+    run : states over time.
+    model : body of the run.
+    truth : a row for every image set of the run.
+
+    Returns
+    -------
+    In millimeters and degrees.
+    """
     have = variable_names(model)
     order = [name for name in (*ROWS, *have[N_ROOT:]) if name in truth.names]
     mine, theirs = [have.index(name) for name in order], [truth.names.index(name) for name in order]
@@ -99,7 +110,18 @@ def state_errors(run: RunData, model: ArticulatedModel, truth: TrueStates) -> St
 
 
 def segment_errors(run: RunData, model: ArticulatedModel, truth: Sequence[State | None]) -> SegmentErrors:
-    """How far the segments are from where they are in the true states, one for each image set of the run."""
+    """Errors of the segments' poses.
+
+    Parameters
+    ----------
+    run : states over time.
+    model : body of the run.
+    truth : (n,) the true state of each image set of the run, or None.
+
+    Returns
+    -------
+    In millimeters and degrees, with and without one constant pose per segment.
+    """
     valid = np.array([state is not None for state in truth])
     links = model.chain.links
     shape = (len(run), len(links))
@@ -116,7 +138,16 @@ def segment_errors(run: RunData, model: ArticulatedModel, truth: Sequence[State 
 
 
 def rigid_errors(run: RunData, model: ArticulatedModel, truth: Sequence[State | None]) -> RigidErrors | None:
-    """ADD and ADD-S over the points of the surface; None for a body of several segments."""
+    """ADD and ADD-S over the points of the surface.
+
+    Parameters
+    ----------
+    run, model, truth : as of `segment_errors`.
+
+    Returns
+    -------
+    None for a body of several segments.
+    """
     if len(model.chain.links) != 1:
         return None
     valid = np.array([state is not None for state in truth])
@@ -128,7 +159,16 @@ def rigid_errors(run: RunData, model: ArticulatedModel, truth: Sequence[State | 
 
 
 def link_poses(run: RunData, model: ArticulatedModel, truth: Sequence[State | None]) -> tuple[np.ndarray, np.ndarray]:
-    """(k, n_links, 4, 4) as tracked and as they are, of the k sets that have a true state."""
+    """Poses of all links in the image sets that have a true state.
+
+    Parameters
+    ----------
+    run, model, truth : as of `segment_errors`.
+
+    Returns
+    -------
+    tracked, true : (k, n_links, 4, 4) world from link.
+    """
     pairs = [(run.configuration(model, i), Configuration(model, state)) for i, state in enumerate(truth) if state is not None]
     empty = np.zeros((0, len(model.chain.links), 4, 4))
     poses = [[pair[side].Ts_world_link for pair in pairs] for side in (0, 1)]

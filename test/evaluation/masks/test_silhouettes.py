@@ -59,7 +59,7 @@ def test_masks_are_brought_to_the_pixels_of_the_camera():
 def test_a_difference_needs_a_still():
     camera = circle_rig(1).cameras[0]
     assert module._still(camera, SimpleNamespace(still=None)) is None
-    with pytest.raises(TrackerError, match=r"camera 'cam01': .* the rig names no plate"):
+    with pytest.raises(TrackerError, match=r"camera 'cam01': .* the rig names no background image"):
         module._still(camera, SimpleNamespace(still=""))
 
 

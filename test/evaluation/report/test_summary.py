@@ -9,10 +9,10 @@ import pytest
 from helpers.bodies.stick_person import PERIOD_NS, Motion, motion, write_run
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.report.summary import (
-    FIGURES,
     HIGHER,
     LOWER,
-    Figure,
+    METRICS,
+    Metric,
     _difference,
     comparison_table,
     parameter_table,
@@ -80,13 +80,13 @@ def test_targets_that_nothing_can_meet_or_miss_are_refused(text):
     ],
 )  # fmt: skip
 def test_differences_say_which_is_better(digits, better, first, other, text, mark):
-    cell = _difference(Figure("k", "", "", "", digits, better), first, other)
+    cell = _difference(Metric("k", "", "", "", digits, better), first, other)
     assert (cell.value, cell.mark) == (text, mark)
 
 
 @pytest.mark.parametrize(("first", "other"), [(None, 1.0), (1.0, None), (float("nan"), 1.0), (1.0, float("inf"))])
 def test_what_is_not_known_has_no_difference(first, other):
-    assert _difference(Figure("k", "", "", ""), first, other) == Cell(None)
+    assert _difference(Metric("k", "", "", ""), first, other) == Cell(None)
 
 
 @pytest.mark.parametrize(
@@ -109,7 +109,7 @@ def test_targets_have_a_column_and_mark_the_values(tmp_path):
     run = judged(tmp_path, lost=6)
     targets = dict(map(parse_target, ("said_lost_sets<=6", "image_sets>=41", "nothing<=1")))
     table = summary_table([run], targets)
-    assert [column.title for column in table.columns] == ["figure", "value", "", "target", "meaning", "key"]
+    assert [column.title for column in table.columns] == ["metric", "value", "", "target", "meaning", "key"]
     rows = {row[-1].value: row for row in table.rows}
     assert (rows["a.said_lost_sets"][1].mark, rows["a.said_lost_sets"][3]) == ("good", "≤ 6")
     assert rows["a.image_sets"][1] == Cell(40.0, "bad", 0)
@@ -120,7 +120,7 @@ def test_targets_have_a_column_and_mark_the_values(tmp_path):
 def test_of_several_runs_each_has_a_difference_to_the_first(tmp_path):
     runs = [judged(tmp_path, name=name) for name in "abc"]
     two, three = summary_table(runs[:2], {}), summary_table(runs, {})
-    assert [column.title for column in two.columns] == ["figure", "a", "b", "difference", "", "meaning", "key"]
+    assert [column.title for column in two.columns] == ["metric", "a", "b", "difference", "", "meaning", "key"]
     assert [column.title for column in three.columns][4:6] == ["b − a", "c − a"]
     assert "Differences are to a" in three.note
     assert {row[-1].value for row in two.rows} >= {"mpjpe_mm", "image_sets"}
@@ -140,9 +140,9 @@ def test_joints_are_compared_where_two_runs_have_them(tmp_path):
     assert {row[3].value for row in table.rows} == {"0.0"}
 
 
-@pytest.mark.parametrize("figure", FIGURES, ids=lambda figure: figure.key)
-def test_figures_have_keys_of_metrics_and_titles_for_people(figure):
-    assert re.fullmatch(r"[a-z][a-z0-9_]*\*?", figure.key)
-    assert figure.title[0].isupper() or figure.title[0] in "…5"
-    assert figure.unit in ("", "mm", "s", "°", "images", "px", "ms")
-    assert figure.better == (HIGHER if "share" in figure.meaning or figure.key == "iou_*" else min(figure.better, 0))
+@pytest.mark.parametrize("metric", METRICS, ids=lambda metric: metric.key)
+def test_metrics_have_keys_and_titles_for_people(metric):
+    assert re.fullmatch(r"[a-z][a-z0-9_]*\*?", metric.key)
+    assert metric.title[0].isupper() or metric.title[0] in "…5"
+    assert metric.unit in ("", "mm", "s", "°", "images", "px", "ms")
+    assert metric.better == (HIGHER if "fraction" in metric.meaning or metric.key == "iou_*" else min(metric.better, 0))

@@ -8,7 +8,7 @@ import pytest
 
 from helpers.bodies.stick_person import PERIOD_NS, Motion, motion, write_run
 from tracker_node.evaluation.evaluate import EvaluationOptions
-from tracker_node.evaluation.metrics import instants
+from tracker_node.evaluation.metrics import times_with_gaps
 from tracker_node.evaluation.report.charts import error_chart, joint_map, status_strips
 from tracker_node.evaluation.report.curves import curves
 from tracker_node.evaluation.report.tables import loss_table
@@ -40,7 +40,7 @@ def judged(folder: Path, sets: list[int], name: str = "x", truth: Truth | None =
 
 def test_a_gap_is_a_loss_with_a_time_until_it_was_found_again(tmp_path):
     found = judged(tmp_path, [*range(5), *range(9, N)])
-    figures = found.figures()
+    figures = found.metrics()
     assert (figures["x.lost_sets"], figures["x.losses"], figures["x.not_reacquired"]) == (4, 1, 0)
     assert figures["x.reacquisition_s_max"] == pytest.approx(4 * PERIOD_S)
     (row,) = loss_table([found]).rows
@@ -62,7 +62,7 @@ def test_no_line_runs_across_a_gap(tmp_path):
 
 @pytest.mark.parametrize(("missing", "added"), [(1, 1), (2, 2), (1_000_000_000, 2)])
 def test_a_gap_of_any_length_takes_two_instants(missing, added):
-    times, sets = instants(np.array([0.0, 0.1, 0.2 + 0.1 * missing]), 0.1)
+    times, sets = times_with_gaps(np.array([0.0, 0.1, 0.2 + 0.1 * missing]), 0.1)
     assert (sets == -1).sum() == added and times[2] == pytest.approx(0.2) and sets[-1] == 2
     assert times[-2] == pytest.approx(0.1 + 0.1 * missing)
 
@@ -98,5 +98,5 @@ def test_truth_of_angles_alone_counts_every_angle(tmp_path):
     values[:, 0] += np.deg2rad(4.0)
     for count in (len(names), 3):
         states = TrueStates(names[:count], whole.stamps_ns, values[:, :count], np.ones((N, count), dtype=bool))
-        figures = judged(tmp_path, list(range(N)), truth=Truth(states=states)).figures()
+        figures = judged(tmp_path, list(range(N)), truth=Truth(states=states)).metrics()
         assert figures["x.joint_angle_deg"] == pytest.approx(4.0 / count)

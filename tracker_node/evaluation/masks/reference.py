@@ -18,16 +18,16 @@ import numpy as np
 from ...errors import FileFormatError, SourceError
 from ...loaders.json_values import read_json
 
-COARSE = 4  # the body is looked for at this fraction of the size
+COARSE = 4  # the body is searched at this fraction of the size
 
 
 @dataclass(frozen=True)
 class StillDifference:
-    """Thresholds of `still_difference_mask`, for all cameras and images the same; grey levels of 0..255.
+    """Thresholds of `still_difference_mask`, for all cameras and images the same; gray levels of 0..255.
 
     A pixel differs when the largest difference of its channels exceeds ``low + low_share * brightness``; parts without a
     pixel above ``high`` do not count. A shadow is darker by no more than ``shadow_deepest`` levels and by no more than the
-    factor ``shadow_darkest``, with its colour unchanged within ``shadow_color`` (a ratio). ``closed_px``: gaps up to this
+    factor ``shadow_darkest``, with its color unchanged within ``shadow_color`` (a ratio). ``closed_px``: gaps up to this
     width are closed; ``opened_px``: threads up to this width are cut; ``joined_px``: parts this near to each other belong
     together; ``border_px``: what lies along the border for more than this is not the body (a hand may reach it);
     ``hole_px2``: holes up to this area are filled. Black before black hardly differs: in holes, and in bays
@@ -57,7 +57,7 @@ class StillDifference:
 def still_difference_mask(
     image_bgr: np.ndarray, still_bgr: np.ndarray, thresholds: StillDifference | None = None
 ) -> np.ndarray:
-    """Silhouette (h, w) uint8 0/255 of the one body that the still does not show.
+    """Silhouette of the one body that the still does not show.
 
     The still is first given the image's exposure and white balance (one gain a channel, the median ratio). What lies along
     the border of the image is not the body: people on the still that have left since are there.
@@ -65,6 +65,11 @@ def still_difference_mask(
     Parameters
     ----------
     image_bgr, still_bgr : (h, w, 3) uint8 of one camera that has not moved.
+    thresholds : the defaults if None.
+
+    Returns
+    -------
+    (h, w) uint8, 0 or 255.
     """
     if image_bgr.shape != still_bgr.shape:
         raise ValueError(f"expected images of one shape, got {image_bgr.shape} and {still_bgr.shape}")
@@ -85,7 +90,7 @@ def still_difference_mask(
 class _Difference:
     """What differs between an image and the still under the image's light, all (h, w).
 
-    ``absolute`` grey levels, ``relative`` to the threshold of the pixel, ``shadow`` bool, ``brightness`` of the image.
+    ``absolute`` gray levels, ``relative`` to the threshold of the pixel, ``shadow`` bool, ``brightness`` of the image.
     """
 
     def __init__(self, image_bgr: np.ndarray, still_bgr: np.ndarray, gains: np.ndarray, t: StillDifference):
@@ -106,7 +111,7 @@ class _Difference:
 
 
 def _coarse_mask(image_bgr: np.ndarray, still_bgr: np.ndarray, gains: np.ndarray, t: StillDifference) -> np.ndarray:
-    """Where the body is, roughly: the same at a quarter of the size, where one body is told from other things."""
+    """Where the body is, roughly: the same at a quarter of the size, where one body is separated from other things."""
     size = (image_bgr.shape[1], image_bgr.shape[0])
     small = (-(-size[0] // COARSE), -(-size[1] // COARSE))
     image, still = (cv2.resize(full, small, interpolation=cv2.INTER_AREA) for full in (image_bgr, still_bgr))
@@ -125,7 +130,16 @@ def _box(mask: np.ndarray, margin_px: int) -> tuple[slice, slice]:
 
 
 def channel_gains(image_bgr: np.ndarray, still_bgr: np.ndarray) -> np.ndarray:
-    """(3,) float32: what the still's channels are multiplied by to look like the image (median where unsaturated)."""
+    """What the still's channels are multiplied by to look like the image: the median ratio of unsaturated pixels.
+
+    Parameters
+    ----------
+    image_bgr, still_bgr : (h, w, 3) uint8.
+
+    Returns
+    -------
+    (3,) float32.
+    """
     image, still = image_bgr[::4, ::4], still_bgr[::4, ::4]  # enough for a median
     usable = ((still > 20) & (still < 235)).all(axis=2) & (image < 235).all(axis=2)
     if not usable.any():
@@ -204,7 +218,17 @@ _FARTHEST_PX, _LARGEST_PX = 1e6, 65_536  # of a corner, of an image
 
 
 def polygon_mask(polygons: list[np.ndarray], width: int, height: int) -> np.ndarray:
-    """Mask (h, w) uint8 0/255 of closed outlines, each (n, 2) pixels (u, v); where two overlap is outside (holes)."""
+    """Mask of closed outlines; where two overlap is outside (holes).
+
+    Parameters
+    ----------
+    polygons : outlines (n, 2), pixels (u, v).
+    width, height : of the mask, pixels.
+
+    Returns
+    -------
+    (h, w) uint8, 0 or 255.
+    """
     mask = np.zeros((height, width), dtype=np.uint8)
     cv2.fillPoly(mask, [np.round(polygon).astype(np.int32).reshape(-1, 1, 2) for polygon in polygons], 255)
     return mask
@@ -215,7 +239,7 @@ class CameraMasks:
     """Reference masks of one camera: by hand for some images, or from a still for all.
 
     ``width`` and ``height`` are those of the images that the masks were made for. ``polygons``: image number -> outlines.
-    ``still``: path of the still image, empty where the rig's plate is meant; None for polygons.
+    ``still``: path of the still image, empty where the rig's background image is meant; None for polygons.
     """
 
     camera: str
@@ -231,7 +255,17 @@ class CameraMasks:
         return sorted(number for number in self.polygons if number < n_images)
 
     def mask(self, number: int, image_bgr: np.ndarray | None = None, still_bgr: np.ndarray | None = None) -> np.ndarray:
-        """Mask of image ``number``; masks from a still need the image and the still."""
+        """Mask of an image.
+
+        Parameters
+        ----------
+        number : of the image in its source.
+        image_bgr, still_bgr : (h, w, 3) uint8, which masks by difference need.
+
+        Returns
+        -------
+        (h, w) uint8, 0 or 255.
+        """
         if self.still is None:
             return polygon_mask(self.polygons[number], self.width, self.height)
         if image_bgr is None or still_bgr is None:
@@ -264,7 +298,7 @@ def _camera_masks(path: str | Path, name: str, entry: object) -> CameraMasks:
         raise FileFormatError(path, where, "either 'still' or 'polygons'", sorted(entry))
     if "still" in entry:
         if not isinstance(entry["still"], str):
-            raise FileFormatError(path, f"{where}.still", "a path, or '' for the rig's plate", entry["still"])
+            raise FileFormatError(path, f"{where}.still", "a path, or '' for the rig's background image", entry["still"])
         still = str(Path(path).parent / entry["still"]) if entry["still"] else ""
         return CameraMasks(name, size[0], size[1], still=still)
     if not isinstance(entry["polygons"], dict):
@@ -292,7 +326,21 @@ def _outlines(path: str | Path, where: str, outlines: object) -> list[np.ndarray
 
 
 def read_still(path: str, width: int, height: int) -> np.ndarray:
-    """The still (height, width, 3) BGR. Raises SourceError when it is missing or of another size."""
+    """Read the still of a camera.
+
+    Parameters
+    ----------
+    path : of an image.
+    width, height : of the camera's images, pixels.
+
+    Returns
+    -------
+    (height, width, 3) uint8 BGR.
+
+    Raises
+    ------
+    SourceError : it is missing or of another size.
+    """
     still = cv2.imread(path, cv2.IMREAD_COLOR)
     if still is None:
         raise SourceError(path, "cannot be read as an image")

@@ -41,7 +41,7 @@ class Picture:
 
 @dataclass(eq=False)
 class ImageReview:
-    """What looking at the images gave; ``problems`` names cameras that could not be looked at, and why."""
+    """Result of `review_images`; ``problems`` names cameras that could not be read, and why."""
 
     scores: SilhouetteScores = field(default_factory=SilhouetteScores)
     pictures: list[Picture] = field(default_factory=list)
@@ -50,7 +50,7 @@ class ImageReview:
 
 @dataclass(frozen=True, eq=False)
 class ReviewOptions:
-    """``pictures``: how many instants are shown; ``height_px`` of a picture; ``first_image``: number of the image in the
+    """``pictures``: how many image sets are shown; ``height_px`` of a picture; ``first_image``: number of the image in the
     sources that the first image set shows."""
 
     pictures: int = 6
@@ -60,7 +60,7 @@ class ReviewOptions:
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """What is looked for in the images of every camera: ``row_of`` an image number, and the numbers that are shown."""
+    """What is read of every camera: ``row_of`` an image number, and the numbers that are shown."""
 
     run: RunData
     model: ArticulatedModel
@@ -82,9 +82,24 @@ def review_images(
     options: ReviewOptions | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> ImageReview:
-    """Read the images of every camera once; a camera that cannot be read is named and left out.
+    """Compare the body with the images of every camera, each of which is read once.
 
-    Images come from the rig's sources, or from the run's bag for a camera without one.
+    Images come from the rig's sources, or from the run's bag for a camera without one. A camera that cannot be read is named and
+    left out.
+
+    Parameters
+    ----------
+    run : states over time.
+    model : body of the run.
+    rig : cameras with their sources.
+    masks : camera -> reference masks; others get pictures only.
+    period_ns : of the images.
+    options : what is shown.
+    progress : is given a sentence for each camera.
+
+    Returns
+    -------
+    Scores, pictures, and what could not be read.
     """
     options = options or ReviewOptions()
     rows = np.flatnonzero(run.has_state)
@@ -105,7 +120,17 @@ def review_images(
 
 
 def spread(n: int, k: int) -> list[int]:
-    """At most ``k`` of 0..n-1, evenly spread, the ends included."""
+    """At most ``k`` of 0..n-1, evenly spread, the ends included.
+
+    Parameters
+    ----------
+    n : how many there are.
+    k : how many are wanted.
+
+    Returns
+    -------
+    In order.
+    """
     return sorted({round(i) for i in np.linspace(0, n - 1, min(n, k))}) if n and k > 0 else []
 
 
@@ -188,7 +213,7 @@ def _still(camera: Camera, masks: CameraMasks) -> np.ndarray | None:
         return None
     path = masks.still or camera.background
     if not path:
-        raise TrackerError(f"camera '{camera.name}': its reference masks need a still image, and the rig names no plate")
+        raise TrackerError(f"camera '{camera.name}': its reference masks need a still image, and the rig names no background image")
     return read_still(path, camera.model.width, camera.model.height)
 
 
@@ -201,7 +226,7 @@ def _fitted(mask: np.ndarray, camera: Camera) -> np.ndarray:
 
 
 def contact_sheet(pictures: Sequence[Picture]) -> list[list[Picture]]:
-    """Pictures as rows of one instant each, cameras in the order of their first picture."""
+    """Pictures as rows of one image set each, cameras in the order of their first picture."""
     cameras = list(dict.fromkeys(picture.camera for picture in pictures))
     numbers = sorted({picture.number for picture in pictures})
     at = {(picture.camera, picture.number): picture for picture in pictures}

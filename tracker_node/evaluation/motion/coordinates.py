@@ -45,7 +45,7 @@ _SINGLE_AXES = (
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
-    """``values`` (n, k) in metres and radians, by ``units`` "m" and "rad"; zeros where the motion is not valid."""
+    """``values`` (n, k) in meters and radians, by ``units`` "m" and "rad"; zeros where the motion is not valid."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
@@ -57,8 +57,17 @@ class Coordinates:
 
 
 def model_coordinates(motion: RunMotion, y_up: bool) -> Coordinates:
-    """The root's position along the file's axes and its somersault, tilt and twist (which no choice of file axes changes), and
-    the joints' positions."""
+    """Coordinates of the body model: position, somersault, tilt and twist of the root, and the joints' positions.
+
+    Parameters
+    ----------
+    motion : states over time.
+    y_up : the position is along the axes of a file with y up; no choice of axes changes the angles.
+
+    Returns
+    -------
+    (n, 6 + axes).
+    """
     values = np.zeros((len(motion), len(ROOT_NAMES) + motion.model.chain.n_axes))
     places = motion.values[:, :3] @ AXES_Y_UP.T if y_up else motion.values[:, :3]
     near = None
@@ -98,19 +107,23 @@ def opensim_coordinates(motion: RunMotion) -> Coordinates:
 def load_coordinates(
     path: str | Path, model: ArticulatedModel, y_up: bool = True
 ) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, np.ndarray]:
-    """Variables of poses of ``model`` from a ``.mot`` or ``.sto`` file, as far as it has them; stamps count from its first row.
-
-    Parameters
-    ----------
-    y_up : axes of the root's position.
+    """Variables of poses from a ``.mot`` or ``.sto`` file, as far as it has them; stamps count from its first row.
 
     The file's columns may be those of `model_coordinates`, or those of OpenSim's models that are single axes of the human: hips,
     knees and elbows. Others are left out. Where rows are missing, an invalid one marks the gap.
 
+    Parameters
+    ----------
+    path : of the file.
+    model : whose variables are read.
+    y_up : axes of the root's position.
+
     Returns
     -------
-    names (k) of `model.configuration.variable_names`, in that order, stamps (n,) ns, values (n, k) in metres and radians, valid
-    (n, k).
+    names : (k,) of `model.configuration.variable_names`, in that order.
+    stamps_ns : (n,) integer nanoseconds.
+    values : (n, k) meters and radians.
+    valid : (n, k).
 
     Raises
     ------

@@ -78,11 +78,21 @@ AT_CONSTANT_RATE = ("trc", "c3d", "bvh")  # formats that state a rate, or whose 
 
 
 def markers_of(motion: RunMotion, options: ExportOptions) -> MarkerTrajectories:
-    """The chosen landmarks in world axes, times since the first instant.
+    """The chosen landmarks in world axes, times since the first row.
+
+    Parameters
+    ----------
+    motion : states over time.
+    options : which landmarks, under which names.
+
+    Returns
+    -------
+    Positions in meters, not valid in gaps.
 
     Raises
     ------
-    FileFormatError : a body without landmarks. UnknownNameError : a landmark that it does not have.
+    FileFormatError : a body without landmarks.
+    UnknownNameError : a landmark that it does not have.
     """
     columns = options.columns(motion.model)
     if not columns:
@@ -134,7 +144,7 @@ def _tum(motion: RunMotion, path: Path, options: ExportOptions) -> list[str]:
     return []
 
 
-# Each writes a file, and says what the format could not hold
+# Each writes a file, and returns what the format could not hold
 FORMATS: dict[str, Callable[[RunMotion, Path, ExportOptions], list[str]]] = {
     "trc": _trc,
     "mot": _opensim_table,

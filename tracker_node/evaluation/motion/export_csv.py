@@ -1,4 +1,4 @@
-"""A run's motion as tables for spreadsheets and pandas: one row per instant, empty cells in gaps."""
+"""A run's motion as tables for spreadsheets and pandas: one row per time step, empty cells in gaps."""
 
 from __future__ import annotations
 
@@ -36,9 +36,15 @@ class Table:
 
 
 def write_tables(motion: RunMotion, folder: Path, tables: list[Table]) -> None:
-    """``<name>.csv`` of each table into ``folder``: ``stamp_ns``, ``time_s`` since the first instant, and the columns.
+    """Write ``<name>.csv`` of each table: ``stamp_ns``, ``time_s`` since the first row, and the columns.
 
     Those of `TABLES` that are not among them are deleted: they would be of another export, maybe in other axes and units.
+
+    Parameters
+    ----------
+    motion : its stamps and times.
+    folder : is made.
+    tables : with a row for each state of the motion.
 
     Raises
     ------
@@ -61,10 +67,19 @@ def _write_table(motion: RunMotion, table: Table, path: Path) -> None:
 
 
 def tables(motion: RunMotion, options: ExportOptions, kinematics: StateKinematics | None = None) -> list[Table]:
-    """Landmarks, coordinates, and on request angles after the ISB; with ``kinematics`` the derivatives of all of them.
+    """Landmarks, coordinates, and on request angles after the ISB, with their derivatives.
 
-    ``motion`` is that of ``kinematics``, where there are any. Velocities of the state are those of its tangent: angular velocity
-    of the root about the file's axes.
+    Velocities of the state are those of its tangent: angular velocity of the root about the file's axes.
+
+    Parameters
+    ----------
+    motion : states over time; that of ``kinematics``, where there are any.
+    options : axes, units, and what is written.
+    kinematics : the filtered motion, whose derivatives are written too; None: no derivatives.
+
+    Returns
+    -------
+    Of `TABLES`, those that are asked for.
     """
     return list(_tables(motion, options, kinematics))
 

@@ -90,7 +90,7 @@ def isb_angles(motion: RunMotion) -> JointAngles:
 
     Raises
     ------
-    ModelError : a body without any two neighbouring segments of a person.
+    ModelError : a body without any two neighboring segments of a person.
     """
     return _angles(motion, _TRUNK_TABLE, _LIMB_TABLE)
 

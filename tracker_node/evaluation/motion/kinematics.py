@@ -22,9 +22,9 @@ from ...model.kinematic_chain import N_ROOT_DOF
 from ...runs.motion import RunMotion
 
 SHORTEST = 10  # samples: in shorter stretches nothing is filtered or derived
-_TWO_PASSES = (2.0**0.5 - 1.0) ** 0.25  # Winter: a filter run twice has its -3 dB point at this share of its cutoff
+_TWO_PASSES = (2.0**0.5 - 1.0) ** 0.25  # Winter: a filter run twice has its -3 dB point at this fraction of its cutoff
 _NYQUIST_SHARE = 0.45  # of the rate: cutoffs end here
-_TAIL_SHARE = 0.5  # cutoffs above this share of the highest one are taken to remove noise alone
+_TAIL_SHARE = 0.5  # cutoffs above this fraction of the highest one are taken to remove noise alone
 
 
 def lowpass(values: np.ndarray, valid: np.ndarray, rate_hz: float, cutoffs_hz: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -32,12 +32,15 @@ def lowpass(values: np.ndarray, valid: np.ndarray, rate_hz: float, cutoffs_hz: n
 
     Parameters
     ----------
-    values : (n, k) at a constant rate; valid : (n,).
+    values : (n, k) at a constant rate.
+    valid : (n,).
+    rate_hz : of the samples.
     cutoffs_hz : (k,), where half of the power is left; below 0.45 of the rate.
 
     Returns
     -------
-    (n, k), zeros where not valid, and (n,): False also in stretches of less than `SHORTEST` samples.
+    filtered : (n, k), zeros where not valid.
+    valid : (n,): False also in stretches of less than `SHORTEST` samples.
     """
     result, good = np.zeros_like(values), np.zeros_like(valid)
     for stretch in stretches(valid):
@@ -56,11 +59,21 @@ def _two_passes(values: np.ndarray, rate_hz: float, cutoff_hz: float) -> np.ndar
 
 
 def residual_cutoffs_hz(values: np.ndarray, valid: np.ndarray, rate_hz: float) -> np.ndarray:
-    """Cutoffs (k,) by Winter's residual analysis.
+    """Cutoffs by Winter's residual analysis.
 
     What a filter removes of white noise falls in a straight line with its cutoff, to none at half the rate. The line through the
     upper cutoffs' residuals, taken back to 0 Hz, is the rms of all noise; the cutoff is where the filter removes just that much,
     so that signal lost and noise let through are equal. A signal without noise gets the highest cutoff.
+
+    Parameters
+    ----------
+    values : (n, k) at a constant rate.
+    valid : (n,).
+    rate_hz : of the samples.
+
+    Returns
+    -------
+    (k,) Hz.
     """
     cutoffs = np.linspace(0.01, _NYQUIST_SHARE, 60) * rate_hz
     removed = np.array([_removed_rms(values, valid, rate_hz, cutoff) for cutoff in cutoffs])  # (60, k)
@@ -80,7 +93,19 @@ def _removed_rms(values: np.ndarray, valid: np.ndarray, rate_hz: float, cutoff_h
 
 
 def derivatives(values: np.ndarray, valid: np.ndarray, rate_hz: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """First and second derivatives (n, k) in time of signals (n, k), and where they are valid (n,), as `lowpass` has it."""
+    """First and second derivatives in time.
+
+    Parameters
+    ----------
+    values : (n, k) at a constant rate.
+    valid : (n,).
+    rate_hz : of the samples.
+
+    Returns
+    -------
+    first, second : (n, k), per second and per second squared.
+    valid : (n,), as of `lowpass`.
+    """
     first, second, good = np.zeros_like(values), np.zeros_like(values), np.zeros_like(valid)
     for stretch in stretches(valid):
         good[stretch] = True
@@ -113,11 +138,16 @@ class StateKinematics:
 
 
 def state_kinematics(motion: RunMotion, cutoff_hz: float | None = None) -> StateKinematics:
-    """Filter the states of a motion at a constant rate: segments keep their lengths, and landmarks follow from the states.
+    """Filter the states of a motion: segments keep their lengths, and landmarks follow from the states.
 
     Parameters
     ----------
+    motion : at a constant rate.
     cutoff_hz : one for all degrees of freedom; None: for each the one that `residual_cutoffs_hz` chooses.
+
+    Returns
+    -------
+    The filtered motion and its derivatives.
 
     Raises
     ------

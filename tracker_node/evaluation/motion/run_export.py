@@ -101,7 +101,7 @@ class ExportRequest:
 
 @dataclass(frozen=True, eq=False)
 class Exported:
-    """What was written: the motion in the file, and what was done to it or could not be held, a sentence each."""
+    """What was written: the motion in the file, and what was changed or is missing in it, a sentence each."""
 
     motion: RunMotion
     options: ExportOptions

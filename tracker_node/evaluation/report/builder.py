@@ -19,14 +19,14 @@ from .summary import Target
 REPORT_JSON, REPORT_HTML, REPORT_PDF = "report.json", "report.html", "report.pdf"
 
 MEANINGS = (
-    ("Joint error (MPJPE)", "distance between tracked and true joint centre, averaged over all joints and sets. The truth is"
-     " interpolated linearly at the instant of every set; sets outside its time are not judged."),
-    ("Offset-free", "two ways of finding a joint centre differ by an offset that is fixed in the body. The mean difference of"
+    ("Joint error (MPJPE)", "distance between tracked and true joint center, averaged over all joints and sets. The truth is"
+     " interpolated linearly at the time of every set; sets outside its time are not judged."),
+    ("Offset-free", "two ways of finding a joint center differ by an offset that is fixed in the body. The mean difference of"
      " every landmark is subtracted, in the axes of its own segment (of the parent for a landmark on a last segment, whose own"
      " turning is hardly observed). The same in world axes stands beside it: there an offset cannot turn with the body."),
     ("PA-MPJPE", "the joint error after every set has been moved, turned and resized onto its truth: posture alone."),
-    ("PCK", "share of the joints within a distance of truth."),
-    ("Lost", "is judged from truth: a tracker that takes itself to be well is not believed. One that says it is lost is."),
+    ("PCK", "fraction of the joints within a distance of truth."),
+    ("Lost", "is judged from truth: a tracker's own TRACKING does not count, its own LOST does."),
     ("NEES", "error squared over what the covariance says. Far above 1 the covariance is too small, far below too large."),
     ("IoU", "area common to both masks over area covered by either. The reference masks were made from the images alone."),
     ("Residual", "says how well the model explains the images, not how near it is to the truth."),
@@ -50,25 +50,37 @@ def write_report(
     options: ReportOptions | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> dict[str, float | int]:
-    """Write the report of one or many runs into the folder ``output``, and return all figures."""
+    """Write the report of one or many runs.
+
+    Parameters
+    ----------
+    output : folder, which is made.
+    reviews : the first run is the one that others are compared with.
+    options : targets, and which files.
+    progress : is given a sentence now and then.
+
+    Returns
+    -------
+    All metrics by key.
+    """
     options = options or ReportOptions()
     output = Path(output)
     output.mkdir(parents=True, exist_ok=True)
-    figures = {key: value for review in reviews for key, value in review.figures().items()}
-    write_metrics(output / REPORT_JSON, figures)
-    document = document_of(reviews, options.targets)
+    metrics = {key: value for review in reviews for key, value in review.metrics().items()}
+    write_metrics(output / REPORT_JSON, metrics)
+    document = _document_of(reviews, options.targets)
     progress("writing the page")
     (output / REPORT_HTML).write_text(render_html(document), encoding="utf-8")
     if options.figure_files:
-        progress("writing figures")
+        progress("writing charts and tables")
         write_figure_files(output, document)
     if options.pdf:
         write_pdf(output / REPORT_PDF, document, progress)
-    return figures
+    return metrics
 
 
-def document_of(reviews: Sequence[Review], targets: Mapping[str, Target]) -> Document:
-    """Everything that is told about the runs."""
+def _document_of(reviews: Sequence[Review], targets: Mapping[str, Target]) -> Document:
+    """The report of the runs as a document."""
     names = ", ".join(review.name for review in reviews)
     title = f"Comparison of {names}" if len(reviews) > 1 else f"Evaluation of {names}"
     sections = [

@@ -45,13 +45,13 @@ def _judged_strips(row: str, review: Review) -> list[Strip]:
     said = np.where(lost, "lost", np.where(known, "near", "no truth"))
     found: list[Strip] = []
     for strip in strips_of(row, said.tolist(), times, review.period_s, TRUTH_COLORS):
-        joined = bool(found) and found[-1].label == strip.label  # a gap, of which only the ends are among the instants
+        joined = bool(found) and found[-1].label == strip.label  # a gap, of which only the ends are among the times
         found[-1:] = [replace(found[-1], end=strip.end)] if joined else [*found[-1:], strip]
     return found
 
 
 def limb_strips(review: Review) -> Strips | None:
-    """Status of every limb over time; None for a run that does not tell."""
+    """Status of every limb over time; None for a run without details."""
     details = review.run.details
     if details is None or not details.limbs:
         return None
@@ -146,8 +146,8 @@ def pck_chart(reviews: Sequence[Review]) -> Chart | None:
             lines.append(
                 Line(label, 1e3 * thresholds, pose_metrics.pck(errors.errors_m, errors.valid, thresholds), color, 1.8, dashed)
             )
-    note = "Percentage of correct keypoints: share of all judged joints that lie within a distance of truth."
-    return Chart("pck", "PCK", note, "distance [mm]", "share", lines, y_max=1.0) if lines else None
+    note = "Percentage of correct keypoints: fraction of all judged joints that lie within a distance of truth."
+    return Chart("pck", "PCK", note, "distance [mm]", "fraction", lines, y_max=1.0) if lines else None
 
 
 def residual_charts(reviews: Sequence[Review]) -> Iterator[Chart]:

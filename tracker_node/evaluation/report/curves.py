@@ -28,7 +28,7 @@ def curves(reviews: Sequence[Review]) -> Curves:
                 pairs = zip(before.panels, curve.panels, strict=True)
                 curve = Curve(curve.group, curve.name, curve.unit, [(title, _together(a, b)) for (title, a), (_, b) in pairs])
             found[curve.group, curve.name] = curve
-    return Curves("curves", "Curves", _against(reviews), _told_first(list(found.values())))
+    return Curves("curves", "Curves", _against(reviews), _compared_first(list(found.values())))
 
 
 def _against(reviews: Sequence[Review]) -> str:
@@ -38,11 +38,11 @@ def _against(reviews: Sequence[Review]) -> str:
     return f"{what}, of one run beside the other." if len(reviews) > 1 else f"{what}."
 
 
-def _told_first(curves: Sequence[Curve]) -> list[Curve]:
+def _compared_first(curves: Sequence[Curve]) -> list[Curve]:
     """Groups with truth before those without, and so within each."""
-    told = {id(curve): any(line.label == _TRUTH for _, lines in curve.panels for line in lines) for curve in curves}
-    groups = {curve.group for curve in curves if told[id(curve)]}
-    return sorted(curves, key=lambda curve: (curve.group not in groups, not told[id(curve)]))
+    compared = {id(curve): any(line.label == _TRUTH for _, lines in curve.panels for line in lines) for curve in curves}
+    groups = {curve.group for curve in curves if compared[id(curve)]}
+    return sorted(curves, key=lambda curve: (curve.group not in groups, not compared[id(curve)]))
 
 
 def _together(lines: Sequence[Line], more: Sequence[Line]) -> list[Line]:
@@ -107,7 +107,7 @@ def contact_sheets(review: Review) -> Iterator[Pictures]:
         (
             "overlay",
             "Contact sheet",
-            "The tracked body drawn into the images, an instant a row; left limbs blue, right limbs orange.",
+            "The tracked body drawn into the images, a time step a row; left limbs blue, right limbs orange.",
         ),
         ("mask", "Target through mask", "What the images show where the body is said to be: in its place it shows itself alone."),
     )

@@ -1,4 +1,4 @@
-"""The summary of the report: figures with their meaning, targets, and how runs differ."""
+"""Summary of the report: metrics with their meaning, targets, and how runs differ."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ LOWER, HIGHER = -1, 1
 
 
 @dataclass(frozen=True)
-class Figure:
-    """How a figure of the summary reads: ``key`` may end in ``*`` for a family; ``better`` is the sign of an improvement."""
+class Metric:
+    """How a metric of the summary reads: ``key`` may end in ``*`` for a family; ``better`` is the sign of an improvement."""
 
     key: str
     title: str
@@ -24,60 +24,60 @@ class Figure:
     better: int = LOWER
 
 
-FIGURES = (
-    Figure("image_sets", "Image sets", "", "instants that there should be a state for", 0, 0),
-    Figure("judged_sets", "Judged sets", "", "of these, with truth at their instant", 0, 0),
-    Figure("lost_sets", "Lost sets", "", "no state, status LOST, or any joint more than 200 mm from truth", 0),
-    Figure("lost_limbs", "Lost limbs", "", "end joint more than 150 mm off for 5 sets running, or at the end", 0),
-    Figure("losses", "Losses", "", "series of lost sets", 0),
-    Figure("reacquisition_s_median", "… until found again", "s", "from the first lost set to the first sound one, median", 2),
-    Figure("not_reacquired", "… not found again", "", "losses that last until the truth or the run ends", 0),
-    Figure("mpjpe_mm", "Joint error (MPJPE)", "mm", "mean distance of all joints, lag taken out"),
-    Figure("mpjpe_rms_mm", "… rms", "mm", "root of the mean square"),
-    Figure("mpjpe_p95_mm", "… 95th percentile", "mm", "95 of 100 errors are at most so large"),
-    Figure("mpjpe_max_mm", "… maximum", "mm", "the largest error of any joint in any set"),
-    Figure("mpjpe_offset_free_mm", "… offset-free, segment", "mm", "one constant offset per landmark in its segment removed"),
-    Figure("mpjpe_offset_free_world_mm", "… offset-free, world", "mm", "the same with offsets constant in the world"),
-    Figure("mpjpe_no_lag_correction_mm", "… lag left in", "mm", "rows of the truth taken at the stamps as they are"),
-    Figure("pa_mpjpe_mm", "PA-MPJPE", "mm", "each set moved, turned and resized onto its truth first"),
-    Figure("pck_50mm", "PCK at 50 mm", "", "share of the joints within 50 mm of truth", 3, HIGHER),
-    Figure("pck_150mm", "PCK at 150 mm", "", "share of the joints within 150 mm of truth", 3, HIGHER),
-    Figure("pck_auc_150mm", "PCK, area to 150 mm", "", "mean share over thresholds from 0 to 150 mm", 3, HIGHER),
-    Figure("segment_direction_deg", "Segment directions", "°", "angle between tracked and true line from joint to joint", 2),
-    Figure("segment_angle_deg", "Segment orientations", "°", "angle between tracked and true frames of the segments", 2),
-    Figure("joint_angle_deg", "Joint angles", "°", "size of the error of the joints' angles, mean", 2),
-    Figure("root_5cm_5deg", "5 cm 5°", "", "share of the sets whose root is within both of truth", 3, HIGHER),
-    Figure("add_mm", "ADD", "mm", "mean distance of the surface's points to where they are", 2),
-    Figure("add_s_mm", "ADD-S", "mm", "the same to the nearest point of the surface", 2),
-    Figure("lag_images", "Lag", "images", "constant delay of the images behind the truth", 2, 0),
-    Figure("iou_*", "Silhouette IoU", "", "overlap of model mask and reference mask, 1 is perfect", 3, HIGHER),
-    Figure("landmark_nees", "NEES of landmarks", "", "squared error over what the covariance says: 1 where it is right", 2, 0),
-    Figure("landmark_nees_offset_free", "… offset-free", "", "the same without constant offsets in the segments", 2, 0),
-    Figure("state_nees", "NEES of the state", "", "the same of all degrees of freedom together", 2, 0),
-    Figure("residual_px", "Residual", "px", "rms distance of predicted and seen contours, all cameras", 2, 0),
-    Figure("residual_px_*", "Residual", "px", "of one camera", 2, 0),
-    Figure("iterations", "Iterations", "", "steps of the optimizer per set, mean", 2),
-    Figure("total_ms_p50", "Time per image set", "ms", "median"),
-    Figure("total_ms_p95", "… 95th percentile", "ms", ""),
-    Figure("total_ms_p99", "… 99th percentile", "ms", "with the compilation of a first start, if the run begins with it"),
-    Figure("sets_without_state", "Without a state", "", "the body had not been found yet, or there is no result for the set", 0),
-    Figure("said_lost_sets", "Said to be lost", "", "sets with status LOST", 0),
-    Figure("said_degraded_sets", "Said to be degraded", "", "sets with status DEGRADED", 0),
-    Figure("said_reacquisition_s_median", "… until found again", "s", "from LOST to another status, median", 2),
-    Figure("bone_length_std_mm", "Bone lengths, spread", "mm", "standard deviation over the run, mean of the bones", 1, 0),
-    Figure("truth_bone_length_std_mm", "… of the truth", "mm", "the truth's own inconstancy", 1, 0),
+METRICS = (
+    Metric("image_sets", "Image sets", "", "time steps that there should be a state for", 0, 0),
+    Metric("judged_sets", "Judged sets", "", "of these, with truth at their time", 0, 0),
+    Metric("lost_sets", "Lost sets", "", "no state, status LOST, or any joint more than 200 mm from truth", 0),
+    Metric("lost_limbs", "Lost limbs", "", "end joint more than 150 mm off for 5 sets running, or at the end", 0),
+    Metric("losses", "Losses", "", "series of lost sets", 0),
+    Metric("reacquisition_s_median", "… until found again", "s", "from the first lost set to the first tracked one, median", 2),
+    Metric("not_reacquired", "… not found again", "", "losses that last until the truth or the run ends", 0),
+    Metric("mpjpe_mm", "Joint error (MPJPE)", "mm", "mean distance of all joints, lag taken out"),
+    Metric("mpjpe_rms_mm", "… rms", "mm", "root of the mean square"),
+    Metric("mpjpe_p95_mm", "… 95th percentile", "mm", "95 of 100 errors are at most so large"),
+    Metric("mpjpe_max_mm", "… maximum", "mm", "the largest error of any joint in any set"),
+    Metric("mpjpe_offset_free_mm", "… offset-free, segment", "mm", "one constant offset per landmark in its segment removed"),
+    Metric("mpjpe_offset_free_world_mm", "… offset-free, world", "mm", "the same with offsets constant in the world"),
+    Metric("mpjpe_no_lag_correction_mm", "… lag left in", "mm", "rows of the truth taken at the stamps as they are"),
+    Metric("pa_mpjpe_mm", "PA-MPJPE", "mm", "each set moved, turned and resized onto its truth first"),
+    Metric("pck_50mm", "PCK at 50 mm", "", "fraction of the joints within 50 mm of truth", 3, HIGHER),
+    Metric("pck_150mm", "PCK at 150 mm", "", "fraction of the joints within 150 mm of truth", 3, HIGHER),
+    Metric("pck_auc_150mm", "PCK, area to 150 mm", "", "mean fraction over thresholds from 0 to 150 mm", 3, HIGHER),
+    Metric("segment_direction_deg", "Segment directions", "°", "angle between tracked and true line from joint to joint", 2),
+    Metric("segment_angle_deg", "Segment orientations", "°", "angle between tracked and true frames of the segments", 2),
+    Metric("joint_angle_deg", "Joint angles", "°", "size of the error of the joints' angles, mean", 2),
+    Metric("root_5cm_5deg", "5 cm 5°", "", "fraction of the sets whose root is within both of truth", 3, HIGHER),
+    Metric("add_mm", "ADD", "mm", "mean distance of the surface's points to where they are", 2),
+    Metric("add_s_mm", "ADD-S", "mm", "the same to the nearest point of the surface", 2),
+    Metric("lag_images", "Lag", "images", "constant delay of the images behind the truth", 2, 0),
+    Metric("iou_*", "Silhouette IoU", "", "overlap of model mask and reference mask, 1 is perfect", 3, HIGHER),
+    Metric("landmark_nees", "NEES of landmarks", "", "squared error over what the covariance says: 1 where it is right", 2, 0),
+    Metric("landmark_nees_offset_free", "… offset-free", "", "the same without constant offsets in the segments", 2, 0),
+    Metric("state_nees", "NEES of the state", "", "the same of all degrees of freedom together", 2, 0),
+    Metric("residual_px", "Residual", "px", "rms distance of predicted and seen contours, all cameras", 2, 0),
+    Metric("residual_px_*", "Residual", "px", "of one camera", 2, 0),
+    Metric("iterations", "Iterations", "", "steps of the optimizer per set, mean", 2),
+    Metric("total_ms_p50", "Time per image set", "ms", "median"),
+    Metric("total_ms_p95", "… 95th percentile", "ms", ""),
+    Metric("total_ms_p99", "… 99th percentile", "ms", "with the compilation of a first start, if the run begins with it"),
+    Metric("sets_without_state", "Without a state", "", "the body had not been found yet, or there is no result for the set", 0),
+    Metric("said_lost_sets", "Said to be lost", "", "sets with status LOST", 0),
+    Metric("said_degraded_sets", "Said to be degraded", "", "sets with status DEGRADED", 0),
+    Metric("said_reacquisition_s_median", "… until found again", "s", "from LOST to another status, median", 2),
+    Metric("bone_length_std_mm", "Bone lengths, spread", "mm", "standard deviation over the run, mean of the bones", 1, 0),
+    Metric("truth_bone_length_std_mm", "… of the truth", "mm", "the truth's own inconstancy", 1, 0),
 )
 
 
 @dataclass(frozen=True)
 class Target:
-    """A bound for a figure: ``at_most`` or at least ``value``."""
+    """A bound for a metric: ``at_most`` or at least ``value``."""
 
     value: float
     at_most: bool
 
-    def met_by(self, figure: float) -> bool:
-        return figure <= self.value if self.at_most else figure >= self.value
+    def met_by(self, metric: float) -> bool:
+        return metric <= self.value if self.at_most else metric >= self.value
 
     def __str__(self) -> str:
         return f"{'≤' if self.at_most else '≥'} {self.value:g}"
@@ -97,34 +97,44 @@ def parse_target(text: str) -> tuple[str, Target]:
 
 
 def summary_table(reviews: Sequence[Review], targets: Mapping[str, Target]) -> Table:
-    """The figures that `FIGURES` describes, then targets for others; differences to the first run for every other."""
+    """The metrics that `METRICS` describes, then targets for others; differences to the first run for every other.
+
+    Parameters
+    ----------
+    reviews : one column each.
+    targets : by key without the run's name.
+
+    Returns
+    -------
+    A row a metric that any run has.
+    """
     values = [_bare(review) for review in reviews]
-    keys: list[tuple[Figure, str, str]] = []
-    for figure in FIGURES:
-        stem, family = figure.key.rstrip("*"), figure.key.endswith("*")
+    keys: list[tuple[Metric, str, str]] = []
+    for metric in METRICS:
+        stem, family = metric.key.rstrip("*"), metric.key.endswith("*")
         found = dict.fromkeys(key for run in values for key in run if (key.startswith(stem) if family else key == stem))
-        keys += [(figure, key, f"{figure.title} {key.removeprefix(stem)}" if family else figure.title) for key in found]
+        keys += [(metric, key, f"{metric.title} {key.removeprefix(stem)}" if family else metric.title) for key in found]
     shown = {key for _, key, _ in keys}
     known = {key for run in values for key in run}
     for key in targets.keys() - shown:  # a target that nothing was measured for is missed
-        keys.append((Figure(key, key, "", "" if key in known else "was not measured", 3), key, key))
+        keys.append((Metric(key, key, "", "" if key in known else "was not measured", 3), key, key))
     others = [review.name for review in reviews[1:]]
-    columns = [Column("figure", is_text=True), *(Column("value" if not others else review.name) for review in reviews)]
+    columns = [Column("metric", is_text=True), *(Column("value" if not others else review.name) for review in reviews)]
     columns += [Column("difference" if len(others) == 1 else f"{name} − {reviews[0].name}") for name in others]
     columns += [Column("", is_text=True), *([Column("target")] if targets else [])]
     columns += [Column("meaning", is_text=True), Column("key", is_text=True)]
     alike = [all(run.get(key) == values[0].get(key) for key in ("image_sets", "judged_sets")) for run in values]
-    rows = [_summary_row(figure, key, title, [run.get(key) for run in values], targets, alike) for figure, key, title in keys]
+    rows = [_summary_row(metric, key, title, [run.get(key) for run in values], targets, alike) for metric, key, title in keys]
     if not others:
         rows = [[*row[:-1], Cell(f"{reviews[0].name}.{key}", "code")] for row, (_, key, _) in zip(rows, keys, strict=True)]
     note = "" if not others else f"Differences are to {reviews[0].name}; the word beside one says which way it is."
     if not all(alike):
         note += " Counts of runs with other numbers of image sets have none."
-    return Table("summary", "Figures", note, columns, rows)
+    return Table("summary", "Metrics", note, columns, rows)
 
 
 def _summary_row(
-    figure: Figure,
+    metric: Metric,
     key: str,
     title: str,
     values: Sequence[float | None],
@@ -137,28 +147,28 @@ def _summary_row(
     for value in values:
         met = target is not None and value is not None and target.met_by(value)  # not-a-number meets nothing
         mark = "" if target is None else "good" if met else "bad"
-        row.append(Cell(None if value is None else float(value), mark, figure.digits))
+        row.append(Cell(None if value is None else float(value), mark, metric.digits))
     for value, comparable in zip(values[1:], alike[1:], strict=True):
-        told = comparable or figure.digits > 0
-        row.append(_difference(figure if told else replace(figure, better=0), values[0], value))
-    row += [figure.unit, *([str(target or "")] if targets else []), figure.meaning, Cell(key, "code")]
+        compared = comparable or metric.digits > 0
+        row.append(_difference(metric if compared else replace(metric, better=0), values[0], value))
+    row += [metric.unit, *([str(target or "")] if targets else []), metric.meaning, Cell(key, "code")]
     return row
 
 
-def _difference(figure: Figure, first: float | None, other: float | None) -> Cell:
-    """Signed, with a word for which of the two is better; none where they do not differ at the figure's digits."""
+def _difference(metric: Metric, first: float | None, other: float | None) -> Cell:
+    """Signed, with a word for which of the two is better; none where they do not differ at the metric's digits."""
     if first is None or other is None or not (math.isfinite(first) and math.isfinite(other)):
         return Cell(None)
-    change = round(float(other) - float(first), figure.digits)
-    text = f"{change:+z.{figure.digits}f}"
-    if change == 0 or figure.better == 0:
-        return Cell(text if change else f"{0:.{figure.digits}f}")
-    better = change * figure.better > 0
+    change = round(float(other) - float(first), metric.digits)
+    text = f"{change:+z.{metric.digits}f}"
+    if change == 0 or metric.better == 0:
+        return Cell(text if change else f"{0:.{metric.digits}f}")
+    better = change * metric.better > 0
     return Cell(f"{text} {'better' if better else 'worse'}", "better" if better else "worse")
 
 
 def _bare(review: Review) -> dict[str, float | int]:
-    return {key.removeprefix(f"{review.name}."): value for key, value in review.figures().items()}
+    return {key.removeprefix(f"{review.name}."): value for key, value in review.metrics().items()}
 
 
 def comparison_table(reviews: Sequence[Review]) -> Table | None:
@@ -166,7 +176,7 @@ def comparison_table(reviews: Sequence[Review]) -> Table | None:
     judged = [(review, review.joints) for review in reviews if review.joints is not None]
     if len(judged) < 2:
         return None
-    figure = Figure("", "", "mm", "")
+    metric = Metric("", "", "mm", "")
     means = [dict(zip(joints.joints, joints.raw.per_joint_mm(), strict=True)) for _, joints in judged]
     names = list(dict.fromkeys(name for run in means for name in run))
     first = judged[0][0].name
@@ -174,7 +184,7 @@ def comparison_table(reviews: Sequence[Review]) -> Table | None:
     columns += [Column(review.name, group=f"difference to {first}") for review, _ in judged[1:]]
     rows: list[list[Value]] = [
         [name.replace("_", " "), *(run.get(name) for run in means)]
-        + [_difference(figure, means[0].get(name), run.get(name)) for run in means[1:]]
+        + [_difference(metric, means[0].get(name), run.get(name)) for run in means[1:]]
         for name in names
     ]
     return Table("joints_compared", "Joints compared", "", columns, rows)
@@ -189,10 +199,10 @@ def dof_comparison_table(reviews: Sequence[Review]) -> Table | None:
     names = list(dict.fromkeys(name for run in rms for name in run))
     columns = [Column("variable", is_text=True), Column("", is_text=True), *(Column(r.name, 2, "rms error") for r, _ in judged)]
     columns += [Column(r.name, 2, f"difference to {judged[0][0].name}") for r, _ in judged[1:]]
-    figure = Figure("", "", "", "", 2)
+    metric = Metric("", "", "", "", 2)
     rows: list[list[Value]] = []
     for name in names:
-        differences = [_difference(figure, rms[0].get(name), run.get(name)) for run in rms[1:]]
+        differences = [_difference(metric, rms[0].get(name), run.get(name)) for run in rms[1:]]
         rows.append([name[0].replace("_", " "), sign_of(name[1]), *(run.get(name) for run in rms), *differences])
     return Table("dofs_compared", "Degrees of freedom compared", "", columns, rows)
 
@@ -200,12 +210,12 @@ def dof_comparison_table(reviews: Sequence[Review]) -> Table | None:
 def parameter_table(reviews: Sequence[Review]) -> Table | None:
     """Tracker parameters in which the runs differ, of those that have a ``run.json``, which a recorder's bag alone has not."""
     both = [(review.name, review.run.info.get("parameters")) for review in reviews]
-    told = {name: parameters for name, parameters in both if isinstance(parameters, dict)}
-    names = dict.fromkeys(name for run in told.values() for name in run)
+    known = {name: parameters for name, parameters in both if isinstance(parameters, dict)}
+    names = dict.fromkeys(name for run in known.values() for name in run)
     rows: list[list[Value]] = [
-        [name, *(str(run.get(name, "–")) for run in told.values())]
+        [name, *(str(run.get(name, "–")) for run in known.values())]
         for name in names
-        if len({str(run.get(name)) for run in told.values()}) > 1
+        if len({str(run.get(name)) for run in known.values()}) > 1
     ]
-    columns = [Column("parameter", is_text=True), *(Column(name, is_text=True) for name in told)]
+    columns = [Column("parameter", is_text=True), *(Column(name, is_text=True) for name in known)]
     return Table("parameters", "Parameters that differ", "", columns, rows) if rows else None

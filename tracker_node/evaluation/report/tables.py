@@ -105,7 +105,7 @@ def loss_table(reviews: Sequence[Review]) -> Table | None:
 
 
 def timing_table(reviews: Sequence[Review]) -> Table | None:
-    """Percentiles of the milliseconds per stage; None where no run tells."""
+    """Percentiles of the milliseconds per stage; None where no run has them."""
     rows: list[list[Value]] = []
     for review in reviews:
         for stage, values in review.timings.items():
@@ -150,8 +150,8 @@ def offset_table(review: Review) -> Table | None:
         for joint, frame, offset in zip(e.joints, e.offset_frames, 1e3 * e.offsets_m, strict=True)
     ]
     note = (
-        "Tracked minus true position, mean over the run, in the axes of the segment named: what the offset-free figures leave"
-        " out, the difference between two opinions on where a joint centre lies."
+        "Tracked minus true position, mean over the run, in the axes of the segment named: what the offset-free metrics leave"
+        " out, the difference between two opinions on where a joint center lies."
     )
     return Table(f"offsets_{review.name}", "Constant offsets", note, columns, rows)
 

@@ -1,4 +1,4 @@
-"""Which instant of the truth belongs to which image set: interpolation in time, with one constant lag.
+"""Truth at the times of the image sets: interpolation in time, with one constant lag.
 
 The lag is counted in images and is positive where the truth is early: row ``i`` of the truth shows what image ``i + lag``
 shows. It is one number for a whole run; nothing else is fitted to the truth here.
@@ -36,7 +36,7 @@ class Trajectories:
     ----------
     names : m names.
     stamps_ns : (n,) integer nanoseconds, increasing.
-    positions_m : (n, m, 3) metres, world frame.
+    positions_m : (n, m, 3) meters, world frame.
     valid : (n, m), False where a point was not seen.
     """
 
@@ -63,9 +63,17 @@ class Trajectories:
         )
 
     def at(self, stamps_ns: np.ndarray, earlier_ns: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Linear interpolation at (k,) integer stamps, less ``earlier_ns``: positions (k, m, 3) and validity (k, m).
+        """Interpolate linearly. Nothing is extrapolated.
 
-        Nothing is extrapolated: an instant outside the time covered, or next to a point that was not seen, is not valid.
+        Parameters
+        ----------
+        stamps_ns : (k,) integer nanoseconds.
+        earlier_ns : is subtracted from them.
+
+        Returns
+        -------
+        positions : (k, m, 3) meters, zeros where not valid.
+        valid : (k, m), False outside the time covered, or next to a point that was not seen.
         """
         before, after, weight, inside = between(self.stamps_ns, stamps_ns, earlier_ns)
         weight = weight[:, None, None]
@@ -79,12 +87,19 @@ class Trajectories:
 
 
 def between(own_ns: np.ndarray, stamps_ns: np.ndarray, earlier_ns: float = 0.0) -> tuple[np.ndarray, ...]:
-    """Between which rows of ``own_ns`` (n,), increasing, the instants ``stamps_ns`` (k,) less ``earlier_ns`` lie.
+    """Between which rows some stamps lie.
+
+    Parameters
+    ----------
+    own_ns : (n,) of the rows, increasing.
+    stamps_ns : (k,).
+    earlier_ns : is subtracted from ``stamps_ns``.
 
     Returns
     -------
-    (k,) each: the row before, the row after (the same one where it is hit), the weight of the latter, and whether the rows cover
-    the instant.
+    before, after : (k,) rows; the same one where it is hit.
+    weight : (k,) of the row after.
+    inside : (k,) whether the rows cover the stamp.
     """
     query = (stamps_ns - own_ns[0]).astype(np.float64) - earlier_ns
     own = (own_ns - own_ns[0]).astype(np.float64)
@@ -104,18 +119,41 @@ def image_period_ns(stamps_ns: np.ndarray) -> float:
 
 
 def truth_at(truth: Trajectories, stamps_ns: np.ndarray, lag_images: float, period_ns: float) -> Trajectories:
-    """Truth for every set stamp (k,), ``lag_images`` taken out; its stamps are those of the sets."""
+    """Truth for every image set, the lag taken out.
+
+    Parameters
+    ----------
+    truth : joints over time.
+    stamps_ns : (k,) of the sets.
+    lag_images : of the images behind the truth.
+    period_ns : of the images.
+
+    Returns
+    -------
+    With the stamps of the sets.
+    """
     return Trajectories(truth.names, stamps_ns, *truth.at(stamps_ns, lag_images * period_ns))
 
 
 def estimate_lag(
     estimate: Trajectories, truth: Trajectories, period_ns: float, rotations: np.ndarray | None = None
 ) -> float:
-    """The constant lag, in images, that makes the mean offset-free joint error smallest.
+    """The constant lag that makes the mean offset-free joint error smallest.
 
     Constant offsets are left out of the search: while a body moves one way, an offset along its path looks like a lag.
     Searched over `LAG_RANGE_IMAGES` on the sets that have truth at both ends of the range, so that every lag is judged on
-    the same sets; 0 when there are none. ``rotations`` as for `metrics.offset_free_errors`.
+    the same sets.
+
+    Parameters
+    ----------
+    estimate : tracked joints over time.
+    truth : the same joints.
+    period_ns : of the images.
+    rotations : as of `metrics.offset_free_errors`.
+
+    Returns
+    -------
+    Images; 0 when no set has truth at both ends.
     """
     ends = [truth_at(truth, estimate.stamps_ns, lag, period_ns).valid for lag in LAG_RANGE_IMAGES]
     judged = estimate.valid & ends[0] & ends[1]

@@ -34,11 +34,14 @@ class Truth:
 def load_truth(path: str | Path, y_up: bool | None = None) -> Trajectories:
     """Positions from a ``.trc`` or ``.c3d`` (stamps count from its first row), or a ``.csv`` in the format of ``joints.csv``.
 
-    Names like ``RShoulder`` become ``right_shoulder``.
-
     Parameters
     ----------
+    path : of the file.
     y_up : of TRC and C3D files; None: a TRC file has y up, a C3D file what it says itself.
+
+    Returns
+    -------
+    Names like ``RShoulder`` have become ``right_shoulder``.
 
     Raises
     ------

@@ -26,7 +26,17 @@ LIMBS = {  # limb -> its end joint
 
 
 def common_joints(model_names: Collection[str], truth_names: Sequence[str]) -> tuple[str, ...]:
-    """Joints to judge: those of `EVALUATED_JOINTS` that both have; for another body every name that both have."""
+    """Joints to judge: those of `EVALUATED_JOINTS` that both have; for another body every name that both have.
+
+    Parameters
+    ----------
+    model_names : landmarks of the model.
+    truth_names : points of the truth.
+
+    Returns
+    -------
+    Their names.
+    """
     both = [name for name in truth_names if name in model_names]
     human = tuple(name for name in EVALUATED_JOINTS if name in both)
     return human or tuple(both)
@@ -38,10 +48,19 @@ def common_bones(names: Collection[str]) -> tuple[tuple[str, str], ...]:
 
 
 def offset_links(model: ArticulatedModel, names: Sequence[str]) -> np.ndarray:
-    """(m,) link in whose frame a landmark's constant offset is looked for.
+    """Links in whose frames the constant offsets of landmarks are estimated.
 
     It is the landmark's own link, but the parent's for one on a last link (hand, foot, head): how that turns is hardly
     observed.
+
+    Parameters
+    ----------
+    model : the body.
+    names : m landmarks.
+
+    Returns
+    -------
+    (m,) indices of links.
     """
     chain = model.chain
     links = np.array([model.landmark_links[model.landmark_index(name)] for name in names], dtype=int)

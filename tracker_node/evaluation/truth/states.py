@@ -29,7 +29,8 @@ class TrueStates:
     ----------
     names : k names: x, y, z, somersault, tilt, twist of the root, and axes of joints; any of them may be missing.
     stamps_ns : (n,) increasing.
-    values : (n, k) metres and radians. valid : (n, k).
+    values : (n, k) meters and radians.
+    valid : (n, k).
     """
 
     names: tuple[str, ...]
@@ -38,7 +39,17 @@ class TrueStates:
     valid: np.ndarray
 
     def at(self, stamps_ns: np.ndarray, earlier_ns: float = 0.0) -> TrueStates:
-        """Interpolated linearly at (m,) stamps less ``earlier_ns``; beyond the rows nothing is valid."""
+        """Interpolate linearly; beyond the rows nothing is valid.
+
+        Parameters
+        ----------
+        stamps_ns : (m,) integer nanoseconds.
+        earlier_ns : is subtracted from them.
+
+        Returns
+        -------
+        A row for each stamp.
+        """
         before, after, weight, inside = between(self.stamps_ns, stamps_ns, earlier_ns)
         values = (1.0 - weight[:, None]) * self.values[before] + weight[:, None] * self.values[after]
         valid = self.valid[before] & self.valid[after] & inside[:, None]
@@ -81,8 +92,13 @@ def load_true_states(path: str | Path, model: ArticulatedModel | None = None, y_
 
     Parameters
     ----------
+    path : of the file.
     model : whose variables a file of coordinates has; needed for these.
     y_up : of a file of coordinates, True if None.
+
+    Returns
+    -------
+    Angles counted on over full turns.
 
     Raises
     ------
@@ -96,15 +112,24 @@ def load_true_states(path: str | Path, model: ArticulatedModel | None = None, y_
     latest = {int(stamp): i for i, stamp in enumerate(trajectory.stamps_ns)}
     rows = [latest[stamp] for stamp in sorted(latest)]
     variables = unwrapped(trajectory.values[rows])
-    sound = np.array([trajectory.status[i] not in _NO_TRUTH for i in rows]) & np.isfinite(variables).all(axis=1)
-    variables = np.where(sound[:, None], variables, 0.0)
+    known = np.array([trajectory.status[i] not in _NO_TRUTH for i in rows]) & np.isfinite(variables).all(axis=1)
+    variables = np.where(known[:, None], variables, 0.0)
     names = (*ROOT_NAMES, *trajectory.dof_names[N_ROOT_DOF:])
-    return TrueStates(names, trajectory.stamps_ns[rows], variables, np.repeat(sound[:, None], len(names), axis=1))
+    return TrueStates(names, trajectory.stamps_ns[rows], variables, np.repeat(known[:, None], len(names), axis=1))
 
 
 def unwrapped(values: np.ndarray, near: Sequence[np.ndarray | None] | None = None) -> np.ndarray:
-    """(n, k) pose variables of states' values (n, k), each row's angles near those of ``near``, or of the last row before that is
-    finite; other rows are NaN."""
+    """Pose variables of states, angles counted on over full turns.
+
+    Parameters
+    ----------
+    values : (n, k) of states.
+    near : (n,) variables that a row's angles are to be near, or None: the last row before that is finite.
+
+    Returns
+    -------
+    (n, k), NaN where ``values`` are not finite.
+    """
     variables, before = np.full(values.shape, np.nan), None
     for i in np.flatnonzero(np.isfinite(values).all(axis=1)):
         beside = near[int(i)] if near is not None else None
