@@ -19,7 +19,17 @@ class Workers:
         self._executor = ThreadPoolExecutor(threads - 1) if threads > 1 else None
 
     def map(self, function: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
-        """``[function(item) for item in items]``."""
+        """``[function(item) for item in items]``.
+
+        Parameters
+        ----------
+        function : of one item; called from several threads at once.
+        items : one for each camera.
+
+        Returns
+        -------
+        In the order of the items.
+        """
         if self._executor is None or len(items) < 2:
             return [function(item) for item in items]
         n = min(self.threads, len(items))

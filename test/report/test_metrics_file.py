@@ -40,7 +40,7 @@ def test_table_aligns_decimal_points(capsys):
 
 
 def test_empty_table():
-    assert format_metrics({}) == "(no figures)"
+    assert format_metrics({}) == "(no metrics)"
 
 
 def test_circumstances_are_named():

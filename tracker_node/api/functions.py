@@ -54,7 +54,7 @@ def track(recording: Recording | str | Path, output: str | Path | None = None, p
 
 
 def _tracked(recording: Recording, output: Path, progress: Progress | None) -> Run:
-    told: list[str] = []
+    problems: list[str] = []
     what = OfflineRun(
         rig=recording.rig,
         model=recording.model,
@@ -66,8 +66,8 @@ def _tracked(recording: Recording, output: Path, progress: Progress | None) -> R
         through_masks=recording.through_masks,
         named_options=recording.named_options(),
     )
-    summary = run_offline(what, output, progress, told.append)
-    for sentence in dict.fromkeys([*told, *summary["errors"]]):
+    summary = run_offline(what, output, progress, problems.append)
+    for sentence in dict.fromkeys([*problems, *summary["errors"]]):
         warnings.warn(sentence, stacklevel=3)
     if not summary["image_sets"]:
         raise TrackerError("; ".join(summary["errors"]) or "no image set was formed from the images of the recording")
@@ -103,7 +103,7 @@ def evaluate(
 
     Raises
     ------
-    FileFormatError : run and truth have no joint, or no instant, in common.
+    FileFormatError : run and truth have no joint, or no time, in common.
 
     Examples
     --------

@@ -35,7 +35,12 @@ def label_in(block: Block) -> float:
 
 
 def draw(block: Block, ax: Axes) -> None:
-    """Draw a chart into ``ax``.
+    """Draw a chart.
+
+    Parameters
+    ----------
+    block : a chart of any kind.
+    ax : is drawn into.
 
     Raises
     ------
@@ -60,7 +65,10 @@ def draw_curve(curve: Curve, panel: int, figure: Figure, box: tuple[float, float
 
     Parameters
     ----------
-    box : left, bottom, width, height in shares of the page.
+    curve : of one or more panels.
+    panel : number of the panel.
+    figure : the page.
+    box : left, bottom, width, height as fractions of the page.
     """
     title, lines = curve.panels[panel]
     left, bottom, width, height = box

@@ -59,7 +59,17 @@ class Table(Block):
 
 
 def cell_text(cell: Value, column: Column) -> str:
-    """A value as people read it; a dash for what is not known."""
+    """A value as people read it; a dash for what is not known.
+
+    Parameters
+    ----------
+    cell : a value, with a mark or without.
+    column : says how many digits, unless the cell does.
+
+    Returns
+    -------
+    One line.
+    """
     digits, value = column.digits, cell
     if isinstance(cell, Cell):
         value, digits = cell.value, column.digits if cell.digits is None else cell.digits
@@ -190,7 +200,20 @@ class Document:
 
 
 def strips_of(row: str, labels: Sequence[str], times: np.ndarray, period: float, colors: dict[str, str]) -> list[Strip]:
-    """A strip for every series of equal labels (n,) at ``times`` (n,); none between sets that are further apart."""
+    """A strip for every series of equal labels; none between sets that are further apart.
+
+    Parameters
+    ----------
+    row : that the strips are in.
+    labels : (n,) what holds at each time.
+    times : (n,) seconds.
+    period : between two image sets, seconds.
+    colors : by label.
+
+    Returns
+    -------
+    In order of time.
+    """
     strips: list[Strip] = []
     for label, time in zip(labels, times, strict=True):
         last = strips[-1] if strips else None

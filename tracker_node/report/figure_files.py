@@ -18,7 +18,17 @@ DIGITS = 9  # significant ones
 
 
 def write_figure_files(output: Path, document: Document) -> list[Path]:
-    """Two files for every table and chart, in the folder ``figures``; their paths. Pictures have none."""
+    """Two files for every table and chart, in the folder ``figures``; pictures have none.
+
+    Parameters
+    ----------
+    output : folder in which that folder is made.
+    document : whose blocks are written.
+
+    Returns
+    -------
+    Paths of the files.
+    """
     folder = output / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     written: list[Path] = []

@@ -138,7 +138,17 @@ def curve_data(curve: Curve) -> dict[str, Any]:
 
 
 def plain(values: Iterable[float], digits: int = DIGITS) -> list[float | None]:
-    """Numbers with so many significant digits; None for what JSON has not."""
+    """Numbers rounded for JSON.
+
+    Parameters
+    ----------
+    values : any numbers.
+    digits : significant ones.
+
+    Returns
+    -------
+    None for what JSON has not.
+    """
     return [None if not math.isfinite(value) else float(f"{value:.{digits}g}") for value in map(float, values)]
 
 
@@ -206,7 +216,7 @@ def _strips(block: Strips) -> dict[str, Any]:
 
 
 def _heat_map(block: HeatMap) -> dict[str, Any]:
-    """At most `COLUMNS` columns, for a browser draws each cell by itself: the largest value of neighboring instants in each."""
+    """At most `COLUMNS` columns, for a browser draws each cell by itself: the largest value of neighboring times in each."""
     step = -(-len(block.times) // COLUMNS)
     firsts = np.arange(0, len(block.times), step)
     values = np.fmax.reduceat(block.values, firsts, axis=0)

@@ -1,7 +1,7 @@
-"""Figures as a JSON file and as a table: the one format of every program that measures something.
+"""Metrics as a JSON file and as a table: the one format of every program that measures something.
 
 ``{"metrics": {key: number}, "command": str, "versions": {name: str}, "cpu": {...}}``, dotted keys.
-A figure that could not be measured is ``null`` in the file and ``-`` in the table.
+A metric that could not be measured is ``null`` in the file and ``-`` in the table.
 """
 
 from __future__ import annotations
@@ -55,16 +55,22 @@ def print_metrics(metrics: Mapping[str, float | int]) -> None:
 
 
 def report_metrics(metrics: Mapping[str, float | int], path: str | Path | None) -> None:
-    """Print ``metrics``, and write them to the JSON file ``path`` too where one is named."""
+    """Print metrics, and write them to a JSON file where one is named.
+
+    Parameters
+    ----------
+    metrics : dotted key -> number.
+    path : the file, or nothing.
+    """
     print_metrics(metrics)
     if path:
         write_metrics(path, metrics)
 
 
 def format_metrics(metrics: Mapping[str, float | int]) -> str:
-    """One line a figure; keys to the left, numbers aligned at the decimal point."""
+    """One line a metric; keys to the left, numbers aligned at the decimal point."""
     if not metrics:
-        return "(no figures)"
+        return "(no metrics)"
     texts = {str(key): _text(value) for key, value in metrics.items()}
     whole = max(len(text.partition(".")[0]) for text in texts.values())
     width = max(len(key) for key in texts)
@@ -84,7 +90,7 @@ def command_line() -> str:
 
 
 def versions() -> dict[str, str]:
-    """Versions of what the figures depend on; ``commit`` only where the code lies in a git checkout."""
+    """Versions of what the metrics depend on; ``commit`` only where the code lies in a git checkout."""
     result = {"tracker_node": __version__, "python": platform.python_version()}
     for name, distribution in PACKAGES.items():
         try:

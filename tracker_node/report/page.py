@@ -34,7 +34,14 @@ class Section:
 
 
 def write_page(path: str | Path, title: str, sections: Sequence[Section]) -> None:
-    """Write the page as HTML; folders are made."""
+    """Write a page as HTML; folders are made.
+
+    Parameters
+    ----------
+    path : of the page.
+    title : its heading.
+    sections : from top to bottom.
+    """
     source = files(__package__).joinpath("templates/page.html.j2").read_text(encoding="utf-8")
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined)
     page = environment.from_string(source).render(

@@ -23,8 +23,19 @@ _MARKS = {"good": GREEN, "bad": RED, "better": BLUE, "worse": RED, "code": GREY}
 
 
 def write_pdf(path: str | Path, document: Document, progress: Callable[[str], None] = lambda text: None) -> int:
-    """Write the document; the number of its pages."""
-    with PrintedPages(path, document.title) as pages:
+    """Write a document as a PDF.
+
+    Parameters
+    ----------
+    path : of the file.
+    document : what is printed.
+    progress : is given a sentence for each section.
+
+    Returns
+    -------
+    How many pages it has.
+    """
+    with _PrintedPages(path, document.title) as pages:
         pages.text(document.title, 15, bold=True)
         pages.text(document.date, 7.5, GREY)
         for label, value in document.facts:
@@ -36,7 +47,7 @@ def write_pdf(path: str | Path, document: Document, progress: Callable[[str], No
             pages.heading(section.title, section.blocks[0])
             for block in section.blocks:
                 pages.block(block, "" if block.title == section.title else block.title)
-        pages.heading("What the figures mean")
+        pages.heading("What the metrics mean")
         for term, meaning in document.meanings:
             pages.text(f"{term}: {meaning}", 8)
         pages.heading("How this was made")
@@ -45,7 +56,7 @@ def write_pdf(path: str | Path, document: Document, progress: Callable[[str], No
     return pages.count
 
 
-class PrintedPages:
+class _PrintedPages:
     """Pages that fill from top to bottom; a new one begins where something does not fit."""
 
     def __init__(self, path: str | Path, title: str):
@@ -205,7 +216,7 @@ class PrintedPages:
         if self._page is not None:
             self._file.savefig(self._page, dpi=110)
 
-    def __enter__(self) -> PrintedPages:
+    def __enter__(self) -> _PrintedPages:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:

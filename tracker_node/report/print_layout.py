@@ -113,7 +113,18 @@ def _widths_of(columns: Sequence[Column], widest: Sequence[float]) -> tuple[list
 
 @lru_cache(maxsize=20_000)
 def width_in(text: str, size: float, bold: bool = False) -> float:
-    """Inches that a line of text takes."""
+    """Width of text in one line.
+
+    Parameters
+    ----------
+    text : without line breaks.
+    size : of the letters, points.
+    bold : whether they are.
+
+    Returns
+    -------
+    Inches.
+    """
     font = FontProperties(size=size, weight="bold" if bold else "normal")
     return float(TextToPath().get_text_width_height_descent(text, font, ismath=False)[0]) / 72.0
 
@@ -123,7 +134,19 @@ def _width_of_part(text: str, size: float, bold: bool, n: int) -> float:
 
 
 def wrapped(text: str, size: float, across_in: float, bold: bool = False) -> list[str]:
-    """Lines no wider than ``across_in``; a word that is wider is broken."""
+    """Text in lines; a word that is wider than a line is broken.
+
+    Parameters
+    ----------
+    text : one paragraph.
+    size : of the letters, points.
+    across_in : width of a line, inches.
+    bold : whether the letters are.
+
+    Returns
+    -------
+    At least one line.
+    """
     lines, across_in = [""], across_in + 1e-6
     for word in text.split():
         longer = f"{lines[-1]} {word}".strip()

@@ -21,7 +21,7 @@ Asked = TypeVar("Asked", bound=FileModel)
 
 
 class Answer(JSONResponse):
-    """JSON in ASCII: names of files may hold what is no Unicode text, and still must be told."""
+    """JSON in ASCII: names of files may hold what is no Unicode text, and still must be shown."""
 
     def render(self, content: Any) -> bytes:
         return json.dumps(content, allow_nan=False, separators=(",", ":")).encode("ascii")
@@ -45,7 +45,17 @@ def json_object(text: str | bytes) -> dict[str, Any]:
 
 
 def get(path: str, answer: Callable[[], Any]) -> Route:
-    """What a function says without being told anything."""
+    """A route that answers without being asked anything.
+
+    Parameters
+    ----------
+    path : of the route.
+    answer : gives what becomes JSON; called in a thread.
+
+    Returns
+    -------
+    For GET.
+    """
 
     async def endpoint(request: Request) -> Response:
         return Answer(await run_in_threadpool(answer))
@@ -54,7 +64,18 @@ def get(path: str, answer: Callable[[], Any]) -> Route:
 
 
 def post(path: str, kind: type[Asked], answer: Callable[[Asked], Any]) -> Route:
-    """What a function says to a JSON object of this kind."""
+    """A route that answers a JSON object.
+
+    Parameters
+    ----------
+    path : of the route.
+    kind : what the object must be.
+    answer : gives what becomes JSON; called in a thread.
+
+    Returns
+    -------
+    For POST.
+    """
 
     async def endpoint(request: Request) -> Response:
         body = json_object(await request.body())
@@ -64,7 +85,17 @@ def post(path: str, kind: type[Asked], answer: Callable[[Asked], Any]) -> Route:
 
 
 def image(path: str, images: Callable[[], RecordedImages]) -> Route:
-    """A camera's image by its number in the source, for a path with ``{camera}`` and ``{number}``; ``?shrink=N``: smaller."""
+    """A camera's image by its number in the source; ``?shrink=N``: smaller.
+
+    Parameters
+    ----------
+    path : with ``{camera}`` and ``{number}``.
+    images : gives the images; called in a thread.
+
+    Returns
+    -------
+    For GET.
+    """
 
     async def endpoint(request: Request) -> Response:
         shrink = _whole("shrink", request.query_params.get("shrink", "1"), 1, _MOST_SHRINK)

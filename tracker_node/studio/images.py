@@ -31,7 +31,7 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True)
 class SetNumbers:
-    """One instant: the number of its image in the source of every camera that has one."""
+    """One image set: the number of its image in the source of every camera that has one."""
 
     stamp_ns: int
     numbers: Mapping[str, int]
@@ -48,7 +48,7 @@ class RecordedImages:
 
     Attributes
     ----------
-    sets : instants, in order of time; made from the stamps alone.
+    sets : in order of time; made from the stamps alone.
     problems : one sentence for each camera that is left out.
     """
 
@@ -82,11 +82,30 @@ class RecordedImages:
         return tuple(self._sources)
 
     def number_at(self, camera: str, stamp_ns: int) -> int | None:
-        """Number of the image of a camera that has exactly this stamp."""
+        """Number of the image that has exactly this stamp.
+
+        Parameters
+        ----------
+        camera : its name.
+        stamp_ns : integer nanoseconds.
+
+        Returns
+        -------
+        None where there is none.
+        """
         return self._number_of.get(camera, {}).get(stamp_ns)
 
     def bgr(self, camera: str, number: int) -> np.ndarray:
-        """(h, w, 3) uint8, read-only.
+        """One image.
+
+        Parameters
+        ----------
+        camera : its name.
+        number : of the image in its source.
+
+        Returns
+        -------
+        (h, w, 3) uint8, read-only.
 
         Raises
         ------
@@ -103,7 +122,18 @@ class RecordedImages:
         return image
 
     def jpeg(self, camera: str, number: int, shrink: int = 1) -> bytes:
-        """The same as a JPEG, made smaller by a whole factor."""
+        """One image as a JPEG.
+
+        Parameters
+        ----------
+        camera : its name.
+        number : of the image in its source.
+        shrink : whole factor by which it is made smaller.
+
+        Returns
+        -------
+        The file's bytes.
+        """
         key = camera, number, shrink
         data = self._jpegs.get(key)
         if data is None:

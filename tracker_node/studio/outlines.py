@@ -33,7 +33,7 @@ class Handles:
     ----------
     names : of the landmarks and links.
     links : (n,) index of the link that each is fixed to.
-    points : (n, 3) metres, in the link.
+    points : (n, 3) meters, in the link.
     bones : pairs of handles between which a line is drawn.
     """
 
@@ -43,7 +43,7 @@ class Handles:
     bones: tuple[tuple[int, int], ...]
 
     def world(self, body: Configuration) -> np.ndarray:
-        """(n, 3) metres."""
+        """(n, 3) meters."""
         T = body.Ts_world_link[self.links]
         return np.einsum("nij,nj->ni", T[:, :3, :3], self.points) + T[:, :3, 3]
 

@@ -34,8 +34,14 @@ def make_app(
 
     Parameters
     ----------
+    session : rig, body, images and folder.
+    access : what requests must show.
     pages : what the single pages add: each gives its routes, below ``/api/<page>/``, for a session.
-    unexpected : is told of an error that nobody has foreseen; the page gets it in one sentence. None: it is raised.
+    unexpected : is given an error that no handler has foreseen; the page gets it in one sentence. None: it is raised.
+
+    Returns
+    -------
+    To be served.
     """
     routes: list[BaseRoute] = [
         get("/api/session", lambda: session_facts(session)),
@@ -47,7 +53,7 @@ def make_app(
     routes.append(Mount("/", StaticFiles(directory=WEB_FOLDER, html=True)))
     middleware = [Middleware(OnlyOwnPages, access=access)]
     if unexpected is not None:
-        middleware.append(Middleware(UnexpectedErrors, tell=unexpected))
+        middleware.append(Middleware(UnexpectedErrors, report=unexpected))
     return Starlette(
         routes=routes,
         middleware=middleware,
@@ -76,7 +82,7 @@ def listening_socket(port: int) -> tuple[socket.socket, Access]:
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind(("127.0.0.1", port))
-        listener.listen()  # whoever is told the address may come at once
+        listener.listen()  # whoever gets the address may come at once
     except OSError as error:
         listener.close()
         raise SourceError(f"port {port}", f"cannot be served: {error.strerror}") from None
@@ -114,11 +120,11 @@ class UnexpectedErrors:
 
     Parameters
     ----------
-    tell : is given each error, once.
+    report : is given each error, once.
     """
 
-    def __init__(self, app: ASGIApp, tell: Callable[[Exception], object]):
-        self._app, self._tell = app, tell
+    def __init__(self, app: ASGIApp, report: Callable[[Exception], object]):
+        self._app, self._report = app, report
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         begun = False
@@ -131,7 +137,7 @@ class UnexpectedErrors:
         try:
             await self._app(scope, receive, noticed)
         except Exception as error:
-            self._tell(error)
+            self._report(error)
             if scope["type"] == "http" and not begun:
                 sentence = f"an error inside the studio ({type(error).__name__}): its terminal says more"
                 await Answer({"error": sentence}, status_code=500)(scope, receive, send)

@@ -42,7 +42,7 @@ class made_once(cached_property[Made]):
 class StudioFiles:
     """What the command line names; each may be missing, and the pages that need it then say so.
 
-    ``folder`` is where states are saved and looked for, ``clicks`` where digitized points are, ``control_points`` known points.
+    ``folder`` holds saved states, ``clicks`` where digitized points are, ``control_points`` known points.
     """
 
     rig: Path | None = None
@@ -132,6 +132,15 @@ class PoseFiles:
     def load(self, name: str, model: ArticulatedModel) -> State:
         """The state in a file.
 
+        Parameters
+        ----------
+        name : of the file.
+        model : body that the state must be of.
+
+        Returns
+        -------
+        The state.
+
         Raises
         ------
         FileFormatError : a name that is none, or a file that is no state of this model.
@@ -140,6 +149,17 @@ class PoseFiles:
 
     def save(self, name: str, state: State, model: ArticulatedModel, comment: str, overwrite: bool = False) -> Path:
         """Write a state.
+
+        Parameters
+        ----------
+        name : of the file, with its suffix or without.
+        state, model : what is written, and its body.
+        comment : at the top of the file.
+        overwrite : replace a state of that name.
+
+        Returns
+        -------
+        The file's path.
 
         Raises
         ------

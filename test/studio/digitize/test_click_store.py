@@ -121,7 +121,7 @@ def test_repeated_digitizing_tells_the_digitizers_noise(tmp_path):
     assert found.freedom == 30 * 3 * 2 and found.freedom_3d == 30 * 3
     assert found.pixels == pytest.approx(0.6, rel=0.15)
     (_, point) = digitizing.reconstruct(RIG, store.clicked("first", 0), digitizing.Method(sigma_px=0.6))["hip"]
-    assert found.metres == pytest.approx(np.sqrt(np.mean(point.sigma_m**2)), rel=0.25)
+    assert found.meters == pytest.approx(np.sqrt(np.mean(point.sigma_m**2)), rel=0.25)
 
 
 def test_control_points_calibrate_the_cameras_that_were_clicked_in(tmp_path):

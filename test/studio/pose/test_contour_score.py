@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from helpers.cameras.camera_rigs import circle_rig
-from tracker_node.studio.pose.score import ContourScore, _share
+from tracker_node.studio.pose.score import ContourScore, _fraction
 
 
 def test_a_share_needs_ten_samples():
-    assert _share(5, 10) == 0.5 and _share(3.0, 12.0) == 0.25 and _share(0, 10) == 0.0
-    assert _share(9, 9) is None and _share(0, 0) is None
+    assert _fraction(5, 10) == 0.5 and _fraction(3.0, 12.0) == 0.25 and _fraction(0, 10) == 0.0
+    assert _fraction(9, 9) is None and _fraction(0, 0) is None
 
 
 def test_shares_are_of_all_of_each_camera_and_of_each_part():

@@ -213,7 +213,8 @@ def _still(camera: Camera, masks: CameraMasks) -> np.ndarray | None:
         return None
     path = masks.still or camera.background
     if not path:
-        raise TrackerError(f"camera '{camera.name}': its reference masks need a still image, and the rig names no background image")
+        problem = "its reference masks need a still image, and the rig names no background image"
+        raise TrackerError(f"camera '{camera.name}': {problem}")
     return read_still(path, camera.model.width, camera.model.height)
 
 

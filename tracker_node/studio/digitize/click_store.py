@@ -1,4 +1,4 @@
-"""What has been digitized: clicks on points in the images of many instants, saved as they are made.
+"""What has been digitized: clicks on points in many image sets, saved as they are made.
 
 The folder has ``first/STAMP_NS.csv``, ``second/...`` (the same images digitized again), clicks of `loaders.rig.control_points`,
 ``control_points.csv`` for `calibrate dlt`, and ``points.txt``, the names of points that are no landmarks.
@@ -30,7 +30,7 @@ class ClickStore:
     ----------
     path : of the folder; what is there already is loaded.
     cameras : their names.
-    places : point -> its known place (3,), metres in the world.
+    places : point -> its known place (3,), meters in the world.
 
     Raises
     ------
@@ -47,11 +47,21 @@ class ClickStore:
         self._load()
 
     def clicked(self, pass_name: str, stamp_ns: int) -> Clicked:
-        """Clicks of one pass at one instant; not to be changed."""
+        """Clicks on the images of one set; not to be changed.
+
+        Parameters
+        ----------
+        pass_name : one of `PASSES`.
+        stamp_ns : of the image set.
+
+        Returns
+        -------
+        Empty where there are none.
+        """
         return self._passes[pass_name].get(stamp_ns, {})
 
     def stamps_ns(self) -> list[int]:
-        """Instants of which any pass has clicks, in order."""
+        """Stamps of the image sets of which any pass has clicks, in order."""
         return sorted({stamp_ns for of_pass in self._passes.values() for stamp_ns, clicks in of_pass.items() if clicks})
 
     def clicked_names(self) -> list[str]:
@@ -60,11 +70,18 @@ class ClickStore:
         return list(dict.fromkeys([*self.names, *(name for points in clicked for name in points)]))
 
     def count(self, stamp_ns: int) -> int:
-        """Clicks on the images of an instant, of all passes."""
+        """Clicks on the images of a set, of all passes."""
         return sum(len(points) for name in PASSES for points in self.clicked(name, stamp_ns).values())
 
     def set_click(self, pass_name: str, stamp_ns: int, camera: str, point: str, pixel: np.ndarray | None) -> None:
-        """Put, move or (None) delete a click; saved when this returns.
+        """Put, move or delete a click; saved when this returns.
+
+        Parameters
+        ----------
+        pass_name : one of `PASSES`.
+        stamp_ns : of the image set.
+        camera, point : names.
+        pixel : (2,) u, v; None deletes.
 
         Raises
         ------
@@ -79,7 +96,13 @@ class ClickStore:
         self._passes[pass_name][stamp_ns] = changed
 
     def set_control_click(self, camera: str, point: str, pixel: np.ndarray | None) -> None:
-        """The same for a control point, of which a camera sees each once, in whichever image."""
+        """The same for a control point, of which a camera sees each once, in whichever image.
+
+        Parameters
+        ----------
+        camera, point : names.
+        pixel : (2,) u, v; None deletes.
+        """
         changed = _changed(self.control, camera, point, pixel)
         if changed:
             self.folder.write(CONTROL_FILE, lambda path: dump_control_points(self.control_points(changed), path))
@@ -111,7 +134,7 @@ class ClickStore:
             self.names = names
 
     def mean_clicks(self, stamp_ns: int) -> Clicked:
-        """Of an instant, the mean of all passes."""
+        """Mean of all passes, of one image set."""
         every = self.repeated(stamp_ns)
         return {camera: {point: np.mean(pixels, axis=0) for point, pixels in points.items()} for camera, points in every.items()}
 

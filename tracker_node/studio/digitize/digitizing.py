@@ -30,7 +30,17 @@ class Method:
 
 
 def reconstruct(rig: CameraRig, clicked: Clicked, method: Method) -> dict[str, tuple[tuple[str, ...], ReconstructedPoint]]:
-    """Point -> the cameras that show it and its place, of those that two cameras or more show.
+    """Places of all points that two cameras or more show.
+
+    Parameters
+    ----------
+    rig : all cameras.
+    clicked : clicks on the images of one set.
+    method : how places are found.
+
+    Returns
+    -------
+    Point -> the cameras that show it, and its place.
 
     Raises
     ------
@@ -53,17 +63,29 @@ class Repeatability:
     Attributes
     ----------
     pixels, freedom : along u and v, and degrees of freedom.
-    metres, freedom_3d : of the reconstructed points along the world's axes.
+    meters, freedom_3d : of the reconstructed points along the world's axes.
     """
 
     pixels: float
     freedom: int
-    metres: float
+    meters: float
     freedom_3d: int
 
 
 def repeatability_of(rig: CameraRig, store: ClickStore, passes: tuple[str, ...], method: Method) -> Repeatability:
-    """How well whoever has clicked would do so again."""
+    """How well whoever has clicked would do so again.
+
+    Parameters
+    ----------
+    rig : all cameras.
+    store : the clicks.
+    passes : names of the passes that are compared.
+    method : how places are found.
+
+    Returns
+    -------
+    In the images, and in space.
+    """
     pixels: list[np.ndarray] = []
     places: list[np.ndarray] = []
     for stamp_ns in store.stamps_ns():
@@ -77,7 +99,7 @@ def repeatability_of(rig: CameraRig, store: ClickStore, passes: tuple[str, ...],
 
 
 @dataclass(frozen=True, eq=False)
-class ControlVerdict:
+class ControlAssessment:
     """What a camera's control points say: ``residuals_px`` (n, 2) of the camera that fits them best, or the ``problem``."""
 
     seen: ControlPoints
@@ -87,9 +109,21 @@ class ControlVerdict:
 
 def judge_control(
     rig: CameraRig, seen: Mapping[str, ControlPoints], constraint: str
-) -> tuple[dict[str, ControlVerdict], np.ndarray]:
-    """Each camera's verdict, and distances (k,) in metres between known places and where these cameras reconstruct them."""
-    verdicts, cameras = {}, []
+) -> tuple[dict[str, ControlAssessment], np.ndarray]:
+    """Assess the control points of each camera.
+
+    Parameters
+    ----------
+    rig : all cameras.
+    seen : camera -> its control points, with places and pixels.
+    constraint : one of `calibration.points.dlt.CONSTRAINTS`.
+
+    Returns
+    -------
+    assessments : by camera.
+    errors : (k,) meters between known places and where these cameras reconstruct them.
+    """
+    assessments, cameras = {}, []
     for name, points in seen.items():
         model = rig[name].model
         try:
@@ -97,14 +131,14 @@ def judge_control(
                 raise CalibrationError(name, f"expected {MIN_POINTS} points or more, got {len(points.names)}")
             check_control_points(name, points, (model.width, model.height))
             found = calibrate(name, points.points, points.pixels, (model.width, model.height), constraint)
-            verdicts[name] = ControlVerdict(points, found.residuals_px)
+            assessments[name] = ControlAssessment(points, found.residuals_px)
             cameras.append(found.camera)
         except CalibrationError as error:
-            verdicts[name] = ControlVerdict(points, None, error.problem)
+            assessments[name] = ControlAssessment(points, None, error.problem)
     try:
-        return verdicts, _object_errors(cameras, seen) if len(cameras) > 1 else np.zeros(0)
+        return assessments, _object_errors(cameras, seen) if len(cameras) > 1 else np.zeros(0)
     except CalibrationError:  # cameras beside which the world's origin lies have no parameters
-        return verdicts, np.zeros(0)
+        return assessments, np.zeros(0)
 
 
 def _object_errors(cameras: list, seen: Mapping[str, ControlPoints]) -> np.ndarray:
@@ -118,28 +152,38 @@ def _object_errors(cameras: list, seen: Mapping[str, ControlPoints]) -> np.ndarr
     return object_errors_m(cameras, np.array(list(places.values())), pixels, weights)
 
 
-def trajectories(rig: CameraRig, store: ClickStore, method: Method) -> JointTrajectory:
-    """Every point at every instant, from the mean of the passes; not valid where fewer than two cameras show it."""
+def _trajectories(rig: CameraRig, store: ClickStore, method: Method) -> JointTrajectory:
+    """Every point in every image set, from the mean of the passes; not valid where fewer than two cameras show it."""
     stamps = store.stamps_ns()
     found = [reconstruct(rig, store.mean_clicks(stamp_ns), method) for stamp_ns in stamps]
-    names = tuple(dict.fromkeys(name for of_instant in found for name in of_instant))
+    names = tuple(dict.fromkeys(name for of_set in found for name in of_set))
     positions, valid = np.zeros((len(stamps), len(names), 3)), np.zeros((len(stamps), len(names)), dtype=bool)
-    for i, of_instant in enumerate(found):
-        for name, (_, point) in of_instant.items():
+    for i, of_set in enumerate(found):
+        for name, (_, point) in of_set.items():
             positions[i, names.index(name)], valid[i, names.index(name)] = point.position_m, True
     return JointTrajectory(names, np.array(stamps, dtype=np.int64), positions, valid)
 
 
 def save_trajectories(rig: CameraRig, store: ClickStore, method: Method) -> list[Path]:
-    """Write ``joints.csv`` and ``joints.trc`` (y up) into the folder of the clicks; the files written, none without points.
+    """Write ``joints.csv`` and ``joints.trc`` (y up) into the folder of the clicks.
 
-    A TRC file has one rate, that of the digitized instants; those that were left out among them are rows without places.
+    A TRC file has one rate, that of the digitized image sets; those that were left out among them are rows without places.
+
+    Parameters
+    ----------
+    rig : all cameras.
+    store : the clicks, whose folder is written to.
+    method : how places are found.
+
+    Returns
+    -------
+    The files written, none without points.
 
     Raises
     ------
     FileFormatError : a file of that name that is not ours to replace.
     """
-    found = trajectories(rig, store, method)
+    found = _trajectories(rig, store, method)
     if not found.names:
         return []
     seen = found.valid.any(axis=1)
@@ -155,7 +199,7 @@ def save_trajectories(rig: CameraRig, store: ClickStore, method: Method) -> list
 
 
 def _evenly(found: JointTrajectory) -> tuple[JointTrajectory, float]:
-    """With rows that are not valid where instants were left out, and the median step in nanoseconds; 1 s of one instant."""
+    """With rows that are not valid where image sets were left out, and the median step in nanoseconds; 1 s of a single one."""
     steps = np.diff(found.stamps_ns)
     if not len(steps):
         return found, 1e9

@@ -72,7 +72,7 @@ class Desk:
 
     @cached_property
     def _store(self) -> ClickStore:
-        """To look at; to change anything, `_own_store`."""
+        """To read; to change anything, `_own_store`."""
         return self._loaded(self._session.files.clicks)
 
     @cached_property
@@ -184,16 +184,16 @@ class Desk:
         return {"points": points, "problem": ""}
 
     def _control_sheet(self, asked: Asked) -> dict[str, Any]:
-        verdicts, errors = digitizing.judge_control(self._rig, self._store.control_points(), asked.constraint)
+        assessments, errors = digitizing.judge_control(self._rig, self._store.control_points(), asked.constraint)
         cameras = {
             name: {
-                "problem": verdict.problem,
-                "rms_px": _rms(verdict.residuals_px),
+                "problem": assessment.problem,
+                "rms_px": _rms(assessment.residuals_px),
                 "residuals": {}
-                if verdict.residuals_px is None
-                else dict(zip(verdict.seen.names, verdict.residuals_px.tolist(), strict=True)),
+                if assessment.residuals_px is None
+                else dict(zip(assessment.seen.names, assessment.residuals_px.tolist(), strict=True)),
             }
-            for name, verdict in verdicts.items()
+            for name, assessment in assessments.items()
         }
         object_rms = float(np.sqrt(np.mean(errors**2))) if len(errors) else None
         expected = {name: self._seen(place) for name, place in self._store.places.items()}

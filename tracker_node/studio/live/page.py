@@ -86,7 +86,7 @@ class Desk:
             return self._view
 
     def facts(self) -> dict[str, Any]:
-        """What does not change: where we look, and states that can be set."""
+        """What does not change: which graph is joined, and states that can be set."""
         graph = {name: os.environ.get(name, "") for name in ("ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE")}
         return {"graph": graph, "states": self._saved_states()}
 

@@ -1,4 +1,4 @@
-"""The page on which a finished run is looked through.
+"""The page of a finished run: its images, overlays and curves.
 
 Begin with `page`.
 """

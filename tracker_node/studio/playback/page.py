@@ -1,4 +1,4 @@
-"""The page on which a run is looked through: overlays, status, residuals and angles over time."""
+"""The page of a finished run: overlays, status, residuals and angles over time."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class PlaybackDesk:
         return {"cameras": self._drawer.drawn(data.configuration(self._run.model, asked.row).state)}
 
     def curve(self, asked: AskedCurve) -> dict[str, Any]:
-        """A degree of freedom over the run, degrees or metres."""
+        """A degree of freedom over the run, degrees or meters."""
         data = self._run.data
         if asked.name not in data.dof_names:
             raise UnknownNameError("degree of freedom", asked.name, data.dof_names)
@@ -122,8 +122,8 @@ def _units(model: ArticulatedModel) -> list[str]:
 
 def continuous_angles(angles: np.ndarray) -> np.ndarray:
     """(n,) radians, each within half a turn of the finite one before; others stay as they are."""
-    found, sound = np.array(angles), np.isfinite(angles)
-    found[sound] = np.unwrap(angles[sound])
+    found, finite = np.array(angles), np.isfinite(angles)
+    found[finite] = np.unwrap(angles[finite])
     return found
 
 

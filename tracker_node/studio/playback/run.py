@@ -25,7 +25,7 @@ from ..session import StudioSession
 
 @dataclass(frozen=True, eq=False)
 class PlayedRun:
-    """A run to be looked through.
+    """A run, opened for the page.
 
     Attributes
     ----------

@@ -26,7 +26,7 @@ class PoseBench:
 
     Raises
     ------
-    TrackerError : a session without rig, body or images, or plates that cannot be used.
+    TrackerError : a session without rig, body or images, or background images that cannot be used.
     """
 
     def __init__(self, session: StudioSession):
@@ -34,7 +34,7 @@ class PoseBench:
         rig = session.needed_rig()
         self.rig, self.factor = working_rig(rig)
         self._plates = resized_backgrounds(load_backgrounds(rig), self.rig)
-        # A pose that is given is fitted to, not looked for
+        # A pose that is given is fitted to, not searched
         self._config = replace(session.config, initialization=replace(session.config.initialization, enabled=False))
         self.scorer = self._make_scorer(self._config)
         self._scoring, self._fitting = threading.Lock(), threading.Lock()
@@ -46,13 +46,33 @@ class PoseBench:
         return ContourScore(self.rig, self._model, config, self._plates)
 
     def score(self, state: State, index: int) -> PoseScore:
-        """Of a state in image set number ``index``."""
+        """Score a pose.
+
+        Parameters
+        ----------
+        state : of the body.
+        index : number of the image set.
+
+        Returns
+        -------
+        By all cameras together, by each of them, and by part.
+        """
         images = {image.camera: image.pixels for image in self.image_set(index).images}
         with self._scoring:
             return self.scorer.score(state, images)
 
     def fit(self, state: State, index: int) -> TrackEstimate:
-        """What the tracker makes of image set number ``index`` when it is started in this state."""
+        """Fit one image set by the tracker, started in a pose.
+
+        Parameters
+        ----------
+        state : of the body.
+        index : number of the image set.
+
+        Returns
+        -------
+        The tracker's estimate.
+        """
         image_set = self.image_set(index)
         with self._fitting:
             tracker = Tracker(self.rig, self._model, self._config, self._plates, state)

@@ -18,13 +18,13 @@ from ...tracking.limbs import limbs_of
 
 MODES = ("limb", "joint", "body", "turn")
 _OPTIONS = LevenbergMarquardtOptions(max_iterations=30, damping=1e-2, tolerance=1e-6, step_tolerance=1e-5)
-_DAMPING = 0.01  # of the joints, as a share of how far a radian moves the point in the image
+_DAMPING = 0.01  # of the joints, as a fraction of how far a radian moves the point in the image
 _STILL_PX = 1.0  # a point that a radian moves less than this is not moved by a joint at all
 
 
 @dataclass(frozen=True, eq=False)
 class Grip:
-    """A point fixed to a link, taken hold of in one camera: ``point`` (3,) metres in the link with this index."""
+    """A point fixed to a link, taken hold of in one camera: ``point`` (3,) meters in the link with this index."""
 
     link: int
     point: np.ndarray
@@ -32,9 +32,9 @@ class Grip:
 
 
 class _PointAtPixel:
-    """Squared distance of a projected point from a pixel, over some degrees of freedom, with a pull to where they began.
+    """Squared distance of a projected point from a pixel, over some degrees of freedom, with a prior at where they began.
 
-    The pull is what damps: of all postures that reach the pixel the nearest is taken, and a drag back leads back.
+    The prior damps: of all postures that reach the pixel the nearest is taken, and a drag back leads back.
     """
 
     def __init__(self, model: ArticulatedModel, grip: Grip, pixel: np.ndarray, dofs: np.ndarray, start: State):
@@ -42,19 +42,30 @@ class _PointAtPixel:
         J = pixel_jacobian(Configuration(model, start), grip)[1][:, dofs]
         information = np.zeros(model.n_dof)
         information[dofs] = _DAMPING**2 * max(float((J**2).sum()) / max(J.shape[1], 1), 1.0)
-        self._pull = Prior(start, information)
+        self._prior = Prior(start, information)
 
     def linearize(self, state: State) -> NormalEquations:
         pixel, J = pixel_jacobian(Configuration(self._model, state), self._grip)
         J = J * self._dofs
         residual = pixel - self._pixel
         H, g = J.T @ J, J.T @ residual
-        cost = float(residual @ residual) + self._pull.add_to(H, g, state)
+        cost = float(residual @ residual) + self._prior.add_to(H, g, state)
         return NormalEquations(H, g, cost, 2)
 
 
 def pixel_jacobian(body: Configuration, grip: Grip) -> tuple[np.ndarray, np.ndarray]:
-    """Pixel (2,) of a gripped point, and its derivative (2, n_dof) by the state; zeros behind the camera."""
+    """Pixel of a gripped point, and its derivative by the state; zeros behind the camera.
+
+    Parameters
+    ----------
+    body : the posed body.
+    grip : the point and the camera.
+
+    Returns
+    -------
+    pixel : (2,).
+    pixel_D_state : (2, n_dof), pixels per meter and radian.
+    """
     T = body.Ts_world_link[grip.link]
     point = se3.apply(T, grip.point)
     T_cam_world = grip.camera.T_cam_world
@@ -65,11 +76,21 @@ def pixel_jacobian(body: Configuration, grip: Grip) -> tuple[np.ndarray, np.ndar
 
 
 def drag(model: ArticulatedModel, start: State, grip: Grip, pixel: np.ndarray, mode: str = "limb") -> State:
-    """The state in which the gripped point shows at a pixel (2,), or as near to it as can be.
+    """The state in which the gripped point shows at a pixel, or as near to it as can be.
 
-    ``mode``: ``limb`` moves the joints of the limb that the point belongs to (damped least squares within the joints' limits),
-    ``joint`` only those next to it; ``body`` shifts the whole body parallel to the image, as a point of the root always does;
-    ``turn`` turns the body about the line of sight through its root. The state is found from that at the drag's ``start``.
+    Parameters
+    ----------
+    model : the body.
+    start : state in which the drag has begun; each is found from it, so a drag back leads back.
+    grip : the point and the camera.
+    pixel : (2,) u, v.
+    mode : ``limb`` moves the joints of the limb that the point belongs to (damped least squares within the joints' limits),
+        ``joint`` only those next to it; ``body`` shifts the whole body parallel to the image, as a point of the root always does;
+        ``turn`` turns the body about the line of sight through its root.
+
+    Returns
+    -------
+    With driven joints where their leaders put them.
     """
     if mode == "turn":
         return _turned(model, start, grip, pixel)
@@ -81,9 +102,18 @@ def drag(model: ArticulatedModel, start: State, grip: Grip, pixel: np.ndarray, m
 
 
 def moving_dofs(model: ArticulatedModel, state: State, grip: Grip, nearest: bool) -> np.ndarray:
-    """(n_dof,) mask of the joints by which a gripped point is moved; none for a point of the root.
+    """Joints by which a gripped point is moved; none for a point of the root.
 
-    Those of its limb or, ``nearest``, of the last joint before it that moves it in the image at all.
+    Parameters
+    ----------
+    model : the body.
+    state : its pose.
+    grip : the point and the camera.
+    nearest : only the last joint before the point that moves it in the image at all; else all of its limb.
+
+    Returns
+    -------
+    (n_dof,) bool.
     """
     J = pixel_jacobian(Configuration(model, state), grip)[1]
     moves = np.linalg.norm(J, axis=0) > _STILL_PX

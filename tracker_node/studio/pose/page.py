@@ -132,9 +132,9 @@ class PoseDesk:
         began = time.perf_counter()
         found = self._bench.fit(state_of(asked.values, self._session.needed_model()), asked.set)
         limbs = [{"name": limb.name, "status": limb.status.name, "reason": limb.reason} for limb in found.limbs]
-        told = {"status": found.status.name, "reason": found.status_reason}
-        told |= {"residual": finite(found.residual), "unit": found.residual_unit}
-        return {**self._shown(found.state), **told, "limbs": limbs, "seconds": time.perf_counter() - began}
+        result = {"status": found.status.name, "reason": found.status_reason}
+        result |= {"residual": finite(found.residual), "unit": found.residual_unit}
+        return {**self._shown(found.state), **result, "limbs": limbs, "seconds": time.perf_counter() - began}
 
     def names(self) -> dict[str, Any]:
         """Files that may be loaded."""

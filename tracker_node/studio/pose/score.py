@@ -58,23 +58,33 @@ class PoseScorer(Protocol):
     meaning: str
 
     def score(self, state: State, images: Mapping[str, np.ndarray]) -> PoseScore:
-        """Of a state in images (h, w, 3) uint8 BGR by camera; cameras without one say nothing."""
+        """Score a pose.
+
+        Parameters
+        ----------
+        state : of the body.
+        images : (h, w, 3) uint8 BGR by camera; cameras without one do not count.
+
+        Returns
+        -------
+        1 is best.
+        """
         ...
 
 
 class ContourScore:
     """Scores poses of one body in the images of one rig.
 
-    Colors are learnt in the very pose that is scored, as an engine does that is started there, so a pose has one score, whatever
-    was looked at before. Lines are drawn at the finest scale of the tracker's, whose parameters hold.
+    Colors are learned in the very pose that is scored, as an engine does that is started there, so a pose has one score, whatever
+    was scored before. Lines are drawn at the finest scale of the tracker's, whose parameters hold.
 
     Parameters
     ----------
-    plates : images (h, w, 3) of the empty scene by camera, in the size of the rig's images.
+    plates : background images (h, w, 3) by camera, in the size of the rig's images.
     """
 
     name = "outline found"
-    meaning = "share of the body's outline that lies on a change of colors, as the engine of contours looks for it"
+    meaning = "fraction of the body's outline that lies on a change of colors, as the region engine measures it"
 
     def __init__(self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, plates: Mapping[str, np.ndarray]):
         self._rig, self._model, self._config = rig, model, config
@@ -89,7 +99,17 @@ class ContourScore:
             self._rooms.append(EmptyRoom(known, background.sigma, background.learning_rate, background.body_margin_px))
 
     def score(self, state: State, images: Mapping[str, np.ndarray]) -> PoseScore:
-        """Of a state in images (h, w, 3) uint8 BGR by camera; cameras without one say nothing."""
+        """Fraction of the outline that is found.
+
+        Parameters
+        ----------
+        state : of the body.
+        images : (h, w, 3) uint8 BGR by camera; cameras without one do not count.
+
+        Returns
+        -------
+        The total is that of all samples.
+        """
         region = self._config.region
         lines = self._drawer.draw(self._views(state, images), state, 1.0, region.model_sigma_px)
         return self._scored(lines.at(state).part_evidence(region.inlier_px))
@@ -105,24 +125,24 @@ class ContourScore:
             colors.learn(images[camera.name], *found, 1.0, region.margin_px, region.background_ring_px)
             return colors
 
-        learnt = self._parallel(learn, list(range(len(self._rig))))
-        trust_stated_colors([colors for colors in learnt if colors is not None])
+        learned = self._parallel(learn, list(range(len(self._rig))))
+        trust_stated_colors([colors for colors in learned if colors is not None])
         return [
             None if colors is None else View(images[camera.name], (colors.body, colors.scene), room.packed)
-            for camera, colors, room in zip(self._rig, learnt, self._rooms, strict=True)
+            for camera, colors, room in zip(self._rig, learned, self._rooms, strict=True)
         ]
 
     def _scored(self, evidence: PartEvidence) -> PoseScore:
         expected, close = evidence.expected, evidence.close
         cameras = tuple(
-            CameraScore(camera.name, _share(close[i].sum(), expected[i].sum()), int(expected[i].sum()))
+            CameraScore(camera.name, _fraction(close[i].sum(), expected[i].sum()), int(expected[i].sum()))
             for i, camera in enumerate(self._rig)
         )
-        parts = tuple(map(_share, close.sum(axis=0), expected.sum(axis=0)))
-        return PoseScore(_share(close.sum(), expected.sum()), cameras, parts)
+        parts = tuple(map(_fraction, close.sum(axis=0), expected.sum(axis=0)))
+        return PoseScore(_fraction(close.sum(), expected.sum()), cameras, parts)
 
 
-def _share(close: float, expected: float) -> float | None:
+def _fraction(close: float, expected: float) -> float | None:
     return float(close / expected) if expected >= _LEAST_OUTLINE else None
 
 
@@ -130,7 +150,7 @@ class ColorScore:
     """Scores poses of a body whose parts have stated colors."""
 
     name = "colors agree"
-    meaning = "share of the body's mask whose colors are the model's, against chance, as the engine of colors judges"
+    meaning = "fraction of the body's mask whose colors are the model's, against chance, as the color engine judges"
 
     def __init__(self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig):
         color = config.color
@@ -140,7 +160,17 @@ class ColorScore:
         )
 
     def score(self, state: State, images: Mapping[str, np.ndarray]) -> PoseScore:
-        """Of a state in images (h, w, 3) uint8 BGR by camera; the total is that of the middle camera, as for the engine."""
+        """Agreement of the colors.
+
+        Parameters
+        ----------
+        state : of the body.
+        images : (h, w, 3) uint8 BGR by camera; cameras without one do not count.
+
+        Returns
+        -------
+        The total is that of the median camera, as for the engine.
+        """
         found = agreement_of(self._painted, self._rig, [images.get(c.name) for c in self._rig], state, self._options)
         cameras = tuple(
             CameraScore(camera.name, finite(value), int(pixels))

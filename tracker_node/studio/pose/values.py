@@ -1,4 +1,4 @@
-"""The degrees of freedom as people read and set them: metres, degrees, roll, pitch and yaw, grouped by joint."""
+"""The degrees of freedom as people read and set them: meters, degrees, roll, pitch and yaw, grouped by joint."""
 
 from __future__ import annotations
 
@@ -20,13 +20,32 @@ _REACH_M = 1.5  # of the sliders of the root, about where it is at first
 
 
 def values_of(state: State, model: ArticulatedModel) -> list[float]:
-    """(n_dof,): position in metres, fixed-axis roll, pitch, yaw in degrees, then the axes in degrees or metres."""
+    """The degrees of freedom as people read them.
+
+    Parameters
+    ----------
+    state : of the body.
+    model : the body.
+
+    Returns
+    -------
+    (n_dof,): position in meters, fixed-axis roll, pitch, yaw in degrees, then the axes in degrees or meters.
+    """
     joints = state.joint_positions * _per_unit(model)
     return [*state.T_world_root[:3, 3].tolist(), *rpy_deg_of(state.T_world_root[:3, :3]), *joints.tolist()]
 
 
 def state_of(values: Sequence[float], model: ArticulatedModel) -> State:
     """Inverse of `values_of`; joints are put within their limits, and driven ones where their leaders put them.
+
+    Parameters
+    ----------
+    values : (n_dof,), as of `values_of`.
+    model : the body.
+
+    Returns
+    -------
+    The state.
 
     Raises
     ------
@@ -41,9 +60,16 @@ def state_of(values: Sequence[float], model: ArticulatedModel) -> State:
 
 
 def dof_groups(model: ArticulatedModel, values: Sequence[float]) -> list[dict[str, Any]]:
-    """The root, then every joint that moves: ``name``, ``link`` (what it moves), ``dofs`` with name, unit, limits, neutral.
+    """The root, then every joint that moves.
 
-    ``values`` is the pose about which the sliders of the root reach.
+    Parameters
+    ----------
+    model : the body.
+    values : (n_dof,), the pose about which the sliders of the root reach.
+
+    Returns
+    -------
+    ``name``, ``link`` (what it moves), and ``dofs`` with name, unit, limits, neutral of each.
     """
     around = [(x - _REACH_M, x + _REACH_M) for x in values[:3]] + 3 * [(-180.0, 180.0)]
     units = 3 * ["m"] + 3 * ["deg"]
@@ -72,5 +98,5 @@ def _dof(name: str, index: int, unit: str, limits: tuple[float, float], neutral:
 
 
 def _per_unit(model: ArticulatedModel) -> np.ndarray:
-    """(n_axes,) what to multiply radians and metres by for degrees and metres."""
+    """(n_axes,) what to multiply radians and meters by for degrees and meters."""
     return np.array([1.0 if axis.prismatic else 180.0 / np.pi for axis in model.chain.axes])

@@ -85,9 +85,9 @@ function controlPlace(state) {
 }
 
 export function showRepeatability(found) {
-  const { pixels, metres, freedom } = found;
+  const { pixels, meters, freedom } = found;
   byId("repeatability").textContent = pixels === null
     ? "Digitize some images a second time (Sheet) to learn it."
     : `one click: ${pixels.toFixed(2)} px rms along u and v (${freedom} degrees of freedom)`
-      + (metres === null ? "" : `; a point: ${(1e3 * metres).toFixed(1)} mm rms per axis`);
+      + (meters === null ? "" : `; a point: ${(1e3 * meters).toFixed(1)} mm rms per axis`);
 }
