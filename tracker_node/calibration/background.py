@@ -56,6 +56,11 @@ def build_plate(images: np.ndarray, still: np.ndarray | None = None, options: Pl
     ----------
     images : (n, h, w, 3) uint8, spread over the recording; 20 to 40 do.
     still : (h, w, 3) uint8 of the same camera in the same place and the same pixels, or None.
+    options : tolerances.
+
+    Returns
+    -------
+    The background, and where the recording itself shows it.
 
     Raises
     ------
@@ -87,7 +92,16 @@ def _where_somebody_moves(share: np.ndarray, options: PlateOptions) -> np.ndarra
 
 
 def spread_images(source: str | Path, n_images: int = 25) -> np.ndarray:
-    """Images (n, h, w, 3) spread evenly over a recording.
+    """Images spread evenly over a recording.
+
+    Parameters
+    ----------
+    source : video, folder or another source.
+    n_images : how many; fewer where the recording has fewer.
+
+    Returns
+    -------
+    (n, h, w, 3) uint8 BGR.
 
     Raises
     ------
@@ -104,6 +118,11 @@ def spread_images(source: str | Path, n_images: int = 25) -> np.ndarray:
 
 def write_image(path: Path, image: np.ndarray) -> None:
     """Write a PNG, whole or not at all, making its folder.
+
+    Parameters
+    ----------
+    path : of the PNG.
+    image : (h, w, 3) uint8 BGR.
 
     Raises
     ------

@@ -32,7 +32,12 @@ NARROW_CAMERAS = {"videos": ("cam01", "cam02"), "static": ("cam03", "cam04")}
 
 
 def copy_files(files: Mapping[str, Path], output: Path) -> None:
-    """Put the sample's files into ``output`` under their names; what is there already, unchanged in size, stays.
+    """Copy the sample's files; what is there already, unchanged in size, stays.
+
+    Parameters
+    ----------
+    files : name in the folder -> file.
+    output : the folder; it is made.
 
     Raises
     ------
@@ -69,7 +74,17 @@ def named_rig(toml: Path) -> CameraRig:
 
 
 def rig_file(rig: CameraRig, trial: str) -> RigFile:
-    """Rig of one trial (``videos`` or ``static``): sources, plates, and the map of the narrow videos' pixels."""
+    """Rig of one trial.
+
+    Parameters
+    ----------
+    rig : cameras with the names of the videos.
+    trial : ``videos`` or ``static``.
+
+    Returns
+    -------
+    The rig with sources, backgrounds, and the map of the narrow videos' pixels.
+    """
     plain = rig_file_of(rig)
     entries: dict[str, CameraEntry] = {}
     for name, entry in plain.cameras.items():
@@ -97,6 +112,11 @@ def write_plates(folder: Path, names: tuple[str, ...] = ()) -> None:
 
     The stills alone will not do: their exposure differs, and on those of cam01 and cam02 a person stands in mid-scene.
 
+    Parameters
+    ----------
+    folder : of the sample.
+    names : of cameras; none: all.
+
     Raises
     ------
     FileFormatError : for a still that is no image.
@@ -123,7 +143,12 @@ def write_masks(folder: Path, drawn: Path | None = None) -> Path:
 
     Parameters
     ----------
+    folder : of the sample.
     drawn : masks.json with outlines drawn by hand for other cameras, taken over.
+
+    Returns
+    -------
+    The path of masks.json.
     """
     cameras: dict[str, object] = {}
     if drawn is not None:

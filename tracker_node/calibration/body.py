@@ -105,13 +105,13 @@ def model_stature(model: ArticulatedModel) -> float:
     configuration = Configuration(model, State.neutral(model))
     tops, bottoms = [], []
     for shape, transform in zip(model.shapes, configuration.Ts_world_shape, strict=True):
-        low, high = vertical_extent(shape.primitive, transform)
+        low, high = _vertical_extent(shape.primitive, transform)
         bottoms.append(low)
         tops.append(high)
     return max(tops) - min(bottoms)
 
 
-def vertical_extent(primitive, T_world_shape: np.ndarray) -> tuple[float, float]:
+def _vertical_extent(primitive, T_world_shape: np.ndarray) -> tuple[float, float]:
     """Lowest and highest z of a shape."""
     up, height = T_world_shape[2, :3], T_world_shape[2, 3]  # the shape's axes, seen along the world's z
     if hasattr(primitive, "radii"):
@@ -131,12 +131,32 @@ def vertical_extent(primitive, T_world_shape: np.ndarray) -> tuple[float, float]
 
 
 def scale_to_stature(model: ArticulatedModel, stature_m: float) -> ArticulatedModel:
-    """The body as a whole scaled to a stature (metres)."""
+    """Scale a body uniformly.
+
+    Parameters
+    ----------
+    model : the body.
+    stature_m : height that it is to have, meters.
+
+    Returns
+    -------
+    The scaled body.
+    """
     return scaled_uniformly(model, stature_m / model_stature(model))
 
 
 def scale_to_trial(model: ArticulatedModel, markers: MarkerTrajectories, options: ScalingOptions | None = None) -> BodyFit:
     """The body scaled to the joints of a static trial, its landmarks put where the trial has them.
+
+    Parameters
+    ----------
+    model : the body.
+    markers : joints of the static trial, in landmark names.
+    options : priors on lengths, symmetry, stature.
+
+    Returns
+    -------
+    The scaled body, the lengths behind it, and its states in the trial.
 
     Raises
     ------
@@ -156,14 +176,35 @@ def scale_to_trial(model: ArticulatedModel, markers: MarkerTrajectories, options
 
 
 def targets_of(model: ArticulatedModel, markers: MarkerTrajectories, row: int) -> dict[str, np.ndarray]:
-    """Landmark -> world position (3,) of the markers that are valid in a row and that the model knows."""
+    """Markers of one row as targets of landmarks.
+
+    Parameters
+    ----------
+    model : the body.
+    markers : trajectories, meters in the world.
+    row : of the trajectories.
+
+    Returns
+    -------
+    Landmark -> world position (3,) of the markers that are valid there and that the model knows.
+    """
     pairs = known_landmarks(markers.names, model.landmark_names)
     columns = {landmark: markers.index(marker) for marker, landmark in pairs.items()}
     return {name: markers.positions_m[row, column] for name, column in columns.items() if markers.valid[row, column]}
 
 
 def pose_trial(model: ArticulatedModel, markers: MarkerTrajectories, options: PoseOptions | None = None) -> list[State]:
-    """The body posed to every row of a trial, each from the row before.
+    """Fit the body to every row of a trial, each from the row before.
+
+    Parameters
+    ----------
+    model : the body.
+    markers : trajectories, meters in the world.
+    options : of the inverse kinematics.
+
+    Returns
+    -------
+    A state for each row.
 
     Raises
     ------
@@ -193,7 +234,13 @@ def place_landmarks(
 
     Parameters
     ----------
+    model : the body.
     states, targets : one of each per image; a target is name -> world position (3,).
+    options : symmetry.
+
+    Returns
+    -------
+    The body with its landmarks moved.
     """
     options = options or ScalingOptions()
     collected: dict[str, list[np.ndarray]] = {}
@@ -217,7 +264,17 @@ def place_landmarks(
 
 
 def robust_mean(values: np.ndarray, cut: float = 3.5) -> np.ndarray:
-    """Mean over the first axis of the rows that are no outliers: within ``cut`` robust standard deviations of the median."""
+    """Mean of the rows that are no outliers.
+
+    Parameters
+    ----------
+    values : (n, ...).
+    cut : rows within so many robust standard deviations of the median are used.
+
+    Returns
+    -------
+    (...) mean over the first axis.
+    """
     values = np.asarray(values, dtype=np.float64)
     distance = np.abs(values - np.median(values, axis=0))
     if values.ndim > 1:

@@ -82,6 +82,11 @@ def fit_lights(
     rig : with the lights roughly as they are; their kinds and cones stay.
     configurations : the body in each pose.
     images : for each pose the BGR images (h, w, 3) uint8 in the order of the rig; None for a camera that gave none.
+    options : priors and robust scale.
+
+    Returns
+    -------
+    The rig with the lights, gains and gammas found, and how well they fit.
 
     Raises
     ------
@@ -106,7 +111,17 @@ def fit_lights(
 
 
 def irradiance(lights: Sequence[Light], points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """(n, 3) light on surfaces at ``points`` (n, 3) with unit ``normals`` (n, 3), in the world; the law of `camera.light`."""
+    """Light on surfaces, by the law of `camera.light`.
+
+    Parameters
+    ----------
+    lights : of the rig.
+    points, normals : (n, 3) surface points and unit normals, world frame.
+
+    Returns
+    -------
+    (n, 3) RGB.
+    """
     total = np.zeros((len(points), 3))
     for light in lights:
         if light.kind == "ambient":

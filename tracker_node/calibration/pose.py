@@ -107,11 +107,23 @@ def fit_state_to_landmarks(
     weights: Mapping[str, float] | None = None,
     options: PoseOptions | None = None,
 ) -> PoseFit:
-    """State whose landmarks are nearest to ``targets`` (name -> world position (3,), metres), within the joint limits.
+    """State whose landmarks are nearest to given points, within the joint limits.
 
     Levenberg-Marquardt on the manifold; an axis at its limit that the gradient pushes outward is held there (active set).
     Without ``initial`` the root is placed by the rigid fit of the trunk's landmarks, several poses of the limbs are tried, and
     the best result is taken.
+
+    Parameters
+    ----------
+    model : the body.
+    targets : landmark -> world position (3,), meters.
+    initial : state to start from.
+    weights : landmark -> multiple of its information; 1 where it is not named.
+    options : standard deviations and when to stop.
+
+    Returns
+    -------
+    The state, its cost and the distances left.
 
     Raises
     ------

@@ -17,9 +17,22 @@ BLACK, GREY, WHITE = 20, 120, 200  # grey levels of printed paper as a camera sh
 def charuco_picture(
     columns: int, rows: int, square_m: float, marker_share: float, dictionary: str, inverted: bool, texels_per_m: float = 1000.0
 ) -> np.ndarray:
-    """(h, w, 3) uint8 RGB of a ChArUco board as OpenCV draws it; a square is ``square_m``, its marker ``marker_share`` of that.
+    """Texture of a ChArUco board as OpenCV draws it.
 
     ``dictionary`` is a name of `cv2.aruco` such as ``DICT_4X4_1000``. ``inverted`` boards have white and black exchanged.
+
+    Parameters
+    ----------
+    columns, rows : squares.
+    square_m : edge of a square.
+    marker_share : marker to square.
+    dictionary : name in `cv2.aruco`, such as ``DICT_4X4_1000``.
+    inverted : white and black are exchanged.
+    texels_per_m : resolution.
+
+    Returns
+    -------
+    (h, w, 3) uint8 RGB.
     """
     markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
     board = cv2.aruco.CharucoBoard((columns, rows), square_m, square_m * marker_share, markers)
@@ -29,9 +42,18 @@ def charuco_picture(
 
 
 def framed(picture: np.ndarray, borders: Sequence[tuple[int, int, int, int, int]]) -> np.ndarray:
-    """The picture with borders around it, from the innermost outward.
+    """The texture with borders around it.
 
     Each border is (left, right, top, bottom, grey level), widths in texels.
+
+    Parameters
+    ----------
+    picture : (h, w, 3) uint8 RGB.
+    borders : from the innermost outward (left, right, top, bottom, gray level), widths in texels.
+
+    Returns
+    -------
+    (h', w', 3) uint8 RGB.
     """
     for left, right, top, bottom, grey in borders:
         picture = cv2.copyMakeBorder(picture, top, bottom, left, right, cv2.BORDER_CONSTANT, value=(grey, grey, grey))
@@ -41,11 +63,20 @@ def framed(picture: np.ndarray, borders: Sequence[tuple[int, int, int, int, int]
 def plate_model(
     name: str, picture: np.ndarray, texels_per_m: float, origin: tuple[float, float], thickness_m: float, rim: int = BLACK
 ) -> ArticulatedModel:
-    """A flat box with a picture on its face ``+z``; back and edges have one grey level.
+    """A flat box with a texture on its face ``+z``; back and edges have one gray level.
 
     Parameters
     ----------
+    name : of the body and its link.
+    picture : (h, w, 3) uint8 RGB texture.
+    texels_per_m : its resolution.
     origin : (column, row) of the picture where the root of the body is; its x runs along the columns, its y up the rows.
+    thickness_m : of the box.
+    rim : gray level of back and edges.
+
+    Returns
+    -------
+    A body of one link.
     """
     height, width = picture.shape[:2]
     T = np.eye(4)

@@ -59,7 +59,16 @@ class SeenPoint:
 
 
 def seen_points(rig: CameraRig, clicks: Mapping[str, Mapping[str, np.ndarray]]) -> dict[str, SeenPoint]:
-    """Points from camera -> point -> pixel (2,).
+    """Triangulate points that were clicked on.
+
+    Parameters
+    ----------
+    rig : the cameras.
+    clicks : camera -> point -> pixel (2,).
+
+    Returns
+    -------
+    Point -> place and error.
 
     Raises
     ------
@@ -86,7 +95,16 @@ def seen_points(rig: CameraRig, clicks: Mapping[str, Mapping[str, np.ndarray]]) 
 
 
 def onto_points(points: np.ndarray, targets: np.ndarray, with_scale: bool = False) -> WorldChange:
-    """The least-squares rigid motion, or similarity, of ``points`` (n, 3) to ``targets`` (n, 3) (Umeyama 1991).
+    """The least-squares rigid motion, or similarity, of points to targets (Umeyama 1991).
+
+    Parameters
+    ----------
+    points, targets : (n, 3).
+    with_scale : also fit the scale.
+
+    Returns
+    -------
+    The change of the world, with its residuals.
 
     Raises
     ------
@@ -108,7 +126,17 @@ def onto_points(points: np.ndarray, targets: np.ndarray, with_scale: bool = Fals
 
 
 def onto_axes(origin: np.ndarray, on_x: np.ndarray, on_y: np.ndarray) -> WorldChange:
-    """The world whose x axis goes from ``origin`` through ``on_x``, and in whose plane z = 0, at y > 0, lies ``on_y``; all (3,).
+    """The world of an origin and points on two axes.
+
+    Parameters
+    ----------
+    origin : (3,) the new origin.
+    on_x : (3,) on the positive x axis.
+    on_y : (3,) in the plane z = 0, at y > 0.
+
+    Returns
+    -------
+    The change of the world.
 
     Raises
     ------

@@ -30,9 +30,9 @@ class Setup:
     def of(cls, cameras: Sequence[Camera], motions: Mapping[str, Motion]) -> Setup:
         """With the weights that the places of the cameras give."""
         setup = cls(tuple(cameras), motions, np.ones((len(cameras), len(cameras))))
-        return replace(setup, weights=setup.trust_in_pairs())
+        return replace(setup, weights=setup._pair_weights())
 
-    def trust_in_pairs(self) -> np.ndarray:
+    def _pair_weights(self) -> np.ndarray:
         """(C, C) weights 0..1. Two cameras that look at each other see planes about their baseline end on: any small thing then
         lies in many planes, and says little."""
         center = self.center

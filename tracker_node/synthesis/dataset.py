@@ -119,7 +119,7 @@ def describe(sequence: Sequence, scene: SceneConfig) -> dict:
     """All that decides the content of a recorded folder; equal descriptions mean equal folders."""
     return {
         "made_by": f"tracker_node {__version__}",
-        "code": code_digest(),
+        "code": _code_digest(),
         "name": sequence.name,
         "rate_hz": sequence.rate_hz,
         "images": sequence.n_images,
@@ -129,7 +129,7 @@ def describe(sequence: Sequence, scene: SceneConfig) -> dict:
 
 
 @cache
-def code_digest() -> str:
+def _code_digest() -> str:
     """Fingerprint of the code that draws: recordings of other code are not taken for this one's.
 
     Motions are not in it: a sequence has their content among its parameters.

@@ -62,7 +62,18 @@ class BoardState:
 
     @classmethod
     def at(cls, lenses: tuple[CameraModel, ...], Ts_cam_world: np.ndarray, Ts_world_board: np.ndarray) -> BoardState:
-        """With clocks and stamps that are right."""
+        """The state with clocks and stamps that are right.
+
+        Parameters
+        ----------
+        lenses : one a camera.
+        Ts_cam_world : (c, 4, 4).
+        Ts_world_board : (n, 4, 4) at the instants.
+
+        Returns
+        -------
+        The state; offsets of clocks and stamps are zero.
+        """
         n, c = len(Ts_world_board), len(lenses)
         return cls(lenses, Ts_cam_world, Ts_world_board, np.zeros(c), np.zeros((n, c)))
 
@@ -123,8 +134,14 @@ def adjust_boards(
     Parameters
     ----------
     corners : (k, 3) in the board's frame, metres.
+    seen : the corners in the images.
     start : from where to go; its first camera stays where it is.
+    options : what is free, robust scale, when to stop.
     velocities : (n, 6) twists of the board a second, in its own frame; None: it stands still around each instant.
+
+    Returns
+    -------
+    State at the minimum, residuals and standard deviations.
 
     Raises
     ------

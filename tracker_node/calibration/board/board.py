@@ -104,13 +104,23 @@ class BoardDetector:
             self._charuco = cv2.aruco.CharucoDetector(charuco)
 
     def find(self, bgr: np.ndarray, stamp_ns: int = 0, image: int = 0) -> BoardView | None:
-        """The board in an image (h, w, 3) or (h, w); None where it is not, or too few of its corners span a plane."""
+        """Detect the board in an image.
+
+        Parameters
+        ----------
+        bgr : (h, w, 3) or gray (h, w), uint8.
+        stamp_ns, image : stamp and number of the image, for the view.
+
+        Returns
+        -------
+        The view; None where the board is not in the image, or too few of its corners span a plane.
+        """
         gray = bgr if bgr.ndim == 2 else cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
         gray = 255 - gray if self.board.inverted else gray
         ids, pixels = self._charuco_corners(gray) if self.board.kind == "charuco" else self._chessboard_corners(gray)
         if len(ids) < self._least or not _spans_plane(self.board.corners[ids]) or _is_reflected(self.board.corners[ids], pixels):
             return None
-        return BoardView(stamp_ns, ids, pixels, edge_width(gray, self.board.corners[ids], pixels), image)
+        return BoardView(stamp_ns, ids, pixels, _edge_width(gray, self.board.corners[ids], pixels), image)
 
     def sees_back(self, bgr: np.ndarray) -> bool:
         """Whether the board's mirrored back is in an image: a print that shows through, or one on both sides.
@@ -176,7 +186,7 @@ def _is_reflected(points: np.ndarray, pixels: np.ndarray) -> bool:
     return H is not None and bool(np.linalg.det(_axes_at(H, points.mean(axis=0))) > 0.0)
 
 
-def edge_width(gray: np.ndarray, points: np.ndarray, pixels: np.ndarray) -> float:
+def _edge_width(gray: np.ndarray, points: np.ndarray, pixels: np.ndarray) -> float:
     """Pixels over which edges at a board's corners go from dark to bright: contrast over slope, median over the corners.
 
     Of the two directions of edges the worse, since motion blurs the edges that lie across it only.

@@ -56,7 +56,14 @@ class BoardEquations:
         self.mixed[:, part] += self._by_instant(rows, np.einsum("mri,mrj->mij", weighted_camera, rows.by_pose))
 
     def eliminate_stamps(self, rows: CameraRows, late_s: np.ndarray, prior: float) -> None:
-        """Let the stamp of every view of a camera be off: ``late_s`` (n,) so far, ``prior`` its precision."""
+        """Eliminate the errors of the stamps of one camera's views.
+
+        Parameters
+        ----------
+        rows : what the camera saw.
+        late_s : (n,) seconds by which the views are later so far.
+        prior : precision of a stamp, in the units of the cost.
+        """
         weighted = rows.weights[:, None] * rows.by_stamp
         stamps = _Stamps(
             rows.camera,
@@ -75,12 +82,25 @@ class BoardEquations:
         self.stamps.append(stamps)
 
     def add_lens_prior(self, camera: int, gradient: np.ndarray, precision: np.ndarray) -> None:
+        """Add the prior on a camera's lens.
+
+
+        Parameters
+        ----------
+        camera : its index.
+        gradient, precision : (p,) half gradient and second derivative of the prior's cost, by lens parameter.
+        """
         lens = np.arange(self.offsets[camera] + N_PLACE, self.offsets[camera + 1])
         self.cameras[lens, lens] += precision
         self.gradient_cameras[lens] += gradient
 
     def hold(self, free_cameras: bool, free_clocks: bool, free_lenses: bool) -> None:
-        """Say what is sought; place and clock of the first camera never are."""
+        """Say what is estimated; place and clock of the first camera are always held.
+
+        Parameters
+        ----------
+        free_cameras, free_clocks, free_lenses : places of the cameras, offsets of their clocks, lenses.
+        """
         for k, start in enumerate(self.offsets[:-1]):
             self.free[start : start + CLOCK] = free_cameras and k > 0
             self.free[start + CLOCK] = free_clocks and k > 0

@@ -52,6 +52,19 @@ def calibrate_lens(
 ) -> LensCalibration:
     """The lens that explains the views best; the board may be anywhere in each.
 
+    Parameters
+    ----------
+    name : of the camera, for messages.
+    board : the board.
+    views : of one camera.
+    image_size : (width, height).
+    distortion_model : of `camera.distortion`.
+    most_views : views used, the most varied ones.
+
+    Returns
+    -------
+    Lens, standard deviations, views used and left out.
+
     Raises
     ------
     CalibrationError : too few views, or the board parallel to the image in all of them.
@@ -80,7 +93,17 @@ def calibrate_lens(
 
 
 def observations_of(views: Sequence[dict[int, BoardView]], stamps_ns: Sequence[int] | None = None) -> BoardObservations:
-    """Rows of the views (camera number -> view) at every instant; ``stamps_ns`` of the instants, None: time does not matter."""
+    """Corners of the views as rows.
+
+    Parameters
+    ----------
+    views : per instant, camera number -> view.
+    stamps_ns : of the instants; None: time does not matter.
+
+    Returns
+    -------
+    One row a corner.
+    """
     columns: list[list[np.ndarray]] = [[], [], [], [], []]
     for k, seen in enumerate(views):
         for camera, view in seen.items():
@@ -94,7 +117,17 @@ def observations_of(views: Sequence[dict[int, BoardView]], stamps_ns: Sequence[i
 
 
 def outlying(rms_px: Sequence[float], least_px: float = 1.0) -> np.ndarray:
-    """(n,) True for views whose error is far beyond what is usual: four times the median, and ``least_px``."""
+    """Views whose error is far beyond what is usual.
+
+    Parameters
+    ----------
+    rms_px : (n,) errors of the views.
+    least_px : no error below it is an outlier.
+
+    Returns
+    -------
+    (n,) True for errors above four times the median.
+    """
     rms = np.asarray(rms_px)
     return rms > max(least_px, 4.0 * float(np.median(rms)))
 

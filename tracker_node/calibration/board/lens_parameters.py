@@ -26,7 +26,16 @@ def lens_vector(model: CameraModel) -> np.ndarray:
 
 
 def lens_of_vector(vector: np.ndarray, like: CameraModel) -> CameraModel:
-    """The lens of a vector, with image size and kind of distortion of another.
+    """The lens of a vector.
+
+    Parameters
+    ----------
+    vector : (4 + n,) see `lens_vector`.
+    like : lens with the image size and the kind of distortion.
+
+    Returns
+    -------
+    A lens without skew.
 
     Raises
     ------
@@ -50,7 +59,17 @@ def lens_prior(model: CameraModel) -> tuple[np.ndarray, np.ndarray]:
 
 
 def lens_jacobian(model: CameraModel, points_cam: np.ndarray) -> np.ndarray:
-    """(m, 2, 4 + n): change of the pixels of points (m, 3) in the camera, in front of it, with the lens vector."""
+    """Derivative of pixels by the lens vector.
+
+    Parameters
+    ----------
+    model : the lens.
+    points_cam : (m, 3) in the camera's frame, in front of it.
+
+    Returns
+    -------
+    (m, 2, 4 + n).
+    """
     x, y = points_cam[:, 0] / points_cam[:, 2], points_cam[:, 1] / points_cam[:, 2]
     by_distortion = _distortion_jacobian(model, x, y)
     fx, fy, cx, cy = lens_vector(model)[:N_PINHOLE]

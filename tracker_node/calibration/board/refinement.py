@@ -68,9 +68,17 @@ def refine(
 
     Parameters
     ----------
-    state : at the instants ``common``, in which several cameras see the board.
+    board : the board.
+    names : of the cameras, in the order of the state.
+    state : of the cameras, and of the board at ``common``.
+    common : instants in which several cameras see the board.
     alone : instants in which one camera does, for its lens.
+    options : what is free, and the model of the clocks.
     tell : told (what, rounds done, rounds in all).
+
+    Returns
+    -------
+    Instants used, the last adjustment, velocities of the board, views left out.
     """
     tell("the rig", 0, _ROUNDS + 1)
     task = _Task(board, list(names), state, list(common))
@@ -158,14 +166,34 @@ class _Task:
 
 
 def rows_of(names: Sequence[str], instants: Sequence[BoardInstant]) -> BoardObservations:
-    """The corners of all instants."""
+    """The corners of all instants as rows.
+
+    Parameters
+    ----------
+    names : of the cameras, in the order of their numbers.
+    instants : with views by camera name.
+
+    Returns
+    -------
+    One row a corner; how late each image is against its instant comes from the stamps.
+    """
     index = {name: i for i, name in enumerate(names)}
     views = [{index[name]: view for name, view in instant.views.items()} for instant in instants]
     return observations_of(views, [instant.stamp_ns for instant in instants])
 
 
 def view_errors(instants: Sequence[BoardInstant], residuals_px: np.ndarray) -> dict[tuple[int, str], float]:
-    """(instant, camera) -> rms distance in the image, from residuals (m, 2) in the order of `rows_of`."""
+    """Errors of single views.
+
+    Parameters
+    ----------
+    instants : with views by camera name.
+    residuals_px : (m, 2) in the order of `rows_of`.
+
+    Returns
+    -------
+    (instant, camera) -> rms distance in the image, pixels.
+    """
     errors, begin = {}, 0
     for k, instant in enumerate(instants):
         for name, view in instant.views.items():

@@ -30,7 +30,17 @@ _CELLS = 8  # along the longer side of an image, for the share that is covered
 
 
 def rig_tables(found: BoardRig, seen: Mapping[str, CameraViews]) -> list[Section]:
-    """Cameras, pairs, lenses and outliers."""
+    """Tables of cameras, pairs, lenses and outliers.
+
+    Parameters
+    ----------
+    found : the calibrated rig.
+    seen : what each camera saw.
+
+    Returns
+    -------
+    One section a table.
+    """
     figures = camera_figures(found)
     cameras = [
         (
@@ -51,7 +61,18 @@ def rig_tables(found: BoardRig, seen: Mapping[str, CameraViews]) -> list[Section
 
 
 def lens_table(name: str, lens: CameraModel, sigma: np.ndarray) -> Section:
-    """A lens with its sigmas; in pixels, and coefficients without a unit."""
+    """Table of a lens.
+
+    Parameters
+    ----------
+    name : of the camera.
+    lens : the lens.
+    sigma : (4 + n,) standard deviations of its `lens_parameters` vector.
+
+    Returns
+    -------
+    Values in pixels, and coefficients without a unit.
+    """
     labels = ("fx", "fy", "cx", "cy", *COEFFICIENTS[lens.distortion_model])
     rows = [
         (label, f"{value:.{2 if i < 4 else 5}f}", f"{s:.{2 if i < 4 else 5}f}")
@@ -77,7 +98,17 @@ def format_table(table: Section) -> str:
 
 
 def coverage_picture(seen: CameraViews, pixels: np.ndarray, residuals_px: np.ndarray) -> np.ndarray:
-    """(h, w, 3) BGR: all corners over one of the images, from green (fits) to red (a pixel off, or more)."""
+    """All corners over one of the images, from green (fits) to red (a pixel off, or more).
+
+    Parameters
+    ----------
+    seen : what the camera saw, with an image.
+    pixels, residuals_px : (m, 2) corners and their residuals.
+
+    Returns
+    -------
+    (h, 640, 3) uint8 BGR.
+    """
     width, height = seen.image_size
     scale = _WIDTH / width
     picture = np.full((round(scale * height), _WIDTH, 3), 40, dtype=np.uint8)
@@ -93,7 +124,17 @@ def coverage_picture(seen: CameraViews, pixels: np.ndarray, residuals_px: np.nda
 
 
 def lens_pictures(found: Mapping[str, LensCalibration], seen: Mapping[str, CameraViews]) -> list[Section]:
-    """Coverage of single cameras."""
+    """Coverage of single cameras.
+
+    Parameters
+    ----------
+    found : lenses by camera.
+    seen : what each camera saw.
+
+    Returns
+    -------
+    One section a camera.
+    """
     return [
         _picture(name, seen[name], np.concatenate([view.pixels for view in c.views]), np.concatenate(c.residuals_px))
         for name, c in found.items()
@@ -101,7 +142,17 @@ def lens_pictures(found: Mapping[str, LensCalibration], seen: Mapping[str, Camer
 
 
 def rig_pictures(found: BoardRig, seen: Mapping[str, CameraViews]) -> list[Section]:
-    """Coverage of all cameras of a rig."""
+    """Coverage of all cameras of a rig.
+
+    Parameters
+    ----------
+    found : the calibrated rig.
+    seen : what each camera saw.
+
+    Returns
+    -------
+    One section a camera.
+    """
     return [_picture(name, seen[name], c.pixels, c.residuals_px) for name, c in camera_figures(found).items()]
 
 
@@ -112,7 +163,18 @@ def _picture(name: str, seen: CameraViews, pixels: np.ndarray, residuals_px: np.
 
 
 def write_pictures(folder: Path, names: Sequence[str], pictures: Sequence[Section]) -> list[Path]:
-    """``coverage_<camera>.png`` files."""
+    """Write ``coverage_<camera>.png`` files.
+
+    Parameters
+    ----------
+    folder : where; it is made.
+    names : of the cameras.
+    pictures : one section a camera, in the same order.
+
+    Returns
+    -------
+    The files.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     files = [folder / f"coverage_{name}.png" for name in names]
     for file, section in zip(files, pictures, strict=True):
@@ -122,7 +184,14 @@ def write_pictures(folder: Path, names: Sequence[str], pictures: Sequence[Sectio
 
 
 def write_rig_page(path: str | Path, found: BoardRig, seen: Mapping[str, CameraViews]) -> None:
-    """The page of a rig."""
+    """Write the HTML page of a rig.
+
+    Parameters
+    ----------
+    path : of the page.
+    found : the calibrated rig.
+    seen : what each camera saw.
+    """
     together = sum(len(instant.views) > 1 for instant in found.instants)
     notes = [
         f"{found.board}. {together} image sets in which several cameras see it; corners fit to"
@@ -236,7 +305,17 @@ def _at_the_instant(found: BoardRig, rows: BoardObservations) -> np.ndarray:
 
 
 def covered(pixels: np.ndarray, image_size: tuple[int, int]) -> float:
-    """Share of the image, in cells of an eighth of its longer side, that has corners in it."""
+    """Fraction of the image, in cells of an eighth of its longer side, that has corners in it.
+
+    Parameters
+    ----------
+    pixels : (m, 2) of the corners.
+    image_size : (width, height).
+
+    Returns
+    -------
+    0 to 1.
+    """
     cell = max(image_size) / _CELLS
     columns, rows = (int(np.ceil(size / cell)) for size in image_size)
     inside = np.clip((pixels / cell).astype(int), 0, [columns - 1, rows - 1])
@@ -244,7 +323,17 @@ def covered(pixels: np.ndarray, image_size: tuple[int, int]) -> float:
 
 
 def coverage_notes(pixels: Mapping[str, np.ndarray], sizes: Mapping[str, tuple[int, int]]) -> list[str]:
-    """A sentence on each camera of whose image corners cover too little for a lens; pixels (m, 2) and sizes by camera."""
+    """Warnings about images whose corners cover too little for a lens.
+
+    Parameters
+    ----------
+    pixels : camera -> (m, 2) corners.
+    sizes : camera -> (width, height).
+
+    Returns
+    -------
+    A sentence for each such camera.
+    """
     notes = []
     for name, corners in pixels.items():
         share = covered(corners, sizes[name])
@@ -275,7 +364,17 @@ def rig_figures(found: BoardRig) -> dict[str, float | int]:
 
 
 def worst_views(found: BoardRig, n: int = 5) -> list[tuple[str, int, float]]:
-    """(camera, image, rms px) of the views that fit worst among those used."""
+    """The views that fit worst among those used.
+
+    Parameters
+    ----------
+    found : the calibrated rig.
+    n : how many.
+
+    Returns
+    -------
+    (camera, number of the image, rms px) each, the worst first.
+    """
     errors = view_errors(found.instants, found.adjustment.residuals_px)
     order = sorted(errors, key=lambda key: -errors[key])[:n]
     return [(name, found.instants[k].views[name].image, errors[k, name]) for k, name in order]

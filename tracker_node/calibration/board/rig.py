@@ -59,8 +59,15 @@ def calibrate_rig(
 
     Parameters
     ----------
+    board : the board.
+    seen : what each camera saw, in the order of the rig.
+    options : clocks, distortion, selection of instants.
     lenses : known beforehand, by camera; with ``free_lenses`` only a start.
     progress : told (what, steps done, steps in all).
+
+    Returns
+    -------
+    The rig, in the world of its first camera, and what was used.
 
     Raises
     ------

@@ -22,7 +22,20 @@ _LARGE_PX = 1e6  # error of a pose that does not explain the view at all
 def initial_lens(
     board: Board, views: Sequence[BoardView], image_size: tuple[int, int], distortion_model: str, most_views: int = 20
 ) -> CameraModel:
-    """A lens without distortion whose focal length explains the views best: the start of a calibration."""
+    """A lens without distortion whose focal length explains the views best: the start of a calibration.
+
+    Parameters
+    ----------
+    board : the board.
+    views : of one camera.
+    image_size : (width, height).
+    distortion_model : of the lens; its coefficients are zero.
+    most_views : views that focal lengths are tried on, spread over all.
+
+    Returns
+    -------
+    The lens, principal point in the middle of the image.
+    """
     width, height = image_size
     n = {"none": 0, "plumb_bob": 5, "rational_polynomial": 8, "equidistant": 4}[distortion_model]
     some = [views[i] for i in np.unique(np.linspace(0, len(views) - 1, min(most_views, len(views))).astype(int))]
@@ -38,9 +51,20 @@ def initial_lens(
 
 
 def board_poses(board: Board, lens: CameraModel, view: BoardView) -> tuple[list[np.ndarray], list[float]]:
-    """Both poses T_cam_board that a flat board may have in one view, the better one first, and their rms errors in pixels.
+    """Both poses that a flat board may have in one view (Collins & Bartoli 2014, "Infinitesimal plane-based pose estimation").
 
     (Collins & Bartoli, "Infinitesimal plane-based pose estimation", 2014, as OpenCV has it.)
+
+    Parameters
+    ----------
+    board : the board.
+    lens : of the camera.
+    view : its corners in the image.
+
+    Returns
+    -------
+    Poses T_cam_board (4, 4), the better one first.
+    Their rms errors, pixels; one large error where there is no pose.
     """
     rays, ok = lens.rays(view.pixels)
     ok &= rays[:, 2] > 0.05
@@ -61,13 +85,34 @@ def board_poses(board: Board, lens: CameraModel, view: BoardView) -> tuple[list[
 
 
 def common_instants(names: Sequence[str], instants: Sequence[BoardInstant]) -> np.ndarray:
-    """(c, c): in how many instants two cameras both see the board; on the diagonal, each camera."""
+    """Number of instants in which two cameras both see the board.
+
+    Parameters
+    ----------
+    names : of the c cameras.
+    instants : with views by camera name.
+
+    Returns
+    -------
+    (c, c) symmetric; each camera's own number on the diagonal.
+    """
     seen = np.array([[name in instant.views for name in names] for instant in instants], dtype=int).reshape(-1, len(names))
     return seen.T @ seen
 
 
 def groups(names: Sequence[str], common: np.ndarray, least: int = 1) -> list[list[str]]:
-    """Cameras that hang together by boards that two of them saw (at least ``least`` times), the largest group first."""
+    """Cameras linked by boards that two of them saw.
+
+    Parameters
+    ----------
+    names : of the c cameras.
+    common : (c, c) instants that two share.
+    least : instants that link two cameras.
+
+    Returns
+    -------
+    Names of the cameras of each group, the largest group first.
+    """
     linked = csr_matrix(np.triu(common, 1) >= least)
     n, label = connected_components(linked, directed=False)
     found = [[name for name, group in zip(names, label, strict=True) if group == k] for k in range(n)]
@@ -77,7 +122,18 @@ def groups(names: Sequence[str], common: np.ndarray, least: int = 1) -> list[lis
 def initial_state(
     board: Board, names: Sequence[str], lenses: Mapping[str, CameraModel], instants: Sequence[BoardInstant]
 ) -> BoardState:
-    """Places of all cameras along the tree of the pairs that share most instants, the first camera at the origin, and all boards.
+    """Places of all cameras along the tree of the pairs that share most instants, and of all boards.
+
+    Parameters
+    ----------
+    board : the board.
+    names : of the cameras; the first one is the origin.
+    lenses : by camera.
+    instants : with views by camera name.
+
+    Returns
+    -------
+    The state that a bundle adjustment begins with.
 
     Raises
     ------
@@ -99,7 +155,19 @@ def initial_state(
 
 
 def place_boards(board: Board, names: Sequence[str], state: BoardState, instants: Sequence[BoardInstant]) -> np.ndarray:
-    """(n, 4, 4) T_world_board at every instant: of the poses that single cameras tell, the one that all of them bear best."""
+    """Pose of the board at every instant: of the poses that single views allow, the one with the least error in all of them.
+
+    Parameters
+    ----------
+    board : the board.
+    names : of the cameras, in the order of the state.
+    state : lenses and places of the cameras.
+    instants : with views by camera name.
+
+    Returns
+    -------
+    (n, 4, 4) T_world_board.
+    """
     result = np.tile(np.eye(4), (len(instants), 1, 1))
     index = {name: i for i, name in enumerate(names)}
     for k, instant in enumerate(instants):

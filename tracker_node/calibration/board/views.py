@@ -42,7 +42,17 @@ class BoardInstant:
 
 
 def group_views(views: Mapping[str, Sequence[BoardView]], tolerance_s: float) -> list[BoardInstant]:
-    """Views of one instant together: stamps within ``tolerance_s`` of the earliest, one view of a camera; in order of time."""
+    """Group the views of one instant.
+
+    Parameters
+    ----------
+    views : camera -> its views.
+    tolerance_s : views this near to the earliest of an instant belong to it, one of each camera.
+
+    Returns
+    -------
+    In order of time.
+    """
     waiting = [(view.stamp_ns, name, view) for name, found in views.items() for view in found]
     waiting.sort(key=lambda entry: entry[:2])
     instants: list[dict[str, BoardView]] = []
@@ -56,9 +66,18 @@ def group_views(views: Mapping[str, Sequence[BoardView]], tolerance_s: float) ->
 
 
 def speeds(views: Sequence[BoardView], longest_s: float = LONGEST_GAP_S) -> np.ndarray:
-    """(n,) px/s: how quickly the board moves in each of one camera's views, to the next before or after it, whichever is less.
+    """How quickly the board moves in each of one camera's views, to the next before or after it, whichever is less.
 
     Not-a-number where no other view is within ``longest_s``.
+
+    Parameters
+    ----------
+    views : of one camera, in order of time.
+    longest_s : views farther apart are not compared.
+
+    Returns
+    -------
+    (n,) px/s; NaN where no other view is near.
     """
     between = np.full(len(views) + 1, np.inf)
     for i, (a, b) in enumerate(itertools.pairwise(views)):
@@ -76,7 +95,7 @@ def spanning_tree(common: np.ndarray) -> csr_matrix:
 
 
 def chosen(instants: Sequence[BoardInstant], speed: Mapping[tuple[str, int], float], most: int) -> list[BoardInstant]:
-    """At most ``most`` instants, in order of time: seen by many cameras, still, and unlike those already chosen.
+    """Select instants: seen by many cameras, still, and unlike those already selected.
 
     First those that link the cameras (`LEAST_COMMON` for each pair of the `spanning_tree`, even if these are more than ``most``).
     Then greedy: each takes the instant that adds most. A camera counts for an instant by how far its view lies from the views of
@@ -84,7 +103,13 @@ def chosen(instants: Sequence[BoardInstant], speed: Mapping[tuple[str, int], flo
 
     Parameters
     ----------
+    instants : to select from, in order of time.
     speed : (camera, image) -> px/s, see `speeds`.
+    most : how many at most.
+
+    Returns
+    -------
+    In order of time.
     """
     if len(instants) <= most:
         return list(instants)
@@ -122,7 +147,17 @@ def _place(view: BoardView) -> np.ndarray:
 
 
 def with_neighbors(some: Sequence[BoardInstant], instants: Sequence[BoardInstant]) -> list[BoardInstant]:
-    """The instants ``some`` with those just before and after them, which tell how the board moves; in order of time."""
+    """Instants with those just before and after them, which tell how the board moves.
+
+    Parameters
+    ----------
+    some : selected instants.
+    instants : all of them, in order of time.
+
+    Returns
+    -------
+    In order of time.
+    """
     taken = {id(instant) for instant in some}
     kept = []
     for k, instant in enumerate(instants):
@@ -134,9 +169,18 @@ def with_neighbors(some: Sequence[BoardInstant], instants: Sequence[BoardInstant
 
 
 def velocities(instants: Sequence[BoardInstant], Ts_world_board: np.ndarray) -> np.ndarray:
-    """(n, 6) twists (v, omega) of the board a second, in its own frame, from its poses before and after.
+    """Velocities of the board from its poses before and after.
 
     Zero where no other pose is within `LONGEST_GAP_S`. Instants need not be in order of time.
+
+    Parameters
+    ----------
+    instants : n of them, in any order.
+    Ts_world_board : (n, 4, 4).
+
+    Returns
+    -------
+    (n, 6) twists (v, omega) a second, in the board's frame; zero where no other pose is within `LONGEST_GAP_S`.
     """
     result = np.zeros((len(instants), 6))
     stamps = [instant.stamp_ns for instant in instants]
@@ -187,7 +231,14 @@ def detect_boards(
 
     Parameters
     ----------
+    sources : camera -> its recording.
+    board : the board.
+    most_images : images searched in each recording, about.
     progress : told (what, images done, images in all).
+
+    Returns
+    -------
+    Camera -> its views.
 
     Raises
     ------
@@ -203,7 +254,18 @@ def detect_boards(
 
 
 def with_board(seen: Mapping[str, CameraViews], board: Board, least: int) -> tuple[dict[str, CameraViews], dict[str, str]]:
-    """The cameras that saw the board, and for each of the others why it has no part in the calibration.
+    """Split the cameras into those that saw the board and the others.
+
+    Parameters
+    ----------
+    seen : camera -> its views.
+    board : the board, for messages.
+    least : cameras that are needed.
+
+    Returns
+    -------
+    The cameras that saw the board.
+    Camera -> why it has no part in the calibration.
 
     Raises
     ------

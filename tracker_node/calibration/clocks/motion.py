@@ -56,11 +56,16 @@ class MotionProfiles:
 
 
 def plane_numbers(camera: Camera, other: Camera, size: tuple[int, int], other_size: tuple[int, int]) -> np.ndarray:
-    """(height * width,) which of the common planes each pixel of ``camera`` lies in, -1 for none.
+    """Number of the common plane in which each pixel lies.
 
     Parameters
     ----------
+    camera, other : the two cameras; pixels are those of ``camera``.
     size, other_size : (width, height) that the images of both cameras are made small to.
+
+    Returns
+    -------
+    (height * width,) 0 to `N_PLANES` - 1, or -1 for none.
     """
     angles = [_angles(c, camera, other, s) for c, s in ((camera, size), (other, other_size))]
     low, high = (max(np.nanmin(a) for a in angles), min(np.nanmax(a) for a in angles))
@@ -90,7 +95,16 @@ def _angles(camera: Camera, a: Camera, b: Camera, size: tuple[int, int]) -> np.n
 
 
 def small_size(width: int, height: int) -> tuple[int, int]:
-    """Size to which images are made small."""
+    """Size to which images are reduced.
+
+    Parameters
+    ----------
+    width, height : pixels.
+
+    Returns
+    -------
+    (width, height), the longer one at most `LONG_SIDE_PX`.
+    """
     scale = min(1.0, LONG_SIDE_PX / max(width, height))
     return max(1, round(scale * width)), max(1, round(scale * height))
 
@@ -201,7 +215,17 @@ Tables = Mapping[tuple[int, int], tuple[int, np.ndarray] | None]
 
 
 def correlations(signals: Sequence[Signals], max_offset_s: float) -> Tables:
-    """Pair -> (first lag in steps, correlation at each lag from there on), as far as ``max_offset_s``; None without motion."""
+    """Correlation of the motion of every pair of cameras, at all lags.
+
+    Parameters
+    ----------
+    signals : one a camera.
+    max_offset_s : largest lag.
+
+    Returns
+    -------
+    Pair -> (first lag in steps, correlation at each lag from there on); None without motion in common.
+    """
     result: dict[tuple[int, int], tuple[int, np.ndarray] | None] = {}
     for (i, a), (j, b) in itertools.combinations(enumerate(signals), 2):
         x, y = a.towards(b), b.towards(a)
@@ -225,7 +249,20 @@ def _lagged(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def refined(i: int, j: int, signals: Sequence[Signals], lag_s: float, middle_s: float, width: int) -> Pair | None:
-    """The lag of a pair below the image period, with ``width`` 2 also its drift; None where they do not agree near ``lag_s``."""
+    """Lag of a pair of cameras below the image period.
+
+    Parameters
+    ----------
+    i, j : numbers of the cameras.
+    signals : one a camera.
+    lag_s : start.
+    middle_s : time that the lag is for.
+    width : 2 to estimate the drift as well, 1 without it.
+
+    Returns
+    -------
+    The lag with its covariance; None where the cameras do not agree near ``lag_s``.
+    """
     a, b = signals[i], signals[j]
     curve = make_interp_spline(b.times_s, b.towards(a), k=3)
     slope = curve.derivative()

@@ -76,11 +76,19 @@ class Clocks:
     misfit: float
 
     def corrected(self, name: str, first_s: float, offset_s: float, drift_ppm: float) -> tuple[float, float]:
-        """Offset (seconds) and drift (millionths) for the rig, of a camera that had others there already.
+        """Offset and drift for the rig, of a camera whose file has others already.
 
         Parameters
         ----------
+        name : of the camera.
         first_s : stamp of its first image as it was used here, with the old offset.
+        offset_s : the old offset.
+        drift_ppm : the old drift.
+
+        Returns
+        -------
+        offset_s : seconds.
+        drift_ppm : millionths.
         """
         clock = self.cameras[name]
         offset = offset_s + clock.offset_s + clock.drift * (first_s - self.middle_s)
@@ -88,7 +96,16 @@ class Clocks:
 
 
 def estimate_clocks(motions: Sequence[MotionProfiles], options: ClockOptions | None = None) -> Clocks:
-    """Clocks of all cameras, such that most of them are right as they are.
+    """Clocks of all cameras; of the solutions that agree as well, the one in which most of them are right as they are.
+
+    Parameters
+    ----------
+    motions : one a camera, at least two.
+    options : largest offset, and whether drift is estimated.
+
+    Returns
+    -------
+    Offsets and drifts with their uncertainty.
 
     Raises
     ------

@@ -80,7 +80,17 @@ class Adjustment:
 
 
 def adjust(rig: CameraRig, observations: PointObservations, options: AdjustmentOptions | None = None) -> Adjustment:
-    """Points, and poses of all cameras but the first, that explain the observations.
+    """Estimate points, and the poses of all cameras but the first.
+
+    Parameters
+    ----------
+    rig : cameras with their given poses.
+    observations : pixels and weights, cameras in the order of the rig.
+    options : robust scale, priors, what is free.
+
+    Returns
+    -------
+    Poses, points and residuals at the minimum.
 
     Raises
     ------

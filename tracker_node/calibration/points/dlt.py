@@ -64,13 +64,19 @@ class DltCalibration:
 def calibrate(
     name: str, points: np.ndarray, pixels: np.ndarray, image_size: tuple[int, int], constraint: str = "none"
 ) -> DltCalibration:
-    """The camera that sees ``points`` (n, 3) (world, metres) in ``pixels`` (n, 2).
+    """The camera that sees control points in given pixels.
 
     Parameters
     ----------
     name : of the camera, for its frame and for messages.
+    points : (n, 3) world, meters.
+    pixels : (n, 2).
     image_size : (width, height).
     constraint : a key of `CONSTRAINTS`.
+
+    Returns
+    -------
+    The camera and its residuals.
 
     Raises
     ------
@@ -86,7 +92,18 @@ def calibrate(
 
 
 def solve_linear(name: str, points: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """Projection matrix (3, 4), of norm one and any sign, by the linear solution in normalized coordinates."""
+    """Projection matrix by the linear solution in normalized coordinates.
+
+    Parameters
+    ----------
+    name : of the camera, for messages.
+    points : (n, 3) world, meters.
+    pixels : (n, 2).
+
+    Returns
+    -------
+    (3, 4), of norm one and any sign.
+    """
     _check_spread(name, points)
     T_points, T_pixels = _normalization(points), _normalization(pixels)
     x = np.column_stack([points, np.ones(len(points))]) @ T_points.T
@@ -101,12 +118,18 @@ def solve_linear(name: str, points: np.ndarray, pixels: np.ndarray) -> np.ndarra
 
 
 def decompose(P: np.ndarray, points: np.ndarray, name: str = "camera") -> tuple[np.ndarray, np.ndarray]:
-    """K (3, 3) with positive focal lengths and K[2, 2] = 1, and T_world_cam, with P proportional to K [R | t].
+    """Lens and place of a projection matrix.
 
     Parameters
     ----------
     P : (3, 4) projection matrix; its scale and sign do not matter.
     points : (n, 3) points that the camera sees, hence in front of it.
+    name : of the camera, for messages.
+
+    Returns
+    -------
+    K (3, 3) with positive focal lengths and K[2, 2] = 1.
+    T_world_cam (4, 4), with P proportional to K [R | t].
     """
     P = P * np.sign(np.linalg.det(P[:, :3]))
     K, R = rq(P[:, :3])
@@ -133,7 +156,17 @@ def dlt_parameters(camera: Camera) -> np.ndarray:
 
 
 def camera_of_parameters(name: str, parameters: np.ndarray, image_size: tuple[int, int]) -> Camera:
-    """The camera, without distortion, of L1..L11 (11,); the world's origin is taken to lie in front of it.
+    """The camera of DLT parameters; the world's origin is taken to lie in front of it.
+
+    Parameters
+    ----------
+    name : of the camera.
+    parameters : (11,) L1 to L11.
+    image_size : (width, height).
+
+    Returns
+    -------
+    A camera without distortion.
 
     Raises
     ------
@@ -176,9 +209,19 @@ def reconstruct(parameters: np.ndarray, pixels: np.ndarray, weights: np.ndarray)
 
 
 def image_residuals(camera: Camera, points: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """(n, 2) pixels seen minus pixels of a camera without distortion.
+    """Residuals of a camera without distortion.
 
     Unlike `Camera.project` it goes on smoothly where a trial camera has a point behind it.
+
+    Parameters
+    ----------
+    camera : the camera.
+    points : (n, 3) world, meters.
+    pixels : (n, 2) where they are seen.
+
+    Returns
+    -------
+    (n, 2) pixels seen minus pixels of the camera.
     """
     uvw = se3.apply(camera.T_cam_world, points) @ camera.model.K.T
     return pixels - uvw[:, :2] / uvw[:, 2:]
@@ -236,7 +279,13 @@ def _refine(
 
 
 def check_control_points(name: str, seen: ControlPoints, image_size: tuple[int, int]) -> None:
-    """Refuse what a camera's points show to be wrong by itself.
+    """Refuse control points that are wrong by themselves.
+
+    Parameters
+    ----------
+    name : of the camera, for messages.
+    seen : points and pixels of the camera.
+    image_size : (width, height).
 
     Raises
     ------

@@ -42,13 +42,20 @@ class DltStage:
 def calibrate_in_stages(
     name: str, points: np.ndarray, pixels: np.ndarray, image_size: tuple[int, int], seed: int = 0, iterations: int = 300
 ) -> tuple[DltStage, ...]:
-    """The stages of `STAGES` for a camera that sees ``points`` (n, 3) (world, metres) in ``pixels`` (n, 2).
+    """The stages of `STAGES` for one camera.
 
     Parameters
     ----------
+    name : of the camera.
+    points : (n, 3) world, meters.
+    pixels : (n, 2) where they are seen.
     image_size : (width, height).
     seed : of the annealing's random numbers.
     iterations : of the annealing.
+
+    Returns
+    -------
+    One a stage.
 
     Raises
     ------
@@ -106,12 +113,17 @@ class _Restricted:
 
 
 def object_errors_m(cameras: Sequence[Camera], points: np.ndarray, pixels: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(k,) distances of known points from where the cameras reconstruct them; of those that two cameras see.
+    """Distances of known points from where the cameras reconstruct them.
 
     Parameters
     ----------
+    cameras : c of them, without distortion.
     points : (n, 3).
     pixels, weights : (n, c, 2) and (n, c), weight 0 where a camera has not seen the point.
+
+    Returns
+    -------
+    (k,) meters, of the points that two cameras see.
     """
     found, valid = reconstruct(np.array([dlt_parameters(camera) for camera in cameras]), pixels, weights)
     return np.linalg.norm(found - points, axis=1)[valid]

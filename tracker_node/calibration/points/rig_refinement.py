@@ -66,11 +66,16 @@ class Refinement:
 
 
 def collect_joints(rig: CameraRig, people: list[list[np.ndarray]]) -> np.ndarray:
-    """Joints of the one person whom the cameras agree on: (n_images, n_joints, n_cameras, 3) of u, v, confidence.
+    """Joints of the one person whom the cameras agree on.
 
     Parameters
     ----------
+    rig : the cameras.
     people : per camera, per image: (n_people, n_joints, 3). Images beyond the shortest camera's are left out.
+
+    Returns
+    -------
+    (n_images, n_joints, n_cameras, 3) u, v, confidence.
 
     Raises
     ------
@@ -107,7 +112,12 @@ def refine_rig(
     ----------
     rig : cameras for the pixels of the joints.
     joints : (n_images, n_joints, n_cameras, 3): u, v, confidence.
+    options : of the bundle adjustment.
     min_confidence : joints below it are not used.
+
+    Returns
+    -------
+    The refined rig, the joints, and what changed.
 
     Raises
     ------
@@ -137,9 +147,18 @@ def refine_rig(
 
 
 def rigid_alignment(points: np.ndarray, targets: np.ndarray, n_iterations: int = 20) -> np.ndarray:
-    """T (4, 4) with ``targets`` near T @ ``points``, both (n, 3): rotation and translation (Kabsch), far pairs counting less.
+    """Rotation and translation between two sets of points (Kabsch), far pairs counting less.
 
     Each round weights pairs by 1 / (s^2 + d^2), s the median distance: a Cauchy loss.
+
+    Parameters
+    ----------
+    points, targets : (n, 3).
+    n_iterations : rounds of reweighting.
+
+    Returns
+    -------
+    T (4, 4) with ``targets`` near T @ ``points``.
     """
     transform, weights = np.eye(4), np.ones(len(points))
     for _ in range(n_iterations):

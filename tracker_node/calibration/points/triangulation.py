@@ -61,7 +61,19 @@ def triangulate(
 
 
 def reproject(models: Sequence[CameraModel], Ts_world_cam: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels (n_points, n_cameras, 2) of world points (n_points, 3), and a validity mask (n_points, n_cameras)."""
+    """Project points into all cameras.
+
+    Parameters
+    ----------
+    models : one per camera.
+    Ts_world_cam : (n_cameras, 4, 4).
+    points : (n_points, 3) world, meters.
+
+    Returns
+    -------
+    Pixels (n_points, n_cameras, 2).
+    Valid (n_points, n_cameras): in front of the camera, where its lens holds.
+    """
     pixels = np.zeros((len(points), len(models), 2))
     valid = np.zeros((len(points), len(models)), dtype=bool)
     for index, model in enumerate(models):
@@ -98,12 +110,18 @@ class ReconstructedPoint:
 def reconstruct_point(
     cameras: Sequence[Camera], pixels: np.ndarray, sigma_px: float = 1.0, method: str = "lens"
 ) -> ReconstructedPoint | None:
-    """The point that ``cameras`` show at ``pixels`` (n, 2), n >= 2; None where their rays do not meet in front of all of them.
+    """The point that cameras show at given pixels.
 
     Parameters
     ----------
+    cameras : n of them.
+    pixels : (n, 2).
     sigma_px : standard deviation of a click along u and v.
     method : "lens", or "dlt" for the eleven parameters of cameras without distortion.
+
+    Returns
+    -------
+    The point; None for fewer than two cameras, or where their rays do not meet in front of all of them.
 
     Raises
     ------

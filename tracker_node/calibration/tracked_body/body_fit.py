@@ -117,10 +117,16 @@ def fit_body(
     Parameters
     ----------
     model : the body to start from; the prior is centered on it.
+    rig : the cameras.
     image_sets, states : ten to thirty sets with different poses, and where the body about is in each (a tracker's states).
+    options : what of the body may change, priors, rounds.
     progress : called with what is done, how often it has been done, and how often it will be.
     evidence : of the contours; default: the colors on either side of them, without images of the empty scene.
     velocities : (n_dof,) tangent a second of every set, for cameras that do not expose at one instant.
+
+    Returns
+    -------
+    The body, its states, and the report.
 
     Raises
     ------
@@ -169,17 +175,50 @@ class JointFit:
         self._done, self.iterations = 0, 0
 
     def run(self, what: str, problem: Problem, start: Estimate, robust_px: float, rounds: int) -> Solution:
-        """Look at the images around ``start``, then ``rounds`` times lines and a step."""
+        """Observe the images around a start, then draw lines and solve.
+
+        Parameters
+        ----------
+        what : name of the stage, for progress.
+        problem : what is given, and what is free.
+        start : the unknowns.
+        robust_px : scale of the robust kernel.
+        rounds : how often lines are drawn.
+
+        Returns
+        -------
+        Where the last round ended.
+        """
         self.look(problem, start, robust_px)
         return self.rounds(what, problem, Solution(start, np.inf, 0, False), robust_px, rounds)
 
     def look(self, problem: Problem, estimate: Estimate, robust_px: float) -> None:
-        """Look at the images around an estimate."""
+        """Observe the images around an estimate.
+
+        Parameters
+        ----------
+        problem : what is given.
+        estimate : where the body and the cameras about are.
+        robust_px : by how much they may be off.
+        """
         states = [problem.states_of(estimate, k) for k in range(len(estimate.states))]
         self._evidence.look(problem.space.body(estimate.s), problem.rig_of(estimate), states, robust_px)
 
     def rounds(self, what: str, problem: Problem, solution: Solution, robust_px: float, rounds: int) -> Solution:
-        """``rounds`` times lines and some steps."""
+        """Draw lines and solve, several times.
+
+        Parameters
+        ----------
+        what : name of the stage, for progress.
+        problem : what is given, and what is free.
+        solution : where to go on from.
+        robust_px : scale of the robust kernel.
+        rounds : how often.
+
+        Returns
+        -------
+        Where the last round ended.
+        """
         for _ in range(rounds):
             self._progress(what, self._done, self._n_rounds)
             solution = solve(problem, self.draw(problem, solution.found), solution.found, robust_px)
@@ -189,7 +228,17 @@ class JointFit:
         return solution
 
     def draw(self, problem: Problem, estimate: Estimate) -> list[ContourLines]:
-        """Lines of every set at the contours of an estimate."""
+        """Draw lines at the contours of an estimate.
+
+        Parameters
+        ----------
+        problem : what is given.
+        estimate : body, poses and cameras.
+
+        Returns
+        -------
+        The lines of every image set.
+        """
         model, rig = problem.space.body(estimate.s), problem.rig_of(estimate)
         return [self._evidence.lines(k, model, rig, problem.states_of(estimate, k)) for k in range(len(estimate.states))]
 
@@ -197,7 +246,19 @@ class JointFit:
 def motions_of(
     rig: CameraRig, image_sets: Sequence[ImageSet], n_dof: int, velocities: Sequence[np.ndarray] | None
 ) -> list[Motion]:
-    """Velocities (none: zeros) with the delays that the images' own stamps state."""
+    """Velocities with the delays that the images' own stamps state.
+
+    Parameters
+    ----------
+    rig : the cameras.
+    image_sets : n of them.
+    n_dof : degrees of freedom of the body.
+    velocities : (n_dof,) tangent a second of each set; None: zeros.
+
+    Returns
+    -------
+    One a set; without a velocity delays are zero.
+    """
     result = []
     for k, images in enumerate(image_sets):
         found = [images.get(camera.name) for camera in rig]
@@ -208,7 +269,18 @@ def motions_of(
 
 
 def pose_priors(model: ArticulatedModel, states: Sequence[State], options: BodyFitOptions) -> list[list[Prior]]:
-    """A weak pull to the states given, and the model's own to neutral angles."""
+    """Priors on the poses: weakly at the states given, and the model's own at neutral angles.
+
+    Parameters
+    ----------
+    model : the body.
+    states : one a set.
+    options : their standard deviations.
+
+    Returns
+    -------
+    Two priors a set.
+    """
     stay = np.full(model.n_dof, options.stay_sigma_rad**-2.0)
     stay[:3] = options.stay_sigma_m**-2.0
     neutral = np.zeros(model.n_dof)
@@ -244,7 +316,17 @@ def _report(
 
 
 def residuals_of(problem: Problem, estimate: Estimate, lines: Sequence[ContourLines]) -> np.ndarray:
-    """(n, 3) camera, shape and residual of all lines."""
+    """Residuals of all lines that can be evaluated.
+
+    Parameters
+    ----------
+    problem, estimate : what is given, and what has been estimated.
+    lines : of every image set.
+
+    Returns
+    -------
+    (n, 3) camera, shape, and residual in pixels.
+    """
     model, rig = problem.space.body(estimate.s), problem.rig_of(estimate)
     rows = []
     for k, own in enumerate(lines):
@@ -254,7 +336,17 @@ def residuals_of(problem: Problem, estimate: Estimate, lines: Sequence[ContourLi
 
 
 def misfit_of(problem: Problem, estimate: Estimate, lines: Sequence[ContourLines]) -> float:
-    """Square of the lines' residuals as a multiple of their variances, in the middle: 1 where they are as good as they say."""
+    """Squared residuals of the lines as a multiple of their variances.
+
+    Parameters
+    ----------
+    problem, estimate : what is given, and what has been estimated.
+    lines : of every image set.
+
+    Returns
+    -------
+    Of the median residual: 1 where lines are as accurate as their variances state.
+    """
     model, rig = problem.space.body(estimate.s), problem.rig_of(estimate)
     ratios = []
     for k, own in enumerate(lines):

@@ -34,10 +34,30 @@ class LineEvidence(Protocol):
     """Image sets that contours can be looked for in."""
 
     def look(self, model: ArticulatedModel, rig: CameraRig, states: Sequence[Sequence[State]], robust_px: float) -> None:
-        """Take the images in, given roughly (about ``robust_px``) where the body is in each set and camera."""
+        """Observe the image sets around the body.
+
+        Parameters
+        ----------
+        model : the body.
+        rig : the cameras.
+        states : per set, where each camera sees the body, roughly.
+        robust_px : by about how much they are off.
+        """
 
     def lines(self, index: int, model: ArticulatedModel, rig: CameraRig, states: Sequence[State]) -> ContourLines:
-        """Lines of one image set, drawn at the contours of the body that camera i sees in ``states[i]``."""
+        """Draw the lines of one image set.
+
+        Parameters
+        ----------
+        index : of the set.
+        model : the body.
+        rig : the cameras.
+        states : where camera i sees the body; lines are drawn at its contours.
+
+        Returns
+        -------
+        Lines of all cameras.
+        """
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +73,20 @@ class VisibleSamples:
 def visible_samples(
     configuration: Configuration, arrays: ShapeArrays, camera: Camera, n_samples: int, outward_px: float = 3.0
 ) -> VisibleSamples:
-    """All contour samples of a body that a camera sees, those of one shape together."""
+    """All contour samples of a body that a camera sees, those of one shape together.
+
+    Parameters
+    ----------
+    configuration : the body in a state.
+    arrays : its shapes.
+    camera : the camera.
+    n_samples : per generator line.
+    outward_px : how far outside the contour visibility is decided.
+
+    Returns
+    -------
+    The samples, in the order of shapes.
+    """
     seen, Ts = samples_seen(configuration, arrays, camera, n_samples, outward_px), configuration.Ts_world_shape
     shapes, points = seen.info[:, cs.SHAPE], np.empty((len(seen.info), 3))
     for k in np.unique(shapes):
@@ -83,6 +116,16 @@ class SilhouetteEvidence:
         self._maps: list[list[_Maps | None]] = []
 
     def look(self, model: ArticulatedModel, rig: CameraRig, states: Sequence[Sequence[State]], robust_px: float) -> None:
+        """Observe the image sets: distances to silhouettes and edges.
+
+
+        Parameters
+        ----------
+        model : the body.
+        rig : the cameras.
+        states : per set, where each camera sees the body, roughly.
+        robust_px : not used; distances reach as far as they do in tracking.
+        """
         config = self._config
         cameras = [
             (c, Observer(c.name, (c.model.width, c.model.height), config.chamfer, config.background, self._plates.get(c.name)))
@@ -106,6 +149,20 @@ class SilhouetteEvidence:
         return None if seen.empty else _Maps(region[:2], seen.silhouette_distance, seen.edge_distance)
 
     def lines(self, index: int, model: ArticulatedModel, rig: CameraRig, states: Sequence[State]) -> ContourLines:
+        """Lines of one image set, to the silhouette for the outline and to edges within it.
+
+
+        Parameters
+        ----------
+        index : of the set.
+        model : the body.
+        rig : the cameras.
+        states : where camera i sees the body.
+
+        Returns
+        -------
+        Lines of all cameras.
+        """
         arrays, chamfer = ShapeArrays.from_model(model, caps=False), self._config.chamfer
         drawn = []
         for i, maps in enumerate(self._maps[index]):
@@ -157,7 +214,19 @@ def joined(lines: Sequence[ContourLines]) -> ContourLines:
 
 
 def bilinear(image: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Values (n,), slopes (n, 2) along u and v, and which are within, of an image at pixels (n, 2)."""
+    """Bilinear interpolation of an image, and its slope.
+
+    Parameters
+    ----------
+    image : (h, w).
+    at : (n, 2) pixels.
+
+    Returns
+    -------
+    Values (n,).
+    Slopes (n, 2) along u and v.
+    Inside (n,): which pixels lie within the image.
+    """
     corner = np.floor(at).astype(np.int64)
     inside = np.all(corner >= 0, axis=1) & (corner[:, 0] + 1 < image.shape[1]) & (corner[:, 1] + 1 < image.shape[0])
     j, i = np.where(inside[:, None], corner, 0).T
@@ -191,6 +260,16 @@ class RegionEvidence:
         self._scale, self._model_sigma_px = 1.0, 0.5
 
     def look(self, model: ArticulatedModel, rig: CameraRig, states: Sequence[Sequence[State]], robust_px: float) -> None:
+        """Learn the colors of body and background in all image sets, one camera at a time.
+
+
+        Parameters
+        ----------
+        model : the body.
+        rig : the cameras.
+        states : per set, where each camera sees the body, roughly.
+        robust_px : by about how much they are off: length of the lines, and uncertainty of the model.
+        """
         region, classes = self._region, color_classes(model)
         stated = stated_densities(model, classes)
         self._scale, self._model_sigma_px = max(1.0, robust_px / 3.0), robust_px / 6.0
@@ -220,6 +299,20 @@ class RegionEvidence:
         return EmptyRoom(plates, background.sigma, background.learning_rate, background.body_margin_px)
 
     def lines(self, index: int, model: ArticulatedModel, rig: CameraRig, states: Sequence[State]) -> ContourLines:
+        """Lines of one image set, with the contour's position by the colors on either side.
+
+
+        Parameters
+        ----------
+        index : of the set.
+        model : the body.
+        rig : the cameras.
+        states : where camera i sees the body.
+
+        Returns
+        -------
+        Lines of all cameras.
+        """
         if self._drawer is None or self._drawer[0] is not model or self._drawer[1] is not rig:
             self._drawer = model, rig, self._make(model, rig)
         drawer, images = self._drawer[2], self._sets[index]

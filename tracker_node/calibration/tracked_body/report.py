@@ -28,7 +28,18 @@ def before_and_after(
     after: tuple[ArticulatedModel, CameraRig, Sequence[State]],
     instants: int = 2,
 ) -> list[Section]:
-    """Both bodies over the images of some sets, before to the left, cut out around them; all cameras."""
+    """Both bodies over the images of some sets, before to the left, cut out around them.
+
+    Parameters
+    ----------
+    image_sets : images that were fitted.
+    before, after : body, rig, and states of all sets.
+    instants : image sets that are shown.
+
+    Returns
+    -------
+    One section a camera and set.
+    """
     pictures = []
     for k in np.unique(np.linspace(0, len(image_sets) - 1, min(instants, len(image_sets)) + 2).round().astype(int)[1:-1]):
         for i, camera in enumerate(after[1]):
@@ -58,7 +69,18 @@ def _cut(image: np.ndarray, bounds: Sequence[tuple[int, int, int, int] | None], 
 
 
 def line_table(caption: str, name: str, figures: Mapping[str, tuple[LineFigures, LineFigures]]) -> Section:
-    """Distances of contour lines before and after."""
+    """Table of distances of contour lines.
+
+    Parameters
+    ----------
+    caption : of the table.
+    name : heading of its first column.
+    figures : row -> before and after.
+
+    Returns
+    -------
+    The table.
+    """
     rows = [
         (key, str(b.count), f"{a.rms_px:.2f}", f"{b.rms_px:.2f}", f"{a.median_px:.2f}", f"{b.median_px:.2f}")
         for key, (a, b) in figures.items()
@@ -78,7 +100,17 @@ def parameter_table(report: BodyFitReport) -> Section:
 
 
 def measure_table(before: ArticulatedModel, fit: BodyFit) -> Section:
-    """Sizes of all parts before and after, millimetres."""
+    """Table of the sizes of all parts and the distances of joints, millimeters.
+
+    Parameters
+    ----------
+    before : the body as given.
+    fit : the fitted one.
+
+    Returns
+    -------
+    The table.
+    """
     rows = []
     for shape, fitted in zip(before.shapes, fit.model.shapes, strict=True):
         sizes = [2e3 * half_extents(s.primitive) for s in (shape, fitted)]
@@ -109,7 +141,15 @@ def camera_table(fit: RigFit) -> Section:
 def write_body_report(
     path: str | Path, before: ArticulatedModel, rig: CameraRig, image_sets: Sequence[ImageSet], fit: BodyFit
 ) -> None:
-    """The page of a fitted body."""
+    """Write the HTML page of a fitted body.
+
+    Parameters
+    ----------
+    path : of the page.
+    before : the body as given.
+    rig, image_sets : what it was fitted to.
+    fit : the result.
+    """
     report = fit.report
     first, last = report.overall
     note = Section(
@@ -128,7 +168,15 @@ def write_body_report(
 def write_rig_report(
     path: str | Path, given: ArticulatedModel, rig: CameraRig, image_sets: Sequence[ImageSet], fit: RigFit
 ) -> None:
-    """The page of a fitted rig."""
+    """Write the HTML page of a fitted rig.
+
+    Parameters
+    ----------
+    path : of the page.
+    given, rig : body and rig as given.
+    image_sets : what the rig was fitted to.
+    fit : the result.
+    """
     first, last = fit.overall
     note = Section(
         text=f"{fit.n_sets} image sets, {last.count} contour lines: rms {first.rms_px:.2f} px with the rig as given (poses"

@@ -33,7 +33,16 @@ class ClockDrift:
 
 
 def stretches(stamps_s: Sequence[float], n: int = 3) -> list[np.ndarray]:
-    """Indices of the image sets of ``n`` equal stretches of time.
+    """Split image sets into equal stretches of time.
+
+    Parameters
+    ----------
+    stamps_s : of all image sets.
+    n : number of stretches.
+
+    Returns
+    -------
+    Indices of the image sets of each.
 
     Raises
     ------
@@ -58,8 +67,13 @@ def fit_drift(
 
     Parameters
     ----------
-    stamps_s : of all image sets. parts : from `stretches`. fit : of the image sets with the given indices, with
-        `RigFitOptions.sure_sigmas` 0.
+    stamps_s : of all image sets.
+    parts : indices of image sets, from `stretches`.
+    fit : fits the rig to the image sets with the given indices, with `RigFitOptions.sure_sigmas` 0.
+
+    Returns
+    -------
+    Camera -> its clock.
     """
     times = np.array([float(np.mean(np.asarray(stamps_s)[part])) for part in parts])
     fits = [fit(part) for part in parts]

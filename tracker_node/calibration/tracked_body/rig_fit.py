@@ -125,9 +125,17 @@ def fit_rig(
 
     Parameters
     ----------
+    model : the body, of known size.
+    rig : the cameras as calibrated.
+    image_sets : ten to thirty sets, with stamps.
     states, velocities : where the body about is in each set, and how fast it moves (tangent a second): times are told by fast
         motion only.
+    options : what of the cameras is free, priors.
     progress, evidence : as for `body_fit.fit_body`.
+
+    Returns
+    -------
+    The rig, what changed by camera, and the states.
 
     Raises
     ------
@@ -173,8 +181,8 @@ def fit_rig(
 def _sigmas(problem: Problem, estimate: Estimate, lines: Sequence[ContourLines], robust_px: float) -> np.ndarray:
     """(n_cameras, `N_CAMERA`) standard deviations: by lines as bad as their residuals, or by image sets, whichever says more."""
     _, covariance = shared_covariance(problem, lines, estimate, robust_px)
-    by_lines = np.sqrt(max(1.0, misfit_of(problem, estimate, lines))) * settled_sigmas(problem.rig, covariance)
-    by_sets = settled_sigmas(problem.rig, clustered_covariance(problem, lines, estimate, robust_px))
+    by_lines = np.sqrt(max(1.0, misfit_of(problem, estimate, lines))) * _settled_sigmas(problem.rig, covariance)
+    by_sets = _settled_sigmas(problem.rig, clustered_covariance(problem, lines, estimate, robust_px))
     return np.maximum(by_lines, by_sets)
 
 
@@ -202,7 +210,18 @@ def _without_doubtful_times(problem: Problem, estimate: Estimate, loop: JointFit
 
 
 def settled(rig: CameraRig, problem: Problem, estimate: Estimate) -> tuple[CameraRig, tuple[State, ...]]:
-    """The rig and the states of an estimate, in the world and the time in which most cameras stay what they were."""
+    """Rig and states of an estimate, in the world and the time in which most cameras stay what they were.
+
+    Parameters
+    ----------
+    rig : the cameras as given.
+    problem, estimate : what was given, and what has been estimated.
+
+    Returns
+    -------
+    The rig, with time offsets.
+    The states, one a set.
+    """
     late_s = estimate.cameras[:, TIME]
     common_s = float(np.median(late_s))
     cameras = [moved_camera(c, d) for c, d in zip(rig, estimate.cameras, strict=True)]
@@ -218,7 +237,7 @@ def settled(rig: CameraRig, problem: Problem, estimate: Estimate) -> tuple[Camer
     return CameraRig(tuple(result), rig.world_frame, rig.lights), tuple(states)
 
 
-def settled_sigmas(rig: CameraRig, covariance: np.ndarray, meter_rad: float = 0.2) -> np.ndarray:
+def _settled_sigmas(rig: CameraRig, covariance: np.ndarray, meter_rad: float = 0.2) -> np.ndarray:
     """(n_cameras, `N_CAMERA`) standard deviations of departures, without the move and the delay that all cameras share."""
     n = len(rig)
     common = np.zeros((n, N_CAMERA, 7))
@@ -235,9 +254,18 @@ def settled_sigmas(rig: CameraRig, covariance: np.ndarray, meter_rad: float = 0.
 
 
 def world_of_most(Ts_world_cam: np.ndarray, given: np.ndarray, meter_rad: float = 0.2) -> np.ndarray:
-    """T (4, 4) such that ``T @ Ts_world_cam`` are near ``given``, both (n, 4, 4): most of them, not the mean.
+    """Transform that brings most cameras back to their given poses: least sum of distances, not of squares.
 
     Least sum of distances (not of squares), by reweighting; a meter counts as much as ``meter_rad`` radians.
+
+    Parameters
+    ----------
+    Ts_world_cam, given : (n, 4, 4) poses, and those that they are to be near.
+    meter_rad : radians that count as much as a meter.
+
+    Returns
+    -------
+    T (4, 4) such that ``T @ Ts_world_cam`` are near ``given``.
     """
     T, weights = np.eye(4), np.ones(len(given))
     middle = given[:, :3, 3].mean(axis=0)

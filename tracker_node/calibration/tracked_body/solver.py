@@ -85,13 +85,34 @@ class Problem:
         return CameraRig(cameras, self.rig.world_frame, self.rig.lights)
 
     def states_of(self, estimate: Estimate, k: int) -> list[State]:
-        """Where each camera sees the body in set k."""
+        """States of the body when each camera exposes.
+
+        Parameters
+        ----------
+        estimate : states and delays.
+        k : number of the image set.
+
+        Returns
+        -------
+        One a camera.
+        """
         state, motion = estimate.states[k], self.motions[k]
         delays_s = motion.delays_s + estimate.cameras[:, TIME]
         return [state.retract(delay_s * motion.velocity) if delay_s else state for delay_s in delays_s]
 
     def weights(self, residuals: np.ndarray, variances: np.ndarray, robust_px: float) -> tuple[np.ndarray, np.ndarray]:
-        """Geman-McClure: costs and weights of residuals (n,), in information units. Lines that know little get more room."""
+        """Geman-McClure kernel, in information units. Lines of large variance have a larger scale.
+
+        Parameters
+        ----------
+        residuals, variances : (n,) pixels, and squared pixels.
+        robust_px : least scale of the kernel.
+
+        Returns
+        -------
+        Costs (n,).
+        Weights (n,) of the squared residuals.
+        """
         squares, scale = residuals**2, np.maximum(robust_px**2, 4.0 * variances)
         ratio = scale / (scale + squares)
         information = 1.0 / (self.correlation * variances)
@@ -104,7 +125,17 @@ _TOLERANCE = 1e-4  # of the cost
 
 
 def moved_camera(camera: Camera, departure: np.ndarray) -> Camera:
-    """A camera that departs from its calibration by (`N_CAMERA`,); its stamps are left as they are."""
+    """A camera that departs from its calibration; its stamps stay.
+
+    Parameters
+    ----------
+    camera : as calibrated.
+    departure : (`N_CAMERA`,) see `Estimate`.
+
+    Returns
+    -------
+    The moved camera.
+    """
     lens = camera.model
     if departure[FOCAL]:
         K = lens.K.copy()
@@ -121,9 +152,22 @@ def solve(
     max_iterations: int = 3,
     damping: float = 1e-3,
 ) -> Solution:
-    """Walk downhill on fixed lines from ``start``; deterministic. Joints stay within their limits.
+    """Go downhill on fixed lines; deterministic. Joints stay within their limits.
 
     ``damping`` is relative to the diagonal of the Gauss-Newton matrix, to begin with.
+
+    Parameters
+    ----------
+    problem : what is given, and what is free.
+    lines : of every image set.
+    start : the unknowns.
+    robust_px : scale of the robust kernel.
+    max_iterations : steps at most.
+    damping : of the first step, relative to the diagonal of the Gauss-Newton matrix.
+
+    Returns
+    -------
+    Where it ended.
     """
     return descend(
         start, lambda estimate: _cost(problem, lines, estimate, robust_px),
@@ -134,17 +178,40 @@ def solve(
 def shared_covariance(
     problem: Problem, lines: Sequence[ContourLines], estimate: Estimate, robust_px: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Covariances of the shape (n_shape, n_shape) and of all cameras' departures (n_cameras * `N_CAMERA`, the same), the poses
-    being unknown; zeros for what is held."""
+    """Covariances of shape and cameras, the poses being unknown; zeros for what is held.
+
+    Parameters
+    ----------
+    problem : what is given.
+    lines : of every image set.
+    estimate : where to linearize.
+    robust_px : scale of the robust kernel.
+
+    Returns
+    -------
+    (n_shape, n_shape) of the shape.
+    (n_cameras * `N_CAMERA`, the same) of all cameras' departures.
+    """
     covariance, n_shape = _Arrow(problem, lines, estimate, robust_px).shared_covariance(), len(estimate.s)
     return covariance[:n_shape, :n_shape], covariance[n_shape:, n_shape:]
 
 
 def clustered_covariance(problem: Problem, lines: Sequence[ContourLines], estimate: Estimate, robust_px: float) -> np.ndarray:
-    """Covariance of all cameras' departures (n_cameras * `N_CAMERA`, the same) by how much the image sets contradict each other.
+    """Covariance of all cameras' departures by how much the image sets contradict each other.
 
     Where a body is not the model's, all lines along a limb are off alike, and a covariance that takes each for a measurement of
     its own is far too small. Here a whole image set is one measurement (cluster-robust sandwich: Liang and Zeger, 1986).
+
+    Parameters
+    ----------
+    problem : what is given.
+    lines : of every image set.
+    estimate : where to linearize.
+    robust_px : scale of the robust kernel.
+
+    Returns
+    -------
+    (n_cameras * `N_CAMERA`, the same).
     """
     n_shape = len(estimate.s)
     return _Arrow(problem, lines, estimate, robust_px).clustered_covariance()[n_shape:, n_shape:]

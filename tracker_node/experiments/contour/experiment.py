@@ -138,7 +138,7 @@ def make_clips(
 def _part(folder: Path, metrics: dict[str, float | int]) -> Section:
     """Fig. 3: one part along a row."""
     say("one part, moved along a row of its image")
-    picture = part_row()
+    picture = _part_row()
     for name, (title, _) in MODELS.items():
         for key, profile in picture.errors[title].items():
             metrics |= valley_figures(f"contours.row.{name}.{key}", "px", [profile])
@@ -177,7 +177,7 @@ def part_model(thickness: float = 1.0) -> ArticulatedModel:
     return ArticulatedModel("part", KinematicChain(("part",), ()), (Shape("part", "part", cone, color_rgb=(190, 90, 90)),))
 
 
-def part_row() -> RowPicture:
+def _part_row() -> RowPicture:
     """The part is filmed in a furnished room; then models of it are moved along the row through its middle."""
     rig, model = make_rig(_SCENE), part_model()
     camera = rig.cameras[0]

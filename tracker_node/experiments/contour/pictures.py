@@ -81,7 +81,7 @@ def shoot(
     return Shot(camera, bgr, before, found, silhouette, edges, distance)
 
 
-def evidence_figure(shot: Shot) -> Figure:
+def _evidence_figure(shot: Shot) -> Figure:
     """What the tracker makes of an image (Fig. 4): the image, silhouette, edges within it, and the
     sum of the distances to both."""
     box = _box([shot])
@@ -96,7 +96,7 @@ def evidence_figure(shot: Shot) -> Figure:
     return figure
 
 
-def cameras_figure(shots: Sequence[Shot]) -> Figure:
+def _cameras_figure(shots: Sequence[Shot]) -> Figure:
     """One instant in several cameras (Fig. 5), with the contours of the body where it was found."""
     boxes = [_box([shot]) for shot in shots]
     height, width = (max(box[i + 1] - box[i] for box in boxes) for i in (0, 2))
@@ -261,8 +261,8 @@ def evidence_pictures(folder: Path, clip: Clip, run: TrackedClip) -> list[Sectio
     if not shots:
         return []
     evidence, cameras = folder / "fig4_evidence.png", folder / "fig5_cameras.png"
-    save(evidence_figure(shots[0]), evidence)
-    save(cameras_figure(shots), cameras)
+    save(_evidence_figure(shots[0]), evidence)
+    save(_cameras_figure(shots), cameras)
     return [
         Section("What is made of an image (Fig. 4)", f"{clip.name}, camera {shots[0].camera.name}.", picture=evidence),
         Section("Contours in all cameras (Fig. 5)", f"{clip.name}; outline yellow, contours within it orange.", picture=cameras),

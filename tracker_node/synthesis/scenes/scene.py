@@ -119,9 +119,9 @@ class CameraImaging:
         image = cv2.remap(np.ascontiguousarray(view_rgb[:, :, ::-1]), self._map_u, self._map_v, interpolation)
         if self._config.blur_px > 0.0:
             image = cv2.GaussianBlur(image, (0, 0), self._config.blur_px)
-        return self.noisy(image, rng)
+        return self._noisy(image, rng)
 
-    def noisy(self, image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    def _noisy(self, image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """uint8 image with sensor noise: half of its variance is constant, half grows with the signal."""
         if self._config.noise_levels > 0.0:
             sigma = self._config.noise_levels * np.sqrt(0.5 + image.clip(0.0, 255.0) / 255.0)
