@@ -46,7 +46,12 @@ def examine(rig: CameraRig, recordings: Mapping[str, CameraRecording]) -> Examin
 
     Parameters
     ----------
+    rig : cameras as calibrated.
     recordings : camera name -> its images; one without images is told as a fault.
+
+    Returns
+    -------
+    Findings in the order of `FAULTS`, notes, and what was compared.
     """
     findings: list[Finding] = []
     notes: list[str] = []

@@ -43,7 +43,18 @@ class Motion:
 
     @classmethod
     def of_table(cls, pixels: np.ndarray, table: np.ndarray, valid: np.ndarray) -> Motion:
-        """From amounts (T, n) of all places at all instants."""
+        """Motion from a full table.
+
+        Parameters
+        ----------
+        pixels : (n, 2) places.
+        table : (T, n) amounts, 0 to 1.
+        valid : (T,) bool, see `Motion`.
+
+        Returns
+        -------
+        The same, as a sparse table.
+        """
         instants, places = np.nonzero(table * valid[:, None])
         return cls(pixels, instants, places, table[instants, places].astype(float), valid)
 
@@ -88,7 +99,19 @@ class Motion:
 
 
 def agreement(a: Camera, motion_a: Motion, b: Camera, motion_b: Motion) -> float:
-    """Correlation (-1..1) of the profiles of two cameras; not-a-number with too few instants, or nothing that moves."""
+    """Correlation of the profiles of two cameras.
+
+    Parameters
+    ----------
+    a : one camera.
+    motion_a : what moves in its images.
+    b : the other camera.
+    motion_b : what moves in its images, at the same instants.
+
+    Returns
+    -------
+    -1 to 1; NaN with too few instants, or where nothing moves.
+    """
     both = motion_a.valid & motion_b.valid
     if both.sum() < LEAST_INSTANTS:
         return float("nan")
@@ -99,7 +122,17 @@ def agreement(a: Camera, motion_a: Motion, b: Camera, motion_b: Motion) -> float
 
 
 def agreements(cameras: Sequence[Camera], motions: Mapping[str, Motion]) -> np.ndarray:
-    """(C, C) symmetric `agreement` of all pairs, not-a-number on the diagonal."""
+    """Agreement of all pairs of cameras.
+
+    Parameters
+    ----------
+    cameras : C of them.
+    motions : camera -> what moves in its images.
+
+    Returns
+    -------
+    (C, C) symmetric, NaN on the diagonal.
+    """
     result = np.full((len(cameras), len(cameras)), np.nan)
     for i, a in enumerate(cameras):
         for j, b in enumerate(cameras[:i]):

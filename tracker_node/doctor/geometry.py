@@ -61,11 +61,16 @@ class Diagnosis:
 
 
 def diagnose(setup: Setup, period_s: float) -> Diagnosis:
-    """Look for up to three repairs.
+    """Search up to three repairs, each after the one before.
 
     Parameters
     ----------
+    setup : cameras, and what moves in their images.
     period_s : time from instant to instant of the motions.
+
+    Returns
+    -------
+    The repairs, and the agreement before and after.
     """
     before = agreements(setup.cameras, setup.motions)
     repairs: list[Repair] = []

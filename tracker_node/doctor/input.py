@@ -21,8 +21,13 @@ def with_inputs(rig: CameraRig, inputs: Sequence[str]) -> CameraRig:
 
     Parameters
     ----------
+    rig : the cameras.
     inputs : none, for the rig's own; one bag; one video, folder or other source per camera in the order of the rig; or
         ``camera=source`` for some of them.
+
+    Returns
+    -------
+    The rig with these sources.
 
     Raises
     ------
@@ -51,10 +56,20 @@ def with_inputs(rig: CameraRig, inputs: Sequence[str]) -> CameraRig:
 def record(
     rig: CameraRig, seconds: float = DEFAULT_SECONDS, progress: Callable[[str], None] = lambda camera: None
 ) -> dict[str, CameraRecording]:
-    """Camera name -> its images of ``seconds``, from the moment on at which the last of the cameras begins.
+    """Read the first images of every camera, from the moment on at which the last of them begins.
 
     A camera that ends before that moment is read from its own beginning. What cannot be read is told in the recording's
     ``problems``.
+
+    Parameters
+    ----------
+    rig : cameras with sources.
+    seconds : how much is read.
+    progress : called with the name of each camera before it is read.
+
+    Returns
+    -------
+    Camera -> its images. What cannot be read is in the recording's ``problems``.
     """
     opened = {camera.name: _opened(camera) for camera in rig}
     first_ns = max((o.stamp_ns(o.options.start) for o in opened.values() if isinstance(o, ImageSource)), default=0)

@@ -38,8 +38,13 @@ def motion_on_grid(recording: CameraRecording, grid: np.ndarray, usable: np.ndar
 
     Parameters
     ----------
+    recording : images of the camera.
     grid : (T,) stamps in ns, equally spaced.
     usable : (n,) bool of the camera's images; others count as missing.
+
+    Returns
+    -------
+    What moves, in pixels of the camera's images.
     """
     stamps = np.array(recording.stamps_ns)
     nearest = np.abs(stamps[None] - grid[:, None]).argmin(axis=1)
@@ -82,7 +87,17 @@ class Speed:
 
 
 def speed(recording: CameraRecording, usable: np.ndarray) -> Speed | None:
-    """Speed in the images that are ``usable`` (n,) bool; None where too little moves."""
+    """Speed of what moves in the images.
+
+    Parameters
+    ----------
+    recording : images of a camera.
+    usable : (n,) bool of the images.
+
+    Returns
+    -------
+    None where too little moves.
+    """
     images = [cv2.GaussianBlur(image, (0, 0), 1.5) for image, ok in zip(recording.small, usable, strict=True) if ok]
     flow_of = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
     once, twice, steps = [], [], []

@@ -67,7 +67,13 @@ class CameraRecording:
         return len(self.stamps_ns)
 
     def add(self, stamp_ns: int, bgr: np.ndarray) -> None:
-        """Take in the next image, (h, w, 3) uint8."""
+        """Take in the next image.
+
+        Parameters
+        ----------
+        stamp_ns : of the image.
+        bgr : (h, w, 3) uint8.
+        """
         index = len(self)
         height, width = bgr.shape[:2]
         self.size = (width, height)

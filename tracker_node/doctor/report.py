@@ -30,7 +30,19 @@ _LINE_TEXT = (
 def write_examination(
     folder: str | Path, rig: CameraRig, recordings: Mapping[str, CameraRecording], examination: Examination
 ) -> Path:
-    """Write ``<camera>.png``, `PAGE` and `JSON` into ``folder``; returns the path of the page."""
+    """Write ``<camera>.png``, `PAGE` and `JSON`.
+
+    Parameters
+    ----------
+    folder : where; it is made.
+    rig : the cameras.
+    recordings : camera -> its images.
+    examination : what was found.
+
+    Returns
+    -------
+    The path of the page.
+    """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     colors = {name: _COLORS_BGR[i % len(_COLORS_BGR)] for i, name in enumerate(rig.names)}

@@ -28,7 +28,17 @@ class Setup:
 
     @classmethod
     def of(cls, cameras: Sequence[Camera], motions: Mapping[str, Motion]) -> Setup:
-        """With the weights that the places of the cameras give."""
+        """Cameras and motion with the weights that the places of the cameras give.
+
+        Parameters
+        ----------
+        cameras : C of them.
+        motions : camera -> what moves in its images.
+
+        Returns
+        -------
+        The setup.
+        """
         setup = cls(tuple(cameras), motions, np.ones((len(cameras), len(cameras))))
         return replace(setup, weights=setup._pair_weights())
 
@@ -49,6 +59,18 @@ class Setup:
         return replace(self, motions={name: motion.every(step) for name, motion in self.motions.items()})
 
     def with_camera(self, index: int, camera: Camera) -> Setup:
+        """The setup with one camera replaced.
+
+
+        Parameters
+        ----------
+        index : of the camera.
+        camera : the new one.
+
+        Returns
+        -------
+        A new setup; weights stay.
+        """
         return replace(self, cameras=(*self.cameras[:index], camera, *self.cameras[index + 1 :]))
 
     def with_motions(self, changed: Mapping[str, Motion]) -> Setup:

@@ -31,7 +31,18 @@ def source_problems(recording: CameraRecording) -> list[Finding]:
 
 
 def size_problems(camera: Camera, recording: CameraRecording) -> tuple[list[Finding], Camera | None]:
-    """Findings, and the camera for the pixels of its images if they can be the calibration's, made larger or smaller."""
+    """Compare the size of the images with that of the calibration.
+
+    Parameters
+    ----------
+    camera : as calibrated.
+    recording : its images.
+
+    Returns
+    -------
+    Findings.
+    The camera for the pixels of its images; None where they cannot be the calibration's, enlarged or reduced.
+    """
     name, model = camera.name, camera.model
     width, height = recording.size
     calibrated = f"{model.width}x{model.height}"
@@ -56,7 +67,18 @@ def size_problems(camera: Camera, recording: CameraRecording) -> tuple[list[Find
 
 
 def video_problems(recording: CameraRecording, everyone: list[CameraRecording]) -> tuple[list[Finding], np.ndarray]:
-    """Findings about the images of one camera, and which of them (n,) bool can be compared with other cameras'."""
+    """Check the images of one camera.
+
+    Parameters
+    ----------
+    recording : its images.
+    everyone : recordings of all cameras.
+
+    Returns
+    -------
+    Findings.
+    (n,) bool, which images can be compared with those of other cameras.
+    """
     name, n = recording.name, len(recording)
     findings: list[Finding] = []
     good = np.ones(n, dtype=bool)
@@ -119,7 +141,17 @@ def video_problems(recording: CameraRecording, everyone: list[CameraRecording]) 
 
 
 def rate_problems(recordings: list[CameraRecording], usable: Mapping[str, np.ndarray]) -> list[Finding]:
-    """Whether things move too far from image to image; ``usable`` is camera name -> (n,) bool of its images."""
+    """Check whether things move too far from image to image.
+
+    Parameters
+    ----------
+    recordings : of all cameras.
+    usable : camera -> (n,) bool of its images.
+
+    Returns
+    -------
+    Findings.
+    """
     speeds = [s for s in (speed(r, usable[r.name]) for r in recordings) if s is not None]
     if not speeds:
         return []

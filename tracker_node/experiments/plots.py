@@ -30,14 +30,31 @@ class Profile:
 
 
 def save(figure: Figure, path: str | Path, dpi: int = 130) -> None:
-    """Write a figure as PNG; folders are made."""
+    """Write a figure as PNG; folders are made.
+
+    Parameters
+    ----------
+    figure : of matplotlib.
+    path : of the PNG.
+    dpi : pixels per inch.
+    """
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     FigureCanvasAgg(figure)
     figure.savefig(path, dpi=dpi, facecolor="white")
 
 
 def bgr_of(view: ColoredView, camera: Camera) -> np.ndarray:
-    """(height, width, 3) uint8: a drawn body on black, as large as the camera's images."""
+    """A drawn body on black, as large as the camera's images.
+
+    Parameters
+    ----------
+    view : the drawing.
+    camera : gives the size.
+
+    Returns
+    -------
+    (height, width, 3) uint8.
+    """
     image = np.zeros((camera.model.height, camera.model.width, 3), dtype=np.uint8)
     u0, v0, u1, v1 = view.region
     image[v0:v1, u0:u1] = np.rint(view.rgb[:, :, ::-1]).clip(0, 255)
@@ -45,7 +62,17 @@ def bgr_of(view: ColoredView, camera: Camera) -> np.ndarray:
 
 
 def convergence_figure(panels: Mapping[str, Mapping[str, Profile]], unit: str) -> Figure:
-    """Score against variables (Figs 5 and 6): one panel for each pair of bodies, one curve for each variable."""
+    """Score against variables (Figs 5 and 6): one panel for each pair of bodies, one curve for each variable.
+
+    Parameters
+    ----------
+    panels : title -> variable -> its profile.
+    unit : of the changes.
+
+    Returns
+    -------
+    The figure.
+    """
     figure = Figure(figsize=(4.9 * len(panels), 3.8), layout="constrained")
     axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
     for ax, (title, profiles) in zip(axes, panels.items(), strict=True):
@@ -60,7 +87,17 @@ def convergence_figure(panels: Mapping[str, Mapping[str, Profile]], unit: str) -
 
 
 def success_figure(starts: Sequence[str], rates: Mapping[str, Sequence[float]]) -> Figure:
-    """Share of starts that end near the truth, for each optimizer, against the size of the start's error."""
+    """Fraction of starts that end near the truth, for each optimizer, against the size of the start's error.
+
+    Parameters
+    ----------
+    starts : labels of the sizes.
+    rates : optimizer -> a fraction for each size.
+
+    Returns
+    -------
+    The figure.
+    """
     figure = Figure(figsize=(6.6, 3.6), layout="constrained")
     ax = figure.subplots()
     for i, ((name, values), color) in enumerate(zip(rates.items(), CYCLE, strict=False)):
@@ -94,7 +131,18 @@ def sequence_figure(rows: Mapping[str, Sequence[np.ndarray]]) -> Figure:
 
 
 def matching_figure(target: np.ndarray, view: ColoredView, camera: Camera) -> Figure:
-    """The five panels of one match (Fig. 2): target, generated image, mask, target through the mask, quality of the match."""
+    """The five panels of one match (Fig. 2): target, generated image, mask, target through the mask, quality of the match.
+
+    Parameters
+    ----------
+    target : (h, w, 3) uint8 BGR.
+    view : the drawn body.
+    camera : of both.
+
+    Returns
+    -------
+    The figure.
+    """
     generated, mask = bgr_of(view, camera), np.zeros(target.shape[:2], dtype=bool)
     u0, v0, u1, v1 = view.region
     mask[v0:v1, u0:u1] = view.labels > 0
@@ -116,7 +164,17 @@ def matching_figure(target: np.ndarray, view: ColoredView, camera: Camera) -> Fi
 
 
 def bodies_figure(bodies: Mapping[str, Configuration], rig: CameraRig) -> Figure:
-    """Bodies side by side in one pose, from every camera (Fig. 1)."""
+    """Bodies side by side in one pose, from every camera (Fig. 1).
+
+    Parameters
+    ----------
+    bodies : title -> body in a pose.
+    rig : the cameras, with lights.
+
+    Returns
+    -------
+    The figure.
+    """
     images = {
         (title, camera.name): bgr_of(render_color(body, camera, rig.lights), camera)
         for title, body in bodies.items()
@@ -135,7 +193,17 @@ def bodies_figure(bodies: Mapping[str, Configuration], rig: CameraRig) -> Figure
 
 
 def plan_figure(rig: CameraRig, paths: Mapping[str, np.ndarray]) -> Figure:
-    """The scene from above (Fig. 3): cameras and their fields of view, spots and points of light, and ways of objects (n, 3)."""
+    """The scene from above (Fig. 3): cameras with their fields of view, lights, and paths of objects.
+
+    Parameters
+    ----------
+    rig : cameras and lights.
+    paths : title -> (n, 3) positions.
+
+    Returns
+    -------
+    The figure.
+    """
     figure = Figure(figsize=(6.4, 5.6), layout="constrained")
     ax = figure.subplots()
     everything = [np.asarray(path)[:, :2] for path in paths.values()]
@@ -199,7 +267,17 @@ def _is_on_black(image: np.ndarray) -> bool:
 
 
 def body_box(mask: np.ndarray, margin: int) -> tuple[int, int, int, int]:
-    """Rows and columns (top, bottom, left, right) about what is set; the whole picture where nothing is."""
+    """Rows and columns around what is set in a mask.
+
+    Parameters
+    ----------
+    mask : (h, w) bool.
+    margin : pixels around it.
+
+    Returns
+    -------
+    (top, bottom, left, right); the whole image where nothing is set.
+    """
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):
         return 0, mask.shape[0], 0, mask.shape[1]
@@ -210,7 +288,13 @@ def body_box(mask: np.ndarray, margin: int) -> tuple[int, int, int, int]:
 
 
 def plain_axes(ax: Axes, title: str, x_label: str) -> None:
-    """A light grid, no frame, small labels."""
+    """A light grid, no frame, small labels.
+
+    Parameters
+    ----------
+    ax : axes of matplotlib.
+    title, x_label : texts; no title if empty.
+    """
     ax.grid(color="#e3e3e3", lw=0.7)
     ax.set_axisbelow(True)
     ax.spines[["top", "right"]].set_visible(False)

@@ -63,7 +63,13 @@ def track(show: Callable[[int], None], n_images: int, start: State, fit: Callabl
     Parameters
     ----------
     show : hands image set i to the objective that ``fit`` uses.
+    n_images : image sets.
     start : where the first image set starts from.
+    fit : from a start to an estimate.
+
+    Returns
+    -------
+    An estimate for each image set.
     """
     found: list[Found] = []
     for image in range(n_images):
@@ -73,7 +79,18 @@ def track(show: Callable[[int], None], n_images: int, start: State, fit: Callabl
 
 
 def fit_each(show: Callable[[int], None], starts: Sequence[State], fit: Callable[[State], Found]) -> TrackedSequence:
-    """Fit every image set from a start of its own."""
+    """Fit every image set from a start of its own.
+
+    Parameters
+    ----------
+    show : hands image set i to the objective that ``fit`` uses.
+    starts : one an image set.
+    fit : from a start to an estimate.
+
+    Returns
+    -------
+    An estimate for each image set.
+    """
     found: list[Found] = []
     for image, start in enumerate(starts):
         show(image)
@@ -86,13 +103,32 @@ def _sequence(found: Sequence[Found]) -> TrackedSequence:
 
 
 def pose_error(state: State, truth: State) -> np.ndarray:
-    """(6,) in the order of `VARIABLES`, mm and degrees; full turns do not count."""
+    """Difference of two poses; full turns do not count.
+
+    Parameters
+    ----------
+    state, truth : of a rigid body.
+
+    Returns
+    -------
+    (6,) in the order of `VARIABLES`, mm and degrees.
+    """
     true = to_variables(truth)[:N_ROOT]
     return ((to_variables(state, true)[:N_ROOT] - true)[_COLUMNS]) * _SCALES
 
 
 def moved(state: State, changes: npt.ArrayLike) -> State:
-    """The state with its variables changed by ``changes`` (6,), mm and degrees, in the order of `VARIABLES`."""
+    """The state with its variables changed.
+
+    Parameters
+    ----------
+    state : of a rigid body.
+    changes : (6,) in the order of `VARIABLES`, mm and degrees.
+
+    Returns
+    -------
+    The changed state.
+    """
     variables = to_variables(state)
     variables[_COLUMNS] += np.asarray(changes) / _SCALES
     return from_variables(variables)
@@ -104,7 +140,17 @@ def motion_ranges(variables: np.ndarray) -> np.ndarray:
 
 
 def error_metrics(prefix: str, errors: np.ndarray) -> dict[str, float]:
-    """``<prefix>.<variable>_rms_mm`` and ``_max_mm``, or ``_deg``, of errors (n, 6)."""
+    """Metrics of errors.
+
+    Parameters
+    ----------
+    prefix : of their names.
+    errors : (n, 6) in the order of `VARIABLES`, mm and degrees.
+
+    Returns
+    -------
+    ``<prefix>.<variable>_rms_<unit>`` and ``_max_<unit>`` -> value.
+    """
     metrics = {}
     for name, unit, column in zip(VARIABLES, UNITS, errors.T, strict=True):
         metrics[f"{prefix}.{name}_rms_{unit}"] = float(np.sqrt(np.mean(column**2)))
@@ -119,6 +165,10 @@ def table1(columns: Mapping[str, np.ndarray], motion: np.ndarray) -> list[list[s
     ----------
     columns : title -> errors (n, 6), mm and degrees; each becomes "maximum / rms".
     motion : (6,) ranges of motion, mm and degrees.
+
+    Returns
+    -------
+    Rows of text.
     """
     rows = [["variable", "range", "paper's range", "paper: max / rms", *(f"{title}: max / rms" for title in columns)]]
     for i, (name, unit) in enumerate(zip(VARIABLES, UNITS, strict=True)):
@@ -145,15 +195,36 @@ def text_table(rows: Sequence[Sequence[str]]) -> str:
 
 
 def profile(objective: ScoreObjective, state: State, variable: str, changes: np.ndarray) -> np.ndarray:
-    """Scores (n,) with one of `VARIABLES` changed by ``changes`` (n,), mm or degrees."""
+    """Scores along one variable.
+
+    Parameters
+    ----------
+    objective : the score.
+    state : where it starts.
+    variable : of `VARIABLES`.
+    changes : (n,) mm or degrees.
+
+    Returns
+    -------
+    (n,) scores.
+    """
     unit = np.eye(N_ROOT)[VARIABLES.index(variable)]
     return objective.scores([moved(state, change * unit) for change in changes])
 
 
 def basin(changes: np.ndarray, scores: np.ndarray) -> tuple[float, float, float]:
-    """Where the lowest score lies, and how far to either side of it the score rises without a fall.
+    """The minimum of a score along a variable, and how far the score rises to either side without a fall.
 
     Scores that are not finite end the basin.
+
+    Parameters
+    ----------
+    changes : (n,) increasing.
+    scores : (n,); those that are not finite end the basin.
+
+    Returns
+    -------
+    Change at the minimum, and distances to the ends before and after it.
     """
     lowest = int(np.argmin(np.where(np.isfinite(scores), scores, np.inf)))
     ends = []
@@ -169,11 +240,21 @@ def success_rate(
     show: Callable[[int], None], truth: Sequence[State], fit: Callable[[State], Found], distance_mm: float, angle_deg: float,
     trials: int, seed: int = 0, near_mm: float = NEAR_MM,
 ) -> float:  # fmt: skip
-    """Share of starts from which a fit ends within ``near_mm`` of the truth; the trials take the image sets in turn.
+    """Fraction of starts from which a fit ends near the truth.
 
     Parameters
     ----------
+    show : hands image set i to the objective that ``fit`` uses.
+    truth : state in each image set.
+    fit : from a start to an estimate.
     distance_mm, angle_deg : length of the displacement, and angle of the rotation about a world axis, both in random directions.
+    trials : starts; they take the image sets in turn.
+    seed : of the directions.
+    near_mm : largest distance from the truth of a fit that has arrived.
+
+    Returns
+    -------
+    0 to 1.
     """
     rng = np.random.default_rng(seed)
     reached = 0

@@ -60,12 +60,17 @@ class TargetStudio:
     def images(
         self, configuration: Configuration, backgrounds: Sequence[np.ndarray | None] | None = None, image_number: int = 0
     ) -> list[np.ndarray]:
-        """BGR images (h, w, 3) uint8 of the body by every camera, in the order of the rig.
+        """Images of a body by every camera.
 
         Parameters
         ----------
+        configuration : the body in a state.
         backgrounds : a BGR picture per camera, or None for black.
         image_number : each has another noise.
+
+        Returns
+        -------
+        (h, w, 3) uint8 BGR, in the order of the rig.
         """
         backgrounds = [None] * len(self.rig) if backgrounds is None else backgrounds
         if len(backgrounds) != len(self.rig):
@@ -75,7 +80,19 @@ class TargetStudio:
     def image(
         self, index: int, configuration: Configuration, background: np.ndarray | None = None, image_number: int = 0
     ) -> np.ndarray:
-        """BGR image (h, w, 3) uint8 by camera ``index`` of the rig."""
+        """Image of a body by one camera.
+
+        Parameters
+        ----------
+        index : of the camera in the rig.
+        configuration : the body in a state.
+        background : (h, w, 3) uint8 BGR; None: black.
+        image_number : each has another noise.
+
+        Returns
+        -------
+        (h, w, 3) uint8 BGR.
+        """
         camera = self.rig.cameras[index]
         whole = 0, 0, camera.model.width, camera.model.height
         shape = camera.model.height, camera.model.width, 3

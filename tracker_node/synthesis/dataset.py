@@ -81,9 +81,20 @@ class Sequence:
 def record(
     sequence: Sequence, scene: SceneConfig, folder: str | Path, progress: Callable[[int, int], None] = lambda i, n: None
 ) -> CameraRig:  # fmt: skip
-    """Render a sequence into ``folder`` and return its rig. ``progress(done, total)`` is called after every image set.
+    """Render a sequence into a folder.
 
     ``synthetic.json`` is written last: a folder that has it is complete.
+
+    Parameters
+    ----------
+    sequence : subject in motion.
+    scene : cameras and imaging.
+    folder : where; it is made.
+    progress : called with the image sets done and all of them.
+
+    Returns
+    -------
+    The rig.
 
     Raises
     ------
@@ -116,7 +127,17 @@ def record(
 
 
 def describe(sequence: Sequence, scene: SceneConfig) -> dict:
-    """All that decides the content of a recorded folder; equal descriptions mean equal folders."""
+    """All that decides the content of a recorded folder; equal descriptions mean equal folders.
+
+    Parameters
+    ----------
+    sequence : subject in motion.
+    scene : cameras and imaging.
+
+    Returns
+    -------
+    Plain values.
+    """
     return {
         "made_by": f"tracker_node {__version__}",
         "code": _code_digest(),
@@ -140,7 +161,17 @@ def _code_digest() -> str:
 
 
 def is_recorded(folder: str | Path, description: dict) -> bool:
-    """Whether ``folder`` holds the complete recording that ``description`` stands for."""
+    """Whether a folder holds the complete recording of a description.
+
+    Parameters
+    ----------
+    folder : of the recording.
+    description : see `describe`.
+
+    Returns
+    -------
+    False where the folder is of something else, or incomplete.
+    """
     try:
         found = json.loads((Path(folder) / "synthetic.json").read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
@@ -196,7 +227,18 @@ def _write_static(sequence: Sequence, path: Path) -> None:
 def mannequin_sequence(
     motion: Motion, stature: float = 1.75, part_colors_rgb: Mapping[str, tuple[int, int, int]] | None = None
 ) -> Sequence:
-    """The mannequin in ``motion``, dressed or in the colors of its parts; truth is its own joints."""
+    """The mannequin in a motion, dressed or in the colors of its parts; truth is its own joints.
+
+    Parameters
+    ----------
+    motion : of its segments.
+    stature : meters.
+    part_colors_rgb : part of the tracker's human -> color; None: clothes and skin.
+
+    Returns
+    -------
+    The sequence, with a T-pose.
+    """
     subject = MannequinSubject(stature, part_colors_rgb)
     colors = {} if part_colors_rgb is None else {"colors": digest(subject.colors_rgb)}
 
@@ -212,7 +254,19 @@ def mannequin_sequence(
 
 
 def model_sequence(model: ArticulatedModel, states: Iterable[State], rate_hz: float, name: str = "cones") -> Sequence:
-    """The tracker's own model in the given states; truth is its landmarks."""
+    """The tracker's own model in given states; truth is its landmarks.
+
+    Parameters
+    ----------
+    model : the body.
+    states : one per image set.
+    rate_hz : image sets per second.
+    name : of the sequence.
+
+    Returns
+    -------
+    The sequence, with its states.
+    """
     subject = ModelSubject(model)
     states = list(states)
 

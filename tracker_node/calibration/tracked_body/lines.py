@@ -81,7 +81,7 @@ def visible_samples(
     arrays : its shapes.
     camera : the camera.
     n_samples : per generator line.
-    outward_px : how far outside the contour visibility is decided.
+    outward_px : how far beyond a contour it is decided what lies there.
 
     Returns
     -------

@@ -94,6 +94,16 @@ class TrackedClip:
 def synthetic_clip(folder: str | Path, name: str, images: SourceOptions | None = None) -> Clip:
     """A recording that ``tracker_node synthesize`` has made.
 
+    Parameters
+    ----------
+    folder : of the recording.
+    name : prefix of its metrics.
+    images : which images, and in which size; None: all.
+
+    Returns
+    -------
+    The clip.
+
     Raises
     ------
     TrackerError : a file of it that is not there, or is wrong.
@@ -107,7 +117,17 @@ def synthetic_clip(folder: str | Path, name: str, images: SourceOptions | None =
 def track_clip(
     clip: Clip, config: TrackerConfig, progress: Callable[[int, int], None] = lambda done, total: None
 ) -> TrackedClip:  # fmt: skip
-    """Track a clip from its first pose; ``progress(done, total)`` is called after every image set.
+    """Track a clip from its first pose.
+
+    Parameters
+    ----------
+    clip : the recording.
+    config : parameters of the tracker.
+    progress : called with the image sets done and all of them.
+
+    Returns
+    -------
+    Estimates, and their evaluation against the truth.
 
     Raises
     ------
@@ -129,7 +149,18 @@ def track_clip(
 
 
 def rendered(name: str, request: Request, cache: Path) -> Path:
-    """Folder of the recording that ``request`` asks for, rendered if it is not there."""
+    """Render a recording, unless it is there.
+
+    Parameters
+    ----------
+    name : of its folder.
+    request : what is rendered.
+    cache : folder of the recordings.
+
+    Returns
+    -------
+    The recording's folder.
+    """
     count = "" if request.n_images is None else f"-{request.n_images}"
     folder = cache / f"{name}{count}"
     made = produce(request, folder, progress=show_progress)
@@ -138,12 +169,33 @@ def rendered(name: str, request: Request, cache: Path) -> Path:
 
 
 def cones_clip(cache: Path, small: bool = False) -> Clip:
-    """The tracker's own model in motion."""
+    """The tracker's own model in motion.
+
+    Parameters
+    ----------
+    cache : folder of the recordings.
+    small : few small images.
+
+    Returns
+    -------
+    The clip.
+    """
     return _synthetic("cones", Request(subject="model", motion="waves", n_images=_CONES_IMAGES), cache, small)
 
 
 def mannequin_clip(cache: Path, motions: str | None, small: bool = False) -> Clip:
-    """A dressed body that is not the tracker's, in a kick with a spin; swinging its limbs where there are no captured motions."""
+    """A dressed body that is not the tracker's, in a kick with a spin; swinging its limbs where there are no captured motions.
+
+    Parameters
+    ----------
+    cache : folder of the recordings.
+    motions : folder of captured motions, or None.
+    small : few small images, of the swing.
+
+    Returns
+    -------
+    The clip.
+    """
     if motions is None or small:
         return _synthetic("mannequin_swing", Request(motion="swing", n_images=_SWING_IMAGES), cache, small)
     return _synthetic("mannequin_spinkick", Request(motion="spinkick", motions=motions), cache, small)

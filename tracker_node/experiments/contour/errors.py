@@ -33,7 +33,17 @@ _PLAIN_SQUARES_PX = 1000.0  # scale of a robust kernel that changes nothing
 
 
 def by_method(config: TrackerConfig, method: str) -> TrackerConfig:
-    """Parameters to track by one of `METHODS`; what is lost stays lost."""
+    """Parameters to track by one of `METHODS`; a lost body is not detected again.
+
+    Parameters
+    ----------
+    config : parameters to start from.
+    method : of `METHODS`.
+
+    Returns
+    -------
+    The parameters.
+    """
     config = replace(config, initialization=replace(config.initialization, enabled=False))
     if method == "region":
         return replace(config, modalities=("region",))
@@ -41,7 +51,17 @@ def by_method(config: TrackerConfig, method: str) -> TrackerConfig:
 
 
 def until_converged(config: TrackerConfig, sliding: bool) -> TrackerConfig:
-    """With or without the sliding of the contour generator in the Jacobian, and iterations enough for their number to differ."""
+    """Parameters with enough iterations for their number to differ.
+
+    Parameters
+    ----------
+    config : parameters to start from.
+    sliding : whether the Jacobian has the sliding of the contour generator.
+
+    Returns
+    -------
+    The parameters.
+    """
     return replace(config, chamfer=replace(config.chamfer, sliding=sliding, max_iterations=ABLATION_ITERATIONS))
 
 
@@ -53,7 +73,17 @@ def run_figures(result: Evaluation) -> dict[str, float | int]:
 
 
 def images_of(image_set: ImageSet, rig: CameraRig) -> list[np.ndarray | None]:
-    """BGR pixels by camera, as engines take them; None where the set has none."""
+    """BGR pixels by camera, as engines take them.
+
+    Parameters
+    ----------
+    image_set : the images.
+    rig : cameras, which give the order.
+
+    Returns
+    -------
+    (h, w, 3) uint8 each; None where the set has none.
+    """
     return [None if image is None else image.bgr for image in map(image_set.get, rig.names)]
 
 
@@ -72,7 +102,13 @@ class ContourError:
         self._contours: ContourCorrespondences | None = None
 
     def look(self, image_set: ImageSet, body: State) -> None:
-        """Look at images in which the body is in the state ``body``: there it is decided which samples are seen."""
+        """Observe images; which samples are seen is decided in the state of the body.
+
+        Parameters
+        ----------
+        image_set : the images.
+        body : state of the body in them.
+        """
         self._modality.set_images(images_of(image_set, self._rig), body)
         self._contours = self._modality.correspond(body, FINE)
 
@@ -85,7 +121,18 @@ class ContourError:
         return float(np.sqrt(found.cost * self._contours.options.variance_px2 / found.count))
 
     def along(self, body: State, direction: np.ndarray, changes: np.ndarray) -> np.ndarray:
-        """(n,) with the body moved by ``changes`` (n,) times ``direction`` (n_dof,), a tangent of the state."""
+        """Error along a direction.
+
+        Parameters
+        ----------
+        body : state to start from.
+        direction : (n_dof,) tangent of the state.
+        changes : (n,) multiples of it.
+
+        Returns
+        -------
+        (n,) pixels.
+        """
         return np.array([self.at(body.retract(change * direction)) for change in changes])
 
 
@@ -109,7 +156,17 @@ class Valley:
 
 
 def valley(changes: np.ndarray, errors: np.ndarray) -> Valley:
-    """Of ``errors`` (n,), pixels, at ``changes`` (n,), increasing."""
+    """The valley of an error along a variable.
+
+    Parameters
+    ----------
+    changes : (n,) of the variable, increasing.
+    errors : (n,) pixels.
+
+    Returns
+    -------
+    Its minimum and widths.
+    """
     lowest, left, right = basin(changes, errors)
     at = int(np.flatnonzero(changes == lowest)[0])
     above = np.flatnonzero(~(errors <= errors[at] + FLAT_RISE_PX))
@@ -119,11 +176,33 @@ def valley(changes: np.ndarray, errors: np.ndarray) -> Valley:
 
 
 def direction_of(model: ArticulatedModel, dof_name: str) -> np.ndarray:
-    """(n_dof,) the tangent along one degree of freedom."""
+    """Tangent along one degree of freedom.
+
+    Parameters
+    ----------
+    model : the body.
+    dof_name : of the degree of freedom.
+
+    Returns
+    -------
+    (n_dof,) a unit vector.
+    """
     return np.eye(model.n_dof)[model.chain.dof_names.index(dof_name)]
 
 def displaced(pose: State, angle: float, shift_m: float, rng: np.random.Generator) -> State:
-    """Every joint off by ``angle`` one way or the other, the root turned by it and moved by ``shift_m`` in some direction."""
+    """Displace a pose at random.
+
+    Parameters
+    ----------
+    pose : to start from.
+    angle : radians, of every joint one way or the other, and of the root.
+    shift_m : of the root, meters.
+    rng : random directions and signs.
+
+    Returns
+    -------
+    The displaced state.
+    """
     shift, axis = rng.standard_normal((2, 3))
     signs = rng.choice([-1.0, 1.0], len(pose.joint_positions))
     unit = (shift_m * shift / np.linalg.norm(shift), angle * axis / np.linalg.norm(axis))

@@ -63,8 +63,21 @@ def shoot(
     camera: Camera, bgr: np.ndarray, before: Configuration, found: Configuration, plate: np.ndarray | list,
     config: TrackerConfig, margin_px: int,
 ) -> Shot | None:  # fmt: skip
-    """Look at an image as the tracker does, up to ``margin_px`` around where the body was in the image ``before``;
-    None where it was out of the image. What body and scene look like is learnt in the very image."""
+    """Observe an image as the tracker does; colors of body and scene are learned in the very image.
+
+    Parameters
+    ----------
+    camera : that took the image.
+    bgr : (h, w, 3) uint8.
+    before, found : the body in the image before, and as found in this one.
+    plate : images of the background.
+    config : parameters of the tracker.
+    margin_px : how far around ``before`` the image is processed.
+
+    Returns
+    -------
+    None where the body was out of the image.
+    """
     seen = render_labels(before, camera, margin_px)
     if seen is None:
         return None
@@ -112,7 +125,17 @@ def _cameras_figure(shots: Sequence[Shot]) -> Figure:
 
 
 def sequence_figure(shots: Sequence[Shot], titles: Sequence[str]) -> Figure:
-    """A sequence in one camera (Fig. 6): contours predicted from the pose before, silhouettes, edges within them, poses."""
+    """A sequence in one camera (Fig. 6): contours predicted from the pose before, silhouettes, edges within them, poses.
+
+    Parameters
+    ----------
+    shots : of one camera, in order of time.
+    titles : one a shot.
+
+    Returns
+    -------
+    The figure.
+    """
     box = _box(shots)
     figure, axes = _panels(4, len(shots), box)
     for column, (shot, title) in enumerate(zip(shots, titles, strict=True)):
@@ -254,7 +277,18 @@ def tracking_figure(panels: Mapping[str, tuple[np.ndarray, Mapping[str, np.ndarr
 
 
 def evidence_pictures(folder: Path, clip: Clip, run: TrackedClip) -> list[Section]:
-    """Figs 4 and 5, of the image set in the middle of the clip."""
+    """Figs 4 and 5, of the image set in the middle of the clip.
+
+    Parameters
+    ----------
+    folder : of the results.
+    clip : the recording.
+    run : its estimates.
+
+    Returns
+    -------
+    Sections of the report.
+    """
     middle = len(run.estimates) // 2
     (image_set,) = clip.sets_at([middle])
     shots = [shot for camera in clip.rig if (shot := _shot(clip, run, camera, middle, image_set)) is not None]
@@ -270,7 +304,18 @@ def evidence_pictures(folder: Path, clip: Clip, run: TrackedClip) -> list[Sectio
 
 
 def sequence_pictures(folder: Path, clip: Clip, run: TrackedClip) -> list[Section]:
-    """Fig. 6, of instants over the whole clip, in its first camera."""
+    """Fig. 6, of instants over the whole clip, in its first camera.
+
+    Parameters
+    ----------
+    folder : of the results.
+    clip : the recording.
+    run : its estimates.
+
+    Returns
+    -------
+    Sections of the report.
+    """
     n, camera = len(run.estimates), clip.rig.cameras[0]
     numbers = sorted({round(i) for i in np.linspace(n / (2 * _INSTANTS), n - 1, _INSTANTS)})
     shots, titles = _sequence(clip, run, camera, numbers)

@@ -63,7 +63,18 @@ Profiles = Mapping[str, Mapping[str, Sequence[Profile]]]
 
 
 def body_profiles(clip: Clip, n_sets: int, coarseness: int = 1) -> Profiles:
-    """The error of a body whose true states are known as one variable leaves the truth, in ``n_sets`` image sets of its clip."""
+    """Error of a body whose true states are known, as one variable leaves the truth.
+
+    Parameters
+    ----------
+    clip : of the tracker's own model.
+    n_sets : image sets that are used.
+    coarseness : multiplies the steps.
+
+    Returns
+    -------
+    By degree of freedom and kind of distance.
+    """
     states, sets = _true_sets(clip, n_sets)
     profiles: dict[str, dict[str, list[Profile]]] = {dof: {key: [] for key in PUBLISHED} for dof in VARIABLES}
     for key in PUBLISHED:
@@ -85,7 +96,18 @@ def _true_sets(clip: Clip, n: int) -> tuple[list[State], list[ImageSet]]:
 
 
 def valley_figures(prefix: str, unit: str, profiles: Sequence[Profile]) -> dict[str, float]:
-    """Means over the profiles of how far the minimum is from the truth and of how wide the floor is; the shortest rise."""
+    """Metrics of valleys: mean distance of the minimum from the truth, mean width of the floor, shortest rise.
+
+    Parameters
+    ----------
+    prefix : of the metrics' names.
+    unit : of the changes.
+    profiles : along one variable.
+
+    Returns
+    -------
+    Metric -> value.
+    """
     valleys = [valley(profile.changes, profile.scores) for profile in profiles]
     return {
         f"{prefix}.minimum_off_{unit}": float(np.mean([abs(v.minimum) for v in valleys])),
@@ -100,7 +122,17 @@ def mean_profile(profiles: Sequence[Profile]) -> Profile:
 
 
 def track_by(clip: Clip, methods: Sequence[str]) -> dict[str, TrackedClip]:
-    """The clip, tracked by each method from its first pose."""
+    """Track a clip by each method from its first pose.
+
+    Parameters
+    ----------
+    clip : the recording.
+    methods : of `METHODS`.
+
+    Returns
+    -------
+    Method -> run.
+    """
     runs = {}
     for method in methods:
         runs[method] = track_clip(clip, by_method(clip.config, method))
@@ -110,7 +142,17 @@ def track_by(clip: Clip, methods: Sequence[str]) -> dict[str, TrackedClip]:
 
 
 def tracking_figures(clip: str, runs: Mapping[str, TrackedClip]) -> dict[str, float | int]:
-    """Figures of all runs on one clip, under ``contours.<clip>.<method>``."""
+    """Metrics of all runs on one clip.
+
+    Parameters
+    ----------
+    clip : its name.
+    runs : method -> run.
+
+    Returns
+    -------
+    ``contours.<clip>.<method>.<metric>`` -> value.
+    """
     return {
         f"contours.{clip}.{method}.{key}": value
         for method, run in runs.items()
@@ -129,7 +171,17 @@ def sliding_figures(clip: Clip) -> dict[str, float | int]:
 
 
 def displaced_figures(clip: Clip, n_starts: int) -> dict[str, float | int]:
-    """The same of single fits, each from a true state with all joints displaced: steps far longer than those of tracking."""
+    """The same of single fits, each from a true state with all joints displaced: steps far longer than those of tracking.
+
+    Parameters
+    ----------
+    clip : of the tracker's own model.
+    n_starts : number of fits.
+
+    Returns
+    -------
+    Metric -> value.
+    """
     states, sets = _true_sets(clip, n_starts)
 
     def measure(config: TrackerConfig) -> tuple[float, float]:
@@ -176,7 +228,17 @@ def tracking_table(clips: Mapping[str, Mapping[str, TrackedClip]]) -> list[list[
 
 
 def sliding_table(clips: Sequence[str], metrics: Mapping[str, float | int]) -> list[list[str]]:
-    """As `tracking_table`, of the ablation."""
+    """As `tracking_table`, of the ablation.
+
+    Parameters
+    ----------
+    clips : names.
+    metrics : of the ablation.
+
+    Returns
+    -------
+    Rows of text, the first one the headings.
+    """
     rows = [["", "iterations with", "without", "ratio", "joint error with", "without"]]
     for clip in clips:
         for distances in ABLATED:

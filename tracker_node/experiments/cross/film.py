@@ -43,8 +43,17 @@ def film(
 
     Parameters
     ----------
+    model : the cross.
+    trial : its throw.
+    studio : draws it, with the cameras of its rig.
     backgrounds : (h, w, 3) BGR uint8, one of each camera.
-    done : told every field that has been filmed.
+    rng : noise of the tape.
+    faults : of camera and tape.
+    done : called with every field that has been filmed.
+
+    Returns
+    -------
+    The video of all cameras.
     """
     faults = faults or TapeFaults()
     fields: list[list[np.ndarray]] = [[] for _ in studio.rig]
@@ -73,8 +82,18 @@ class TapeFaults:
 
 
 def record(image: np.ndarray, faults: TapeFaults, rng: np.random.Generator) -> np.ndarray:
-    """A BGR image (h, w, 3) uint8 as it comes back from tape. Only lines: nothing is mixed between them, so fields may be woven
-    before or after."""
+    """An image as it comes back from tape; only lines are filtered, so fields may be woven before or after.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8 BGR.
+    faults : bandwidth and noise.
+    rng : random numbers of the noise.
+
+    Returns
+    -------
+    (h, w, 3) uint8 BGR.
+    """
     ycrcb = cv2.cvtColor(image.astype(np.float32) / 255.0, cv2.COLOR_BGR2YCrCb) * 255.0
     blurred = (along_lines(ycrcb[:, :, 0], faults.luma_blur_px), along_lines(ycrcb[:, :, 1:], faults.chroma_blur_px))
     ycrcb = np.dstack(blurred)
@@ -88,7 +107,17 @@ def record(image: np.ndarray, faults: TapeFaults, rng: np.random.Generator) -> n
 
 
 def along_lines(values: np.ndarray, sigma_px: float) -> np.ndarray:
-    """Gaussian low-pass along the rows of (h, w) or (h, w, c) float32; none for a sigma of zero."""
+    """Gaussian low-pass along the rows.
+
+    Parameters
+    ----------
+    values : (h, w) or (h, w, c) float32.
+    sigma_px : of the filter; 0: none.
+
+    Returns
+    -------
+    The same shape.
+    """
     if sigma_px <= 0.0:
         return values
     size = 2 * int(np.ceil(3.0 * sigma_px)) + 1

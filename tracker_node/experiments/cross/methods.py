@@ -125,7 +125,20 @@ class _Fitter:
 
 
 def track(scene: CrossScene, trial: CrossTrial, footage: Footage, method: Method, late_s: Sequence[float]) -> TrackedSequence:
-    """The estimates at every field; ``late_s`` is when the cameras expose as far as is known, see `camera_times`."""
+    """Track a throw by one method.
+
+    Parameters
+    ----------
+    scene : what is known of cameras, lights and colors.
+    trial : the throw.
+    footage : its video.
+    method : how to track.
+    late_s : how late each camera exposes, as far as is known, see `camera_times`.
+
+    Returns
+    -------
+    Estimates at every field.
+    """
     fitter = _Fitter(scene, footage, method, scene.picked_colors(trial, footage.interpolated(0)), late_s)
     first = track_video(fitter.show, trial.n_fields, _start(trial), fitter.first, FIELD_PERIOD_S)
     if method.fit == "stepping" or method.times == "ignored":
@@ -135,7 +148,19 @@ def track(scene: CrossScene, trial: CrossTrial, footage: Footage, method: Method
 
 
 def camera_times(scene: CrossScene, trial: CrossTrial, footage: Footage, method: Method) -> tuple[float, ...]:
-    """How late each camera is, seconds: the truth, nothing, or an estimate from the video."""
+    """How late each camera exposes: the truth, nothing, or an estimate from the video.
+
+    Parameters
+    ----------
+    scene : what is known of cameras, lights and colors.
+    trial : the throw.
+    footage : its video.
+    method : says which of the three.
+
+    Returns
+    -------
+    Seconds, in the order of the rig.
+    """
     if method.times == "known":
         return scene.late_s
     if method.times == "ignored":
@@ -159,5 +184,15 @@ def _start(trial: CrossTrial) -> State:
 
 
 def low_passed(image: np.ndarray, along_px: float = LOW_PASS_PX[0], across_px: float = LOW_PASS_PX[1]) -> np.ndarray:
-    """An image without the noise beyond the bandwidth of chroma."""
+    """An image without the noise beyond the bandwidth of chroma.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8 BGR.
+    along_px, across_px : standard deviations of the filter, along and across the lines.
+
+    Returns
+    -------
+    The same shape.
+    """
     return cv2.GaussianBlur(image, (0, 0), sigmaX=along_px, sigmaY=across_px)

@@ -25,8 +25,14 @@ def through_mask_figure(
 
     Parameters
     ----------
+    model : the cross.
+    rig : the cameras.
     image_sets : number of the field -> its images, in the order of the rig.
     states : number of the field -> the tracked state, as each camera sees it.
+
+    Returns
+    -------
+    The figure.
     """
     figure = Figure(figsize=(1.75 * len(image_sets), 1.9 * len(rig)), layout="constrained")
     axes = figure.subplots(len(rig), len(image_sets), squeeze=False)

@@ -54,7 +54,17 @@ class CrossScene:
     seed: int
 
     def film(self, trial: cross.CrossTrial, backend: str) -> Footage:
-        """Video of a trial, found to be interlaced."""
+        """Film a trial, and check that the video is interlaced.
+
+        Parameters
+        ----------
+        trial : the throw.
+        backend : renderer, of `render.backends`.
+
+        Returns
+        -------
+        The video.
+        """
         backgrounds = [cluttered_background(camera, self.seed) for camera in self.rig]
         with TargetStudio(self.rig, backend) as studio:
             footage = film(self.model, trial, studio, backgrounds, np.random.default_rng(self.seed))
@@ -63,7 +73,17 @@ class CrossScene:
         return footage
 
     def seen(self, state: State, velocity: np.ndarray) -> list[State]:
-        """Where each camera sees a body that moves so."""
+        """Where each camera sees a moving body.
+
+        Parameters
+        ----------
+        state : at the exposure of the genlocked cameras.
+        velocity : (n_dof,) tangent a second.
+
+        Returns
+        -------
+        A state a camera.
+        """
         return [state.retract(late * velocity) for late in self.late_s]
 
     def digitize(self, trial: cross.CrossTrial) -> list[State | None]:
@@ -78,7 +98,17 @@ class CrossScene:
         return poses
 
     def picked_colors(self, trial: cross.CrossTrial, images: Sequence[np.ndarray]) -> np.ndarray:
-        """(n_cameras, n_shapes, 3) RGB of the cross in the images of the first field, as picked with an eye-dropper."""
+        """Colors of the cross in the first field, as picked with an eye-dropper.
+
+        Parameters
+        ----------
+        trial : the throw.
+        images : of the first field, one a camera, BGR.
+
+        Returns
+        -------
+        (n_cameras, n_shapes, 3) RGB.
+        """
         picked = []
         for camera, late, image in zip(self.rig, self.late_s, images, strict=True):
             mask = render_mask(Configuration(self.model, trial.state(0, late)), camera)
@@ -88,7 +118,18 @@ class CrossScene:
 
 
 def cross_scene(seed: int = 20, scale: float = 1.0, n_fields: int | None = None) -> CrossScene:
-    """The experiment; for a quick look, smaller images and fewer fields."""
+    """The experiment; for a quick look, smaller images and fewer fields.
+
+    Parameters
+    ----------
+    seed : of everything that is random.
+    scale : of the images.
+    n_fields : of each throw; None: all.
+
+    Returns
+    -------
+    The scene.
+    """
     model, rig = yellow_stick(), cross.cross_rig()
     size = round(scale * cross.IMAGE_SIZE[0]), round(scale * cross.IMAGE_SIZE[1])
     rig = replace(rig, cameras=tuple(replace(camera, model=camera.model.resized(*size)) for camera in rig))
@@ -127,13 +168,20 @@ def click(
     model: ArticulatedModel, states: Sequence[State], cameras: Sequence[Camera], sigma_px: float, rng: np.random.Generator,
     depth_margin: float = 0.06,
 ) -> Clicks:  # fmt: skip
-    """What a person clicks on: the model's landmarks, with errors.
+    """Simulate clicks on the model's landmarks, with errors.
 
     Parameters
     ----------
-    states : the body at the instant of each camera.
+    model : with landmarks.
+    states : the body when each camera exposes.
+    cameras : in the same order.
     sigma_px : standard deviation of the person's error along u and v.
+    rng : random errors.
     depth_margin : metres that the body may lie in front of a landmark in it without hiding it: half its thickness, a little more.
+
+    Returns
+    -------
+    Pixels and visibility.
     """
     n_points = len(model.landmark_names)
     pixels, visible = np.zeros((n_points, len(cameras), 2)), np.zeros((n_points, len(cameras)), dtype=bool)
@@ -151,8 +199,18 @@ def click(
 
 
 def digitized_state(model: ArticulatedModel, clicks: Clicks, parameters: np.ndarray) -> State | None:
-    """Pose of a rigid ``model`` from clicks on its landmarks and the DLT parameters (n_cameras, 11) of the cameras.
+    """Pose of a rigid body from clicks on its landmarks.
 
+    None where fewer than three points could be reconstructed, or all of them lie on a line.
+
+    Parameters
+    ----------
+    model : with landmarks.
+    clicks : of one instant.
+    parameters : (n_cameras, 11) DLT parameters.
+
+    Returns
+    -------
     None where fewer than three points could be reconstructed, or all of them lie on a line.
     """
     points, valid = dlt.reconstruct(parameters, clicks.pixels, clicks.visible.astype(np.float64))

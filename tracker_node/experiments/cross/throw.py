@@ -43,7 +43,17 @@ class CrossTrial:
     start_s: float = 0.01
 
     def state(self, field: int, late_s: float = 0.0) -> State:
-        """Where the cross is when ``field`` is exposed, ``late_s`` after the genlocked cameras."""
+        """State of the cross at an exposure.
+
+        Parameters
+        ----------
+        field : its number.
+        late_s : seconds after the genlocked cameras.
+
+        Returns
+        -------
+        The state.
+        """
         return self.flight.state(self.start_s + field * FIELD_PERIOD_S + late_s)
 
     def states(self) -> list[State]:
@@ -104,7 +114,19 @@ def _above(center: np.ndarray) -> np.ndarray:
 def measured_lights(
     lights: tuple[Light, ...], rng: np.random.Generator, distance: float = 0.2, share: float = 0.15
 ) -> tuple[Light, ...]:
-    """Lights as they were measured: ``distance`` (m) off in a random direction, their intensity off by ``share`` up or down."""
+    """Lights as they were measured, with errors.
+
+    Parameters
+    ----------
+    lights : as they are.
+    rng : random directions and signs.
+    distance : error of the place, meters.
+    share : error of the intensity, up or down, as a fraction.
+
+    Returns
+    -------
+    The lights.
+    """
     measured = []
     for light in lights:
         factor = 1.0 + share * rng.choice([-1.0, 1.0])
@@ -119,7 +141,18 @@ def measured_lights(
 
 
 def control_points(rng: np.random.Generator, n_poles: int = 5, per_pole: int = 4) -> np.ndarray:
-    """(n_poles * per_pole, 3) metres: balls on surveyed poles, in the corners of the volume and near its middle."""
+    """Balls on surveyed poles, in the corners of the volume and near its middle.
+
+    Parameters
+    ----------
+    rng : random offsets.
+    n_poles : up to 5.
+    per_pole : balls.
+
+    Returns
+    -------
+    (n_poles * per_pole, 3) meters.
+    """
     half = 0.5 * VOLUME
     corners = np.array([(-half, -half), (half, -half), (-half, half), (half, half), (0.1, -0.1)])[:n_poles]
     feet = corners + rng.uniform(-0.15, 0.15, corners.shape)
@@ -129,7 +162,19 @@ def control_points(rng: np.random.Generator, n_poles: int = 5, per_pole: int = 4
 
 
 def digitized(camera: Camera, points: np.ndarray, sigma_px: float, rng: np.random.Generator) -> np.ndarray:
-    """Pixels (n, 2) of points as a person clicks on them."""
+    """Pixels of points as someone clicks on them.
+
+    Parameters
+    ----------
+    camera : the camera.
+    points : (n, 3) world, meters.
+    sigma_px : standard deviation of the error along u and v.
+    rng : random errors.
+
+    Returns
+    -------
+    (n, 2).
+    """
     return camera.project(points)[0] + sigma_px * rng.standard_normal((len(points), 2))
 
 

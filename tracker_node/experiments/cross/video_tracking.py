@@ -24,11 +24,20 @@ def track_video(
     show: Show, n_images: int, start: State, fit: Callable[[State], Found], period_s: float,
     done: Callable[[int], None] = lambda image: None,
 ) -> TrackedSequence:  # fmt: skip
-    """Track from ``start``, the pose at the first image set as someone has laid the model over it.
+    """Track a video.
 
     Parameters
     ----------
-    done : told every image set that is finished.
+    show : hands an image set to the objective of ``fit``.
+    n_images : image sets.
+    start : pose at the first one, as someone has laid the model over it.
+    fit : from a start to an estimate.
+    period_s : time between image sets.
+    done : called with every image set that is finished.
+
+    Returns
+    -------
+    An estimate for each image set.
     """
     found: list[Found] = []
     for image in range(n_images):
@@ -43,7 +52,20 @@ def refine_video(
     show: Show, states: Sequence[State], fit: Callable[[State], Found], period_s: float,
     done: Callable[[int], None] = lambda image: None,
 ) -> TrackedSequence:  # fmt: skip
-    """Fit every image set again from its own estimate, with the velocity that the estimates around it tell."""
+    """Fit every image set again from its own estimate, with the velocity from the estimates around it.
+
+    Parameters
+    ----------
+    show : hands an image set to the objective of ``fit``.
+    states : estimates.
+    fit : from a start to an estimate.
+    period_s : time between image sets.
+    done : called with every image set that is finished.
+
+    Returns
+    -------
+    An estimate for each image set.
+    """
     found = []
     for image, velocity in enumerate(velocities(states, period_s)):
         show(image, velocity)
@@ -62,7 +84,17 @@ def extrapolated(states: Sequence[State]) -> State:
 
 
 def velocities(states: Sequence[State], period_s: float) -> list[np.ndarray]:
-    """(n_dof,) per second at every state: of its neighbours' difference, at the ends of the next one's."""
+    """Velocities from the difference of the neighbors; at the ends, of the next one.
+
+    Parameters
+    ----------
+    states : in order of time.
+    period_s : time between them.
+
+    Returns
+    -------
+    (n_dof,) tangent a second, for each state.
+    """
     result = []
     for i in range(len(states)):
         before, after = max(i - 1, 0), min(i + 1, len(states) - 1)
@@ -78,13 +110,20 @@ def estimate_delay(
     objective: ColorObjective, show: Callable[[int], None], states: Sequence[State], period_s: float,
     longest_s: float = 0.012, step_s: float = 0.001,
 ) -> float:  # fmt: skip
-    """Seconds by which the camera of ``objective`` is later than the images that ``states`` come from; negative: earlier.
+    """How much later a camera exposes than the images that the states come from.
 
     Parameters
     ----------
     objective : of a rig with this one camera.
     show : hands its image of image set i to the objective.
     states : the body at every image set, estimated without this camera.
+    period_s : time between image sets.
+    longest_s : largest delay that is tried.
+    step_s : between delays.
+
+    Returns
+    -------
+    Seconds; negative: earlier.
 
     Raises
     ------

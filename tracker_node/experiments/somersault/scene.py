@@ -52,12 +52,32 @@ class SomersaultScene:
     truth: Sequence[State]
 
     def film(self, body: ArticulatedModel, backend: str = BACKENDS[0]) -> list[list[np.ndarray]]:
-        """(n image sets) of BGR images on black, in the order of the rig."""
+        """Target images of a body in the true states, on black.
+
+        Parameters
+        ----------
+        body : the body.
+        backend : renderer, of `BACKENDS`.
+
+        Returns
+        -------
+        (n image sets) of BGR images in the order of the rig.
+        """
         with TargetStudio(self.rig, backend) as studio:
             return [studio.images(Configuration(body, state)) for state in self.truth]
 
     def draw(self, body: ArticulatedModel, states: Sequence[State]) -> list[list[np.ndarray]]:
-        """The same of a body in any states, by the renderer that scores."""
+        """Images of a body in any states, by the renderer that scores.
+
+        Parameters
+        ----------
+        body : the body.
+        states : one an image set.
+
+        Returns
+        -------
+        (n image sets) of BGR images in the order of the rig.
+        """
         return [
             [bgr_of(raycaster.render_color(Configuration(body, state), camera, self.rig.lights), camera) for camera in self.rig]
             for state in states
@@ -65,7 +85,17 @@ class SomersaultScene:
 
 
 def somersault_scene(n_images: int = 11, width: int = 768) -> SomersaultScene:
-    """The paper's experiment, or the first images of it, smaller."""
+    """The paper's experiment, or the first images of it, smaller.
+
+    Parameters
+    ----------
+    n_images : the first so many image sets.
+    width : of the images, pixels.
+
+    Returns
+    -------
+    The scene.
+    """
     measured, tracked = rigid_body(nurbs_human(), POSTURE_DEG), rigid_body(ellipsoid_human(), POSTURE_DEG)
     variables = somersault_variables()[:n_images]
     return SomersaultScene(measured, tracked, somersault_rig(width), variables, somersault_states(tracked, variables, {}))
@@ -90,7 +120,17 @@ class SomersaultRanges:
 
 
 def somersault_variables(n_images: int = 11, ranges: SomersaultRanges | None = None) -> np.ndarray:
-    """(n_images, 6) in the order of `configuration.ROOT_NAMES`, evenly spaced from take-off to landing."""
+    """Pose variables of the somersault, evenly spaced from take-off to landing.
+
+    Parameters
+    ----------
+    n_images : how many.
+    ranges : of the variables; None: the paper's.
+
+    Returns
+    -------
+    (n_images, 6) in the order of `pose_variables.ROOT_NAMES`.
+    """
     r = ranges or SomersaultRanges()
     s = np.linspace(0.0, 1.0, n_images)
     angles = _rotation(s)
@@ -116,13 +156,34 @@ def _rotation(times: np.ndarray) -> np.ndarray:
 
 
 def somersault_states(model: ArticulatedModel, variables: np.ndarray, posture_deg: Mapping[str, float]) -> list[State]:
-    """The body in one fixed posture at every row of ``variables`` (n, 6)."""
+    """The body in one fixed posture through the flight.
+
+    Parameters
+    ----------
+    model : the body.
+    variables : (n, 6) pose variables.
+    posture_deg : joint axis -> angle.
+
+    Returns
+    -------
+    n states.
+    """
     angles = posture(model, posture_deg)
     return [from_variables(np.concatenate([row, angles])) for row in variables]
 
 
 def rigid_body(model: ArticulatedModel, posture_deg: Mapping[str, float]) -> ArticulatedModel:
-    """The body in a posture that it keeps: its shapes on one link, six degrees of freedom; the pose is still that of its root."""
+    """The body in a posture that it keeps: its shapes on one link, six degrees of freedom; the pose is that of its root.
+
+    Parameters
+    ----------
+    model : the body.
+    posture_deg : joint axis -> angle.
+
+    Returns
+    -------
+    The rigid body.
+    """
     posed = Configuration(model, State(np.eye(4), posture(model, posture_deg)))
     shapes = tuple(
         replace(shape, link="body", T_link_shape=T) for shape, T in zip(model.shapes, posed.Ts_world_shape, strict=True)
@@ -131,7 +192,17 @@ def rigid_body(model: ArticulatedModel, posture_deg: Mapping[str, float]) -> Art
 
 
 def posture(model: ArticulatedModel, degrees: Mapping[str, float]) -> np.ndarray:
-    """(n_axes,) radians: the named joint axes at these angles, the others neutral."""
+    """Joint angles with some axes at given angles, the others neutral.
+
+    Parameters
+    ----------
+    model : the body.
+    degrees : joint axis -> angle.
+
+    Returns
+    -------
+    (n_axes,) radians.
+    """
     angles = np.array([axis.neutral for axis in model.chain.axes])
     names = [axis.name for axis in model.chain.axes]
     for name, value in degrees.items():

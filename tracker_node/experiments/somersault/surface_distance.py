@@ -32,6 +32,14 @@ def segment_distances(one: ArticulatedModel, other: ArticulatedModel) -> tuple[S
 
     Means are weighted by area. Shapes are ellipsoids and meshes.
 
+    Parameters
+    ----------
+    one, other : bodies with shapes of the same names.
+
+    Returns
+    -------
+    One a segment.
+
     Raises
     ------
     ValueError : bodies whose shapes have different names.
@@ -48,7 +56,16 @@ def segment_distances(one: ArticulatedModel, other: ArticulatedModel) -> tuple[S
 
 
 def distance_table(one: ArticulatedModel, other: ArticulatedModel) -> str:
-    """`segment_distances` as a table; a last line with the means over all segments and the greatest distances."""
+    """Table of `segment_distances`, with means over all segments and the largest distances.
+
+    Parameters
+    ----------
+    one, other : bodies with shapes of the same names.
+
+    Returns
+    -------
+    Lines of text.
+    """
     rows = segment_distances(one, other)
     lines = [f"{'surface distance, mm':22s}{one.name + ' -> ' + other.name:>36s}{'and back':>18s}"]
     lines.append(f"{'segment':22s}{'mean':>27s}{'max':>9s}{'mean':>9s}{'max':>9s}")
@@ -62,10 +79,19 @@ def distance_table(one: ArticulatedModel, other: ArticulatedModel) -> str:
 
 
 def point_distances(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """(n,) distances of ``points`` (n, 3) to the nearest of the triangles ``corners`` (m, 3, 3).
+    """Distances of points to the nearest of some triangles.
 
     Exact unless the nearest triangle's center is not among the nearest few: triangles should be small against their distances or
     of one size.
+
+    Parameters
+    ----------
+    points : (n, 3).
+    corners : (m, 3, 3) of the triangles.
+
+    Returns
+    -------
+    (n,) in the unit of the points.
     """
     _, near = cKDTree(corners.mean(axis=1)).query(points, k=min(_N_CANDIDATES, len(corners)))
     triangles = corners[near.reshape(len(points), -1)]  # (n, k, 3, 3)

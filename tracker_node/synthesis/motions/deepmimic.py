@@ -61,10 +61,19 @@ class Clip:
         return float(self.times_s[-1])
 
     def resampled(self, rate_hz: float, n_images: int | None = None) -> Motion:
-        """The clip at ``rate_hz``; rotations are interpolated on the sphere, positions linearly.
+        """The clip at another rate; rotations are interpolated on the sphere, positions linearly.
 
         ``n_images`` beyond the clip's end repeat a clip that wraps, with the root's travel and turn continued, and with its
         end bent to meet its beginning.
+
+        Parameters
+        ----------
+        rate_hz : images per second.
+        n_images : of the motion; None: the whole clip.
+
+        Returns
+        -------
+        The motion.
 
         Raises
         ------
@@ -166,7 +175,16 @@ def read_clip(path: str | Path) -> Clip:
 
 
 def find_clip(name: str, folder: str | Path) -> Path:
-    """File of the clip ``name`` in ``folder`` (``humanoid3d_<name>.txt``).
+    """File of a clip, ``humanoid3d_<name>.txt``.
+
+    Parameters
+    ----------
+    name : of the clip.
+    folder : of the clips.
+
+    Returns
+    -------
+    The file.
 
     Raises
     ------
@@ -181,7 +199,18 @@ def find_clip(name: str, folder: str | Path) -> Path:
 
 
 def load_motion(name: str, rate_hz: float, n_images: int | None = None, folder: str | Path | None = None) -> Motion:
-    """A motion by name: ``swing`` (procedural), a path of a clip, the name of a clip in ``folder``, or ``long_run`` (several).
+    """A motion by name.
+
+    Parameters
+    ----------
+    name : ``swing`` (procedural), a path of a clip, the name of a clip in ``folder``, or ``long_run`` (several).
+    rate_hz : images per second.
+    n_images : of the motion; None: as many as it has.
+    folder : of the clips.
+
+    Returns
+    -------
+    The motion, its middle above the world's origin.
 
     Raises
     ------

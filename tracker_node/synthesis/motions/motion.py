@@ -84,7 +84,17 @@ def heading(rotation: np.ndarray) -> np.ndarray:
 
 
 def swing(rate_hz: float = 30.0, n_images: int = 60) -> Motion:
-    """A procedural motion: slow steps, swinging arms, the right arm raised once; smooth in every angle."""
+    """A procedural motion: slow steps, swinging arms, the right arm raised once; smooth in every angle.
+
+    Parameters
+    ----------
+    rate_hz : images per second.
+    n_images : of the motion.
+
+    Returns
+    -------
+    The motion.
+    """
     t = np.arange(n_images) / rate_hz
     phase = 2.0 * np.pi * 0.8 * t
     raised = 0.5 - 0.5 * np.cos(2.0 * np.pi * t / max(2.0, t[-1] if n_images > 1 else 2.0))
@@ -113,10 +123,21 @@ def swing(rate_hz: float = 30.0, n_images: int = 60) -> Motion:
 
 
 def joined(motions: Sequence[Motion], n_images: int, name: str, blend_s: float = BLEND_S) -> Motion:
-    """``motions``, repeated in their order, as one of ``n_images``.
+    """Motions, repeated in their order, as one.
 
     The end of each fades into the beginning of the next over ``blend_s``; the next is turned about the vertical and moved
     horizontally so that both roots agree, heading and place, in the middle of it.
+
+    Parameters
+    ----------
+    motions : of one rate and one skeleton.
+    n_images : of the result.
+    name : of the result.
+    blend_s : time over which one fades into the next.
+
+    Returns
+    -------
+    The motion.
 
     Raises
     ------
@@ -169,7 +190,17 @@ def _between(a: np.ndarray, b: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 
 def within(motion: Motion, radius_m: float) -> Motion:
-    """The same motion about the world's origin, its slow drift taken out as far as the root would be beyond ``radius_m``."""
+    """The motion about the world's origin, its slow drift taken out as far as the root would be too far away.
+
+    Parameters
+    ----------
+    motion : any.
+    radius_m : largest horizontal distance of the root from the origin.
+
+    Returns
+    -------
+    The motion.
+    """
     path = motion.root_positions[:, :2] - np.median(motion.root_positions[:, :2], axis=0)
     drift = gaussian_filter1d(path, _DRIFT_S * motion.rate_hz, axis=0, mode="nearest")
     share = 0.0

@@ -19,7 +19,17 @@ _MOST_SATURATED = 0.4  # ...that nothing has with more saturation than this
 
 
 def cluttered_background(camera: Camera, seed: int) -> np.ndarray:
-    """BGR picture (h, w, 3) uint8 of the size of ``camera``'s images; another one for every seed and every camera name."""
+    """Image of a cluttered room.
+
+    Parameters
+    ----------
+    camera : gives the size; every name has another image.
+    seed : every seed has another image.
+
+    Returns
+    -------
+    (h, w, 3) uint8 BGR.
+    """
     width, height = camera.model.width, camera.model.height
     rng = np.random.default_rng([seed, *camera.name.encode()])
     picture: np.ndarray = np.empty((height, width, 3), dtype=np.float32)

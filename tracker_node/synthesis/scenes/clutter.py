@@ -26,7 +26,17 @@ def meshes(seed: int) -> list[TexturedMesh]:
 
 
 def patches(rng: np.random.Generator, width_m: float, height_m: float) -> np.ndarray:
-    """Texture (h, w, 3) uint8 RGB: things of 0.1 to 0.9 m over each other, half of them strongly colored."""
+    """Texture of things of 0.1 to 0.9 m over each other, half of them strongly colored.
+
+    Parameters
+    ----------
+    rng : random numbers.
+    width_m, height_m : of the surface.
+
+    Returns
+    -------
+    (h, w, 3) uint8 RGB.
+    """
     width, height = int(width_m * _TEXELS_PER_M), int(height_m * _TEXELS_PER_M)
     image: np.ndarray = np.empty((height, width, 3), dtype=np.float32)
     image[:] = _color(rng)

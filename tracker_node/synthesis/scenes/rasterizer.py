@@ -55,7 +55,17 @@ class Pinhole:
     T_world_cam: np.ndarray
 
     def cropped(self, u0: int, v0: int, width: int, height: int) -> Pinhole:
-        """The same camera, seeing only a window whose upper left pixel is (u0, v0)."""
+        """The same camera, with a window of its image.
+
+        Parameters
+        ----------
+        u0, v0 : upper left pixel of the window.
+        width, height : of the window.
+
+        Returns
+        -------
+        The cropped camera.
+        """
         K = self.K.copy()
         K[0, 2] -= u0
         K[1, 2] -= v0
@@ -126,7 +136,19 @@ class Rasterizer:
         return self._draw(camera.width, camera.height)
 
     def render_region(self, camera: Pinhole, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[slice, slice]]:
-        """As `render`, but only in the window around world ``points``; also the window's (rows, columns) in the image."""
+        """As `render`, but only the window around some points.
+
+        Parameters
+        ----------
+        camera : the camera.
+        points : (n, 3) world, in front of it.
+
+        Returns
+        -------
+        RGBA (h, w, 4) uint8, premultiplied.
+        Depth (h, w) float32, meters, 0 where there is nothing.
+        (rows, columns) of the window in the image.
+        """
         pixels = camera.project(points)
         low = np.floor(pixels.min(axis=0)).astype(int) - 2
         high = np.ceil(pixels.max(axis=0)).astype(int) + 3
@@ -141,7 +163,18 @@ class Rasterizer:
         return color, depth, (slice(v0, v0 + height), slice(u0, u0 + width))
 
     def render_from_light(self, center: np.ndarray, half_size: float, n_pixels: int) -> np.ndarray:
-        """Coverage (n, n) float32 in 0..1 of the meshes as the key light sees them, orthographic about ``center``."""
+        """Coverage of the meshes as the key light sees them, orthographic.
+
+        Parameters
+        ----------
+        center : (3,) middle of the image, world.
+        half_size : of the image, meters.
+        n_pixels : width and height of the image.
+
+        Returns
+        -------
+        (n, n) float32, 0 to 1.
+        """
         pose = _looking_along(KEY_DIRECTION)
         pose[:3, 3] = center - 10.0 * KEY_DIRECTION
         self._camera.camera = self._pyrender.OrthographicCamera(half_size, half_size, znear=_NEAR, zfar=_FAR)
@@ -157,7 +190,19 @@ class Rasterizer:
 
 
 def light_coordinates(points: np.ndarray, center: np.ndarray, half_size: float, n_pixels: int) -> np.ndarray:
-    """Pixels (..., 2) in an image of `Rasterizer.render_from_light` where world points (..., 3) lie."""
+    """Pixels of an image of `Rasterizer.render_from_light` where world points lie.
+
+    Parameters
+    ----------
+    points : (..., 3) world.
+    center : (3,) middle of the image, world.
+    half_size : of the image, meters.
+    n_pixels : width and height of the image.
+
+    Returns
+    -------
+    (..., 2) pixels.
+    """
     axes = _looking_along(KEY_DIRECTION)[:3, :3]
     local = (points - center) @ axes
     u = (local[..., 0] / half_size + 1.0) * 0.5 * n_pixels - 0.5
@@ -166,7 +211,17 @@ def light_coordinates(points: np.ndarray, center: np.ndarray, half_size: float, 
 
 
 def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Unit normals (n, 3): faces' normals averaged by area."""
+    """Normals of vertices: those of their faces, averaged by area.
+
+    Parameters
+    ----------
+    vertices : (n, 3).
+    faces : (m, 3) vertex indices.
+
+    Returns
+    -------
+    (n, 3) unit normals.
+    """
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     face_normals = np.cross(b - a, c - a)
     rows = faces.ravel()

@@ -43,7 +43,17 @@ _FURNITURE = (
 
 
 def quad(corners, texture: np.ndarray) -> TexturedMesh:
-    """A rectangle with a texture, by its ``corners`` from the lower left one on."""
+    """A rectangle with a texture.
+
+    Parameters
+    ----------
+    corners : four points (3,), meters, from the lower left one on, counterclockwise.
+    texture : (h, w, 3) uint8 RGB.
+
+    Returns
+    -------
+    Two triangles.
+    """
     uv = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
     return TexturedMesh(np.array(corners, dtype=float), np.array([[0, 1, 2], [0, 2, 3]]), uv, texture)
 

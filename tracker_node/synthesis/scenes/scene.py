@@ -81,7 +81,17 @@ def make_rig(config: SceneConfig) -> CameraRig:
 
 
 def looking_at(center: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """``T_world_cam`` (4, 4), optical axes, of a level camera at ``center`` that looks at ``target``."""
+    """Pose of a level camera.
+
+    Parameters
+    ----------
+    center : (3,) of the camera, world.
+    target : (3,) point that it looks at.
+
+    Returns
+    -------
+    T_world_cam (4, 4), optical axes.
+    """
     z = (target - center) / np.linalg.norm(target - center)
     x = np.cross(z, [0.0, 0.0, 1.0])
     x /= np.linalg.norm(x)
@@ -114,7 +124,17 @@ class CameraImaging:
         self._straight = lens.distortion_model == "none"
 
     def expose(self, view_rgb: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """BGR uint8 (height, width, 3) of a view of ``pinhole`` (float32 RGB, 0..255): lens, blur, noise."""
+        """Image of a view: lens, blur, noise.
+
+        Parameters
+        ----------
+        view_rgb : (h, w, 3) float32 RGB, 0 to 255, of ``pinhole``.
+        rng : random numbers of the noise.
+
+        Returns
+        -------
+        (height, width, 3) uint8 BGR.
+        """
         interpolation = cv2.INTER_NEAREST if self._straight else cv2.INTER_CUBIC
         image = cv2.remap(np.ascontiguousarray(view_rgb[:, :, ::-1]), self._map_u, self._map_v, interpolation)
         if self._config.blur_px > 0.0:
@@ -165,15 +185,45 @@ class Studio:
         return plate, se3.apply(camera.T_world_cam, rays * depth[:, :, None])
 
     def empty_image(self, index: int, image_number: int) -> np.ndarray:
-        """BGR image of the empty room by camera ``index``; another noise for every ``image_number``."""
+        """Image of the empty room.
+
+        Parameters
+        ----------
+        index : of the camera.
+        image_number : each has another noise.
+
+        Returns
+        -------
+        (h, w, 3) uint8 BGR.
+        """
         return self.imaging[index].expose(self._plates[index], self._rng(index, -1 - image_number))
 
     def images(self, subject: ColoredMesh, image_number: int) -> list[np.ndarray]:
-        """BGR images (h, w, 3) uint8 of the subject in the room by every camera, at one instant."""
+        """Images of the subject in the room by every camera, at one instant.
+
+        Parameters
+        ----------
+        subject : mesh in the world.
+        image_number : each has another noise.
+
+        Returns
+        -------
+        (h, w, 3) uint8 BGR, in the order of the rig.
+        """
         return self.exposed(self.views(subject), image_number)
 
     def exposed(self, views: list[np.ndarray], image_number: int) -> list[np.ndarray]:
-        """Images of ``views``; another noise for every ``image_number``."""
+        """Images of views.
+
+        Parameters
+        ----------
+        views : float32 RGB, one a camera, see `views`.
+        image_number : each has another noise.
+
+        Returns
+        -------
+        (h, w, 3) uint8 BGR, in the order of the rig.
+        """
         return [self.imaging[i].expose(view, self._rng(i, image_number)) for i, view in enumerate(views)]
 
     def views(self, subject: ColoredMesh) -> list[np.ndarray]:

@@ -48,13 +48,35 @@ class ModelSubject:
         return ColoredMesh(np.concatenate(vertices), self.faces, self.colors_rgb, np.concatenate(normals))
 
     def points(self, configuration: Configuration, shapes: np.ndarray) -> np.ndarray:
-        """Vertices (n, 3), metres in the world, of some shapes (mask (n_shapes,))."""
+        """Vertices of some shapes.
+
+        Parameters
+        ----------
+        configuration : the body in a state.
+        shapes : (n_shapes,) bool.
+
+        Returns
+        -------
+        (n, 3) meters, world.
+        """
         Ts = configuration.Ts_world_shape
         return np.concatenate([se3.apply(Ts[i], self._vertices[i]) for i in np.flatnonzero(shapes)])
 
 
 def tessellate(primitive: Primitive, around: int = _AROUND) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Vertices (n, 3) metres, unit normals (n, 3) and faces (m, 3), outward, of a shape in its own frame."""
+    """Triangles of a shape in its own frame.
+
+    Parameters
+    ----------
+    primitive : the shape.
+    around : vertices on a circle.
+
+    Returns
+    -------
+    Vertices (n, 3), meters.
+    Unit normals (n, 3).
+    Faces (m, 3), outward.
+    """
     if isinstance(primitive, TruncatedCone):
         return _cone(primitive, around)
     if isinstance(primitive, Ellipsoid):
@@ -129,6 +151,18 @@ def waves(model: ArticulatedModel, rate_hz: float, n_images: int, seed: int = 1,
 
     Every angle stays inside its limits. The root sways by some centimetres and degrees; its height is that of a standing body
     (the lowest shape of the first image touches the floor z = 0).
+
+    Parameters
+    ----------
+    model : the body.
+    rate_hz : states per second.
+    n_images : number of states.
+    seed : of phases and frequencies.
+    amplitude_rad : of the joints, at most.
+
+    Returns
+    -------
+    One state an image.
     """
     rng = np.random.default_rng(seed)
     chain = model.chain
@@ -155,7 +189,17 @@ def _middle(axis: Axis) -> float:
 
 
 def standing(model: ArticulatedModel, states: list[State]) -> list[State]:
-    """The same states, raised so that the lowest point of the first one lies on the floor z = 0."""
+    """Raise a motion so that the lowest point of its first state lies on the floor z = 0.
+
+    Parameters
+    ----------
+    model : the body.
+    states : of the motion.
+
+    Returns
+    -------
+    The raised states.
+    """
     lowest = ModelSubject(model).mesh(Configuration(model, states[0])).vertices[:, 2].min()
     lift = np.zeros(N_ROOT_DOF + model.chain.n_axes)
     lift[2] = -lowest

@@ -103,6 +103,16 @@ def figure_motion(rate_hz: float = 30.0, n_images: int = 100, seed: int = 5) -> 
     """Every joint swings with a frequency of its own, the root sways and turns; `speeds` says how fast.
 
     ``seed`` decides phases, and frequencies within a tenth.
+
+    Parameters
+    ----------
+    rate_hz : states per second.
+    n_images : number of states.
+    seed : of phases, and of frequencies within a tenth.
+
+    Returns
+    -------
+    One state an image.
     """
     rng = np.random.default_rng(seed)
     by_name = {row[0]: row for axes in _AXES.values() for row in axes}
@@ -124,7 +134,18 @@ def figure_motion(rate_hz: float = 30.0, n_images: int = 100, seed: int = 5) -> 
 
 
 def speeds(model: ArticulatedModel, states: list[State]) -> tuple[float, float]:
-    """Most that a landmark moves (metres) and a link turns (radians) from one state to the next."""
+    """Largest motion from one state to the next.
+
+    Parameters
+    ----------
+    model : the body.
+    states : of the motion.
+
+    Returns
+    -------
+    Of a landmark, meters.
+    Of a link, radians.
+    """
     bodies = [Configuration(model, state) for state in states]
     points = np.array([body.landmarks_world for body in bodies])
     turns = np.array([body.Ts_world_link[:, :3, :3] for body in bodies])

@@ -125,7 +125,17 @@ class MannequinSubject:
         return self._scale * float(np.linalg.norm(knee - hip) + np.linalg.norm(ankle - knee))
 
     def pose(self, rotations: dict[str, np.ndarray], hips: np.ndarray) -> PosedBody:
-        """The body with given world rotations (3, 3) of segments and the point midway between its hips (3,)."""
+        """Pose the body.
+
+        Parameters
+        ----------
+        rotations : segment -> world rotation (3, 3), body axes.
+        hips : (3,) point midway between the hips, world.
+
+        Returns
+        -------
+        Mesh and landmarks in the world.
+        """
         world = self._world_rotations(rotations)
         parameters = self._parameters(world)
         transforms = self._body.joint_transforms(parameters)
