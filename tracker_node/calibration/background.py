@@ -1,4 +1,4 @@
-"""A picture of the empty scene, from a recording in which somebody always stands somewhere, and a still.
+"""Background image of a static camera, from a recording in which somebody always stands somewhere, and a still.
 
 A pixel of a static scene comes back to the same color whenever nobody stands before it. Where nearly all images of the
 recording agree, theirs is the color of the background, whatever the still shows; elsewhere, where somebody moves, it is the
@@ -25,7 +25,7 @@ class PlateOptions:
     Parameters
     ----------
     tolerance : color levels (of 255) within which two images agree about a pixel.
-    min_share : share of the images that must agree before the recording is believed against the still. Uniform clothes of
+    min_share : fraction of the images that must agree for the recording to count rather than the still. Uniform clothes of
         somebody who hardly moves agree in many images too: keep it high.
     min_width_px : what changes in a place narrower than this is noise, not somebody who moves.
     """
@@ -37,7 +37,7 @@ class PlateOptions:
 
 @dataclass(frozen=True)
 class Plate:
-    """A plate and how sure it is.
+    """A background, and where the recording shows it.
 
     Parameters
     ----------

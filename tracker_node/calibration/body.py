@@ -63,7 +63,7 @@ _SIZE_SEGMENTS = ("trunk", "shoulders to head", "left_thigh", "right_thigh", "le
 
 @dataclass(frozen=True)
 class ScalingOptions:
-    """``joint_sigma_m``: systematic error of a measured length (0: trust it wholly); ``variation``: standard deviation of a
+    """``joint_sigma_m``: systematic error of a measured length (0: it is exact); ``variation``: standard deviation of a
     segment's length among people of one size, as a share; ``symmetric``: make left and right equal; ``stature_m``: if known."""
 
     joint_sigma_m: float = 0.015
@@ -94,7 +94,7 @@ class BodyFit:
 
 
 def model_stature(model: ArticulatedModel) -> float:
-    """Height of the highest over the lowest point of the body's outline in neutral, metres.
+    """Height of the highest over the lowest point of the body's outline in neutral, meters.
 
     Raises
     ------
@@ -322,8 +322,8 @@ def _fit_lengths(
     fits = {}
     for name, length in measured.items():
         expected = size * reference[name]
-        trust = 1.0 / (1.0 + (options.joint_sigma_m / (options.variation * expected)) ** 2)
-        fits[name] = SegmentFit(name, length, expected, trust * length + (1.0 - trust) * expected)
+        weight = 1.0 / (1.0 + (options.joint_sigma_m / (options.variation * expected)) ** 2)
+        fits[name] = SegmentFit(name, length, expected, weight * length + (1.0 - weight) * expected)
     return size, fits
 
 

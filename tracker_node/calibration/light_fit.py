@@ -2,7 +2,7 @@
 
 A pixel of a surface of color c under the light f shows c (gain f)^(1/gamma) (`camera.light`). Pose, shape and colors of the body
 are known, so every pixel of it says something about the lights: where they are, how strong they are in each channel, and how the
-camera turns light into grey levels. All are sought at once, by least squares with a robust loss, around what the rig says; the
+camera turns light into gray levels. All are sought at once, by least squares with a robust loss, around what the rig says; the
 first camera keeps its gain, since lights twice as strong look like gains twice as high.
 """
 
@@ -21,7 +21,7 @@ from ..model.configuration import Configuration
 from ..render.raycast.surface_samples import SurfaceSamples, surface_samples
 
 _RIM = 2  # pixels at the border of a shape are mixtures
-_WHITE, _DARK = 250.0, 4.0  # grey levels beyond which a sensor says no more
+_WHITE, _DARK = 250.0, 4.0  # gray levels beyond which a sensor says no more
 _LEAST = 50  # pixels of a camera
 _FAINT = 1e-3  # of intensities
 
@@ -34,7 +34,7 @@ class LightFitOptions:
     ----------
     position_sigma_m, direction_sigma_rad : how well places and directions are known beforehand.
     intensity_sigma, gain_sigma, gamma_sigma : the same of the logarithms of intensities, gains and gammas.
-    robust_levels : grey levels at which a pixel's pull stops growing: shine, shadows, folds.
+    robust_levels : gray levels at which a pixel's pull stops growing: shine, shadows, folds.
     most_pixels : of each camera in each image.
     free_cameras : gains and gammas, too.
     """
@@ -56,7 +56,7 @@ class LightFit:
     Attributes
     ----------
     rig : with the lights, gains and gammas that have been found.
-    rms_before, rms_after : per camera, grey levels between image and body.
+    rms_before, rms_after : per camera, gray levels between image and body.
     n_pixels : per camera.
     position_sigma_m : per light, the largest standard deviation of its place; nan without one.
     """
@@ -214,7 +214,7 @@ class _Problem:
         return replace(self.rig, cameras=tuple(cameras), lights=self.lights_of(x))
 
     def differences(self, x: np.ndarray) -> list[np.ndarray]:
-        """Per camera (n, 3) grey levels, shown minus seen."""
+        """Per camera (n, 3) gray levels, shown minus seen."""
         rig = self.rig_of(x)
         result = []
         for camera, view in zip(rig, self.views, strict=True):
@@ -223,7 +223,7 @@ class _Problem:
         return result
 
     def residuals(self, x: np.ndarray) -> np.ndarray:
-        """Differences, and the departures that the prior holds small (in grey levels: a sigma as much as one pixel's level)."""
+        """Differences, and the departures that the prior holds small (in gray levels: a sigma as much as one pixel's level)."""
         return np.concatenate([*(d.ravel() for d in self.differences(x)), x])
 
     def position_sigmas(self, solution) -> tuple[float, ...]:

@@ -64,7 +64,7 @@ class _Problem:
         self.neutral = np.array([axis.neutral for axis in model.chain.axes])
 
     def offsets(self, state: State) -> np.ndarray:
-        """(n, 3) target to landmark, metres."""
+        """(n, 3) target to landmark, meters."""
         return Configuration(self.model, state).landmarks_world[self.rows] - self.targets
 
     def cost(self, state: State) -> float:
@@ -137,7 +137,7 @@ def fit_state_to_landmarks(
     if len(targets) < 3:
         raise ValueError(f"expected at least 3 targets to start from, got {len(targets)}")
     starts = [_placed(problem, State(np.eye(4), angles)) for angles in _start_poses(model)]
-    # A short run tells which starts are worth a long one.
+    # A short run shows which starts are worth a long one.
     trials = sorted((_solve(problem, start, options, 15) for start in starts), key=lambda fit: fit.cost)
     return min((_solve(problem, fit.state, options) for fit in trials[:2]), key=lambda fit: fit.cost)
 

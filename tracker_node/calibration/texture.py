@@ -11,7 +11,7 @@ from ..model.articulated import ArticulatedModel, Shape
 from ..model.kinematic_chain import KinematicChain
 from ..model.shapes.primitives import Box
 
-BLACK, GREY, WHITE = 20, 120, 200  # grey levels of printed paper as a camera shows it
+BLACK, GREY, WHITE = 20, 120, 200  # gray levels of printed paper as a camera shows it
 
 
 def charuco_picture(
@@ -44,7 +44,7 @@ def charuco_picture(
 def framed(picture: np.ndarray, borders: Sequence[tuple[int, int, int, int, int]]) -> np.ndarray:
     """The texture with borders around it.
 
-    Each border is (left, right, top, bottom, grey level), widths in texels.
+    Each border is (left, right, top, bottom, gray level), widths in texels.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Another world for a rig: its origin, its axes, its scale; and whether scale and vertical are true.
 
-Cameras alone know neither where the floor is nor how long a metre is. Points seen by two cameras or more tell: points of
+Cameras alone know neither where the floor is nor how long a meter is. Points seen by two cameras or more tell: points of
 known place, an origin with points on two axes, the two ends of a wand, a plumb line.
 """
 
@@ -25,7 +25,7 @@ _LINE = 0.02  # second singular value to the first from which on points do not l
 
 @dataclass(frozen=True, eq=False)
 class WorldChange:
-    """``new = scale * rotation @ old + translation``, metres; ``residuals_m`` (n,) of the points that it was fitted to."""
+    """``new = scale * rotation @ old + translation``, meters; ``residuals_m`` (n,) of the points that it was fitted to."""
 
     rotation: np.ndarray
     translation: np.ndarray

@@ -1,6 +1,6 @@
-"""What is wrong with a rig, told from a few seconds of its images.
+"""Faults of a rig, from a few seconds of its images.
 
-Each check looks at one thing; later ones know what earlier ones have found, so that one fault is not told twice: images after a
+Each check examines one thing; later ones know what earlier ones have found, so that one fault is not reported twice: images after a
 camera was moved, repeated ones and cameras of the wrong size have no part in the comparison of cameras.
 """
 
@@ -42,12 +42,12 @@ class Examination:
 
 
 def examine(rig: CameraRig, recordings: Mapping[str, CameraRecording]) -> Examination:
-    """Look for all faults of `FAULTS`.
+    """Check for all faults of `FAULTS`.
 
     Parameters
     ----------
     rig : cameras as calibrated.
-    recordings : camera name -> its images; one without images is told as a fault.
+    recordings : camera name -> its images; one without images is reported as a fault.
 
     Returns
     -------
@@ -90,7 +90,7 @@ def examine(rig: CameraRig, recordings: Mapping[str, CameraRecording]) -> Examin
 
 
 def _units(cameras: list[Camera]) -> tuple[list[Finding], list[Camera]]:
-    """Findings, and the cameras in metres."""
+    """Findings, and the cameras in meters."""
     wrong = wrong_unit(cameras)
     if wrong is None:
         return [], cameras

@@ -2,7 +2,7 @@
 
 `epipolar_motion.agreement` says how well two cameras agree. Each way in which a rig can be wrong is tried out as a repair: two
 cameras exchanged, images mirrored, a clock shifted, a focal length, a place fitted. The repair that makes cameras agree best, the
-simpler of two that are alike, is the diagnosis; none, if nothing helps much. After it, what remains is looked at again.
+simpler of two that are alike, is the diagnosis; none, if nothing helps much. After it, what remains is examined again.
 """
 
 from __future__ import annotations

@@ -13,10 +13,10 @@ from .recording import CameraRecording
 
 LAG_S = 0.05  # images that are compared are so far apart, or one image
 _CELLS = 160  # places along the longer side of an image
-_FULL_CHANGE = 20.0  # grey levels of change above the threshold that count as motion in full
+_FULL_CHANGE = 20.0  # gray levels of change above the threshold that count as motion in full
 _LEAST_CHANGE = 6.0
 _RATE_PAIRS = 12  # pairs of images in which the speed is measured
-_CHANGED = 8.0  # grey levels
+_CHANGED = 8.0  # gray levels
 _LEAST_CHANGED = 30  # pixels of the small images
 
 

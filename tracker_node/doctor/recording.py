@@ -1,6 +1,6 @@
 """What the doctor keeps of a camera's images: small gray copies, and what only the full images tell.
 
-Images are looked at one after the other, as they are decoded; none is kept at full size.
+Images are processed one after the other, as they are decoded; none is kept at full size.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ import numpy as np
 from ..observation.deinterlace import comb_ratio
 
 SMALL_PX = 320  # longer side of the small copies
-_VIEW_PX = 960  # longer side of the images in which the background is looked for
+_VIEW_PX = 960  # longer side of the images in which the background is matched
 _VIEW_EVERY_S = 0.25
-_COMB_PAIRS = 24  # successive images in which a comb is looked for
+_COMB_PAIRS = 24  # successive images that are examined for a comb
 _LEAST_MATCHES = 25
-_INLIER_PX = 3.0  # of the images in which the background is looked for
+_INLIER_PX = 3.0  # of the images in which the background is matched
 _LEAST_SHARE = 0.35  # of the matches that must agree on how the view has moved
 
 
@@ -38,7 +38,7 @@ class CameraRecording:
     ----------
     size : (width, height) of the images, (0, 0) before the first.
     stamps_ns, small : stamp and small gray copy, (h, w) uint8, of each image.
-    changes : mean absolute difference of each image to the one before, grey levels; not-a-number for the first.
+    changes : mean absolute difference of each image to the one before, gray levels; not-a-number for the first.
     combs : `comb_ratio` of some pairs of successive images in which enough moves.
     view_shifts : how the background has moved, now and then.
     picture : the image in the middle of those seen so far, BGR, for the report (its index is ``picture_index``).

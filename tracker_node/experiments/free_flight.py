@@ -1,4 +1,4 @@
-"""A rigid body thrown into the air: its centre of mass falls, its rotation is free of torque (Euler's equations).
+"""A rigid body thrown into the air: its center of mass falls, its rotation is free of torque (Euler's equations).
 
 So a flat body that turns about its axis of middle inertia begins to twist by itself, as a wooden cross that is thrown does.
 """
@@ -20,7 +20,7 @@ GRAVITY = 9.81  # m/s^2
 
 @dataclass(frozen=True, eq=False)
 class MassProperties:
-    """Of a rigid body of one kilogram, in the axes of its root: ``center`` (3,) metres, ``inertia`` (3, 3) about it."""
+    """Of a rigid body of one kilogram, in the axes of its root: ``center`` (3,) meters, ``inertia`` (3, 3) about it."""
 
     center: np.ndarray
     inertia: np.ndarray
@@ -53,7 +53,7 @@ class FreeFlight:
     ----------
     body : its mass properties.
     start : at time zero; the body has no joints.
-    velocity : (3,) of the centre of mass at time zero, m/s, world.
+    velocity : (3,) of the center of mass at time zero, m/s, world.
     spin : (3,) angular velocity at time zero, rad/s, axes of the root.
     duration : seconds.
     """

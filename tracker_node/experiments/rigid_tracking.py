@@ -1,6 +1,6 @@
 """Experiments on a rigid body as calls: track a sequence, hold it against truth, and map how wide the score's valley is.
 
-Positions are along the world's axes, x anterior-posterior, y lateral, z vertical; figures in millimetres and degrees.
+Positions are along the world's axes, x anterior-posterior, y lateral, z vertical; figures in millimeters and degrees.
 """
 
 from __future__ import annotations

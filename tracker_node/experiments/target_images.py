@@ -27,7 +27,7 @@ class TargetStudio:
     rig : cameras, with their gain, gamma and distortion, and the lights.
     backend : of `render.backends`.
     supersampling : a pixel is the mean of its square, samples.
-    noise_levels : standard deviation of the sensor noise at middle grey, grey levels; half of its variance is constant, half
+    noise_levels : standard deviation of the sensor noise at middle gray, gray levels; half of its variance is constant, half
         grows with the signal.
     seed : of the noise.
 

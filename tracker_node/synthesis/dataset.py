@@ -4,9 +4,9 @@
 ``rig.yaml``           cameras; sources and plates relative to the folder
 ``cam01/000000.jpg``   images of each camera (JPEG of quality 95 without chroma subsampling, or PNG)
 ``plates/cam01.png``   mean of the empty images; ``plates/cam01/00.jpg``...: those images, each with its own noise (optional)
-``truth.csv``          joint centres, in the format of joints.csv
+``truth.csv``          joint centers, in the format of joints.csv
 ``evaluation.truth.states.csv``    states, in the format of states.csv, of a subject that has them
-``static.trc``         joint centres in a T-pose, in landmark names (scales the tracker's model to the subject)
+``static.trc``         joint centers in a T-pose, in landmark names (scales the tracker's model to the subject)
 ``synthetic.json``     how it was made; written last
 =====================  ==========================================================================================
 """
@@ -45,7 +45,7 @@ _DRAWING = ("dataset", "scenes/*", "subjects/cones", "subjects/mannequin")
 
 @dataclass(frozen=True, eq=False)
 class Instant:
-    """One instant of a subject: its mesh and its landmarks (m, 3), metres, world."""
+    """One instant of a subject: its mesh and its landmarks (m, 3), meters, world."""
 
     mesh: ColoredMesh
     landmarks: np.ndarray

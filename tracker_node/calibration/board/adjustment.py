@@ -133,7 +133,7 @@ def adjust_boards(
 
     Parameters
     ----------
-    corners : (k, 3) in the board's frame, metres.
+    corners : (k, 3) in the board's frame, meters.
     seen : the corners in the images.
     start : from where to go; its first camera stays where it is.
     options : what is free, robust scale, when to stop.

@@ -10,14 +10,14 @@ import numpy as np
 
 KINDS = ("chessboard", "charuco")
 _SEARCH_WIDTH = 960  # an image is searched for a chessboard at this width at most; corners are refined in the whole image
-_EDGE_PX = 10  # so far from a corner its edges are looked at
+_EDGE_PX = 10  # edges are measured this far around a corner
 
 
 @dataclass(frozen=True)
 class Board:
     """A flat board.
 
-    Its frame: origin in the middle, x along the columns, y up the rows, z out of the printed side; metres.
+    Its frame: origin in the middle, x along the columns, y up the rows, z out of the printed side; meters.
 
     Parameters
     ----------

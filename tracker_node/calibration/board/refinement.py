@@ -74,7 +74,7 @@ def refine(
     common : instants in which several cameras see the board.
     alone : instants in which one camera does, for its lens.
     options : what is free, and the model of the clocks.
-    tell : told (what, rounds done, rounds in all).
+    tell : called with (what, rounds done, rounds in all).
 
     Returns
     -------
@@ -122,7 +122,7 @@ class _Task:
         self.state = BoardState.at(self.state.lenses, self.state.Ts_cam_world, boards)
 
     def unseen(self) -> set[tuple[int, str]]:
-        """Views (instant, camera) with a corner that the camera could not see, were everything as it is believed."""
+        """Views (instant, camera) with a corner that the camera could not see in the present state."""
         bad = set()
         for k, instant in enumerate(self.instants):
             for name, view in instant.views.items():

@@ -63,7 +63,7 @@ def calibrate_rig(
     seen : what each camera saw, in the order of the rig.
     options : clocks, distortion, selection of instants.
     lenses : known beforehand, by camera; with ``free_lenses`` only a start.
-    progress : told (what, steps done, steps in all).
+    progress : called with (what, steps done, steps in all).
 
     Returns
     -------

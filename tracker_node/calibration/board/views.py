@@ -21,7 +21,7 @@ from .board import Board, BoardDetector, BoardView
 NS_PER_S = 1e9
 LEAST_COMMON = 2  # instants that link two cameras
 LONGEST_GAP_S = 0.3  # beyond it nothing is said about how a board moved between two images
-BURST = 3  # images looked at in a row, so that it is known how the board moves
+BURST = 3  # successive images processed, which show how the board moves
 _BACK = "its mirrored back is, which is not measured from: show this camera the printed side together with another camera"
 _SHARP_PX = 4.0  # an edge this wide is sharp in any camera
 _BLURRED = 1.8  # times as wide as the camera's median: too blurred to be used
@@ -234,7 +234,7 @@ def detect_boards(
     sources : camera -> its recording.
     board : the board.
     most_images : images searched in each recording, about.
-    progress : told (what, images done, images in all).
+    progress : called with (what, images done, images in all).
 
     Returns
     -------
@@ -310,7 +310,7 @@ def _detect(source: ImageSource, board: Board, every_s: float, counter: _Counter
 
 
 def _burst_period_s(sources: Mapping[str, ImageSource], most_images: int) -> float:
-    """Seconds between the beginnings of two bursts; 0: every image is looked at."""
+    """Seconds between the beginnings of two bursts; 0: every image is processed."""
     longest = max(source.n_images / source.rate_hz for source in sources.values())
     fastest = max(source.rate_hz for source in sources.values())
     if longest * fastest <= most_images:

@@ -25,7 +25,7 @@ from ...errors import CalibrationError
 N_PLANES = 40  # over what two cameras see of their common planes; a person takes half of them
 LONG_SIDE_PX = 320  # of the images in which motion is measured
 MIN_IMAGES = 20
-_CHANGED_LEVELS, _SURELY_LEVELS = 5.0, 7.0  # by how many grey levels more than its surroundings' noise a pixel has to change
+_CHANGED_LEVELS, _SURELY_LEVELS = 5.0, 7.0  # by how many gray levels more than its surroundings' noise a pixel has to change
 _NOISE_FACTOR = 4.0  # in median changes of the image
 _FEW_PIXELS = 2.0  # that have changed on a line: something moves there
 _LEAST_BASELINE_M = 1e-3
@@ -78,7 +78,7 @@ def plane_numbers(camera: Camera, other: Camera, size: tuple[int, int], other_si
 def _angles(camera: Camera, a: Camera, b: Camera, size: tuple[int, int]) -> np.ndarray:
     """Angle about the line through the centers of ``a`` and ``b`` of every pixel of ``camera``, radians; NaN without a ray.
 
-    The same for both orders of ``a`` and ``b``, so that profiles of either camera can be held against each other.
+    The same for both orders of ``a`` and ``b``, so that profiles of either camera can be compared.
     """
     first, second = sorted((a, b), key=lambda c: c.name)
     axis = second.center - first.center

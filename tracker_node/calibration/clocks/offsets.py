@@ -20,17 +20,17 @@ SURE_SIGMAS = (3.0, 2.0)  # an offset, a drift, of fewer is taken for none; drif
 LEAST_DRIFT_S = 20.0  # a shorter recording does not tell drift
 _NEAR_S, _NEAR_PERIODS = 0.2, 4.0  # a second offset that fits as well is farther from the first
 _BEST_CORRELATION = 0.5  # of some pair of each camera; unrelated motion of a few seconds comes to 0.2 to 0.47 at its best lag
-_COMMON_S = 10.0  # sigma of a weak prior: nothing tells an offset that all cameras share
+_COMMON_S = 10.0  # sigma of a weak prior: an offset common to all cameras is unobservable
 
 
 @dataclass(frozen=True)
 class ClockOptions:
-    """What to look for.
+    """What to estimate.
 
     Parameters
     ----------
     max_offset_s : how far two clocks may be apart beyond what stamps say.
-    drift : whether clocks may run at different rates; in recordings of less than `LEAST_DRIFT_S` it is not looked for.
+    drift : whether clocks may run at different rates; in recordings of less than `LEAST_DRIFT_S` it is not estimated.
     """
 
     max_offset_s: float = 2.0
@@ -134,7 +134,7 @@ def estimate_clocks(motions: Sequence[MotionProfiles], options: ClockOptions | N
 def _consistent_lags(tables: Tables, motions: Sequence[MotionProfiles], near: float) -> tuple[list[int], list[float]]:
     """Lag of each camera in steps, the first 0, with the greatest sum of correlations, and how near the next best comes.
 
-    The strongest pairs come first, then the lag of each camera is looked for anew among all others. ``near``: lags of so many
+    The strongest pairs come first, then the lag of each camera is searched again among all others. ``near``: lags of so many
     steps are the same one.
     """
     n = len(motions)
@@ -146,7 +146,7 @@ def _consistent_lags(tables: Tables, motions: Sequence[MotionProfiles], near: fl
             lost = next(k for k in range(n) if k not in lags)
             best = max((peak for pair, peak in peaks.items() if lost in pair), default=0.0)
             problem = f"its motion agrees with no other camera's (best correlation {best:.2f}); is it of the same time,"
-            raise CalibrationError(motions[lost].camera, f"{problem} within the largest offset that is looked for?")
+            raise CalibrationError(motions[lost].camera, f"{problem} within the largest offset that is searched?")
         i, j = max(open_pairs, key=lambda pair: open_pairs[pair])
         first, table = tables[i, j]  # type: ignore[misc]
         lag = first + int(table.argmax())

@@ -64,7 +64,7 @@ class Adjustment:
     Parameters
     ----------
     Ts_world_cam : (n_cameras, 4, 4), the first as given.
-    points : (n_points, 3), metres; zeros where not valid.
+    points : (n_points, 3), meters; zeros where not valid.
     valid : (n_points,).
     residuals_px : (n_points, n_cameras, 2), projected minus seen; zeros where the weight is 0.
     cost, iterations, converged : of the last step.

@@ -32,7 +32,7 @@ CONSTRAINTS = {
 MIN_POINTS = 6
 _FLAT = 1e-3  # a cloud of points thinner than this share of its length is a plane
 _RANK = 1e-5  # smallest but one singular value of the design matrix, relative to the largest
-LARGEST_M = 200.0  # a volume for people and vehicles; in millimetres it would be 200 000
+LARGEST_M = 200.0  # a volume for people and vehicles; in millimeters it would be 200 000
 SMALLEST_M = 0.02
 _FAR = 20.0  # times the usual distance from the middle
 
@@ -190,7 +190,7 @@ def reconstruct(parameters: np.ndarray, pixels: np.ndarray, weights: np.ndarray)
 
     Returns
     -------
-    points : (n_points, 3) metres; zeros where invalid.
+    points : (n_points, 3) meters; zeros where invalid.
     valid : (n_points,), False where fewer than two cameras see the point.
     """
     L = np.asarray(parameters, dtype=np.float64)
@@ -289,7 +289,7 @@ def check_control_points(name: str, seen: ControlPoints, image_size: tuple[int, 
 
     Raises
     ------
-    CalibrationError : a volume of a size that points to millimetres, one point in another unit than the others, or a pixel that
+    CalibrationError : a volume of a size that points to millimeters, one point in another unit than the others, or a pixel that
         is not on the image.
     """
     from_middle = np.linalg.norm(seen.points - np.median(seen.points, axis=0), axis=1)

@@ -50,7 +50,7 @@ class Refinement:
     Parameters
     ----------
     rig : the cameras in their new places, in the world frame of the old ones.
-    points, valid : (n_images, n_joints, 3) and (n_images, n_joints): the joints in the world, metres.
+    points, valid : (n_images, n_joints, 3) and (n_images, n_joints): the joints in the world, meters.
     cameras : figures per camera name.
     shift_m : root mean square distance between the joints as triangulated with the old rig and with the new one.
     iterations, converged : of the bundle adjustment.

@@ -40,7 +40,7 @@ def triangulate(
 
     Returns
     -------
-    points : (n_points, 3) in the world, metres; zeros where invalid.
+    points : (n_points, 3) in the world, meters; zeros where invalid.
     valid : (n_points,), False where fewer than two cameras see the point or all their rays are nearly parallel.
     """
     n_points, n_cameras = weights.shape

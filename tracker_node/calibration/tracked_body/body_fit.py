@@ -41,7 +41,7 @@ class BodyFitOptions:
     symmetric : left and right are alike.
     groups : what of the body may change, of `model.shape_parameters.GROUPS`.
     rounds : how often lines are drawn anew for each robust scale. pose_rounds : the same before the body may change.
-    robust_px : scales of the robust kernel, from coarse to fine, pixels; the images are looked at anew for each.
+    robust_px : scales of the robust kernel, from coarse to fine, pixels; the images are observed anew for each.
     stay_sigma_rad, stay_sigma_m : how far joints and root may be from the states given.
     prior_scale : multiplies the standard deviations of the shape prior. Where the lines fit worse than they should, by a factor
         m in their variance, the body's shapes cannot represent the person. Of that a part is the same in all n sets, so more
@@ -168,7 +168,7 @@ def _silent(what: str, done: int, total: int) -> None:
 
 
 class JointFit:
-    """The loop around the solver: look at the images, draw lines, solve, draw lines again."""
+    """The loop around the solver: observe the images, draw lines, solve, draw lines again."""
 
     def __init__(self, evidence: LineEvidence, n_rounds: int, progress: Progress):
         self._evidence, self._n_rounds, self._progress = evidence, n_rounds, progress

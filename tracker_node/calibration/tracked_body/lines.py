@@ -31,7 +31,7 @@ _LEAST_REGION_PX = 8  # a body of which less is in view gives no lines
 
 
 class LineEvidence(Protocol):
-    """Image sets that contours can be looked for in."""
+    """Image sets, and the contour lines of a body in them."""
 
     def look(self, model: ArticulatedModel, rig: CameraRig, states: Sequence[Sequence[State]], robust_px: float) -> None:
         """Observe the image sets around the body.
@@ -99,7 +99,7 @@ def visible_samples(
 class SilhouetteEvidence:
     """Contours where silhouettes have their boundary, and, of parts in front of others, where the image has edges.
 
-    Every image set is looked at by itself: what body and scene look like is learnt in it, around the body.
+    Every image set is processed by itself: the colors of body and scene are learned in it, around the body.
 
     Parameters
     ----------
@@ -240,7 +240,7 @@ def bilinear(image: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray,
 class RegionEvidence:
     """Contours where colors change from those of the body to those of its surroundings.
 
-    Colors are learnt in all image sets together, one camera at a time, so that a limb that is off in one set does not spoil them.
+    Colors are learned in all image sets together, one camera at a time, so that a limb that is off in one set does no harm.
 
     Parameters
     ----------

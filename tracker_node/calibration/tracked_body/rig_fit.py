@@ -128,7 +128,7 @@ def fit_rig(
     model : the body, of known size.
     rig : the cameras as calibrated.
     image_sets : ten to thirty sets, with stamps.
-    states, velocities : where the body about is in each set, and how fast it moves (tangent a second): times are told by fast
+    states, velocities : where the body about is in each set, and how fast it moves (tangent a second): times are observable in fast
         motion only.
     options : what of the cameras is free, priors.
     progress, evidence : as for `body_fit.fit_body`.
@@ -189,7 +189,7 @@ def _sigmas(problem: Problem, estimate: Estimate, lines: Sequence[ContourLines],
 def _without_doubtful_times(problem: Problem, estimate: Estimate, loop: JointFit, options: RigFitOptions):
     """The problem and the estimate with those cameras held in common time whose delay is not surely one.
 
-    A slow body tells little about time, and a rig with wrong time offsets makes no image sets. With them the standard deviations
+    A slow body says little about time, and a rig with wrong time offsets makes no image sets. With them the standard deviations
     of all delays, seconds, those that are held included.
     """
     if not np.any(problem.shared.cameras[:, TIME]):

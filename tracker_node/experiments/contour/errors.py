@@ -66,7 +66,7 @@ def until_converged(config: TrackerConfig, sliding: bool) -> TrackerConfig:
 
 
 def run_figures(result: Evaluation) -> dict[str, float | int]:
-    """What is told of a run, by the names that ``tracker_node evaluate`` has for it."""
+    """Metrics of a run, by the names that ``tracker_node evaluate`` has for them."""
     found = result.metrics()
     keys = ("mpjpe_mm", "mpjpe_offset_free_mm", "lost_sets", "lost_limbs", "iterations", "residual_px", "image_sets")
     return {key: found[f"{result.name}.{key}"] for key in keys}

@@ -69,7 +69,7 @@ def film(
 
 @dataclass(frozen=True)
 class TapeFaults:
-    """Lengths are standard deviations of Gaussian low-passes along the lines, in pixels; noise in grey levels.
+    """Lengths are standard deviations of Gaussian low-passes along the lines, in pixels; noise in gray levels.
 
     The defaults are those of good Hi-8: luma of about 400 lines, chroma of a quarter of that as with 4:1:1 sampling, a signal to
     noise ratio of about 40 dB.

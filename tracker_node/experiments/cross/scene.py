@@ -177,7 +177,7 @@ def click(
     cameras : in the same order.
     sigma_px : standard deviation of the person's error along u and v.
     rng : random errors.
-    depth_margin : metres that the body may lie in front of a landmark in it without hiding it: half its thickness, a little more.
+    depth_margin : meters that the body may lie in front of a landmark in it without hiding it: half its thickness, a little more.
 
     Returns
     -------

@@ -35,14 +35,14 @@ _MOMENTUM = 1.046  # m^2 per flight
 _TILT, _TWIST = np.deg2rad([-0.631, -19.726])  # at take-off
 IMAGE_SIZE = (768, 576)
 CAMERA_NAMES = ("front", "side", "top")
-_CAMERA_DISTANCE = 8.0  # metres from the middle of the flight
+_CAMERA_DISTANCE = 8.0  # meters from the middle of the flight
 _FOCAL_PX = {"front": 1245.0, "side": 1245.0, "top": 1740.0}  # the whole flight just fits in every view
-_MIDDLE = np.array([0.5, 0.0, 1.68])  # of the flight, metres
+_MIDDLE = np.array([0.5, 0.0, 1.68])  # of the flight, meters
 
 
 @dataclass(frozen=True, eq=False)
 class SomersaultScene:
-    """``measured`` is the body in the target images, ``tracked`` the one that looks for it, rigid both; they have the true
+    """``measured`` is the body in the target images, ``tracked`` the one that is fitted to it, rigid both; they have the true
     ``variables`` (n, 6) and are in the states ``truth`` (n)."""
 
     measured: ArticulatedModel
@@ -103,7 +103,7 @@ def somersault_scene(n_images: int = 11, width: int = 768) -> SomersaultScene:
 
 @dataclass(frozen=True)
 class SomersaultRanges:
-    """Ranges over all images (Table 1 of the paper), metres and degrees."""
+    """Ranges over all images (Table 1 of the paper), meters and degrees."""
 
     vertical: float = 0.790
     anterior_posterior: float = 1.000

@@ -13,12 +13,12 @@ from ...model.configuration import Configuration, State
 from ...model.shapes.primitives import Ellipsoid, Mesh
 
 _N_AROUND, _N_ALONG = 64, 48  # facets of an ellipsoid
-_N_CANDIDATES = 8  # faces with the nearest centers, among which the nearest face is looked for
+_N_CANDIDATES = 8  # faces with the nearest centers, among which the nearest face is searched
 
 
 @dataclass(frozen=True)
 class SurfaceDistance:
-    """Millimetres from the surface of ``segment`` of one body to that of the other, and back."""
+    """Millimeters from the surface of ``segment`` of one body to that of the other, and back."""
 
     segment: str
     mean_mm: float
@@ -28,7 +28,7 @@ class SurfaceDistance:
 
 
 def segment_distances(one: ArticulatedModel, other: ArticulatedModel) -> tuple[SurfaceDistance, ...]:
-    """Whole surfaces of shapes of one name, the parts within neighbours included; in the order of ``one``.
+    """Whole surfaces of shapes of one name, the parts within neighbors included; in the order of ``one``.
 
     Means are weighted by area. Shapes are ellipsoids and meshes.
 

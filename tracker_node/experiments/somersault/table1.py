@@ -104,7 +104,7 @@ class _Objectives:
         self.pyramid = PhotometricObjective(scene.tracked, scene.rig, workers=Workers(1))
 
     def show(self, images: Any) -> None:
-        """Both look at these images from now on."""
+        """Images that both score from now on."""
         self.score.set_images(images)
         self.pyramid.set_images(images)
 

@@ -24,7 +24,7 @@ SEGMENT_PARENTS = {
 }  # fmt: skip
 SEGMENTS = tuple(SEGMENT_PARENTS)
 
-LEG_LENGTH = 0.25 * (1.686184 + 1.639480)  # metres from hip to ankle of the clips' skeleton (which is 4 times metric)
+LEG_LENGTH = 0.25 * (1.686184 + 1.639480)  # meters from hip to ankle of the clips' skeleton (which is 4 times metric)
 PROCEDURAL = "swing"
 LONG_RUN, LONG_RUN_CLIPS = "long_run", ("dance_b", "kick", "dance_a", "spinkick", "spin")
 LONG_RUN_IMAGES, LONG_RUN_RADIUS_M = 700, 1.5  # at 30 Hz; where six cameras see all of the body
@@ -40,9 +40,9 @@ class Motion:
     ----------
     name : for messages and file names.
     rate_hz : images per second.
-    root_positions : (n, 3) metres, world with Z up: the point midway between the hips.
+    root_positions : (n, 3) meters, world with Z up: the point midway between the hips.
     rotations : (n, 13, 3, 3) ``R_world_segment`` in the order of `SEGMENTS`, body axes.
-    leg_length : metres from hip to ankle of the skeleton for which the root positions hold.
+    leg_length : meters from hip to ankle of the skeleton for which the root positions hold.
     """
 
     name: str

@@ -14,7 +14,7 @@ _TEXELS_PER_M = 90.0
 
 
 def meshes(seed: int) -> list[TexturedMesh]:
-    """Floor, ceiling and walls, metres, Z up, floor at z = 0."""
+    """Floor, ceiling and walls, meters, Z up, floor at z = 0."""
     rng = np.random.default_rng([seed, 11])
     s, h = HALF_SIZE, HEIGHT
     corners = [(-s, -s), (s, -s), (s, s), (-s, s), (-s, -s)]

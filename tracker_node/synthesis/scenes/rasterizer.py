@@ -1,6 +1,6 @@
 """Images of triangle meshes through pyrender (OpenGL, software or not): another renderer than the tracker's own.
 
-Traps that this module deals with: pyrender's principal point is for pixel *corners* (ours is for centres: half a pixel is
+Traps that this module deals with: pyrender's principal point is for pixel *corners* (ours is for centers: half a pixel is
 added), and its cameras look along -z with y up. Those of its platforms: `render.opengl.renderer`.
 """
 
@@ -24,7 +24,7 @@ _CROP_STEP = 32  # crops are rounded up to this, so that few framebuffer sizes o
 
 @dataclass(frozen=True, eq=False)
 class ColoredMesh:
-    """Triangles with a colour per vertex: ``vertices`` (n, 3) metres world, ``faces`` (m, 3), ``colors_rgb`` (n, 3) uint8.
+    """Triangles with a color per vertex: ``vertices`` (n, 3) meters world, ``faces`` (m, 3), ``colors_rgb`` (n, 3) uint8.
 
     ``normals`` (n, 3) outward unit; None: averaged from the faces.
     """
@@ -47,7 +47,7 @@ class TexturedMesh:
 
 @dataclass(frozen=True, eq=False)
 class Pinhole:
-    """A camera without distortion: ``K`` (3, 3) for pixel centres, image size, ``T_world_cam`` in optical axes."""
+    """A camera without distortion: ``K`` (3, 3) for pixel centers, image size, ``T_world_cam`` in optical axes."""
 
     K: np.ndarray
     width: int
@@ -127,7 +127,7 @@ class Rasterizer:
         return pyrender.Mesh([primitive])
 
     def render(self, camera: Pinhole) -> tuple[np.ndarray, np.ndarray]:
-        """Premultiplied RGBA (h, w, 4) uint8 with anti-aliased edges, and depth (h, w) float32 (metres along z, 0: nothing)."""
+        """Premultiplied RGBA (h, w, 4) uint8 with anti-aliased edges, and depth (h, w) float32 (meters along z, 0: nothing)."""
         K = camera.K
         self._camera.camera = self._pyrender.IntrinsicsCamera(
             K[0, 0], K[1, 1], K[0, 2] + 0.5, K[1, 2] + 0.5, znear=_NEAR, zfar=_FAR

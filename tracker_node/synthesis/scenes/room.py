@@ -9,12 +9,12 @@ import numpy as np
 
 from .rasterizer import TexturedMesh
 
-HALF_SIZE = 5.4  # metres from the middle to each wall
+HALF_SIZE = 5.4  # meters from the middle to each wall
 HEIGHT = 3.2
 
 
 def meshes(seed: int) -> list[TexturedMesh]:
-    """All meshes of the room, metres, Z up, floor at z = 0."""
+    """All meshes of the room, meters, Z up, floor at z = 0."""
     rng = np.random.default_rng([seed, 7])
     s, h = HALF_SIZE, HEIGHT
     corners = [(-s, -s), (s, -s), (s, s), (-s, s)]
@@ -115,7 +115,7 @@ def _wall(rng: np.random.Generator, tint: tuple[int, int, int], index: int) -> n
     """Plaster with a skirting board, a window or a door, and pictures. Row 0 of the texture is the top of the wall."""
     size = 1024
     image = _plaster(rng, tint, size)
-    across = size / (2 * HALF_SIZE)  # texels per metre
+    across = size / (2 * HALF_SIZE)  # texels per meter
     up = size / HEIGHT
 
     def fill(x: float, z: float, width: float, height: float, color) -> None:

@@ -14,7 +14,7 @@ from ...geometry import se3
 from . import clutter, room
 from .rasterizer import ColoredMesh, Pinhole, Rasterizer, light_coordinates
 
-_SHADOW_HALF_SIZE = 3.2  # metres about the middle of the floor that the shadow map covers
+_SHADOW_HALF_SIZE = 3.2  # meters about the middle of the floor that the shadow map covers
 _SHADOW_PIXELS = 512
 _SHADOW_DEPTH = 0.34  # share of the light that is lost in the full shadow
 _PLATE_SUPERSAMPLING = 2
@@ -29,10 +29,10 @@ class SceneConfig:
     Parameters
     ----------
     n_cameras, width, height : the rig.
-    radius, target_height : metres; cameras stand ``radius`` from the axis and look at (0, 0, target_height).
+    radius, target_height : meters; cameras stand ``radius`` from the axis and look at (0, 0, target_height).
     focal_px : focal length.
     distortion : plumb_bob k1 k2 p1 p2 of every lens, or () for none.
-    noise_levels : standard deviation of the sensor noise at middle grey, grey levels.
+    noise_levels : standard deviation of the sensor noise at middle gray, gray levels.
     blur_px : standard deviation of the optics' blur.
     shadow : whether the subject casts one.
     surroundings : of `SURROUNDINGS`.

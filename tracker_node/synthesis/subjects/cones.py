@@ -41,7 +41,7 @@ class ModelSubject:
         self.faces, self.colors_rgb = np.concatenate(faces), np.concatenate(colors)
 
     def mesh(self, configuration: Configuration) -> ColoredMesh:
-        """All shapes in the world, metres."""
+        """All shapes in the world, meters."""
         Ts = configuration.Ts_world_shape
         vertices = [se3.apply(T, v) for T, v in zip(Ts, self._vertices, strict=True)]
         normals = [n @ T[:3, :3].T for T, n in zip(Ts, self._normals, strict=True)]

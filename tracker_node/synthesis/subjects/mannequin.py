@@ -63,7 +63,7 @@ COLORS_RGB = {
 
 @dataclass(frozen=True, eq=False)
 class PosedBody:
-    """One instant: ``vertices`` (24256, 3) and ``landmarks`` (14, 3) in the order of `LANDMARKS`, metres, world with Z up."""
+    """One instant: ``vertices`` (24256, 3) and ``landmarks`` (14, 3) in the order of `LANDMARKS`, meters, world with Z up."""
 
     vertices: np.ndarray
     landmarks: np.ndarray
@@ -74,7 +74,7 @@ class MannequinSubject:
 
     Parameters
     ----------
-    stature : metres from the soles to the top of the head in the rest pose.
+    stature : meters from the soles to the top of the head in the rest pose.
     part_colors_rgb : name of a part of the tracker's human model -> color in 0..255, of all its parts: a suit in those colors
         instead of clothes. Each vertex has the color of the part that carries it most.
 
@@ -212,7 +212,7 @@ def _part_of(joint: str) -> str:
 
 
 def _dressed(vertices, joints, index, skin_joints) -> np.ndarray:
-    """Colour (n, 3) uint8 of every vertex of the T-posed body from its place along the limbs."""
+    """Color (n, 3) uint8 of every vertex of the T-posed body from its place along the limbs."""
     x, y, z = vertices.T
     at = {name: joints[i] for name, i in index.items()}
     shoulder, elbow = abs(at["L_Shoulder"][0]), abs(at["L_Elbow"][0])
