@@ -1,6 +1,6 @@
 """Faults of a rig, from a few seconds of its images.
 
-Each check examines one thing; later ones know what earlier ones have found, so that one fault is not reported twice: images after a
+Each check examines one thing; later ones know what earlier ones have found, so that one fault is reported once: images after a
 camera was moved, repeated ones and cameras of the wrong size have no part in the comparison of cameras.
 """
 

@@ -22,12 +22,11 @@ from ...objective.constraints.prior import Prior
 from ...objective.shape_jacobian import N_CAMERA, ContourLines, line_residuals
 from ...observation.image_set import ImageSet
 from ...tracking.config import TrackerConfig
-from ...tracking.constraints import constraints_of
+from ...tracking.constraints import PX2_PER_INFORMATION, constraints_of
 from .lines import LineEvidence, RegionEvidence
 from .solver import Estimate, Motion, Problem, SharedPrior, Solution, shared_covariance, solve
 
 Progress = Callable[[str, int, int], None]
-PX2_PER_INFORMATION = 18.0  # of the stiffness of axes, which is stated in squared pixels
 _MEDIAN_OF_CHI2 = 0.455  # of one degree of freedom
 _LEAST_LINES = 50  # of all sets together
 

@@ -128,9 +128,8 @@ def fit_rig(
     model : the body, of known size.
     rig : the cameras as calibrated.
     image_sets : ten to thirty sets, with stamps.
-    states, velocities : where the body about is in each set, and how fast it moves (tangent a second): times are observable in fast
-        motion only.
-    options : what of the cameras is free, priors.
+    states, velocities : where the body about is in each set, and how fast it moves (tangent a second); only fast motion makes
+        times observable.
     progress, evidence : as for `body_fit.fit_body`.
 
     Returns
