@@ -9,7 +9,7 @@ from tracker_node.geometry import so3
 from tracker_node.model.configuration import State
 from tracker_node.model.humans.human import human_model
 from tracker_node.tracking.config import MotionConfig
-from tracker_node.tracking.motion.model import MotionModel, Passage
+from tracker_node.tracking.motion.model import ExposureDelays, MotionModel
 
 N = 8
 VELOCITY = np.array([0.4, -1.1, 0.2, 0.3, 0.5, -0.8, 1.2, -0.7])
@@ -169,13 +169,13 @@ def test_a_lost_body_with_information_coasts_to_a_stop_and_grows_unsure():
 def test_cameras_of_other_instants_see_the_body_elsewhere():
     model = informed(np.arange(20) * 0.033)
     prediction = model.predict(660_000_000)
-    assert Passage([0.0, 0.0], prediction).offsets(prediction.state) == [None, None]
-    none, late, early = Passage([0.0, 0.01, -0.005], prediction).offsets(prediction.state)
+    assert ExposureDelays([0.0, 0.0], prediction).offsets(prediction.state) == [None, None]
+    none, late, early = ExposureDelays([0.0, 0.01, -0.005], prediction).offsets(prediction.state)
     assert none is None
     np.testing.assert_allclose(late, 0.01 * prediction.velocity)
     np.testing.assert_allclose(early, -0.5 * late)
     faster = prediction.state.retract(0.01 * prediction.velocity)  # it has come farther than expected
-    _, later, _ = Passage([0.0, 0.01, -0.005], prediction).offsets(faster)
+    _, later, _ = ExposureDelays([0.0, 0.01, -0.005], prediction).offsets(faster)
     np.testing.assert_allclose(later, 0.01 * prediction.velocity_at(faster))
     assert np.linalg.norm(later[6:]) > 1.2 * np.linalg.norm(late[6:])
 
@@ -183,5 +183,5 @@ def test_cameras_of_other_instants_see_the_body_elsewhere():
 def test_a_passage_without_covariances_has_the_velocity_alone():
     model = fed([0.0, 0.1, 0.2], MotionConfig())
     prediction = model.predict(300_000_000)
-    offset = Passage([0.0, 0.02], prediction).offsets(moving(0.7))[1]
+    offset = ExposureDelays([0.0, 0.02], prediction).offsets(moving(0.7))[1]
     np.testing.assert_allclose(offset, 0.02 * model.velocity)

@@ -4,13 +4,16 @@ import numpy as np
 import pytest
 
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.objective.lines.objective import PartEvidence
+from tracker_node.objective.lines.correspondences import PartEvidence
 from tracker_node.objective.normal_equations import NormalEquations
+from tracker_node.optimize.fitter import Fitter, Stage
+from tracker_node.optimize.levenberg_marquardt import LevenbergMarquardtOptions
 from tracker_node.synthesis.subjects.figure import figure_model
 from tracker_node.tracking.config import LimbSearchConfig, StatusConfig
 from tracker_node.tracking.estimate import LimbReport, LimbStatus
-from tracker_node.tracking.region.limb_search import LimbSearch, Lines
-from tracker_node.tracking.region.limb_status import LimbJudge
+from tracker_node.tracking.limb_judge import LimbJudge
+from tracker_node.tracking.poses import Poses
+from tracker_node.tracking.region.limb_search import LimbSearch, PartPose
 
 MODEL = figure_model()
 REST = State.neutral(MODEL)
@@ -24,8 +27,14 @@ class Felt:
         self._truth = Configuration(MODEL, truth).landmarks_world
         self.drawn, self.tried = 0, 0
 
-    def correspond(self, state: State, scale: float) -> None:
+    def correspond(self, state: State, detail: float) -> "Felt":
         self.drawn += 1
+        return self
+
+    def fit_part(self, state: State, dofs: np.ndarray) -> PartPose:
+        stages = [Stage(scale, LevenbergMarquardtOptions(3, tolerance=1e-3), dofs=dofs) for scale in (4.0, 2.0, 1.0)]
+        found = Fitter(MODEL).fit(state, self, stages).state
+        return PartPose(found, self.part_evidence(found, 2.0))
 
     def linearize(self, state: State) -> NormalEquations:
         body = Configuration(MODEL, state)
@@ -40,18 +49,15 @@ class Felt:
         expected = np.full((3, len(MODEL.shapes)), 30.0)
         return PartEvidence(expected, expected, expected * shares, expected, 12.0 * expected * shares)
 
-    def area(self, shapes: np.ndarray, roots: np.ndarray, joints: np.ndarray) -> np.ndarray:
+    def gains(self, poses: Poses, shapes: np.ndarray) -> np.ndarray:
         """Hundred cells, in which colors agree the better the nearer the limb's landmarks are to where they belong."""
         own = np.isin(MODEL.landmark_links, MODEL.shape_links[shapes])
         gains = []
-        for T, q in zip(roots, joints, strict=True):
-            found = Configuration(MODEL, State(T, q)).landmarks_world
+        for i in range(len(poses)):
+            found = Configuration(MODEL, poses.state(i)).landmarks_world
             gains.append(100.0 * np.exp(-np.linalg.norm(found - self._truth, axis=1)[own] / 0.3).mean())
-        self.tried += len(joints)
-        return np.stack([np.array(gains), np.full(len(joints), 100.0)], axis=1)
-
-    def lines(self) -> Lines:
-        return Lines(self.correspond, self, self.part_evidence, self.area)
+        self.tried += len(poses)
+        return np.stack([np.array(gains), np.full(len(poses), 100.0)], axis=1)
 
 
 def bent(side: str, flexion_deg: float, elbow_deg: float) -> State:
@@ -66,7 +72,7 @@ def prepared(config: LimbSearchConfig | None = None) -> tuple[LimbJudge, LimbSea
     judge = LimbJudge(MODEL, StatusConfig())
     for _ in range(5):
         judge.update(Felt(REST).part_evidence(REST, 2.0), REST)
-    return judge, LimbSearch(MODEL, judge, config or LimbSearchConfig(), 2.0)
+    return judge, LimbSearch(MODEL, judge, config or LimbSearchConfig())
 
 
 def index(judge: LimbJudge, name: str) -> int:
@@ -82,7 +88,7 @@ def wrist_error(state: State, truth: State) -> float:
 def test_a_limb_is_found_and_nothing_else_is_moved(truth):
     judge, search = prepared()
     lost, felt = bent("left", 110.0, -60.0), Felt(truth)
-    found = search.recover(search.doubtful(felt.part_evidence(lost, 2.0)), lost, lost, felt.lines())
+    found = search.recover(search.doubtful(felt.part_evidence(lost, 2.0)), lost, lost, felt)
     assert found is not None and wrist_error(lost, truth) > 0.4 and wrist_error(found, truth) < 0.02
     own = judge.limbs[index(judge, "left_forearm")].dofs
     assert not np.any(found.difference(lost)[~own])
@@ -93,17 +99,17 @@ def test_a_limb_is_looked_for_where_it_was_last_sound():
     judge, search = prepared(LimbSearchConfig(poses=1))
     sound = bent("left", 70.0, 20.0)
     i = index(judge, "left_forearm")
-    assert search.recover({i: 3.0}, REST, REST, Felt(sound).lines()) is None
+    assert search.recover({i: 3.0}, REST, REST, Felt(sound)) is None
     reports = [LimbReport(limb.name, LimbStatus.TRACKING, "", 0.0) for limb in judge.limbs]
     search.remember(sound, reports)
-    found = search.recover({i: 3.0}, REST, REST, Felt(sound).lines())
+    found = search.recover({i: 3.0}, REST, REST, Felt(sound))
     assert found is not None and wrist_error(found, sound) < 0.01
 
 
 def test_where_nothing_is_found_nothing_is_changed():
     _, search = prepared()
     far = REST.retract(np.append([3.0, 0.0, 0.0], np.zeros(MODEL.n_dof - 3)))
-    assert search.recover({1: 3.0, 2: 3.0}, REST, REST, Felt(far).lines()) is None
+    assert search.recover({1: 3.0, 2: 3.0}, REST, REST, Felt(far)) is None
 
 
 def test_a_limb_that_was_looked_for_in_vain_pauses():
@@ -115,7 +121,7 @@ def test_a_limb_that_was_looked_for_in_vain_pauses():
     for _ in range(12):
         doubtful = search.doubtful(evidence)
         looked_for.append(i in doubtful)
-        assert search.recover(doubtful, lost, lost, far.lines()) is None
+        assert search.recover(doubtful, lost, lost, far) is None
         search.remember(lost, reports)
     assert looked_for == [True, True, False, False, False, True, False, False, False, True, False, False]
 
@@ -129,7 +135,7 @@ def test_a_lost_limb_that_was_looked_over_in_vain_pauses_too():
     for _ in range(8):
         paused.append(search.pauses(i))
         if not paused[-1]:
-            assert search.look_over([i], lost, lost, far.lines()) is None
+            assert search.try_elsewhere([i], lost, lost, far) is None
         search.remember(lost, reports)
     assert paused == [False, False, True, True, True, False, True, True]
 
@@ -145,24 +151,24 @@ def test_a_limb_is_found_far_from_anything_likely():
     _, search = prepared()
     truth, lost = bent("left", 120.0, 30.0), bent("left", -60.0, -15.0)
     felt = Felt(truth)
-    found = search.recover(search.doubtful(felt.part_evidence(lost, 2.0)), lost, lost, felt.lines())
+    found = search.recover(search.doubtful(felt.part_evidence(lost, 2.0)), lost, lost, felt)
     assert found is not None and wrist_error(found, truth) < 0.02
 
 
 def test_lost_limbs_take_turns():
     judge, search = prepared()
     lost = bent("left", 110.0, -60.0)
-    looked_at: list[tuple] = []
+    searched: list[tuple] = []
 
     class Watched(Felt):
-        def area(self, shapes, roots, joints):
-            looked_at.append(tuple(np.flatnonzero(shapes)))
-            return np.stack([np.zeros(len(joints)), np.full(len(joints), 100.0)], axis=1)
+        def gains(self, poses, shapes):
+            searched.append(tuple(np.flatnonzero(shapes)))
+            return np.stack([np.zeros(len(poses)), np.full(len(poses), 100.0)], axis=1)
 
     far = REST.retract(np.append([3.0, 0.0, 0.0], np.zeros(MODEL.n_dof - 3)))
     for _ in range(4):
-        search.recover(dict.fromkeys([1, 2, 3, 4], 3.0), lost, lost, Watched(far).lines())
-    assert set(looked_at) == {tuple(np.flatnonzero(limb.shapes)) for limb in judge.limbs[1:]}
+        search.recover(dict.fromkeys([1, 2, 3, 4], 3.0), lost, lost, Watched(far))
+    assert set(searched) == {tuple(np.flatnonzero(limb.shapes)) for limb in judge.limbs[1:]}
 
 
 def poses_tried() -> np.ndarray:
@@ -171,11 +177,11 @@ def poses_tried() -> np.ndarray:
     start, tried = bent("left", 150.0, 30.0), []
 
     class Watched(Felt):
-        def area(self, shapes, roots, joints):
-            tried.append(joints.copy())
-            return super().area(shapes, roots, joints)
+        def gains(self, poses, shapes):
+            tried.append(poses.joints.copy())
+            return super().gains(poses, shapes)
 
-    search.recover({index(judge, "left_forearm"): 3.0}, start, REST, Watched(REST).lines())
+    search.recover({index(judge, "left_forearm"): 3.0}, start, REST, Watched(REST))
     return np.concatenate(tried)
 
 
@@ -190,9 +196,9 @@ def test_a_trunk_that_is_elsewhere_is_found_with_all_that_hangs_on_it():
     shift = np.zeros(MODEL.n_dof)
     shift[:6] = 0.08, -0.06, 0.03, 0.0, 0.15, 0.25
     truth = REST.retract(shift)
-    found = search.find_trunk(REST, REST, Felt(truth).lines())
+    found = search.find_trunk(REST, REST, Felt(truth))
     assert found is not None
     before, after = (np.linalg.norm(state.difference(truth)[:6]) for state in (REST, found))
     assert after < 0.6 * before
     np.testing.assert_array_equal(found.joint_positions, REST.joint_positions)
-    assert search.find_trunk(truth, REST, Felt(truth).lines()) is None
+    assert search.find_trunk(truth, REST, Felt(truth)) is None

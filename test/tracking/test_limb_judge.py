@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.objective.lines.objective import PartEvidence
+from tracker_node.objective.lines.correspondences import PartEvidence
 from tracker_node.synthesis.subjects.figure import figure_model
 from tracker_node.tracking.config import StatusConfig
 from tracker_node.tracking.estimate import LimbReport, LimbStatus, Status
-from tracker_node.tracking.region.limb_status import LOST_TIP_M, LimbJudge, body_status, is_noise, limb_measures
+from tracker_node.tracking.limb_judge import LOST_TIP_M, LimbJudge, body_status, is_noise, limb_measures
 
 MODEL = figure_model()
 STATE = State.neutral(MODEL)
@@ -44,9 +44,9 @@ def statuses(reports: dict[str, LimbReport]) -> dict[str, LimbStatus]:
 
 def test_measures_are_shares_of_what_should_be_seen():
     seen = evidence()
-    seen.close[0] = 0.0  # one camera is covered: the mean falls, the middle camera does not
-    share, middle, surety, worst = limb_measures(seen, judge_limb("left_forearm").shapes)
-    assert (share, middle, worst) == pytest.approx((0.75 * 0.85, 0.85, 0.75 * 0.85)) and surety == pytest.approx(14.0 * 0.85)
+    seen.close[0] = 0.0  # one camera is covered: the mean falls, the median camera does not
+    share, median, ratio, worst = limb_measures(seen, judge_limb("left_forearm").shapes)
+    assert (share, median, worst) == pytest.approx((0.75 * 0.85, 0.85, 0.75 * 0.85)) and ratio == pytest.approx(14.0 * 0.85)
     assert limb_measures(evidence(left_forearm=None), judge_limb("left_forearm").shapes) is None
 
 
@@ -115,7 +115,7 @@ def test_information_on_a_lost_limb_is_not_believed():
     judge = LimbJudge(MODEL, StatusConfig())
     told(judge, evidence(), 10)
     reports = tuple(told(judge, evidence(left_forearm=0.1), 3).values())
-    share, own = judge.trust(reports), judge_limb("left_forearm").dofs
+    share, own = judge.dof_weights(reports), judge_limb("left_forearm").dofs
     assert (share[~own] == 1.0).all() and (share[own] < 0.3).all()
 
 
@@ -256,20 +256,20 @@ def test_levels_follow_what_is_seen_while_all_is_well_and_never_below_the_least(
     assert poor.shares[:, :2] == pytest.approx(0.2 / 0.4) and poor.shares[:, 3] == pytest.approx(0.2 / 0.3)
 
 
-def test_shapes_of_limbs_that_are_well_are_sound():
+def test_parts_of_limbs_that_are_tracked_count_and_others_do_not():
     judge = LimbJudge(MODEL, StatusConfig())
     told(judge, evidence(), 10)
     reports = tuple(told(judge, evidence(left_shank=0.1, right_forearm=None), 3).values())
-    sound = judge.sound_shapes(reports)
+    weights = judge.part_weights(reports)
+    assert weights.shape == (N_SHAPES,)
     for limb in judge.limbs:
-        assert sound[limb.shapes].all() == (limb.name not in ("left_shank", "right_forearm"))
-        assert sound[limb.shapes].any() == sound[limb.shapes].all()
+        assert (weights[limb.shapes] == (limb.name not in ("left_shank", "right_forearm"))).all()
 
 
 def test_the_share_believed_of_a_lost_limb_is_the_root_of_what_it_may_be_right_by():
     judge = LimbJudge(MODEL, StatusConfig())
     lost = {"left_forearm": 0.64, "left_shank": 1.0}
-    share = judge.trust([
+    share = judge.dof_weights([
         LimbReport(name, LimbStatus.LOST if name in lost else LimbStatus.DEGRADED, "", lost.get(name, 0.4)) for name in NAMES
     ])  # fmt: skip
     arm, shank = judge_limb("left_forearm").dofs, judge_limb("left_shank").dofs
