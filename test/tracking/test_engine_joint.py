@@ -6,9 +6,8 @@ import pytest
 from helpers.studio.small_studio import Recording, recording
 from tracker_node.errors import FileFormatError
 from tracker_node.objective.sum_objective import SumObjective
-from tracker_node.tracking.chamfer.engine import ContourEngine
-from tracker_node.tracking.color.engine import ColorEngine
 from tracker_node.tracking.config import TrackerConfig, from_dict
+from tracker_node.tracking.engines import make_engine
 from tracker_node.tracking.estimate import Status, TrackEstimate
 from tracker_node.tracking.tracker import Tracker
 
@@ -49,17 +48,16 @@ def test_together_is_as_good_as_the_better_one(clip, runs):
 
 def test_the_covariance_shrinks_in_every_direction(clip):
     """At one state, of the same images: what both know is the sum of what each of them knows."""
-    config = configured("color_and_contour")
     images = [image.bgr for image in clip.sets[0].images]
-    contours = ContourEngine(clip.rig, clip.model, config, clip.plates, lambda f, items: [f(item) for item in items])
-    colors = ColorEngine(clip.rig, clip.model, config.color, 2, lambda f, items: [f(item) for item in items])
+    contours, colors = (make_engine(clip.rig, clip.model, configured(name), clip.plates) for name in ("contour", "color"))
     start = contours.begin(images, colors.begin(images, clip.states[0]))
     for engine in (colors, contours):
         engine.observe(images, start)
-        start = engine.fit(start, first=True).state
-    level, information = colors.evidence_at(start)
-    alone = contours.whole.linearize(start).H
-    both = SumObjective([contours.whole, level], [1.0, information]).linearize(start).H
+        fit = engine.fit(start, first=True)
+        start = fit.state
+    level, information = colors.modalities[0].information_at(start)
+    alone = fit.objective.linearize(start).H
+    both = SumObjective([fit.objective, level], [1.0, information]).linearize(start).H
     shrinkage = np.linalg.eigvalsh(np.linalg.inv(alone) - np.linalg.inv(both))
     assert shrinkage.min() > -1e-9 * shrinkage.max() and np.trace(np.linalg.inv(both)) < 0.9 * np.trace(np.linalg.inv(alone))
     assert np.allclose(both - alone, information * level.linearize(start).H)

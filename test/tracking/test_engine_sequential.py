@@ -8,9 +8,9 @@ import pytest
 from helpers.bodies.bodies import crane
 from tracker_node.model.configuration import State
 from tracker_node.observation.image_set import ImageSet
-from tracker_node.optimize.levenberg_marquardt import OptimizerResult
-from tracker_node.tracking.combined.color_then_contour import ColorThenContourEngine
-from tracker_node.tracking.engine import Verdict
+from tracker_node.optimize.fitter import Fit
+from tracker_node.tracking.assessment import Assessment
+from tracker_node.tracking.engine import SequentialEngine
 from tracker_node.tracking.estimate import Status
 
 MODEL = crane()
@@ -29,7 +29,7 @@ class Recorded:
 
     def __init__(self, name, log, by, status=Status.TRACKING, jumped=False, counts=(1, 2)):
         self.name, self.log, self.by, self.counts = name, log, by, counts
-        self.verdict = Verdict(status, name, jumped=jumped)
+        self.assessment = Assessment(status, name, jumped=jumped)
 
     def _say(self, what, *values):
         self.log.append((self.name, what, *values))
@@ -41,15 +41,18 @@ class Recorded:
         self._say("begin", start.T_world_root[0, 3])
         return moved(start.T_world_root[0, 3] + self.by)
 
-    def observe(self, images, expected, passage=None):
-        self._say("observe", None if expected is None else expected.T_world_root[0, 3], passage)
+    def observe(self, images, expected, delays=None):
+        self._say("observe", None if expected is None else expected.T_world_root[0, 3], delays)
 
     def fit(self, start, first, prior=None):
         self._say("fit", start.T_world_root[0, 3], first, prior)
-        return OptimizerResult(moved(start.T_world_root[0, 3] + self.by), None, *self.counts, True)
+        return Fit(moved(start.T_world_root[0, 3] + self.by), None, *self.counts, True, None, None)
 
-    def judge(self, result, image_set):
-        return self.verdict
+    def assess(self, fit, image_set):
+        return self.assessment
+
+    def report(self, fit, image_set):
+        return self.name
 
     def learn(self, images, state):
         self._say("learn", state.T_world_root[0, 3])
@@ -58,18 +61,18 @@ class Recorded:
 def both(**colors):
     log = []
     engines = Recorded("colors", log, 1.0, counts=(3, 5), **colors), Recorded("contours", log, 10.0, counts=(20, 40))
-    return ColorThenContourEngine(*engines), log
+    return SequentialEngine(*engines), log
 
 
 def test_contours_begin_where_colors_end():
     engine, log = both()
-    engine.observe(IMAGES, START, "passage")
+    engine.observe(IMAGES, START, "delays")
     result = engine.fit(START, True, "prior")
     assert result.state.T_world_root[0, 3] == 11.0
     assert (result.iterations, result.evaluations) == (23, 45)
     assert log == [
-        ("colors", "observe", 0.0, "passage"), ("colors", "fit", 0.0, True, None),
-        ("contours", "observe", 1.0, "passage"), ("contours", "fit", 1.0, True, "prior"),
+        ("colors", "observe", 0.0, "delays"), ("colors", "fit", 0.0, True, None),
+        ("contours", "observe", 1.0, "delays"), ("contours", "fit", 1.0, True, "prior"),
     ]  # fmt: skip
 
 
@@ -78,7 +81,7 @@ def test_where_colors_have_lost_the_body_contours_begin_where_it_is_expected():
     engine.observe(IMAGES, START)
     assert engine.fit(START, False).state.T_world_root[0, 3] == 10.0
     assert log[2:] == [("contours", "observe", 0.0, None), ("contours", "fit", 0.0, False, None)]
-    assert not engine.judge(None, ImageSet(0, ())).jumped
+    assert not engine.assess(None, ImageSet(0, ())).jumped
 
 
 def test_with_nothing_expected_contours_look_at_nothing():
@@ -86,17 +89,18 @@ def test_with_nothing_expected_contours_look_at_nothing():
     engine.observe(IMAGES, None)
     assert engine.fit(START, False).state.T_world_root[0, 3] == 10.0
     assert ("contours", "observe", None, None) in log
-    assert not engine.judge(None, ImageSet(0, ())).jumped
+    assert not engine.assess(None, ImageSet(0, ())).jumped
 
 
 @pytest.mark.parametrize("jumped", [True, False])
-def test_the_verdict_is_of_contours_but_for_jumps(jumped):
+def test_the_assessment_is_of_contours_but_for_jumps(jumped):
     engine, _ = both(jumped=jumped)
     engine.observe(IMAGES, START)
     engine.fit(START, False)
-    verdict = engine.judge(None, ImageSet(0, ()))
-    assert verdict.reason == "contours"
-    assert verdict.jumped == jumped
+    found = engine.assess(None, ImageSet(0, ()))
+    assert found.reason == "contours"
+    assert found.jumped == jumped
+    assert engine.report(None, ImageSet(0, ())) == "contours"
 
 
 def test_both_begin_learn_and_forget():

@@ -10,7 +10,9 @@ from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Ellipsoid
 from tracker_node.objective.points.photometry import PhotometryOptions
-from tracker_node.tracking.color.judge import ColorAgreement, agreement_of, judge_colors
+from tracker_node.tracking.assessment import Assessment
+from tracker_node.tracking.color.agreement import ColorAgreement, agreement_of
+from tracker_node.tracking.color.judge import assess_colors
 from tracker_node.tracking.config import ColorConfig
 from tracker_node.tracking.estimate import Status
 
@@ -22,7 +24,7 @@ BALLS = ArticulatedModel(
 UNSEEN = None
 
 
-def verdict(*cameras, parts=(1.0, 1.0), pixels=6000.0, chance=(100.0, 100.0), absent=0):
+def assessed(*cameras, parts=(1.0, 1.0), pixels=6000.0, chance=(100.0, 100.0), absent=0) -> Assessment:
     """``cameras``: the agreement in each, or `UNSEEN`; ``parts``: what the agreement of each part is multiplied by."""
     n = len(cameras)
     counts = np.array([[0.0 if share is UNSEEN else pixels / n / 2] * 2 for share in cameras])
@@ -30,7 +32,7 @@ def verdict(*cameras, parts=(1.0, 1.0), pixels=6000.0, chance=(100.0, 100.0), ab
     squares = expected * (1.0 - np.outer([0.0 if share is UNSEEN else share for share in cameras], parts))
     lens = LENSES["plain"]
     rig = CameraRig(tuple(look_at((1.0 + i, 0.0, 0.0), (0.0, 0.0, 0.0), lens, f"cam{i}") for i in range(n)))
-    return judge_colors(ColorAgreement(squares, expected, counts), BALLS, rig, rig.names[: n - absent], CONFIG)
+    return assess_colors(ColorAgreement(squares, expected, counts), BALLS, rig, rig.names[: n - absent], CONFIG)
 
 
 @pytest.mark.parametrize(
@@ -52,15 +54,15 @@ def verdict(*cameras, parts=(1.0, 1.0), pixels=6000.0, chance=(100.0, 100.0), ab
         ((UNSEEN, UNSEEN), {}, Status.LOST, "no camera sees"),
     ],
 )
-def test_the_middle_camera_decides_and_what_disagrees_is_named(cameras, options, status, said):
-    found = verdict(*cameras, **options)
+def test_the_median_camera_decides_and_what_disagrees_is_named(cameras, options, status, said):
+    found = assessed(*cameras, **options)
     assert found.status is status
     assert said in found.reason and bool(found.reason) == bool(said)
 
 
 def test_noise_is_told_from_a_body_that_is_off():
-    assert verdict(0.05, 0.0, -0.1).noise and verdict(UNSEEN, UNSEEN).noise
-    assert not verdict(0.3, 0.3).noise and not verdict(0.9, 0.9).noise
+    assert assessed(0.05, 0.0, -0.1).noise and assessed(UNSEEN, UNSEEN).noise
+    assert not assessed(0.3, 0.3).noise and not assessed(0.9, 0.9).noise
 
 
 def test_agreement_is_the_share_of_the_mask_that_lies_on_the_body():
@@ -76,5 +78,5 @@ def test_agreement_is_the_share_of_the_mask_that_lies_on_the_body():
         shown[:, :until] = ball
         shown[(np.hypot(*(np.mgrid[: image.shape[0], : image.shape[1]] - np.array([v, u])[:, None, None]))) > 27] = ground
         found = agreement_of([model], rig, [shown], state, PhotometryOptions("raw"))
-        assert found.middle == pytest.approx(share, abs=0.1)
+        assert found.median == pytest.approx(share, abs=0.1)
         assert found.camera_rms[0] == pytest.approx(np.sqrt((1 - share) * ((ground - ball) ** 2).mean()), abs=12.0)

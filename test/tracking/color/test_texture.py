@@ -8,7 +8,7 @@ from tracker_node.errors import ModelError
 from tracker_node.model.humans.human import human_model
 from tracker_node.objective.points.texture import TextureObjective
 from tracker_node.observation.image_set import ImageSet
-from tracker_node.tracking.color import texture_engine
+from tracker_node.tracking.color import texture
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.tracker import Tracker
@@ -67,8 +67,8 @@ def test_without_images_the_plate_is_lost():
 def searches(monkeypatch) -> list:
     """One entry for every search."""
     made: list = []
-    search = texture_engine.reacquire
-    monkeypatch.setattr(texture_engine, "reacquire", lambda *arguments: made.append(1) or search(*arguments))
+    search = texture.reacquire
+    monkeypatch.setattr(texture, "reacquire", lambda *arguments: made.append(1) or search(*arguments))
     return made
 
 

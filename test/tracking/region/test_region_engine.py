@@ -7,21 +7,26 @@ import pytest
 
 from helpers.cameras.start_scenes import scene, standing
 from tracker_node.model.configuration import Configuration
-from tracker_node.tracking.config import from_dict
+from tracker_node.objective.lines.correspondences import LinesAt
+from tracker_node.parallel import Workers
+from tracker_node.tracking.config import RegionConfig, from_dict
+from tracker_node.tracking.engine import Engine
+from tracker_node.tracking.engines import contour_engine
 from tracker_node.tracking.estimate import Status
-from tracker_node.tracking.region.engine import RegionEngine
+from tracker_node.tracking.region.modality import LineDetail, RegionModality
 
 SCENE = scene(3)
 TRUE = standing(SCENE.model, 0.05, -0.05, 0.4)
 CONFIG = {"region.sigma_rate": 0.05, "region.learn_every": 2}
 
 
-def mapped(function, items):
-    return [function(item) for item in items]
+def engine(**options) -> Engine:
+    return contour_engine(SCENE.rig, SCENE.model, from_dict(CONFIG | options), {}, Workers(1))
 
 
-def engine(**options):
-    return RegionEngine(SCENE.rig, SCENE.model, from_dict(CONFIG | options), mapped)
+def region_of(made: Engine) -> RegionModality:
+    (region,) = made.modalities
+    return region
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +47,7 @@ def test_a_fit_from_the_truth_stays_there(begun):
 
 def test_the_size_is_that_of_the_body_and_of_the_median_camera(begun):
     made, _, _ = begun
-    size_m, px_per_m = made._size(TRUE)
+    size_m, px_per_m = region_of(made).size(TRUE)
     places = Configuration(SCENE.model, TRUE).Ts_world_shape[:, :3, 3]
     middle = places.mean(axis=0)
     assert size_m == pytest.approx(2.0 * np.linalg.norm(places - middle, axis=1).max())
@@ -53,7 +58,7 @@ def test_the_size_is_that_of_the_body_and_of_the_median_camera(begun):
 def test_a_camera_that_looks_elsewhere_has_no_say_in_the_size(begun):
     made, _, _ = begun
     behind = standing(SCENE.model, 9.0, 1.0, 0.0)  # behind the first camera, far before the third
-    size_m, px_per_m = made._size(behind)
+    size_m, px_per_m = region_of(made).size(behind)
     middle = Configuration(SCENE.model, behind).Ts_world_shape[:, :3, 3].mean(axis=0)
     depths = [(camera.T_cam_world[:3, :3] @ middle + camera.T_cam_world[:3, 3])[2] for camera in SCENE.rig]
     assert px_per_m == pytest.approx(np.median([210.0 / depth for depth in depths if depth > 0.5 * size_m]))
@@ -61,7 +66,7 @@ def test_a_camera_that_looks_elsewhere_has_no_say_in_the_size(begun):
 
 
 def test_with_no_camera_the_body_has_its_usual_pixels():
-    size_m, px_per_m = engine()._size(TRUE)
+    size_m, px_per_m = region_of(engine()).size(TRUE)
     assert size_m * px_per_m == pytest.approx(300.0)
 
 
@@ -72,7 +77,7 @@ def cameras_say(made, shares, expected=None, n_images=3):
         close=(np.array(expected) * shares)[:, None] * [0.25, 0.75],
     )
     image_set = SimpleNamespace(cameras=[camera.name for camera in SCENE.rig][:n_images])
-    return made._status_of_cameras(evidence, image_set)
+    return made.judge._status_of_cameras(evidence, image_set, [0, 1, 2])
 
 
 def test_a_camera_that_sees_half_of_what_is_usual_is_named(begun):
@@ -103,34 +108,31 @@ def test_residuals_are_of_each_camera_and_of_all(begun):
     assert [camera.camera for camera in report.cameras] == ["cam0", "cam1", "cam2"]
     assert {camera.stamp_ns for camera in report.cameras} == {100_000_000}
     each = np.array([camera.residual for camera in report.cameras])
-    assert each.min() <= report.residual_px <= each.max()
+    assert each.min() <= report.residual <= each.max()
     assert min(camera.samples for camera in report.cameras) > 20
     without = made.report(result, SCENE.image_set(3, [images[0], None, images[2]]))
     assert without.cameras[1].stamp_ns == 0
 
 
 def test_the_spread_is_followed_by_its_rate(begun, monkeypatch):
+    """From fit to fit, once many image sets have been learned from."""
     made, result, _ = begun
-    region = made._config.region
-    before = made._objective.model_sigma_px
-    monkeypatch.setattr(made._objective, "spread_px", lambda state: 0.8)
-    monkeypatch.setattr(made, "_count", 10**6)
-    made._objective.model_sigma_px = 1.2
-    made._adapt(result.state)
-    expected = np.sqrt(0.95 * 1.2**2 + 0.05 * 0.8**2)
-    assert made._objective.model_sigma_px == pytest.approx(np.clip(expected, region.least_sigma_px, region.model_sigma_px))
-    monkeypatch.setattr(made._objective, "spread_px", lambda state: None)
-    made._adapt(result.state)
-    assert made._objective.model_sigma_px == pytest.approx(expected)
-    monkeypatch.setattr(made._objective, "spread_px", lambda state: 1e3)
-    made._adapt(result.state)
-    assert made._objective.model_sigma_px == region.model_sigma_px
-    made._objective.model_sigma_px = before
+    region, fitting = RegionConfig(), made.solver._fitting
+    monkeypatch.setattr(region_of(made), "n_learned", 10**6)
+
+    def followed(spread_px, model_sigma_px):
+        monkeypatch.setattr(LinesAt, "spread_px", spread_px)
+        return fitting.fit(result.state, (1.0,), None, model_sigma_px).model_sigma_px
+
+    expected = np.clip(np.sqrt(0.95 * 1.2**2 + 0.05 * 0.8**2), region.least_sigma_px, region.model_sigma_px)
+    assert followed(0.8, 1.2) == pytest.approx(expected)
+    assert followed(None, expected) == pytest.approx(expected)
+    assert followed(1e3, expected) == region.model_sigma_px
 
 
-def acquainted(made: RegionEngine) -> RegionEngine:
-    """As if all cameras had learnt the body's colors."""
-    for colors in made._colors:
+def acquainted(made: Engine) -> Engine:
+    """As if all cameras had learned the body's colors."""
+    for colors in region_of(made).appearance._colors:
         colors.knows = True
     return made
 
@@ -138,22 +140,26 @@ def acquainted(made: RegionEngine) -> RegionEngine:
 def test_a_camera_that_joins_learns_at_once(monkeypatch):
     """Whole colors, whatever the turn and however slowly the others learn, and only once."""
     made = acquainted(engine(**{"region.color_rate": 0.0}))
-    made._colors[1].knows = False
+    appearance = region_of(made).appearance
+    appearance._colors[1].knows = False
     learnt = []
-    monkeypatch.setattr(made, "_learn", lambda images, _, rate, guard: learnt.append(([i is not None for i in images], rate)))
+    monkeypatch.setattr(
+        appearance, "learn", lambda images, state, offsets, rate, *_: learnt.append(([i is not None for i in images], rate))
+    )
     made.learn(SCENE.images(TRUE), TRUE)
     assert learnt == [([False, True, False], 1.0)]
     monkeypatch.undo()
     made.learn(SCENE.images(TRUE), TRUE)
-    assert made._colors[1].knows
-    monkeypatch.setattr(made, "_learn", lambda *_: pytest.fail("learns again"))
+    assert appearance.known == [True] * 3
+    monkeypatch.setattr(appearance, "learn", lambda *_: pytest.fail("learns again"))
     made.learn(SCENE.images(TRUE), TRUE)
 
 
 def test_cameras_learn_in_turn(monkeypatch):
     made = acquainted(engine())
     learnt = []
-    monkeypatch.setattr(made, "_learn", lambda images, *_: learnt.append([image is not None for image in images]))
+    appearance = region_of(made).appearance
+    monkeypatch.setattr(appearance, "learn", lambda images, *_: learnt.append([image is not None for image in images]))
     images = SCENE.images(TRUE)
     for _ in range(3):
         made.learn(images, TRUE)
@@ -164,7 +170,7 @@ def test_cameras_learn_in_turn(monkeypatch):
 
 def test_colors_that_do_not_change_are_not_learnt(monkeypatch):
     made = acquainted(engine(**{"region.color_rate": 0.0}))
-    monkeypatch.setattr(made, "_learn", lambda *_: pytest.fail("learns"))
+    monkeypatch.setattr(region_of(made).appearance, "learn", lambda *_: pytest.fail("learns"))
     made.learn(SCENE.images(TRUE), TRUE)
 
 
@@ -175,27 +181,31 @@ def test_a_body_out_of_sight_is_lost(begun):
     above = standing(SCENE.model, 0.0, 0.0, 0.0)
     above.T_world_root[2, 3] = 50.0
     result = made.fit(above, first=False)
-    verdict = made.judge(result, SCENE.image_set(0, images))
-    assert verdict.status is Status.LOST
-    assert verdict.noise
-    assert "no camera sees the body" in verdict.reason
+    found = made.assess(result, SCENE.image_set(0, images))
+    assert found.status is Status.LOST
+    assert found.noise
+    assert "no camera sees the body" in found.reason
 
 
 def test_a_body_where_it_is_is_not_lost(begun):
     made, result, images = begun
-    verdict = made.judge(result, SCENE.image_set(0, images))
-    assert verdict.status is not Status.LOST
-    assert not verdict.noise
-    evidence = made._part_evidence(result.state, made._config.region.inlier_px)
-    assert verdict.surety == pytest.approx(float((evidence.log_ratio - 3.0 * evidence.expected).sum()))
+    found = made.assess(result, SCENE.image_set(0, images))
+    assert found.status is not Status.LOST
+    assert not found.noise
+    evidence = region_of(made).part_evidence(result.correspondences, result.state, RegionConfig().inlier_px)
+    assert found.log_ratio == pytest.approx(float((evidence.log_ratio - 3.0 * evidence.expected).sum()))
 
 
 def test_before_anything_is_known_nothing_is_drawn():
     made, images = engine(), SCENE.images(TRUE)
+
+    def active():
+        return region_of(made).correspond(TRUE, LineDetail(1.0, 0.5)).active
+
     made.observe(images, TRUE)
-    assert list(made._objective.active) == []
+    assert active() == []
     made.begin(images, TRUE)
     made.observe([images[0], None, images[2]], TRUE)
-    assert list(made._objective.active) == [0, 2]
+    assert active() == [0, 2]
     made.observe(images, None)
-    assert list(made._objective.active) == []
+    assert active() == []
