@@ -322,8 +322,8 @@ def _fit_lengths(
     fits = {}
     for name, length in measured.items():
         expected = size * reference[name]
-        weight = 1.0 / (1.0 + (options.joint_sigma_m / (options.variation * expected)) ** 2)
-        fits[name] = SegmentFit(name, length, expected, weight * length + (1.0 - weight) * expected)
+        gain = 1.0 / (1.0 + (options.joint_sigma_m / (options.variation * expected)) ** 2)
+        fits[name] = SegmentFit(name, length, expected, gain * length + (1.0 - gain) * expected)
     return size, fits
 
 
