@@ -149,3 +149,17 @@ def to_somersault_tilt_twist(rotation: np.ndarray) -> tuple[float, float, float]
     if np.hypot(r[1, 0], r[1, 1]) < 1e-9:
         return float(np.arctan2(-r[2, 0], r[0, 0])), tilt, 0.0
     return float(np.arctan2(r[0, 2], r[2, 2])), tilt, float(np.arctan2(r[1, 0], r[1, 1]))
+
+
+def from_roll_pitch_yaw(angles: npt.ArrayLike) -> np.ndarray:
+    """Rotation matrix (3, 3) of fixed-axis roll, pitch, yaw (3,) in radians: R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    roll, pitch, yaw = (exp(angle * axis) for angle, axis in zip(np.asarray(angles, dtype=np.float64), np.eye(3), strict=True))
+    return yaw @ pitch @ roll
+
+
+def to_roll_pitch_yaw(rotation: np.ndarray) -> np.ndarray:
+    """Inverse of `from_roll_pitch_yaw`, accurate at a pitch of 90 degrees too (then roll is arbitrary)."""
+    pitch = np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0]))
+    roll = np.arctan2(rotation[2, 1], rotation[2, 2])
+    rest = rotation @ exp([-roll, 0.0, 0.0])  # = Rz Ry: the second column is that of Rz
+    return np.array([roll, pitch, np.arctan2(-rest[0, 1], rest[1, 1])])

@@ -92,12 +92,24 @@ class CsvCells:
 
 
 class CsvTable:
-    """A CSV file whose header has been read."""
+    """A CSV file whose header has been read.
 
-    def __init__(self, path: str | Path):
+    Parameters
+    ----------
+    path : CSV file.
+    columns : that it must begin with.
+
+    Raises
+    ------
+    FileFormatError : other columns.
+    """
+
+    def __init__(self, path: str | Path, columns: Sequence[str] = ()):
         self.path = Path(path)
         self._lines = csv.reader(io.StringIO(read_text(self.path, TABLE_BYTES, unix_lines=False), newline=""))
         self.header: tuple[str, ...] = tuple(self._next() or ())
+        if self.header[: len(columns)] != tuple(columns):
+            raise FileFormatError(self.path, "header", f"columns starting with {','.join(columns)}", ",".join(self.header))
 
     def _next(self) -> list[str] | None:
         """The cells of the next line, None at the end."""
@@ -105,10 +117,6 @@ class CsvTable:
             return next(self._lines, None)
         except csv.Error as error:  # a field of more than 128 KB: mostly quotes that are opened and not closed
             raise FileFormatError(self.path, f"line {self._lines.line_num}", "a line of a CSV file", str(error)) from None
-
-    def expect_prefix(self, columns: Sequence[str]) -> None:
-        if self.header[: len(columns)] != tuple(columns):
-            raise FileFormatError(self.path, "header", f"columns starting with {','.join(columns)}", ",".join(self.header))
 
     def rows(self) -> Iterator[CsvCells]:
         while (text := self._next()) is not None:

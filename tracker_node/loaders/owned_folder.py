@@ -17,6 +17,7 @@ from pathlib import Path
 
 from ..errors import FileFormatError, TrackerError
 from .json_values import read_json
+from .whole_file import sync, write_whole
 
 _LEDGER = ".written.json"
 _DRAFTS = ".drafts"
@@ -58,7 +59,7 @@ class OwnedFolder:
             # Both are remembered until the file is there: whenever the power goes, what lies there is known as ours
             self._remember(name, [*self._digests.get(name, [])[-1:], digest])
             target.parent.mkdir(parents=True, exist_ok=True)
-            _sync(draft)
+            sync(draft)
             draft.replace(target)
             self._remember(name, [digest])
         return target
@@ -122,10 +123,7 @@ class OwnedFolder:
             known.pop(name, None)
             if digests:
                 known[name] = digests
-        draft = self.path / _DRAFTS / _LEDGER
-        draft.write_text(json.dumps(written, indent=1) + "\n", encoding="utf-8")
-        _sync(draft)
-        draft.replace(self.path / _LEDGER)
+        write_whole(self.path / _LEDGER, json.dumps(written, indent=1) + "\n")
 
 
 def _read_ledger(path: Path) -> dict[str, list[str]]:
@@ -141,8 +139,3 @@ def _read_ledger(path: Path) -> dict[str, list[str]]:
 
 def _digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def _sync(path: Path) -> None:
-    with path.open("rb") as stream:
-        os.fsync(stream.fileno())

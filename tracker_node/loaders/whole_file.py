@@ -130,7 +130,7 @@ def whole_file(path: str | Path, suffix: str = "") -> Iterator[Path]:
     try:
         try:
             yield draft
-            _sync(draft)
+            sync(draft)
             draft.replace(path)
         finally:
             draft.unlink(missing_ok=True)
@@ -151,6 +151,7 @@ def write_whole(path: str | Path, text: str) -> None:
         draft.write_text(text, encoding="utf-8")
 
 
-def _sync(path: Path) -> None:
+def sync(path: Path) -> None:
+    """Have the operating system write a file to the disk."""
     with path.open("rb") as stream:
         os.fsync(stream.fileno())

@@ -12,6 +12,8 @@ from rosbags.interfaces import Connection, Qos
 from rosbags.rosbag2 import ReaderError
 from rosbags.rosbag2.metadata import parse_qos
 
+from ..whole_file import write_whole
+
 METADATA_FILE = "metadata.yaml"
 METADATA_VERSION = 9
 ROS_DISTRO = "jazzy"  # whose message definitions the bag holds
@@ -131,10 +133,7 @@ def write_metadata(folder: Path, information: dict[str, Any]) -> None:
     ----------
     folder, information : of the bag; see `bag_information`.
     """
-    text = yaml.safe_dump({"rosbag2_bagfile_information": information}, sort_keys=False)
-    unfinished = folder / f"{METADATA_FILE}.tmp"
-    unfinished.write_text(text, encoding="utf-8")
-    unfinished.replace(folder / METADATA_FILE)
+    write_whole(folder / METADATA_FILE, yaml.safe_dump({"rosbag2_bagfile_information": information}, sort_keys=False))
 
 
 def offered_by(connection: Connection) -> OfferedQos:

@@ -28,8 +28,6 @@ from .model_file import (
 )
 from .urdf import load_urdf
 
-_X, _Y, _Z = np.eye(3)
-
 
 def load_model(path: str | Path) -> ArticulatedModel:
     """Body of a model file or of a robot description (``.urdf``); meshes and pictures are searched relative to its folder.
@@ -110,18 +108,7 @@ def transform_of(xyz: tuple[float, ...], rpy_deg: tuple[float, ...]) -> np.ndarr
     -------
     T_parent_child (4, 4).
     """
-    roll, pitch, yaw = np.deg2rad(rpy_deg)
-    rotation = so3.from_axis_angle(_Z, yaw) @ so3.from_axis_angle(_Y, pitch) @ so3.from_axis_angle(_X, roll)
-    return se3.from_rotation_translation(rotation, np.array(xyz))
-
-
-def rpy_deg_of(rotation: np.ndarray) -> tuple[float, float, float]:
-    """Roll, pitch, yaw (degrees) of `transform_of`, accurate at a pitch of 90 degrees too (then roll is arbitrary)."""
-    pitch = np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0]))
-    roll = np.arctan2(rotation[2, 1], rotation[2, 2])
-    rest = rotation @ so3.from_axis_angle(_X, -roll)  # = Rz Ry: the second column is that of Rz
-    yaw = np.arctan2(-rest[0, 1], rest[1, 1])
-    return tuple(float(np.rad2deg(angle)) + 0.0 for angle in (roll, pitch, yaw))  # type: ignore[return-value]
+    return se3.from_rotation_translation(so3.from_roll_pitch_yaw(np.deg2rad(rpy_deg)), np.array(xyz))
 
 
 def _axis(entry: AxisEntry) -> Axis:
@@ -245,7 +232,7 @@ def _loft_values(solid: LoftedSolid) -> dict[str, Any]:
 
 def _placed(transform: np.ndarray) -> dict[str, Any]:
     values: dict[str, Any] = {"xyz": [float(v) for v in transform[:3, 3]]}
-    rpy_deg = rpy_deg_of(transform[:3, :3])
-    if any(rpy_deg):
-        values["rpy_deg"] = list(rpy_deg)
+    rpy_deg = np.rad2deg(so3.to_roll_pitch_yaw(transform[:3, :3])) + 0.0
+    if rpy_deg.any():
+        values["rpy_deg"] = rpy_deg.tolist()
     return values

@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from ...geometry import so3
 from ...model.articulated import ArticulatedModel, Shape
 from ...model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 
@@ -62,12 +63,7 @@ def _add_ends(joint: ElementTree.Element, T_parent_child: np.ndarray, parent: st
 
 
 def _add_origin(element: ElementTree.Element, T: np.ndarray) -> None:
-    pitch = np.arctan2(-T[2, 0], np.hypot(T[0, 0], T[1, 0]))
-    if np.hypot(T[0, 0], T[1, 0]) > 1e-9:
-        roll, yaw = np.arctan2(T[2, 1], T[2, 2]), np.arctan2(T[1, 0], T[0, 0])
-    else:  # only the sum of roll and yaw is determined
-        roll, yaw = 0.0, np.arctan2(-T[0, 1], T[1, 1])
-    ElementTree.SubElement(element, "origin", xyz=_numbers(T[:3, 3]), rpy=_numbers((roll, pitch, yaw)))
+    ElementTree.SubElement(element, "origin", xyz=_numbers(T[:3, 3]), rpy=_numbers(so3.to_roll_pitch_yaw(T[:3, :3])))
 
 
 def _add_visual(link: ElementTree.Element, shape: Shape) -> None:

@@ -125,8 +125,7 @@ class Node:
         if origin is None:
             return np.eye(4)
         angles = origin.numbers("rpy", 3, (0.0, 0.0, 0.0))
-        roll, pitch, yaw = (so3.exp(angle * axis) for angle, axis in zip(angles, np.eye(3), strict=True))
-        return se3.from_rotation_translation(yaw @ pitch @ roll, np.array(origin.numbers("xyz", 3, (0.0, 0.0, 0.0))))
+        return se3.from_rotation_translation(so3.from_roll_pitch_yaw(angles), np.array(origin.numbers("xyz", 3, (0.0, 0.0, 0.0))))
 
 
 def read_robot(path: str | Path) -> Node:
@@ -144,10 +143,6 @@ def read_robot(path: str | Path) -> Node:
         if not content.startswith((b"\xff\xfe", b"\xfe\xff")):  # UTF-16
             content = content.rstrip(b"\0")  # some programs end their files like C text
         root = ElementTree.fromstring(content)
-    except FileNotFoundError:
-        raise FileFormatError(path, "(file)", "an existing file", "no such file") from None
-    except OSError as error:
-        raise FileFormatError(path, "(file)", "a readable file", error.strerror or str(error)) from None
     except ElementTree.ParseError as error:
         line, column = error.position
         reason = str(error).partition(":")[0]

@@ -78,8 +78,7 @@ def read_covariances(path: str | Path) -> CovarianceTrajectory:
     ------
     FileFormatError : naming line and column.
     """
-    table = CsvTable(path)
-    table.expect_prefix(COVARIANCE_COLUMNS)
+    table = CsvTable(path, COVARIANCE_COLUMNS)
     names = table.header[len(COVARIANCE_COLUMNS) :]
     n, due = len(names), [(of, name) for of in (STATE, VELOCITY) for name in names]
     stamps_ns: list[int] = []

@@ -172,8 +172,7 @@ def read_states(path: str | Path) -> StateTrajectory:
     ------
     FileFormatError : naming line and column.
     """
-    table = CsvTable(path)
-    table.expect_prefix(LEADING_COLUMNS)
+    table = CsvTable(path, LEADING_COLUMNS)
     if "residual_px" in table.header:
         expected = "columns under their present names (`tracker_node migrate` rewrites bags and runs)"
         raise FileFormatError(path, "header", expected, "those of version 0.1")
@@ -222,8 +221,7 @@ def read_joints(path: str | Path) -> JointTrajectory:
     ------
     FileFormatError : naming line and column.
     """
-    table = CsvTable(path)
-    table.expect_prefix(JOINT_COLUMNS)
+    table = CsvTable(path, JOINT_COLUMNS)
     names: dict[str, int] = {}
     steps: dict[int, dict[str, np.ndarray]] = {}
     for cells in table.rows():

@@ -7,17 +7,18 @@ unknown place have columns ``camera,point,u,v``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from ...errors import FileFormatError
-from ..csv_file import CsvTable, CsvWriter, exact
+from ..csv_file import CsvCells, CsvTable, CsvWriter, exact
 
 COLUMNS = ("camera", "point", "x", "y", "z", "u", "v")
 PLACE_COLUMNS = ("point", "x", "y", "z")
+CLICK_COLUMNS = ("camera", "point", "u", "v")
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,22 +37,14 @@ def load_control_points(path: str | Path) -> dict[str, ControlPoints]:
     ------
     FileFormatError : naming line and column; also for a point that a camera has twice, or that has two places.
     """
-    table = CsvTable(path)
-    table.expect_prefix(COLUMNS)
     found: dict[str, dict[str, np.ndarray]] = {}
     places: dict[str, np.ndarray] = {}
-    for row in table.rows():
-        camera, point, values = row.text[0], row.text[1], row.numbers(2, 7)
-        where = f"line {row.line}"
-        if not camera or not point:
-            raise FileFormatError(path, where, "names of a camera and a point", f"{camera!r}, {point!r}")
-        if point in found.setdefault(camera, {}):
-            raise FileFormatError(path, where, f"each point once for camera '{camera}'", f"'{point}' again")
+    for row, camera, point in _named_rows(path, COLUMNS):
+        values = row.numbers(2, 7)
         if not np.allclose(places.setdefault(point, values[:3]), values[:3], rtol=0.0, atol=1e-9):
-            raise FileFormatError(path, where, f"point '{point}' in one place, {places[point].tolist()}", values[:3].tolist())
-        found[camera][point] = values
-    if not found:
-        raise FileFormatError(path, "(file)", "one line at least", "none")
+            expected = f"point '{point}' in one place, {places[point].tolist()}"
+            raise FileFormatError(path, f"line {row.line}", expected, values[:3].tolist())
+        found.setdefault(camera, {})[point] = values
     return {
         camera: ControlPoints(tuple(points), np.array(list(points.values()))[:, :3], np.array(list(points.values()))[:, 3:])
         for camera, points in found.items()
@@ -78,13 +71,11 @@ def load_places(path: str | Path) -> dict[str, np.ndarray]:
     ------
     FileFormatError : naming line and column; also for a point that is listed twice.
     """
-    table = CsvTable(path)
-    if table.header[: len(COLUMNS)] == COLUMNS:
+    if CsvTable(path).header[: len(COLUMNS)] == COLUMNS:
         seen = load_control_points(path).values()
         return {name: point for points in seen for name, point in zip(points.names, points.points, strict=True)}
-    table.expect_prefix(PLACE_COLUMNS)
     places: dict[str, np.ndarray] = {}
-    for row in table.rows():
+    for row in CsvTable(path, PLACE_COLUMNS).rows():
         name = row.text[0]
         if not name or name in places:
             raise FileFormatError(path, f"line {row.line}", "the name of a point, each once", name)
@@ -94,9 +85,6 @@ def load_places(path: str | Path) -> dict[str, np.ndarray]:
     return places
 
 
-CLICK_COLUMNS = ("camera", "point", "u", "v")
-
-
 def load_clicks(path: str | Path) -> dict[str, dict[str, np.ndarray]]:
     """Camera -> point -> its pixel (2,), in the order of the file.
 
@@ -104,18 +92,9 @@ def load_clicks(path: str | Path) -> dict[str, dict[str, np.ndarray]]:
     ------
     FileFormatError : naming line and column; also for a point that a camera has twice.
     """
-    table = CsvTable(path)
-    table.expect_prefix(CLICK_COLUMNS)
     found: dict[str, dict[str, np.ndarray]] = {}
-    for row in table.rows():
-        camera, point = row.text[0], row.text[1]
-        if not camera or not point:
-            raise FileFormatError(path, f"line {row.line}", "names of a camera and a point", f"{camera!r}, {point!r}")
-        if point in found.setdefault(camera, {}):
-            raise FileFormatError(path, f"line {row.line}", f"each point once for camera '{camera}'", f"'{point}' again")
-        found[camera][point] = row.numbers(2, 4)
-    if not found:
-        raise FileFormatError(path, "(file)", "one line at least", "none")
+    for row, camera, point in _named_rows(path, CLICK_COLUMNS):
+        found.setdefault(camera, {})[point] = row.numbers(2, 4)
     return found
 
 
@@ -129,3 +108,18 @@ def dump_clicks(clicks: Mapping[str, Mapping[str, np.ndarray]], path: str | Path
     with CsvWriter(path, CLICK_COLUMNS) as writer:
         for camera, points in clicks.items():
             writer.write_rows([[camera, point, *map(exact, pixel)] for point, pixel in points.items()])
+
+
+def _named_rows(path: str | Path, columns: Sequence[str]) -> Iterator[tuple[CsvCells, str, str]]:
+    """Rows with their camera and point, each pair once, and at least one."""
+    seen: set[tuple[str, str]] = set()
+    for row in CsvTable(path, columns).rows():
+        camera, point = row.text[0], row.text[1]
+        if not camera or not point:
+            raise FileFormatError(path, f"line {row.line}", "names of a camera and a point", f"{camera!r}, {point!r}")
+        if (camera, point) in seen:
+            raise FileFormatError(path, f"line {row.line}", f"each point once for camera '{camera}'", f"'{point}' again")
+        seen.add((camera, point))
+        yield row, camera, point
+    if not seen:
+        raise FileFormatError(path, "(file)", "one line at least", "none")

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...errors import FileFormatError
-from ...geometry import se3
-from ...loaders.model.model_yaml import rpy_deg_of, transform_of
+from ...geometry import se3, so3
+from ...loaders.model.model_yaml import transform_of
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...model.kinematic_chain import N_ROOT_DOF, Axis
@@ -32,7 +32,8 @@ def values_of(state: State, model: ArticulatedModel) -> list[float]:
     (n_dof,): position in meters, fixed-axis roll, pitch, yaw in degrees, then the axes in degrees or meters.
     """
     joints = state.joint_positions * _per_unit(model)
-    return [*state.T_world_root[:3, 3].tolist(), *rpy_deg_of(state.T_world_root[:3, :3]), *joints.tolist()]
+    rpy_deg = np.rad2deg(so3.to_roll_pitch_yaw(state.T_world_root[:3, :3])) + 0.0
+    return [*state.T_world_root[:3, 3].tolist(), *rpy_deg.tolist(), *joints.tolist()]
 
 
 def state_of(values: Sequence[float], model: ArticulatedModel) -> State:
