@@ -111,6 +111,6 @@ def unknown_parameters(node: Node, parameters: Sequence[Parameter]) -> SetParame
     return None
 
 
-def one_of(choices: Sequence[str]) -> str:
+def one_of(choices: Sequence[object]) -> str:
     """For people."""
-    return "one of " + ", ".join(choices)
+    return "one of " + ", ".join(map(str, choices))

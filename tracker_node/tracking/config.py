@@ -113,7 +113,9 @@ class ChamferConfig:
         choices=("split", "sum", "silhouette", "edges"),
     )  # fmt: skip
     threshold: float = parameter(0.0, "log-odds above which a pixel is body", "1", -20, 20)
-    smoothing_px: int = parameter(1, "width of the median filter of the silhouette (odd; 1: none)", "px", 1, 31)
+    smoothing_px: int = parameter(
+        1, "width of the median filter of the silhouette; 1: none", "px", choices=tuple(range(1, 33, 2))
+    )
     color_rate: float = parameter(0.05, "share of the newest image in the color histograms", "1", 0, 1)
     learn_every: int = parameter(3, "image sets between two lessons of a camera; the cameras take turns", "", 1, 1000)
     reach_px: int = parameter(40, "silhouettes farther than this from the predicted body are not looked at", "px", 4, 1000)

@@ -1,0 +1,197 @@
+"""Every declared parameter counts: another value changes what the tracker says, or a sentence here tells why it does not."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from helpers.bodies import textured_plate
+from helpers.cameras.start_scenes import scene, standing
+from helpers.studio.small_studio import Recording, recording
+from tracker_node.camera.rig import CameraRig
+from tracker_node.geometry import se3, so3
+from tracker_node.model.configuration import State
+from tracker_node.observation.image_set import CameraImage, ImageSet
+from tracker_node.tracking.config import TrackerConfig, describe, from_dict
+from tracker_node.tracking.estimate import TrackEstimate
+from tracker_node.tracking.tracker import Tracker
+
+WITHOUT_EFFECT = {
+    "threads": "sums are in fixed order whatever the number of threads",
+    "synchronizer.tolerance": "image sets are formed before the tracker sees them; see the tests of the synchronizer",
+    "synchronizer.queue_s": "as synchronizer.tolerance",
+    "synchronizer.min_cameras": "as synchronizer.tolerance",
+    "self_check.delay_images": "a late camera is named after seconds of motion; see test/tracking/test_self_check.py",
+    "synchronizer.image_period_s": "as self_check.delay_images, which counts in it",
+    "motion.smoother_noise": "of smoothed states alone; see the tests of the smoother",
+}
+WAYS: dict[str, dict[str, Any]] = {
+    "region": {"modalities": ["region"]},
+    "chamfer": {"modalities": ["chamfer"]},
+    "color": {"modalities": ["color"], "color.learn_colors": True},
+    "stepping": {"modalities": ["color"], "color.learn_colors": True, "color.optimizer": "stepping"},
+    "rigid": {"modalities": ["color"]},
+    "texture": {"modalities": ["texture"]},
+    "over background": {"modalities": ["color_over_background"], "color_over_background.learn_colors": True},
+    "joint": {"modalities": ["color", "region"], "color.learn_colors": True},
+}
+"""Names of the ways to track, with the parameters that choose them."""
+
+
+def tilted(rig: CameraRig, degrees: float) -> CameraRig:
+    """Its first camera turned: what the self-check finds."""
+    first, *others = rig.cameras
+    turn = se3.from_rotation_translation(so3.exp(np.radians([0.0, degrees, 0.0])), np.zeros(3))
+    return replace(rig, cameras=(replace(first, T_world_cam=first.T_world_cam @ turn), *others))
+
+
+def displaced(clip: Recording) -> State:
+    """The first state with an arm elsewhere and the root off: a limb is lost and searched for."""
+    state = State(clip.states[0].T_world_root.copy(), clip.states[0].joint_positions.copy())
+    state.T_world_root[:3, 3] += (0.3, 0.0, 0.02)  # too far for short lines
+    state.joint_positions[clip.model.chain.axis_index("left_shoulder_elevation_front")] += np.radians(60.0)
+    return state
+
+
+def blank(image_set: ImageSet) -> ImageSet:
+    return replace(image_set, images=tuple(replace(i, pixels=np.full_like(i.pixels, 90)) for i in image_set.images))
+
+
+def staggered(image_set: ImageSet) -> ImageSet:
+    """The last camera a quarter of a period late."""
+    *others, last = image_set.images
+    return replace(image_set, images=(*others, replace(last, stamp_ns=last.stamp_ns + 8_000_000)))
+
+
+def told(estimates: list[TrackEstimate]) -> str:
+    """A digest of states, covariances, statuses and faults."""
+    digest = hashlib.sha256()
+    for e in estimates:
+        for array in (e.state.to_values(), e.covariance, e.velocity, e.velocity_covariance):
+            digest.update(b"-" if array is None else np.ascontiguousarray(array).tobytes())
+        digest.update(repr((e.status, e.status_reason, e.limbs, e.faults, e.residual)).encode())
+    return digest.hexdigest()
+
+
+def followed(config: TrackerConfig) -> str:
+    """A person before four cameras, two with an image of the background: an arm is lost at first, the whole body for two sets."""
+    clip = recording()
+    n_known = 4 if config.colors or config.chamfer.silhouette == "background" else 2
+    plates = {name: clip.plates[name] for name in clip.rig.names[:n_known]}
+    tracker = Tracker(tilted(clip.rig, 1.0), clip.model, config, plates, displaced(clip))
+    sets = [blank(s) if i in (6, 7) else staggered(s) if i % 2 else s for i, s in enumerate(clip.sets)]
+    return told([tracker.step(image_set) for image_set in sets])
+
+
+def waved(config: TrackerConfig) -> str:
+    """The plate in three places, gone, and back far off."""
+    places = [np.zeros(6), [0.01, 0, 0, 0.05, 0, 0], [0.02, 0.01, 0, 0.1, 0, 0], None, [0.12, -0.1, 0.05, 0.3, 0, 0.2]]
+    rig, true = textured_plate.rig(), textured_plate.TRUE
+    states = [None if p is None else State(true.T_world_root @ se3.exp(np.asarray(p, dtype=float)), np.zeros(0)) for p in places]
+    tracker, estimates = Tracker(rig, textured_plate.MODEL, config, None, states[0]), []
+    for n, state in enumerate(states):
+        pictures = zip(rig, textured_plate.film(state, n), strict=True)
+        images = tuple(CameraImage(camera.name, n * 10**8, pixels) for camera, pixels in pictures)
+        estimates.append(tracker.step(ImageSet(n * 10**8, images)))
+    return told(estimates)
+
+
+def searched(config: TrackerConfig) -> str:
+    """A person whom nobody has told anything about, in a room seen empty by half of the cameras, then lost and back elsewhere."""
+    made = scene()
+    true = standing(made.model, 0.2, -0.2, 0.4, left_hip_flexion=25, right_knee_flexion=20, left_shoulder_elevation_front=40)
+    tracker = Tracker(made.rig, made.model, config, {name: made.plates[name] for name in made.rig.names[:2]})
+    shots = [made.images(None, 0) if n < 1 else made.images(true, n) for n in range(7)]
+    return told([tracker.step(made.image_set(n, images)) for n, images in enumerate(shots)])
+
+
+def checked(config: TrackerConfig) -> str:
+    """A camera that was turned: what the self-check names."""
+    clip = recording()
+    tracker = Tracker(tilted(clip.rig, 1.0), clip.model, config, clip.plates, clip.states[0])
+    return told([tracker.step(image_set) for image_set in clip.sets])
+
+
+CHECKED: dict[str, Any] = {"self_check.window_s": 0.2, "self_check.sigmas": 1.0}
+QUICKLY_SEARCHED = (
+    "min_cameras", "enabled", "interval_sets", "watch_sets", "size_px", "hypotheses", "candidates", "min_score", "seed",
+)  # fmt: skip
+"""Parameters of the search that count whatever follows it: the quicker modality."""
+BRIEF: dict[str, Any] = {
+    "initialization.size_px": 56, "initialization.hypotheses": 24, "initialization.candidates": 3, "initialization.watch_sets": 3,
+    "initialization.repaired_candidates": 1, "initialization.tracked_candidates": 2, "initialization.tracked_sets": 2,
+    "initialization.interval_sets": 1,
+}  # fmt: skip
+
+
+@cache
+def plain(way: str, kind: str) -> str:
+    return run(way, kind, {})
+
+
+def kind_of(name: str) -> str:
+    """Which scene a parameter should count in."""
+    if name.startswith("self_check."):
+        return "checked"
+    return "searched" if name.startswith("initialization.") else "followed"
+
+
+def run(way: str, kind: str, values: dict[str, Any]) -> str:
+    if kind == "searched":
+        return searched(from_dict(WAYS[way] | BRIEF | values))
+    if kind == "checked":
+        return checked(from_dict(WAYS[way] | {"initialization.enabled": False} | CHECKED | values))
+    config = from_dict(WAYS[way] | {"initialization.enabled": False} | values)
+    return waved(config) if way in ("texture", "rigid") else followed(config)
+
+
+def others(name: str, given: Any) -> Iterator[Any]:
+    """Other values of a parameter, those most likely to matter first."""
+    entry = describe()[name]
+    if isinstance(given, bool):
+        yield not given
+    elif entry["choices"]:
+        yield from (choice for choice in entry["choices"] if choice != given)
+    elif isinstance(given, str):
+        yield from ("4 1", "12 3")
+    else:
+        kind, low, high = type(given), entry["low"], entry["high"]
+        for value in (2 * given, given / 2, given + 1, 0, 10 * given, low, high):
+            value = kind(min(max(value, low), high, key=abs) if abs(value) > 1e6 else min(max(value, low), high))
+            if value != given:
+                yield value
+
+
+def cases() -> list[tuple[str, str]]:
+    """Each parameter once, with the first way to track that has it and in which it should count."""
+    by_way = {
+        "color.schedule": "stepping", "color.search_radius": "rigid", "combination": "joint", "motion.velocity_gain": "color",
+        "motion.velocity_decay": "color", "self_check.enabled": "chamfer", "self_check.window_s": "chamfer",
+        "self_check.angle_deg": "chamfer", "self_check.sigmas": "chamfer",
+        **{f"initialization.{name}": "chamfer" for name in QUICKLY_SEARCHED},
+    }  # fmt: skip
+    found: dict[str, str] = {}
+    for way, values in WAYS.items():
+        for name in describe(from_dict(values)):
+            if name != "modalities" and name not in WITHOUT_EFFECT:
+                found.setdefault(name, by_way.get(name, way))
+    return list(found.items())
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "way"), cases(), ids=lambda value: value)
+def test_another_value_changes_what_is_said(name, way):
+    kind = kind_of(name)
+    given = {"searched": BRIEF, "checked": CHECKED, "followed": {}}[kind] | WAYS[way]
+    value = given.get(name, describe()[name]["default"])
+    assert any(run(way, kind, {name: other}) != plain(way, kind) for other in others(name, value)), f"{name} is inert"
+
+
+def test_exceptions_are_parameters():
+    assert set(WITHOUT_EFFECT) <= set(describe())
