@@ -11,7 +11,9 @@ from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 from tracker_node.model.shapes.primitives import Ellipsoid
 from tracker_node.synthesis.subjects.figure import figure_model
-from tracker_node.tracking.limbs import limbs_of
+from tracker_node.tracking.limbs import limbs_of, stages_of
+
+HUMAN = human_model()
 
 
 @pytest.mark.parametrize("model", [person(), human_model(), figure_model(), two_links()], ids=lambda model: model.name)
@@ -38,6 +40,8 @@ def test_limbs_of_the_human():
     ]  # fmt: skip
     wrist = model.landmark_positions[model.landmark_index("left_wrist")]
     assert model.chain.links[hand.end] == "left_forearm" and (hand.tip == wrist).all()
+    foot = [name for name, own in zip(model.chain.links, limbs["right_foot"].links, strict=True) if own]
+    assert set(foot) == {"right_thigh", "right_shank", "right_foot"}
 
 
 def test_a_rigid_body_is_all_trunk():
@@ -58,3 +62,23 @@ def test_welded_fingers_do_not_end_an_arm():
     shapes = tuple(Shape(link, link, Ellipsoid((0.1, 0.1, 0.1))) for link in chain.links)
     names = [[chain.links[i] for i in np.flatnonzero(limb.links)] for limb in limbs_of(ArticulatedModel("x", chain, shapes))]
     assert names == [["base"], ["arm", "finger_1", "finger_2"], ["tail"]]
+
+
+def test_stages_cover_every_degree_of_freedom_once_and_go_outward():
+    stages = stages_of(HUMAN.chain)
+    np.testing.assert_array_equal(sum(stage.dofs.astype(int) for stage in stages), 1)
+    assert stages[0].variables == [0, 1, 2, 3, 4, 5] and stages[0].links.all()
+    order = [next(i for i, stage in enumerate(stages) if name in stage.name.split(", ")) for name in
+             ("abdomen", "torso", "left_clavicle", "left_upper_arm", "left_forearm")]  # fmt: skip
+    assert order == sorted(set(order))
+    assert {name for stage in stages for name in stage.name.split(", ")} >= {"left_thigh", "right_shank", "head"}
+
+
+@pytest.mark.parametrize("part", [*stages_of(HUMAN.chain), *limbs_of(HUMAN)[1:]], ids=lambda part: part.name)
+def test_a_part_moves_its_links_and_no_others(part):
+    """By forward kinematics on random motions of its degrees of freedom."""
+    rng, n = np.random.default_rng(2), HUMAN.n_dof
+    state = State.neutral(HUMAN).retract(rng.normal(0.0, 0.2, n))
+    moved = state.retract(np.where(part.dofs, rng.normal(0.0, 0.3, n), 0.0))
+    before, after = (Configuration(HUMAN, s).Ts_world_link for s in (state, moved))
+    np.testing.assert_array_equal(np.abs(after - before).max(axis=(1, 2)) > 1e-9, part.links)

@@ -8,7 +8,7 @@ from helpers.cameras.start_scenes import scene, standing
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.small_view import SmallView
 from tracker_node.render.raycast.raycaster import render_mask
-from tracker_node.tracking.engine import Verdict
+from tracker_node.tracking.assessment import Assessment
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.initialization.coverage import StartCoverage
 from tracker_node.tracking.initialization.evidence import StartEvidence
@@ -86,8 +86,8 @@ def test_a_camera_without_an_image_counts_for_nothing():
 
 
 def test_what_is_left_uncovered_lowers_a_standing_and_never_raises_it():
-    def stands(surety: float, uncovered: float) -> float:
-        return Trial(HERE, Verdict(Status.TRACKING, "", surety=surety), uncovered).standing
+    def stands(log_ratio: float, uncovered: float) -> float:
+        return Trial(HERE, Assessment(Status.TRACKING, "", log_ratio=log_ratio), uncovered).standing
 
     assert stands(100.0, 0.0) == 100.0
     assert stands(100.0, 0.1) == pytest.approx(81.0)

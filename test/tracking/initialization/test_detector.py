@@ -10,9 +10,10 @@ from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box, Ellipsoid
+from tracker_node.parallel import Workers
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status
-from tracker_node.tracking.initialization.detector import StartFinder, body_size, find_start
+from tracker_node.tracking.initialization.detector import PoseDetector, body_size, find_start
 from tracker_node.tracking.initialization.pose_library import other_side, postures
 from tracker_node.tracking.limbs import joint_groups
 from tracker_node.tracking.tracker import Tracker
@@ -32,8 +33,8 @@ WALKING = standing(
 )  # fmt: skip
 
 
-def finder(plates=SCENE.plates, rig=SCENE.rig, model=SCENE.model) -> StartFinder:
-    return StartFinder(rig, model, CONFIG.initialization, plates, lambda function, items: [function(item) for item in items])
+def finder(plates=SCENE.plates, rig=SCENE.rig, model=SCENE.model) -> PoseDetector:
+    return PoseDetector(rig, model, CONFIG.initialization, plates, Workers(1))
 
 
 def test_a_person_is_found_with_plates_twice_the_same():

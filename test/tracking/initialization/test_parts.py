@@ -6,10 +6,11 @@ import pytest
 from helpers.cameras.start_scenes import scene, standing
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
+from tracker_node.parallel import Workers
+from tracker_node.tracking.assessment import Assessment
 from tracker_node.tracking.config import from_dict
-from tracker_node.tracking.engine import Verdict
 from tracker_node.tracking.estimate import LimbReport, LimbStatus, Status
-from tracker_node.tracking.initialization.detector import StartFinder
+from tracker_node.tracking.initialization.detector import PoseDetector
 from tracker_node.tracking.initialization.trials import LimbRepair, Trial
 from tracker_node.tracking.limbs import limbs_of
 
@@ -19,9 +20,9 @@ ARM = next(limb for limb in limbs_of(SCENE.model) if limb.name == "left_hand")
 CONFIG = from_dict({"initialization.size_px": 80})
 
 
-def finder(images: list[np.ndarray], plates: dict) -> StartFinder:
+def finder(images: list[np.ndarray], plates: dict) -> PoseDetector:
     config = CONFIG.initialization
-    look = StartFinder(SCENE.rig, SCENE.model, config, plates, lambda function, items: [function(item) for item in items])
+    look = PoseDetector(SCENE.rig, SCENE.model, config, plates, Workers(1))
     look.watch(SCENE.images(None, 1))
     look.watch(images)
     return look
@@ -132,7 +133,7 @@ def test_the_doubtful_limb_is_mended_and_no_other_is_touched():
         tried.append(state)
         names = [limb.name for limb in limbs_of(SCENE.model)]
         limbs = tuple(LimbReport(name, LimbStatus.TRACKING, "", min(off, 0.9) if name == ARM.name else 0.01) for name in names)
-        return Trial(state, Verdict(Status.DEGRADED, "", limbs=limbs, surety=1000.0 - 100.0 * off))
+        return Trial(state, Assessment(Status.DEGRADED, "", limbs=limbs, log_ratio=1000.0 - 100.0 * off))
 
     tried: list[State] = []
     wrong = with_arm_down(SCENE.model, POSED)

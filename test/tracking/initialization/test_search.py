@@ -6,7 +6,8 @@ import pytest
 from helpers.bodies.bodies import crane
 from tracker_node.geometry import so3
 from tracker_node.model.humans.human import human_model
-from tracker_node.tracking.initialization.search import Poses, StartSearch
+from tracker_node.tracking.initialization.search import HypothesisSearch
+from tracker_node.tracking.poses import Poses
 
 
 class Near:
@@ -26,7 +27,7 @@ GOAL = NEUTRAL + np.array([0.5, -0.4, 0.6, 0.8])
 
 
 def search(prior=0.0, place=(0.0, 0.0, 0.0), goal=GOAL):
-    return StartSearch(Near(MODEL, goal, place), prior, 2.0)
+    return HypothesisSearch(Near(MODEL, goal, place), prior, 2.0)
 
 
 def poses(n, joints=NEUTRAL, turns=None, places=None):
@@ -94,7 +95,7 @@ def test_who_faces_the_other_way_has_left_and_right_exchanged():
     model = human_model()
     names = [axis.name for axis in model.chain.axes]
     joints = np.linspace(-0.1, 0.1, len(names))
-    finder = StartSearch(Near(model, joints), 0.0, 1.8)
+    finder = HypothesisSearch(Near(model, joints), 0.0, 1.8)
     variants = finder.varied(poses(1, joints), 2, np.random.default_rng(1))
     turned = dict(zip(names, variants.joints[-1], strict=True))
     before = dict(zip(names, joints, strict=True))

@@ -7,7 +7,7 @@ import pytest
 
 from helpers.cameras.start_scenes import scene, standing
 from tracker_node.observation.image_set import ImageSet
-from tracker_node.tracking.engine import Verdict
+from tracker_node.tracking.assessment import Assessment
 from tracker_node.tracking.estimate import LimbReport, LimbStatus, Status, Timings, TrackEstimate
 from tracker_node.tracking.initialization.trials import Contest, Trial, rivals
 from tracker_node.tracking.initialization.trials import standing as standing_of
@@ -23,16 +23,16 @@ def limb(probability: float) -> LimbReport:
     return LimbReport("arm", LimbStatus.LOST if probability > 0.5 else LimbStatus.TRACKING, "", probability)
 
 
-def trial(state, surety: float, *lost: float) -> Trial:
-    return Trial(state, Verdict(Status.DEGRADED, "", limbs=tuple(limb(p) for p in lost), surety=surety))
+def trial(state, log_ratio: float, *lost: float) -> Trial:
+    return Trial(state, Assessment(Status.DEGRADED, "", limbs=tuple(limb(p) for p in lost), log_ratio=log_ratio))
 
 
 @dataclass
 class Scripted:
-    """Follows a list of (surety, status) instead of a body."""
+    """Follows a list of (log_ratio, status) instead of a body."""
 
     script: list[tuple[float | None, Status]]
-    surety: float | None = None
+    log_ratio: float | None = None
     calls: list[str] = field(default_factory=list)
 
     def reset(self) -> None:
@@ -42,7 +42,7 @@ class Scripted:
         self.calls.append("set_state")
 
     def step(self, image_set: ImageSet) -> TrackEstimate:
-        self.surety, status = self.script[self.calls.count("step")]
+        self.log_ratio, status = self.script[self.calls.count("step")]
         self.calls.append("step")
         nothing = np.zeros(0)
         return TrackEstimate(
@@ -84,7 +84,7 @@ def test_the_best_is_taken_when_time_is_up():
     contest = Contest([Scripted([(50.0, Status.DEGRADED)] * 3), Scripted([(52.0, Status.DEGRADED)] * 3)], [HERE, TURNED], 3)
     assert contest.step(NO_IMAGES) is None and contest.step(NO_IMAGES) is None
     won = contest.step(NO_IMAGES)
-    assert won is not None and won[0].surety == 52.0 and contest.sets == 3
+    assert won is not None and won[0].log_ratio == 52.0 and contest.sets == 3
 
 
 def test_an_engine_without_sureties_is_believed_at_once():
