@@ -78,9 +78,13 @@ test-long: setup check-system  ## real processes, walkthroughs of the pages, dri
 test-ros: setup check-system  ## what needs the real ros2 command and launch
 	@$(PYTEST) -m ros $(PYTEST_ARGS)
 
-lint: setup  ## import contract, ruff and mypy
+# American spelling; words of the field are in pyproject.toml.
+SPELLED := README.md CONTRIBUTING.md docs tracker_node test benchmark config tools msgs launch examples
+
+lint: setup  ## import contract, style, spelling and types
 	@$(VENV)/bin/lint-imports
 	@$(VENV)/bin/ruff check .
+	@$(VENV)/bin/codespell $(SPELLED)
 	@$(VENV)/bin/mypy
 
 docs: setup  ## searchable site of the pages and the API in out/docs; a broken link fails

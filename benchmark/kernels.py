@@ -127,7 +127,7 @@ def make_cases(scene: Scene) -> dict[str, Callable[[], object]]:
 
 
 def synchronizing(n_cameras: int = 6, period_ns: int = 33_333_333) -> Callable[[], object]:
-    """Putting one image of each camera into a synchroniser, again and again."""
+    """Putting one image of each camera into a synchronizer, again and again."""
     names = tuple(f"cam{i}" for i in range(n_cameras))
     synchronizer = ImageSynchronizer(names, image_period_s=period_ns * 1e-9, tolerance=0.4, queue_s=1.0)
     pixels = np.zeros((2, 2, 3), dtype=np.uint8)
@@ -186,7 +186,7 @@ def measure(seconds: float, threads: bool = True) -> dict[str, float]:
             key = f"kernels.{name}"
             metrics[f"{key}.ms_p50"], metrics[f"{key}.ms_p95"] = np.percentile(times, [50, 95]).tolist()
             metrics[f"{key}.per_reference"] = metrics[f"{key}.ms_p50"] / reference
-            if threads and name != "synchronize_six_images":  # one synchroniser is for one thread
+            if threads and name != "synchronize_six_images":  # one synchronizer is for one thread
                 metrics[f"{key}.two_thread_speedup"] = two_thread_speedup(work, pool, len(times))
     return metrics
 

@@ -8,7 +8,7 @@ from tracker_node.model.humans.surfaces18 import ellipsoid_human, nurbs_human
 
 FOLDER = Path(__file__).resolve().parents[1] / "config" / "models"
 BODY = """18 segments, 17 ball joints, 57 variables: the body of Trewartha, Yeadon & Knight (Colour based rigid body tracking
-using three-dimensional graphics models). Root: the top of the pelvis. Units: metres, degrees. Format: docs/formats.md.
+using three-dimensional graphics models). Root: the top of the pelvis. Units: meters, degrees. Format: docs/formats.md.
 Joint centers and girths: subject "male3" of the Python package yeadon 2.0.1 (BSD), measured for Yeadon's inertia model
 (J. Biomech. 23, 1990, 67-74), left and right averaged. Limits: at least the norms of the American Academy of Orthopaedic
 Surgeons (1965).
@@ -22,7 +22,7 @@ Written by tools/write_models.py; tracker_node/model/humans/anthropometry.py and
 Written by tools/write_models.py from tracker_node/model/humans/surfaces18.py.""",
     yellow_stick: """The YellowStick of Trewartha, Yeadon & Knight: a bright yellow cross of two wooden prisms. The paper gives no
 dimensions; these are ours, with four unequal arms so that its pose is unique (tracker_node/experiments/cross/yellow_stick.py).
-Units: metres. Format: docs/formats.md. Written by tools/write_models.py.""",
+Units: meters. Format: docs/formats.md. Written by tools/write_models.py.""",
 }
 
 if __name__ == "__main__":

@@ -106,9 +106,9 @@ def _against(key: str, found: BoardRig, true: CameraRig) -> Figures:
 
 
 def differences(found: CameraRig, true: CameraRig) -> tuple[list[float], list[float], list[float]]:
-    """Metres, radians and relative focal lengths by which cameras differ.
+    """Meters, radians and relative focal lengths by which cameras differ.
 
-    The rigs are laid onto each other first, rigidly, by least squares: a radian counts as much as a metre.
+    The rigs are laid onto each other first, rigidly, by least squares: a radian counts as much as a meter.
     """
     wanted = np.array([true[name].T_world_cam for name in found.names])
     poses = np.array([camera.T_world_cam for camera in found])

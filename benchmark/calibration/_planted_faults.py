@@ -56,7 +56,7 @@ def mirrored_axis(clip: Clip) -> Clip:
     return replace(clip, rig=replace(clip.rig, cameras=cameras))
 
 
-def millimetres(clip: Clip) -> Clip:
+def millimeters(clip: Clip) -> Clip:
     scale = np.ones((4, 4))
     scale[:3, 3] = 1000.0
     cameras = tuple(replace(camera, T_world_cam=camera.T_world_cam * scale) for camera in clip.rig)
@@ -138,7 +138,7 @@ PLANTED = {
     "wrong_resolution": Planted(wrong_resolution, "resolution", (CAMERA,)),
     "swapped_cameras": Planted(swapped_cameras, "swapped", (OTHER, CAMERA)),
     "mirrored_axis": Planted(mirrored_axis, "mirrored", ()),
-    "millimetres": Planted(millimetres, "unit", ()),
+    "millimeters": Planted(millimeters, "unit", ()),
     "bad_extrinsics": Planted(bad_extrinsics, "place", (CAMERA,)),
     "moved_camera": Planted(moved_camera, "moved", (CAMERA,)),
     "wrong_focal_length": Planted(wrong_focal_length, "focal", (CAMERA,)),

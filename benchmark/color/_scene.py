@@ -58,6 +58,6 @@ def displaced(state: State, distance_m: float, angle_rad: float, rng: np.random.
 
 
 def root_error(state: State, truth: State) -> tuple[float, float]:
-    """Distance in millimetres and angle in degrees between two roots."""
+    """Distance in millimeters and angle in degrees between two roots."""
     tangent = state.difference(truth)
     return 1e3 * float(np.linalg.norm(tangent[:3])), float(np.degrees(np.linalg.norm(tangent[3:6])))

@@ -3,7 +3,7 @@
 
 The colors of 18 parts in four cameras are learnt in the first image set; then the body is fitted so that it explains what the
 images have that plates of the empty scene have not. The truth are joints triangulated from 2D detections, good to 3 to 5 cm. A
-second run starts half a metre beside the person: its status has to say that this is not the body.
+second run starts half a meter beside the person: its status has to say that this is not the body.
 """
 
 from __future__ import annotations

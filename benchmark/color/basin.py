@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """From how far off each optimizer finds a rigid body by its colors.
 
-Random starts, each exactly so many millimetres and so many degrees off; the share that ends within 5 mm and 2 degrees of the
+Random starts, each exactly so many millimeters and so many degrees off; the share that ends within 5 mm and 2 degrees of the
 truth. ``default`` is what is shipped for rigid bodies. Three cameras of 768x576, before black as in the paper (``basin.*``), and
 before cluttered rooms with noise (``basin.cluttered.*``), in images drawn by another renderer than the one that scores;
 ``basin.same_renderer.*`` is for images by that one.

@@ -20,7 +20,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from tracker_node.calibration.texture import BLACK, GREY, WHITE, charuco_picture, framed, plate_model
+from tracker_node.calibration.texture import BLACK, GRAY, WHITE, charuco_picture, framed, plate_model
 from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import so3
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
@@ -43,9 +43,9 @@ from benchmark._charuco import COLUMNS, DICTIONARY, MARKER_SHARE, ROWS, SQUARE_M
 FOLDER = "caliscope_board/post_optimization"
 CONFIG = Path(__file__).resolve().parents[2] / "config/textured_plate.yaml"
 TEXELS_PER_M = 1000.0
-# Around the printed board, in millimetres as images show it: white paper, the rim of the sleeve, the black frame (left, right,
-# top, bottom), grey level
-BORDERS = ((6, 1, 5, 5, WHITE), (8, 7, 17, 10, GREY), (25, 25, 31, 32, BLACK))
+# Around the printed board, in millimeters as images show it: white paper, the rim of the sleeve, the black frame (left, right,
+# top, bottom), gray level
+BORDERS = ((6, 1, 5, 5, WHITE), (8, 7, 17, 10, GRAY), (25, 25, 31, 32, BLACK))
 THICKNESS_M = 0.005
 RIGHT_MM, RIGHT_DEG = 10.0, 3.0
 JUMPS = ((0, 30), (10, 40), (20, 50), (56, 25), (45, 15), (35, 5), (5, 25), (30, 50), (50, 10), (25, 0))
@@ -120,7 +120,7 @@ def track(recording: Recording, model: ArticulatedModel, config: TrackerConfig, 
 
 
 def errors(estimate: TrackEstimate, truth: np.ndarray) -> tuple[float, float]:
-    """Millimetres between the centers, and degrees."""
+    """Millimeters between the centers, and degrees."""
     T = estimate.state.T_world_root
     turn = so3.log(T[:3, :3] @ truth[:3, :3].T)
     return 1e3 * float(np.linalg.norm(T[:3, 3] - truth[:3, 3])), float(np.rad2deg(np.linalg.norm(turn)))

@@ -12,7 +12,7 @@ succeeds if over the last 5 of 25 sets no evaluated joint is farther than 60 mm 
 
 Every other run begins in the first image set, where the tracker has found the body by itself: it is shown the four cameras
 without being told where the body is, and from the set in which it has found it, it goes back to the first one. ``--start given``:
-where the sample's files have it, good to some centimetres.
+where the sample's files have it, good to some centimeters.
 """
 
 from __future__ import annotations
@@ -211,7 +211,7 @@ def _take(args: argparse.Namespace) -> None:
 def basin_trial(
     start: State, wanted_m: np.ndarray, config: TrackerConfig, args: argparse.Namespace
 ) -> tuple[bool, Status, str, float]:
-    """Whether a run from ``start`` arrives at ``wanted_m`` (n, m, 3); what it says then, and its worst joint, millimetres."""
+    """Whether a run from ``start`` arrives at ``wanted_m`` (n, m, 3); what it says then, and its worst joint, millimeters."""
     clip = _clips[0]
     run = track(make_tracker(clip, config, args, start), clip.sets[:BASIN_SETS])
     errors = np.linalg.norm(_joints(clip.model, run) - wanted_m, axis=-1)

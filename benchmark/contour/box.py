@@ -2,7 +2,7 @@
 """How a rigid object with edges is tracked: a red box of 20 x 12 x 8 cm at 1.1 m, by three cameras and by one.
 
 It moves by 10 mm and turns by 3 degrees from image to image, before cluttered pictures; nobody has seen the empty scene.
-Color images of 640x480, f = 560 px, noise of 4 grey levels, blur of 0.6 px, drawn by another renderer than the tracker's. It
+Color images of 640x480, f = 560 px, noise of 4 gray levels, blur of 0.6 px, drawn by another renderer than the tracker's. It
 starts 5 mm and 2 degrees off. The tracker's parameters are the defaults, but for lines at two scales instead of four and no
 memory of the room: a rigid body needs no more. Lost: image sets without a track, or in which the box is more than 100 mm or
 30 degrees from the truth.

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """How accurate and how quick contours are without a picture of the empty room: a figure of ten cones in fast motion.
 
-22 degrees of freedom; four cameras of 640x480, f = 560 px, 3.2 m away; noise of 4 grey levels, blur of 0.6 px; colored patterns
+22 degrees of freedom; four cameras of 640x480, f = 560 px, 3.2 m away; noise of 4 gray levels, blur of 0.6 px; colored patterns
 all around. ``figure`` is every image at 30 Hz, ``figure_stride2`` and ``figure_stride4`` every 2nd and 4th, ``figure_2cams`` two
 cameras. ``figure_basin``: the figure stands still (another noise in every image), and every joint, the root's orientation and its
 position start off by the stated amounts; the fraction of trials that have all joints within 20 mm after 20 image sets.

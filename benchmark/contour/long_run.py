@@ -2,7 +2,7 @@
 """Whether contours last: 700 image sets of dances, kicks and spins without a restart, in a room that nobody has seen empty.
 
 The clips dance_b, kick, dance_a, spinkick and spin at 30 Hz, joined by blends of 0.3 s with the root going on, repeated; six
-cameras of 640x480, noise of 4 grey levels, blur of 0.6 px, lens distortion, a shadow, colored patterns all around. The body is
+cameras of 640x480, noise of 4 gray levels, blur of 0.6 px, lens distortion, a shadow, colored patterns all around. The body is
 fitted to images of the same person in another motion, as in contour_mannequin.py. ``--room`` takes a furnished room with plates.
 """
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """How accurate contours are on a person that is not the tracker's model, in a room that nobody has seen empty.
 
-A skinned, dressed body in captured motions, four cameras of 640x480 at 30 Hz, noise of 4 grey levels, blur of 0.6 px, lens
+A skinned, dressed body in captured motions, four cameras of 640x480 at 30 Hz, noise of 4 gray levels, blur of 0.6 px, lens
 distortion, colored patterns all around, a shadow. The body is first scaled by a T-pose, then fitted to images of the same
 person in another motion (`calibrate body`); ``--scaled`` leaves that out. ``mpjpe_mm`` has one constant offset per joint taken
 out, in the frame of its segment, ``mpjpe_world_mm`` in the world, ``mpjpe_raw_mm`` none.

@@ -198,7 +198,7 @@ def trial_from(first: int, recording: Recording, tracker: Tracker) -> Trial:
 
 
 def joint_errors(recording: Recording, states: Sequence[State], stamps: Sequence[int]) -> np.ndarray:
-    """(n_states, n_joints) metres; nan for joints whose place nobody knows then."""
+    """(n_states, n_joints) meters; nan for joints whose place nobody knows then."""
     names = [n for n in recording.truth.names if n in recording.model.landmark_names]
     names = [n for n in names if n in EVALUATED_JOINTS] or names
     rows = [recording.model.landmark_index(n) for n in names]
@@ -211,7 +211,7 @@ def joint_errors(recording: Recording, states: Sequence[State], stamps: Sequence
 
 
 def _mean_and_largest(errors: np.ndarray) -> tuple[float, float]:
-    """Of one set's joints, metres; infinite where none of them can be judged."""
+    """Of one set's joints, meters; infinite where none of them can be judged."""
     known = errors[np.isfinite(errors)]
     return (float(known.mean()), float(known.max())) if known.size else (np.inf, np.inf)
 

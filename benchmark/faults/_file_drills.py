@@ -65,7 +65,7 @@ def _rig_in_millimetres(graph: Graph) -> Outcome:
     rig = in_millimetres(graph.recording / "rig.yaml", graph.folder / "rig_mm.yaml")
     tracker = graph.launch("tracker", "--rig", rig, "--model", graph.recording / "model.yaml", "--end-on-failure")
     status = tracker.wait()
-    lines = [line for line in tracker.err.splitlines() if "millimetres" in line]
+    lines = [line for line in tracker.err.splitlines() if "millimeters" in line]
     good = status == 2 and "Divide it by 1000" in "".join(lines) and "Traceback" not in tracker.err
     return Outcome(f"{lines[-1] if lines else tracker.err[-300:]}; exit status {status}", "nothing", good)
 
@@ -102,6 +102,6 @@ DRILLS = (
     Drill("/dev/zero as a rig", _REFUSED, _refused_file(_endless_rig, "/dev/zero", "a regular file")),
     Drill("a number of 5000 digits in a rig", _REFUSED, _refused_file(_long_integer, "rig.yaml", "digits")),
     Drill("an archive that unpacks to 720 MB", _REFUSED, _refused_file(_endless_archive, "endless.zip", "at most 4 MB")),
-    Drill("rig in millimetres", "refused with the unit and the factor, exit status 2", _rig_in_millimetres),
+    Drill("rig in millimeters", "refused with the unit and the factor, exit status 2", _rig_in_millimetres),
     Drill("a node without ROS", "one line with the remedy, exit status 2", _without_ros),
 )

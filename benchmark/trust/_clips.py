@@ -188,5 +188,5 @@ def _render(
 
 
 def truth_of(recorded: Recorded) -> np.ndarray:
-    """(n_sets, n_landmarks, 3) metres."""
+    """(n_sets, n_landmarks, 3) meters."""
     return np.array([Configuration(recorded.model, state).landmarks_world for state in recorded.clip.states])

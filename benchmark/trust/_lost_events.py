@@ -134,14 +134,14 @@ def _handed(name, kind, model, states, limb: Limb, begins: int, wrong: State) ->
 
 
 def _moved(model: ArticulatedModel, a: State, b: State, limb: Limb) -> float:
-    """How far the landmarks of a limb are apart at most, metres."""
+    """How far the landmarks of a limb are apart at most, meters."""
     own = limb.links[model.landmark_links]
     apart = Configuration(model, a).landmarks_world - Configuration(model, b).landmarks_world
     return float(np.linalg.norm(apart[own], axis=1).max())
 
 
 def reach(model: ArticulatedModel, state: State, dofs: np.ndarray, landmarks: np.ndarray, targets: np.ndarray) -> State:
-    """The state within the limits in which ``landmarks`` (k,) come nearest to ``targets`` (k, 3), metres, by ``dofs`` alone."""
+    """The state within the limits in which ``landmarks`` (k,) come nearest to ``targets`` (k, 3), meters, by ``dofs`` alone."""
     lower, upper = model.chain.lower, model.chain.upper
     for _ in range(40):
         body = Configuration(model, state)
@@ -155,7 +155,7 @@ def reach(model: ArticulatedModel, state: State, dofs: np.ndarray, landmarks: np
 
 
 def crate(low: np.ndarray, high: np.ndarray, rng: np.random.Generator) -> ColoredMesh:
-    """A box between two corners (3,), metres, its faces checkered in random colors."""
+    """A box between two corners (3,), meters, its faces checkered in random colors."""
     n = _CRATE_CELLS
     grid = np.stack(np.meshgrid(np.arange(n), np.arange(n), indexing="ij"), axis=-1).reshape(-1, 1, 2)
     cells = (grid + np.array([(0, 0), (1, 0), (1, 1), (0, 1)])) / n  # (n * n, 4, 2)

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from tracker_node.report.document import CYCLE, GREY
+from tracker_node.report.document import CYCLE, GRAY
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ def roc_picture(curves: Mapping[str, Roc], threshold: float) -> bytes:
         ax.spines[["top", "right"]].set_visible(False)
         ax.tick_params(labelsize=8)
         ax.set_xlabel("share of the sound that is called lost")
-    whole.plot([0, 1], [0, 1], color=GREY, lw=0.8, ls="--")
+    whole.plot([0, 1], [0, 1], color=GRAY, lw=0.8, ls="--")
     whole.set_ylabel("share of the lost that is called lost")
     whole.legend(loc="lower right", frameon=False, fontsize=8)
     corner.set_xlim(-0.002, 0.1)

@@ -29,7 +29,7 @@ class Run:
 
     Attributes
     ----------
-    joint_errors : (T, n_landmarks) metres. tip_errors : (T, n_limbs) metres, of the limbs' ends.
+    joint_errors : (T, n_landmarks) meters. tip_errors : (T, n_limbs) meters, of the limbs' ends.
     status : (T,). limb_status, limb_probability : (T, n_limbs).
     errors, covariances : (T, n_dof), (T, n_dof, n_dof), tangent from truth to estimate.
     shares : (T, n_limbs, n_measures) of `limb_judge.MEASURES`, as the judge of the limbs saw them; nan where it saw none.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.calibration.texture import BLACK, GREY, WHITE, charuco_picture, framed, plate_model
+from tracker_node.calibration.texture import BLACK, GRAY, WHITE, charuco_picture, framed, plate_model
 
 BOARD = (5, 4, 0.02, 0.75, "DICT_4X4_50")
 
@@ -11,7 +11,7 @@ BOARD = (5, 4, 0.02, 0.75, "DICT_4X4_50")
 def test_a_board_is_as_large_as_its_squares_and_has_two_grey_levels():
     picture = charuco_picture(*BOARD, False)
     assert picture.shape == (80, 100, 3) and picture.dtype == np.uint8
-    assert np.unique(picture).tolist() == [20, 200] == [BLACK, WHITE] and BLACK < GREY < WHITE
+    assert np.unique(picture).tolist() == [20, 200] == [BLACK, WHITE] and BLACK < GRAY < WHITE
     assert charuco_picture(*BOARD, False, texels_per_m=2000.0).shape == (160, 200, 3)
 
 

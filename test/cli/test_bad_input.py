@@ -156,7 +156,7 @@ def test_with_no_source_at_all_nothing_is_begun(outcome):
 
 
 MISTAKES = {
-    "millimetres": (
+    "millimeters": (
         lambda folder: in_millimetres(folder / "rig.yaml", folder / "rig.yaml"),
         ["rig", "millimeters, a rig is in meters", "Divide it by 1000", "rig check"],
     ),

@@ -36,7 +36,7 @@ def test_a_sound_rig_gives_no_alarm(clip):
 
 QUICK = ("wrong_resolution", "moved_camera", "interlaced_video", "low_image_rate")
 SLOW = (
-    "swapped_cameras", "mirrored_axis", "millimetres", "bad_extrinsics", "wrong_focal_length", "clock_offset", "exposure_change",
+    "swapped_cameras", "mirrored_axis", "millimeters", "bad_extrinsics", "wrong_focal_length", "clock_offset", "exposure_change",
     "duplicate_images",
 )  # fmt: skip
 

@@ -22,7 +22,7 @@ LENS = CameraModel(480, 240, np.array([[300.0, 0.0, 239.5], [0.0, 300.0, 119.5],
 MIDDLE = np.array([0.0, 0.0, 1.0])
 RED, GREEN, ORANGE = report._COLORS_BGR[:3]
 FIRST = Finding("clock", ("a",), "a is late.", {"late_s": 0.2, "px": float("nan")})
-SECOND = Finding("unit", (), "Everything is in millimetres.")
+SECOND = Finding("unit", (), "Everything is in millimeters.")
 
 
 def camera(name, x, y):
@@ -64,7 +64,7 @@ def test_findings_are_plain_values():
     assert report.as_json(examination([FIRST, SECOND], ["a note."], compared=False)) == {
         "findings": [
             {"fault": "clock", "cameras": ["a"], "sentence": "a is late.", "values": {"late_s": 0.2, "px": None}},
-            {"fault": "unit", "cameras": [], "sentence": "Everything is in millimetres.", "values": {}},
+            {"fault": "unit", "cameras": [], "sentence": "Everything is in millimeters.", "values": {}},
         ],
         "notes": ["a note."],
         "compared": False,

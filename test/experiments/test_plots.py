@@ -119,7 +119,7 @@ def test_rows_of_a_sequence_have_titles_and_heights_as_their_pictures():
 
 @pytest.mark.parametrize("on_black", [True, False])
 def test_a_match_in_five_panels(on_black):
-    """The generated body is 6 by 4 at (20, 18); the target another 8 to the right, by 3 grey levels another."""
+    """The generated body is 6 by 4 at (20, 18); the target another 8 to the right, by 3 gray levels another."""
     one = camera("a", 0, -3, 1)
     view = drawn(20, 18, (100.0, 100.0, 100.0))
     target = np.full((40, 60, 3), 0 if on_black else 200, np.uint8)

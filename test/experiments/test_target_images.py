@@ -44,7 +44,7 @@ def open_studio(request):
 
 
 def plate(shift):
-    """A sheet that faces the front camera, 100 px wide and 80 high, ``shift`` (2,) pixels to the right and down; grey 180."""
+    """A sheet that faces the front camera, 100 px wide and 80 high, ``shift`` (2,) pixels to the right and down; gray 180."""
     T = np.eye(4)
     T[:3, 3] = 0.01 * shift[0], 0.005, -0.01 * shift[1]
     return single_shape(Box((1.0, 0.01, 0.8)), T)

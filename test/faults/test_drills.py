@@ -23,7 +23,7 @@ MOST_IMPORTANT = (
     "clock jumps back",
     "a camera's clock jumps ahead",
     "calibration with NaN",
-    "rig in millimetres",
+    "rig in millimeters",
     "a node without ROS",
     "a camera taken out of use while images flow",
     "deactivated and activated while images flow",

@@ -82,14 +82,14 @@ def test_a_jpeg_is_decoded_at_the_smaller_size_in_the_same_place(factor: int):
 
 
 def test_mono(tmp_path: Path):
-    grey = cv2.cvtColor(picture(), cv2.COLOR_BGR2GRAY)
-    folder = write(tmp_path / "a", [grey])
+    gray = cv2.cvtColor(picture(), cv2.COLOR_BGR2GRAY)
+    folder = write(tmp_path / "a", [gray])
     (image,) = open_source(folder, capture=CaptureSettings(publish="mono")).images()
-    assert image.encoding == "mono8" and np.array_equal(image.pixels, grey)
+    assert image.encoding == "mono8" and np.array_equal(image.pixels, gray)
     (image,) = open_source(folder, capture=CaptureSettings(publish="native")).images()
-    assert image.encoding == "mono8" and np.array_equal(image.pixels, grey)
+    assert image.encoding == "mono8" and np.array_equal(image.pixels, gray)
     (_, bgr), *_ = open_source(folder)
-    assert np.array_equal(bgr, np.dstack([grey] * 3))
+    assert np.array_equal(bgr, np.dstack([gray] * 3))
 
 
 @pytest.mark.parametrize("kind", ["folder", "video"])

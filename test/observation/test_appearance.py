@@ -67,7 +67,7 @@ def test_a_shadow_is_scene_as_far_as_shadows_may_be_dark(rng):
 
 
 def test_a_body_in_the_color_of_a_shadow_is_not_lost_once_it_is_learnt(rng):
-    """Dark grey trousers before a grey wall: shadow by the plate, body by its narrow color."""
+    """Dark gray trousers before a gray wall: shadow by the plate, body by its narrow color."""
     trousers = tuple(0.55 * np.array(WALL))
     scene = SceneModel.from_images([picture(rng, None)])
     image = picture(rng, trousers, noise=1.5)

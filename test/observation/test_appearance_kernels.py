@@ -1,4 +1,4 @@
-"""The vectorised pixel loops against the formulas, written out with whole arrays."""
+"""The vectorized pixel loops against the formulas, written out with whole arrays."""
 
 import math
 

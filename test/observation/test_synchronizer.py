@@ -1,4 +1,4 @@
-"""The synchroniser: what holds for any images in any order, and the situations that rigs get into."""
+"""The synchronizer: what holds for any images in any order, and the situations that rigs get into."""
 
 import numpy as np
 import pytest

@@ -20,13 +20,13 @@ from tracker_node.optimize.stepping import (
 from tracker_node.optimize.v_algorithm import intersection, vertex
 
 START = state_at(0, 0, 0, 0, 0, 0)
-METRE = (LoopOptions(1.0, 1.0),)  # steps of one, to count along
+METER = (LoopOptions(1.0, 1.0),)  # steps of one, to count along
 
 
 def one_variable(score_at: dict[int, float], **options):
     """Step x alone, by one, over scores given at whole numbers; what was asked, in order, and the result."""
     objective = AnalyticScore(lambda x: score_at[round(x[0])])
-    result = step_downhill(objective, START, RIGID, SteppingOptions(METRE, v="never", **options), active=[0])
+    result = step_downhill(objective, START, RIGID, SteppingOptions(METER, v="never", **options), active=[0])
     return [round(x[0]) for x in objective.asked], result
 
 
@@ -66,14 +66,14 @@ def test_a_line_is_walked_as_the_rule_says(scores, increases, asked, best):
 def test_no_point_is_scored_in_vain_for_two_at_once():
     """Both directions, and the two increases that end a line, are asked for in pairs."""
     objective = AnalyticScore(lambda x: abs(x[0] - 5.2))
-    step_downhill(objective, START, RIGID, SteppingOptions(METRE, v="never"), active=[0])
+    step_downhill(objective, START, RIGID, SteppingOptions(METER, v="never"), active=[0])
     assert [round(x[0]) for x in objective.asked] == [0, 1, -1, 2, 3, 4, 5, 6, 7]
     assert objective.batches == [1, 2, 2, 2, 2]
 
 
 def test_a_slope_without_end_is_given_up():
     objective = AnalyticScore(lambda x: -x[2])
-    result = step_downhill(objective, START, RIGID, SteppingOptions(METRE, max_steps=10), active=[2])
+    result = step_downhill(objective, START, RIGID, SteppingOptions(METER, max_steps=10), active=[2])
     assert not result.converged
     assert result.variables[2] == pytest.approx(10.0)
 

@@ -1,4 +1,4 @@
-"""The ray-caster against OpenGL, which knows nothing of closed forms: triangles, rasterised by another program."""
+"""The ray-caster against OpenGL, which knows nothing of closed forms: triangles, rasterized by another program."""
 
 import numpy as np
 import pytest

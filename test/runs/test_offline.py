@@ -87,7 +87,7 @@ def image_bag(clip: Clip, path: Path, with_states_of: Path | None = None) -> Pat
 
 
 def test_the_body_is_found(clip: Clip, finished: tuple[Path, dict]) -> None:
-    """The tracker on its own model's pictures, of which a pixel is a centimetre wide."""
+    """The tracker on its own model's pictures, of which a pixel is a centimeter wide."""
     output, summary = finished
     joints = read_joints(output / "joints.csv")
     assert joints.names == clip.model.landmark_names

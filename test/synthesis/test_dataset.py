@@ -39,7 +39,7 @@ def test_rig_and_images_read_back(recorded):
 
 
 def test_truth_lies_on_the_person_in_the_pictures(recorded):
-    """Every joint centre falls on a pixel that differs from the empty plate."""
+    """Every joint center falls on a pixel that differs from the empty plate."""
     rig, truth = load_rig(recorded / "rig.yaml"), read_joints(recorded / "truth.csv")
     assert truth.names == LANDMARKS and truth.valid.all()
     inner = [truth.names.index(name) for name in LANDMARKS if name != "head"]  # the crown is on the outline itself

@@ -220,7 +220,7 @@ def test_trust_in_all_changes_nothing():
 
 
 def test_degrees_of_freedom_of_any_unit_are_measured_alike():
-    """Metres, millimetres, radians: units change what is said as they should, over ten powers of ten."""
+    """Meters, millimeters, radians: units change what is said as they should, over ten powers of ten."""
     rng = np.random.default_rng(10)
     J, offset = rng.normal(size=(3 * N, N)), rng.normal(size=N)
     H = J.T @ J

@@ -1,6 +1,6 @@
 """A body scaled to a person: segment lengths from the joints of a static trial, girths from the person's size.
 
-Joints that a detector finds are off by a centimetre or two, the same way in every image, and so are the lengths between them. A
+Joints that a detector finds are off by a centimeter or two, the same way in every image, and so are the lengths between them. A
 measured length is therefore weighed against the one that a person of this size has on average.
 """
 
@@ -74,7 +74,7 @@ class ScalingOptions:
 
 @dataclass(frozen=True)
 class SegmentFit:
-    """Metres: what the joints say, what a person of this size has on average, and what the body was given."""
+    """Meters: what the joints say, what a person of this size has on average, and what the body was given."""
 
     name: str
     measured_m: float

@@ -11,7 +11,7 @@ from ..model.articulated import ArticulatedModel, Shape
 from ..model.kinematic_chain import KinematicChain
 from ..model.shapes.primitives import Box
 
-BLACK, GREY, WHITE = 20, 120, 200  # gray levels of printed paper as a camera shows it
+BLACK, GRAY, WHITE = 20, 120, 200  # gray levels of printed paper as a camera shows it
 
 
 def charuco_picture(
@@ -55,8 +55,8 @@ def framed(picture: np.ndarray, borders: Sequence[tuple[int, int, int, int, int]
     -------
     (h', w', 3) uint8 RGB.
     """
-    for left, right, top, bottom, grey in borders:
-        picture = cv2.copyMakeBorder(picture, top, bottom, left, right, cv2.BORDER_CONSTANT, value=(grey, grey, grey))
+    for left, right, top, bottom, gray in borders:
+        picture = cv2.copyMakeBorder(picture, top, bottom, left, right, cv2.BORDER_CONSTANT, value=(gray, gray, gray))
     return picture
 
 
@@ -87,5 +87,5 @@ def plate_model(
     return ArticulatedModel(name, KinematicChain((name,), ()), (Shape("face", name, box, T, (rim, rim, rim)),))
 
 
-def _rgb(grey: np.ndarray) -> np.ndarray:
-    return np.repeat(grey.astype(np.uint8)[:, :, None], 3, axis=2)
+def _rgb(gray: np.ndarray) -> np.ndarray:
+    return np.repeat(gray.astype(np.uint8)[:, :, None], 3, axis=2)

@@ -12,7 +12,7 @@ from .arguments.cameras import size_option
 if TYPE_CHECKING:
     from ..synthesis.scenes.scene import SceneConfig
 
-SUMMARY = "render a person in a room, seen by several cameras, with exact joint centres as truth"
+SUMMARY = "render a person in a room, seen by several cameras, with exact joint centers as truth"
 EXAMPLE = (
     "tracker_node synthesize --motion swing --output out/synthetic/swing\n"
     "  tracker_node synthesize --motion walk --motions clips/ --cameras 6 --output out/synthetic/walk\n"

@@ -16,7 +16,7 @@ from ..camera.rig import Camera, CameraRig
 from ..model.configuration import Configuration
 from ..render.raycast.raycaster import render_color
 from ..render.renderer import ColoredView
-from ..report.document import CYCLE, GREY
+from ..report.document import CYCLE, GRAY
 
 _BACKGROUND = 255
 
@@ -78,10 +78,10 @@ def convergence_figure(panels: Mapping[str, Mapping[str, Profile]], unit: str) -
     for ax, (title, profiles) in zip(axes, panels.items(), strict=True):
         for (name, profile), color in zip(profiles.items(), CYCLE, strict=False):
             ax.plot(profile.changes, profile.scores, color=color, lw=1.6, label=name)
-        ax.axvline(0.0, color=GREY, lw=0.7, ls=":")
+        ax.axvline(0.0, color=GRAY, lw=0.7, ls=":")
         plain_axes(ax, title, f"difference from the true value [{unit}]")
         ax.set_ylim(bottom=0)
-    axes[0].set_ylabel("rms RGB difference [grey levels]")
+    axes[0].set_ylabel("rms RGB difference [gray levels]")
     axes[0].legend(frameon=False, fontsize=8)
     return figure
 

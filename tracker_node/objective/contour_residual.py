@@ -139,7 +139,7 @@ def columns_of(samples, n_samples):
 def nearest_sample(us, vs, nus, nvs, point, alignment, reach_sq, squares):
     """Index of the first sample nearest to ``point`` (u, v, nu, nv) whose normal is aligned with its own; -1 beyond the reach.
 
-    Squared distances are kept as the bits of their float32, which order alike: only integers have a vectorised minimum.
+    Squared distances are kept as the bits of their float32, which order alike: only integers have a vectorized minimum.
     """
     u, v, nu, nv = point[0], point[1], point[2], point[3]
     least, far = np.float32(alignment), np.int32(0x7F000000)

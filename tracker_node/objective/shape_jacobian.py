@@ -73,7 +73,7 @@ def denormalized(primitive: Primitive, points: np.ndarray) -> np.ndarray:
 
 
 def points_in_shapes(model: ArticulatedModel, lines: ContourLines) -> np.ndarray:
-    """(n, 3) points of the lines in the frames of their shapes, metres."""
+    """(n, 3) points of the lines in the frames of their shapes, meters."""
     result = np.empty_like(lines.points)
     for k, rows in _runs(lines.shape):
         result[rows] = denormalized(model.shapes[k].primitive, lines.points[rows])

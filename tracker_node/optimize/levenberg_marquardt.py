@@ -20,7 +20,7 @@ from .result import OptimizerResult
 @dataclass(frozen=True)
 class LevenbergMarquardtOptions:
     """``damping`` is relative to the diagonal of H; iteration stops when the cost falls by less than ``tolerance`` (relative) or
-    the step by less than ``step_tolerance`` (metres and radians alike)."""
+    the step by less than ``step_tolerance`` (meters and radians alike)."""
 
     max_iterations: int = 5
     damping: float = 1e-3

@@ -73,7 +73,7 @@ def polish(
     objective: ScoreObjective, start: State, chain: KinematicChain, options: SimplexOptions | None = None,
     active: Sequence[int] | None = None,
 ) -> SearchResult:  # fmt: skip
-    """The fine stage alone, from a state that is within millimetres of the minimum."""
+    """The fine stage alone, from a state that is within millimeters of the minimum."""
     return search_simplex(objective, start, chain, options or POLISH, active)
 
 

@@ -34,7 +34,7 @@ class LoopOptions:
 
 
 def schedule(steps_mm: Sequence[float], steps_deg: Sequence[float], row_steps: Sequence[int] = ()) -> tuple[LoopOptions, ...]:
-    """Loops from steps in millimetres and degrees."""
+    """Loops from steps in millimeters and degrees."""
     rows = row_steps or [1] * len(steps_mm)
     return tuple(
         LoopOptions(1e-3 * mm, math.radians(deg), n) for mm, deg, n in zip(steps_mm, steps_deg, rows, strict=True)

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from .document import GREY, RED, TIME, Bars, Block, Chart, Curve, HeatMap, Line, Strips
+from .document import GRAY, RED, TIME, Bars, Block, Chart, Curve, HeatMap, Line, Strips
 
 _SMALL = 7
 
@@ -87,7 +87,7 @@ def draw_curve(curve: Curve, panel: int, figure: Figure, box: tuple[float, float
         (f"{x0:.3g}", left, bottom - 0.002, ("left", "top")),
         (f"{x1:.3g} s", left + width, bottom - 0.002, ("right", "top")),
     ):
-        figure.text(x, y, text, size=6, color=GREY, ha=align[0], va=align[1], parse_math=False)
+        figure.text(x, y, text, size=6, color=GRAY, ha=align[0], va=align[1], parse_math=False)
 
 
 def _span(values: Sequence[np.ndarray]) -> tuple[float, float]:
@@ -108,8 +108,8 @@ def _draw_chart(chart: Chart, ax: Axes) -> None:
         ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         ax.yaxis.set_minor_formatter(NullFormatter())
     for y, text in chart.levels:
-        ax.axhline(y, color=GREY, lw=0.8, ls=":")
-        ax.annotate(text, (1.0, y), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=6, color=GREY)
+        ax.axhline(y, color=GRAY, lw=0.8, ls=":")
+        ax.annotate(text, (1.0, y), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=6, color=GRAY)
     if not chart.log_y:
         ax.set_ylim(bottom=chart.y_min, top=None if chart.y_max is None else 1.03 * chart.y_max)
     ax.set_xlabel(chart.x_label, fontsize=_SMALL)

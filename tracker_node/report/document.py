@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 # Colors that stay distinct for color-blind readers (Okabe and Ito), and that of ink
-BLUE, ORANGE, GREEN, RED, PURPLE, GREY = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#777777"
+BLUE, ORANGE, GREEN, RED, PURPLE, GRAY = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#777777"
 SKY = "#56b4e9"
-CYCLE = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, "#999933", GREY)
+CYCLE = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, "#999933", GRAY)
 BLACK = "#1d2730"
 
 TIME = "time since image 0 [s]"

@@ -19,7 +19,7 @@ from markupsafe import Markup
 
 from .document import (
     BLACK,
-    GREY,
+    GRAY,
     RED,
     TIME,
     Bars,
@@ -248,10 +248,10 @@ def _band(start: float, end: float) -> dict[str, Any]:
 
 
 def _level(y: float) -> dict[str, Any]:
-    line = {"color": GREY, "width": 1, "dash": "dot"}
+    line = {"color": GRAY, "width": 1, "dash": "dot"}
     return {"type": "line", "xref": "paper", "yref": "y", "x0": 0, "x1": 1, "y0": y, "y1": y, "line": line}
 
 
 def _level_label(y: float, text: str, log: bool) -> dict[str, Any]:
     return {"xref": "paper", "yref": "y", "x": 1, "y": math.log10(y) if log else y, "text": text, "showarrow": False,
-            "xanchor": "right", "yanchor": "bottom", "font": {"size": 11, "color": GREY}}  # fmt: skip
+            "xanchor": "right", "yanchor": "bottom", "font": {"size": 11, "color": GRAY}}  # fmt: skip

@@ -14,12 +14,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from . import charts as plots
-from .document import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Block, Cell, Curves, Document, Pictures, Table
+from .document import BLACK, BLUE, GRAY, GREEN, ORANGE, RED, Block, Cell, Curves, Document, Pictures, Table
 from .print_layout import MARGIN_IN, PAGE_IN, SMALLEST, WIDTH_IN, TablePart, table_parts, wrapped
 
 _ROW_IN = 0.152
 _CURVES_ACROSS, _CURVE_IN = 3, 0.95
-_MARKS = {"good": GREEN, "bad": RED, "better": BLUE, "worse": RED, "code": GREY}
+_MARKS = {"good": GREEN, "bad": RED, "better": BLUE, "worse": RED, "code": GRAY}
 
 
 def write_pdf(path: str | Path, document: Document, progress: Callable[[str], None] = lambda text: None) -> int:
@@ -37,9 +37,9 @@ def write_pdf(path: str | Path, document: Document, progress: Callable[[str], No
     """
     with _PrintedPages(path, document.title) as pages:
         pages.text(document.title, 15, bold=True)
-        pages.text(document.date, 7.5, GREY)
+        pages.text(document.date, 7.5, GRAY)
         for label, value in document.facts:
-            pages.text(f"{label}: {value}", 7.5, GREY)
+            pages.text(f"{label}: {value}", 7.5, GRAY)
         for problem in document.problems:
             pages.text(f"! {problem}", 8, RED)
         for section in document.sections:
@@ -52,7 +52,7 @@ def write_pdf(path: str | Path, document: Document, progress: Callable[[str], No
             pages.text(f"{term}: {meaning}", 8)
         pages.heading("How this was made")
         for label, value in document.made:
-            pages.text(f"{label}: {value}", 7.5, GREY)
+            pages.text(f"{label}: {value}", 7.5, GRAY)
     return pages.count
 
 
@@ -78,7 +78,7 @@ class _PrintedPages:
         """Of a section; on a page with the ``first`` of what stands below it."""
         self._room(0.5 + (0.3 if first is None else _needed_in(first)))
         self._y_in -= 0.15
-        self._line(0.6, GREY, WIDTH_IN)
+        self._line(0.6, GRAY, WIDTH_IN)
         self._y_in -= 0.24
         self._write(0.0, title, 11.5, BLACK, True)
         self._y_in -= 0.06
@@ -91,7 +91,7 @@ class _PrintedPages:
             self._y_in -= 0.22
             self._write(0.0, title, 9, BLACK, True)
         if block.note:
-            self.text(block.note, 7, GREY)
+            self.text(block.note, 7, GRAY)
         if isinstance(block, Table):
             self._table(block)
         elif isinstance(block, Curves):
@@ -127,13 +127,13 @@ class _PrintedPages:
             left = 0.0
             for i, column in enumerate(columns):
                 if column.group and (i == 0 or columns[i - 1].group != column.group):
-                    self._write(left + 0.12, column.group, part.size, GREY, True)
+                    self._write(left + 0.12, column.group, part.size, GRAY, True)
                 left += part.widths[i]
         for line in zip(*([""] * (lines - len(title)) + [*title] for title in part.titles), strict=True):
             self._y_in -= _ROW_IN
-            self._cells(line, part, [GREY] * len(columns))
+            self._cells(line, part, [GRAY] * len(columns))
         self._y_in -= 0.045
-        self._line(0.5, GREY, sum(part.widths))
+        self._line(0.5, GRAY, sum(part.widths))
 
     def _cells(self, cells: Sequence[str], part: TablePart, colors: Sequence[str]) -> None:
         left = 0.0
@@ -146,7 +146,7 @@ class _PrintedPages:
 
     def _curves(self, block: Curves) -> None:
         lines = {line.label: line.color for curve in block.curves for _, of in curve.panels for line in of}
-        self.text("Lines: " + ", ".join(f"{label} ({_color_name(color)})" for label, color in lines.items()), 7, GREY)
+        self.text("Lines: " + ", ".join(f"{label} ({_color_name(color)})" for label, color in lines.items()), 7, GRAY)
         panels = [(curve, i) for curve in block.curves for i in range(len(curve.panels))]
         width = WIDTH_IN / _CURVES_ACROSS
         for first in range(0, len(panels), _CURVES_ACROSS):
@@ -167,7 +167,7 @@ class _PrintedPages:
                 ax = self._axes(left, height * aspect, height, above=0.0, below=0.0, keep=True)
                 ax.imshow(_for_print(image, height), aspect="auto", interpolation="none")
                 ax.axis("off")
-                self._write(left, caption, SMALLEST, GREY, below=height + 0.09)
+                self._write(left, caption, SMALLEST, GRAY, below=height + 0.09)
                 left += height * aspect + 0.05
             self._y_in -= height + 0.14
 
@@ -210,7 +210,7 @@ class _PrintedPages:
         self._page, self._y_in = Figure(figsize=PAGE_IN), PAGE_IN[1] - 2 * MARGIN_IN
         self.count += 1
         foot = f"{self._title} · page {self.count}"
-        self._page.text(0.5, 0.35 / PAGE_IN[1], foot, size=6.5, color=GREY, ha="center", parse_math=False)
+        self._page.text(0.5, 0.35 / PAGE_IN[1], foot, size=6.5, color=GRAY, ha="center", parse_math=False)
 
     def _finish_page(self) -> None:
         if self._page is not None:

@@ -208,7 +208,7 @@ def _interpolated(motion: RunMotion, elapsed: np.ndarray, grid: np.ndarray) -> t
     after = np.clip(np.searchsorted(times, grid), 0, len(times) - 1)
     before = np.where(times[after] == grid, after, np.maximum(after - 1, 0))
     inside = (times[before] <= grid) & (grid <= times[after])
-    # Two valid states are neighbours unless the run has a state between them that is not, or none for more than a period
+    # Two valid states are neighbors unless the run has a state between them that is not, or none for more than a period
     unbroken = (good[after] - good[before] <= 1) & (times[after] - times[before] <= _GAP * motion.period_ns)
     valid = inside & unbroken
     values = np.zeros((len(grid), known.shape[1]))

@@ -38,7 +38,7 @@ class SynchronizerConfig:
 class BackgroundConfig:
     """What each pixel shows when the body is not there: given as images, or learnt."""
 
-    sigma: float = parameter(4.0, "least standard deviation of a background pixel", "grey levels", 0.5, 100)
+    sigma: float = parameter(4.0, "least standard deviation of a background pixel", "gray levels", 0.5, 100)
     shadow: float = parameter(
         0.4, "darkest shadow, as a fraction of the background's brightness; 1 switches shadows off", "1", 0.1, 1.0
     )
@@ -67,14 +67,14 @@ class RegionConfig:
     )
     repeats: int = parameter(2, "steps more on the finest scale, at most, while the body still moves", "", 0, 100)
     max_log_ratio: float = parameter(2.0, "log-likelihood ratio of a pixel's color is not believed beyond this", "1", 0.1, 20)
-    pixel_independence: float = parameter(1.0, "share of a line's pixels that are independent of their neighbours", "1", 0.01, 10)
+    pixel_independence: float = parameter(1.0, "share of a line's pixels that are independent of their neighbors", "1", 0.01, 10)
     model_sigma_px: float = parameter(
         2.0, "how far the body's contour may be from the model's, at first and at most", "px", 0.0, 100
     )
     least_sigma_px: float = parameter(0.2, "the least that is believed of it", "px", 0.0, 100)
     sigma_rate: float = parameter(0.3, "share of the newest image set in what it is taken for; 0 keeps it", "1", 0.0, 1.0)
     robust_sigmas: float = parameter(3.0, "scale of the robust kernel, in standard deviations of a line", "1", 0.1, 1000)
-    correlation: float = parameter(4.0, "how many neighbouring lines share one error, for the covariance", "lines", 1, 1000)
+    correlation: float = parameter(4.0, "how many neighboring lines share one error, for the covariance", "lines", 1, 1000)
     color_rate: float = parameter(0.05, "share of the newest image in the color histograms", "1", 0, 1)
     color_prior: float = parameter(
         0.3, "share of the model's stated color in a part's, where the images bear it out; 0: learnt colors only", "1", 0, 1
@@ -123,8 +123,8 @@ class ChamferConfig:
     edge_truncation_px: float = parameter(16.0, "distances to edges are truncated here", "px", 2, 1000)
     boundary_step_px: int = parameter(4, "distance between the points taken from the silhouette's boundary", "px", 1, 100)
     refine_boundary: bool = parameter(True, "find the silhouette's boundary to a fraction of a pixel")
-    canny_low: float = parameter(40.0, "lower hysteresis threshold of the edge detector", "grey levels", 0, 1000)
-    canny_high: float = parameter(100.0, "upper hysteresis threshold of the edge detector", "grey levels", 0, 1000)
+    canny_low: float = parameter(40.0, "lower hysteresis threshold of the edge detector", "gray levels", 0, 1000)
+    canny_high: float = parameter(100.0, "upper hysteresis threshold of the edge detector", "gray levels", 0, 1000)
     margin_px: int = parameter(24, "border around the predicted body that is looked at", "px", 4, 1000)
     max_iterations: int = parameter(6, "iterations per image set", "", 1, 200)
     first_iterations: int = parameter(30, "iterations on the first image set after a start or a reset", "", 1, 1000)
@@ -153,7 +153,7 @@ class ChamferConfig:
     residual_sigma_px: float = parameter(
         1.5, "least standard deviation of one contour sample, for the covariance", "px", 0.01, 100
     )
-    correlation: float = parameter(8.0, "how many neighbouring samples share one error, for the covariance", "samples", 1, 1000)
+    correlation: float = parameter(8.0, "how many neighboring samples share one error, for the covariance", "samples", 1, 1000)
 
 
 @dataclass(frozen=True)
@@ -286,8 +286,8 @@ class _ByColors:
     search_angle_deg: float = parameter(35.0, "and turned by up to this; a lost limb, in each of its joints", "deg", 0, 180)
     search_states: int = parameter(1000, "states tried a round of that search; 0: a lost body is not looked for", "", 0, 10**6)
     seed: int = parameter(0, "of that search", "", 0, 2**31 - 1)
-    residual_sigma: float = parameter(3.0, "least standard deviation of a color, for the covariance", "grey levels", 0.01, 255)
-    correlation: float = parameter(30.0, "how many neighbouring pixels share one error, for the covariance", "pixels", 1, 10000)
+    residual_sigma: float = parameter(3.0, "least standard deviation of a color, for the covariance", "gray levels", 0.01, 255)
+    correlation: float = parameter(30.0, "how many neighboring pixels share one error, for the covariance", "pixels", 1, 10000)
 
 
 @dataclass(frozen=True)
@@ -303,14 +303,14 @@ class ColorOverBackgroundConfig(_ByColors):
 
     normalized_weight: float = parameter(0.5, "share of the normalized part in a blend", "1", 0, 1)
     levels: int = parameter(4, "levels of the image pyramid", "", 1, 8)
-    robust_scale: float = parameter(50.0, "scale of the robust kernel on the finest level", "grey levels", 0.1, 1000)
+    robust_scale: float = parameter(50.0, "scale of the robust kernel on the finest level", "gray levels", 0.1, 1000)
     reach_px: int = parameter(64, "images farther than this from the predicted body are not looked at", "px", 4, 10000)
     learn_colors: bool = parameter(False, "take the parts' colors from the first image set instead of the model")
     color_rate: float = parameter(0.0, "share of the newest image in the parts' colors; 0 keeps them fixed", "1", 0, 1)
-    stay_position: float = parameter(0.0, "pull to the predicted root position", "grey levels^2/m^2", 0.0, 1e15)
-    stay_angle: float = parameter(1e7, "pull to the predicted angles", "grey levels^2/rad^2", 0.0, 1e15)
+    stay_position: float = parameter(0.0, "pull to the predicted root position", "gray levels^2/m^2", 0.0, 1e15)
+    stay_angle: float = parameter(1e7, "pull to the predicted angles", "gray levels^2/rad^2", 0.0, 1e15)
     neutral_angle: float = parameter(
-        1e3, "multiplies the stiffness of the model's axes (pull to their neutral angles)", "grey levels^2", 0.0, 1e15
+        1e3, "multiplies the stiffness of the model's axes (pull to their neutral angles)", "gray levels^2", 0.0, 1e15
     )
     min_pixels: int = parameter(200, "a body that covers less of the images, of all cameras, is LOST", "pixels", 1, 10**9)
     few_pixels: int = parameter(1000, "and one that covers less than this is DEGRADED", "pixels", 1, 10**9)

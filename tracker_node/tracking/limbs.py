@@ -16,7 +16,7 @@ from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
 
 @dataclass(frozen=True, eq=False)
 class Limb:
-    """``dofs`` (n_dof,), ``links`` (n_links,) and ``shapes`` (n_shapes,) are masks of what is the limb's own; ``tip`` (3,) metres
+    """``dofs`` (n_dof,), ``links`` (n_links,) and ``shapes`` (n_shapes,) are masks of what is the limb's own; ``tip`` (3,) meters
     in the link ``end`` (index) is the point by which its place is judged."""
 
     name: str

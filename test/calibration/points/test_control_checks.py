@@ -22,7 +22,7 @@ def test_good_points_pass():
     check(CUBE * SMALLEST_M)
 
 
-@pytest.mark.parametrize(("size", "message"), [(1.01 * LARGEST_M, "are they millimetres"), (0.99 * SMALLEST_M, "mm only")])
+@pytest.mark.parametrize(("size", "message"), [(1.01 * LARGEST_M, "are they millimeters"), (0.99 * SMALLEST_M, "mm only")])
 def test_volumes_of_another_unit_are_refused(size, message):
     with pytest.raises(CalibrationError, match=message):
         check(CUBE * size)

@@ -61,13 +61,13 @@ def check(points, pixels=None, size=IMAGE_SIZE):
 
 def test_points_that_cannot_be_meant_are_refused():
     check(POINTS)
-    with pytest.raises(CalibrationError, match=r"'left'.*span 2214.*are they millimetres\? give metres"):
+    with pytest.raises(CalibrationError, match=r"'left'.*span 2214.*are they millimeters\? give meters"):
         check(1e3 * POINTS)
     mixed = POINTS.copy()
     mixed[7] *= 1e3
     with pytest.raises(CalibrationError, match=r"'p7' is .* times as far .* in another unit"):
         check(mixed)
-    with pytest.raises(CalibrationError, match="mm only: are they in metres"):
+    with pytest.raises(CalibrationError, match="mm only: are they in meters"):
         check(1e-3 * POINTS)
     clicks = CLICKS[0].copy()
     clicks[5] = [900.0, 100.0]

@@ -49,7 +49,7 @@ def test_weights_decide_between_contradicting_cameras():
 
 
 def two_rays(degrees: float, n_unseen: int = 0):
-    """Cameras a metre to the left and right of where their middle pixels' rays meet at this angle, and some that see nothing."""
+    """Cameras a meter to the left and right of where their middle pixels' rays meet at this angle, and some that see nothing."""
     half = np.radians(degrees) / 2.0
     lens = CameraModel(640, 480, np.array([[500.0, 0.0, 320.0], [0.0, 500.0, 240.0], [0.0, 0.0, 1.0]]))
     target, transforms = np.array([0.2, -0.1, 0.4]), []

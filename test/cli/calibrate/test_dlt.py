@@ -84,8 +84,8 @@ def test_bad_input_is_named(tmp_path, rows, capsys):
     assert "lie in one plane" in refusal(tmp_path, flat, capsys)
     line = [[*row[:2], row[4], row[4], row[4], *row[5:]] for row in rows]
     assert "lie on one line" in refusal(tmp_path, line, capsys)
-    millimetres = [[*row[:2], *(repr(1e3 * float(value)) for value in row[2:5]), *row[5:]] for row in rows]
-    assert "are they millimetres? give metres" in refusal(tmp_path, millimetres, capsys)
+    millimeters = [[*row[:2], *(repr(1e3 * float(value)) for value in row[2:5]), *row[5:]] for row in rows]
+    assert "are they millimeters? give meters" in refusal(tmp_path, millimeters, capsys)
     assert "--size" in refusal(tmp_path, rows, capsys, size="768")
     assert "columns starting with camera,point" in refusal(tmp_path, rows, capsys, header=("cam", *COLUMNS[1:]))
 

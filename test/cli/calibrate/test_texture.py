@@ -16,10 +16,10 @@ from tracker_node.render.raycast.raycaster import render_color
 @pytest.mark.parametrize("inverted", [False, True])
 def test_a_drawn_board_is_recognised_where_the_model_says_it_is(tmp_path, inverted):
     path = tmp_path / "board.yaml"
-    arguments = ["--charuco", "4x5", "--square", "0.04", "--border", "15", "--border-grey", "128", "--name", "board"]
+    arguments = ["--charuco", "4x5", "--square", "0.04", "--border", "15", "--border-gray", "128", "--name", "board"]
     assert main(["calibrate", "texture", *arguments, *(["--inverted"] if inverted else []), "-o", str(path)]) == 0
     model = load_model(path)
-    # One metre above the board, looking down: image x is the board's x, image y against its y
+    # One meter above the board, looking down: image x is the board's x, image y against its y
     camera = Camera("above", CameraModel(640, 480, np.array([[1500.0, 0, 320], [0, 1500.0, 240], [0, 0, 1]])),
                     se3.from_rotation_translation(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 1.0])))  # fmt: skip
     rendered = render_color(Configuration(model, State.neutral(model)), camera)

@@ -16,7 +16,7 @@ def metrics_of(folder):
 
 
 def colors_on(path):
-    """Share of a picture's pixels that are neither grey, black nor white."""
+    """Share of a picture's pixels that are neither gray, black nor white."""
     image = cv2.imread(str(path)).astype(int)
     return float(np.mean(image.max(axis=2) - image.min(axis=2) > 40))
 

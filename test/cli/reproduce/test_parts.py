@@ -116,7 +116,7 @@ def test_rates_are_by_optimizer_and_size_of_error(scene):
 
 
 def test_portraits_are_upright_and_look_at_the_body_s_middle():
-    """Eight metres off, in front, half from the right and from the right; the middle of the body in the picture's middle."""
+    """Eight meters off, in front, half from the right and from the right; the middle of the body in the picture's middle."""
     rig = figures._portrait_rig(160)
     assert rig.names == ("front", "half-side", "side")
     root = np.sqrt(0.5)

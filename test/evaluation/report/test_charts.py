@@ -1,4 +1,4 @@
-"""Charts of a report: runs whose joints are all so many millimetres from truth, alone and side by side."""
+"""Charts of a report: runs whose joints are all so many millimeters from truth, alone and side by side."""
 
 from dataclasses import replace
 

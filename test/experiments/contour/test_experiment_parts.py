@@ -67,7 +67,7 @@ def test_true_sets_are_spread_over_the_clip_without_its_ends(tmp_path, monkeypat
 
 @pytest.mark.parametrize("thickness", [1.0, 0.8])
 def test_the_part_is_as_thick_as_it_is_told_to_be(thickness):
-    """Half a metre long from its root; at height z its half axes are 0.08 and 0.07 m times 1 - 0.55 z."""
+    """Half a meter long from its root; at height z its half axes are 0.08 and 0.07 m times 1 - 0.55 z."""
     model = experiment.part_model(thickness)
     (shape,) = model.shapes
     cone = shape.primitive

@@ -10,7 +10,7 @@ QUIET = TapeFaults(luma_noise=0.0, chroma_noise=0.0)
 
 
 def edge() -> np.ndarray:
-    """Grey to a yellow of the same luma: an edge in chroma only; BGR."""
+    """Gray to a yellow of the same luma: an edge in chroma only; BGR."""
     image = np.full((40, 120, 3), 150, np.uint8)
     image[:, 60:] = 30, 160, 168
     return image

@@ -66,12 +66,12 @@ def image_set(stamp_ns: int, images: list[np.ndarray]) -> ImageSet:
     return ImageSet(stamp_ns, tuple(CameraImage(c.name, stamp_ns, image) for c, image in zip(rig(), images, strict=False)))
 
 
-def moved(state: State, metres: float, degrees: float, seed: int = 0) -> State:
+def moved(state: State, meters: float, degrees: float, seed: int = 0) -> State:
     """A state that is so far off in some direction."""
     rng = np.random.default_rng(seed)
     directions = rng.normal(size=(2, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    return state.retract(np.concatenate([metres * directions[0], np.deg2rad(degrees) * directions[1]]))
+    return state.retract(np.concatenate([meters * directions[0], np.deg2rad(degrees) * directions[1]]))
 
 
 def errors(state: State, truth: State = TRUE) -> tuple[float, float]:

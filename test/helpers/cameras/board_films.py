@@ -18,7 +18,7 @@ _TEXELS = 40  # of a square's edge
 
 
 def rig() -> CameraRig:
-    """Three cameras side by side that look at a place one metre before them."""
+    """Three cameras side by side that look at a place one meter before them."""
     lens = CameraModel(WIDTH, HEIGHT, np.array([[340.0, 0.0, 240.0], [0.0, 340.0, 149.0], [0.0, 0.0, 1.0]]))
     centers = np.array([[-0.35, 0.0, 0.0], [0.0, -0.05, 0.15], [0.35, 0.0, -0.05]])
     return CameraRig(
@@ -35,7 +35,7 @@ def pose(seconds: float, distance_m: float = 0.9) -> np.ndarray:
 
 
 def image_of(camera: Camera, board: Board, T_world_board: np.ndarray, seed: int = 0) -> np.ndarray:
-    """(h, w) uint8: the board, with a white border of one square, before grey."""
+    """(h, w) uint8: the board, with a white border of one square, before gray."""
     drawn = face_of(board, _TEXELS / board.square_m)
     height, width = drawn.shape
     edge = board.square_m / _TEXELS

@@ -24,7 +24,7 @@ PERIOD_S = 0.1
 
 
 def ring(n: int = 6, models: Sequence[str] = tuple(LENSES)) -> CameraRig:
-    """Cameras around a volume of three metres, lenses of several kinds."""
+    """Cameras around a volume of three meters, lenses of several kinds."""
     cameras = []
     for i in range(n):
         angle = 2.0 * np.pi * i / n + 0.1
@@ -99,7 +99,7 @@ def picture(camera: Camera, board: Board, T_world_board: np.ndarray, noise: floa
 
 
 def face_of(board: Board, texels: float) -> np.ndarray:
-    """Gray picture of the board with a white border of one square, so many texels a metre."""
+    """Gray picture of the board with a white border of one square, so many texels a meter."""
     square = round(board.square_m * texels)
     if board.kind == "charuco":
         markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))

@@ -42,7 +42,7 @@ def disturbed(rig: CameraRig, seed: int = 3, angle: float = 0.02, distance: floa
 
 
 def in_millimetres(source: Path, target: Path) -> Path:
-    """Write a rig file as it would be with its places in millimetres."""
+    """Write a rig file as it would be with its places in millimeters."""
     rig = read_rig_file(source)
     cameras = {}
     for name, entry in rig.cameras.items():

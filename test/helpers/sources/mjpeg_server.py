@@ -11,7 +11,7 @@ WIDTH, HEIGHT = 160, 120
 
 
 def numbered_jpeg(i: int, width: int = WIDTH, height: int = HEIGHT) -> bytes:
-    """An image that says its number by its grey level (modulo 20), also when it is made smaller."""
+    """An image that says its number by its gray level (modulo 20), also when it is made smaller."""
     image = np.full((height, width, 3), 20 + 10 * (i % 20), np.uint8)
     image[: height // 8, : width // 8] = 255
     return cv2.imencode(".jpg", image)[1].tobytes()

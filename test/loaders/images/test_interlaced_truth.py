@@ -32,7 +32,7 @@ def middle_px(camera: Camera, seconds: float) -> np.ndarray:
 
 
 def drawn(center: np.ndarray) -> np.ndarray:
-    """A bright disc on grey; each pixel the mean of FINE x FINE samples."""
+    """A bright disc on gray; each pixel the mean of FINE x FINE samples."""
     v, u = np.mgrid[0 : HEIGHT * FINE, 0 : WIDTH * FINE]
     u, v = (u + 0.5) / FINE - 0.5, (v + 0.5) / FINE - 0.5
     inside = (u - center[0]) ** 2 + (v - center[1]) ** 2 < RADIUS_PX**2

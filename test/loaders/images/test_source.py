@@ -26,7 +26,7 @@ N, WIDTH, HEIGHT, RATE_HZ = 12, 64, 48, 25.0
 
 
 def numbered_image(i: int) -> np.ndarray:
-    """An image that says its number by its grey level, also after lossy coding."""
+    """An image that says its number by its gray level, also after lossy coding."""
     return np.full((HEIGHT, WIDTH, 3), 10 + 20 * i, np.uint8)
 
 

@@ -38,7 +38,7 @@ LANDMARKS = {
     "left_small_toe": ("left_foot", (155.0, 40.0, -55.0)),
     "left_heel": ("left_foot", (-45.0, 0.0, -50.0)),
 }
-# Segment: litres, lowest, highest and mean coordinates of its surface in millimeters.
+# Segment: liters, lowest, highest and mean coordinates of its surface in millimeters.
 SIZES = {
     "pelvis": (23.212, (-125.9, -174.3, -369.0), (120.5, 174.3, 50.0), (-3.4, 0.0, -167.1)),
     "torso": (10.677, (-137.1, -149.1, -50.0), (137.1, 149.1, 161.0), (0.0, 0.0, 55.5)),
@@ -104,12 +104,12 @@ def test_landmarks_are_on_their_links():
 
 @pytest.mark.parametrize("name", SIZES)
 def test_segments_have_their_size(name):
-    litres, low, high, mean = SIZES[name]
+    liters, low, high, mean = SIZES[name]
     surfaces = {shape.name: shape.primitive for shape in nurbs_human().shapes}
     for own, sign in ((name, 1.0), (other(name), -1.0)):
         vertices = surfaces[own].vertices * ([1.0, sign, 1.0] if own != name else 1.0)
         corners = surfaces[own].vertices[surfaces[own].faces]
         volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
-        assert 1e3 * volume == pytest.approx(litres, rel=1e-3)
+        assert 1e3 * volume == pytest.approx(liters, rel=1e-3)
         for found, expected in ((vertices.min(axis=0), low), (vertices.max(axis=0), high), (vertices.mean(axis=0), mean)):
             np.testing.assert_allclose(1e3 * found, expected, atol=0.06)

@@ -37,7 +37,7 @@ def test_a_box_holds_the_spheres_about_a_cones_ends(turned):
 
 @pytest.mark.parametrize(("depth", "inside"), [(0.79, False), (0.802, True), (1.2, True)])
 def test_an_end_must_be_in_front(depth, inside):
-    """The nearer end lies half a metre before the origin, its sphere has a radius of 0.3 m."""
+    """The nearer end lies half a meter before the origin, its sphere has a radius of 0.3 m."""
     T = np.eye(4)
     T[2, 3] = depth
     assert _cone_box(np.array([0.2, 0.4, 0.5, -0.5, 1.0]), T, np.zeros(4)) == inside

@@ -34,7 +34,7 @@ def test_weights_of_both_differences(representation, weights):
 
 def test_other_representations_are_refused():
     with pytest.raises(ValueError, match="expected a representation"):
-        constants(representation="grey")
+        constants(representation="gray")
 
 
 def test_lights_with_a_direction_come_after_suns():

@@ -121,7 +121,7 @@ def test_right_pose_has_the_best_score():
     views = [render_color(Configuration(model, truth), camera, SUN) for camera in rig]
     objective = ColorObjective(model, rig)
     objective.set_images([np.ascontiguousarray(np.rint(view.rgb[:, :, ::-1]).astype(np.uint8)) for view in views])
-    assert objective.score(truth) < 0.5  # rounding to whole grey levels
+    assert objective.score(truth) < 0.5  # rounding to whole gray levels
     for i in range(model.n_dof):
         for sign in (-1.0, 1.0):
             tangent = np.zeros(model.n_dof)

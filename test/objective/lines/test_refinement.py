@@ -81,7 +81,7 @@ def test_a_color_that_changes_towards_the_edge_is_followed_to_it(slope):
 
 
 def test_what_varies_inside_makes_it_less_sure():
-    """Colors off by 8 grey levels, up and down in turn: 4.8 of 4 such squares in each channel."""
+    """Colors off by 8 gray levels, up and down in turn: 4.8 of 4 such squares in each channel."""
     d, body = 8.0, np.tile(BODY, (SIZE, 1))
     body[18:23] += d * np.array([1, -1, 1, -1, 1])[:, None]
     _, precision = refined(image(24.0, body))

@@ -14,7 +14,7 @@ def histogram(seed, n=300):
 
 
 def shared(counts):
-    """With neighbouring colors: weights 1/4, 1/2, 1/4 along each channel, what falls beyond the last bin being lost."""
+    """With neighboring colors: weights 1/4, 1/2, 1/4 along each channel, what falls beyond the last bin being lost."""
     cube = counts.reshape((BINS,) * 3).astype(np.float64)
     for axis in range(3):
         before, after = (np.roll(cube, step, axis) for step in (1, -1))

@@ -10,7 +10,7 @@ from tracker_node.observation.region.colors import RegionColors, color_classes, 
 
 N = 4096  # colors that are told apart: 16 a channel
 LITTLE = 0.02 / N  # of every color, that is expected anyway
-KEPT = 0.98 / 8.0  # of a color's share: the rest goes to its neighbours, and to all others
+KEPT = 0.98 / 8.0  # of a color's share: the rest goes to its neighbors, and to all others
 GRAY, WHITE, RED_BGR = (120, 120, 120), (248, 248, 248), (24, 24, 200)
 
 

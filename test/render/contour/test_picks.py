@@ -96,7 +96,7 @@ def test_rims_of_a_cone():
     np.testing.assert_array_equal(picks[:, 3] == 1.0, upper & before)
     assert np.all(before[~upper]) and not np.all(before[upper])
     np.testing.assert_array_equal(picks[:, 2], 1.0)
-    # About as far apart as 32 on three metres: around the mean radius; eight at least
+    # About as far apart as 32 on three meters: around the mean radius; eight at least
     assert upper.sum() == 13 and (~upper).sum() in (14, 15, 16, 17)
     np.testing.assert_allclose(picks[upper, 1], 2.0 * np.pi * (np.arange(13) + 0.5) / 13)
     assert (caps(eye, 12)[0][:, 0] == 1.0).sum() == 8 and (caps(eye, 6)[0][:, 0] == 1.0).sum() == 6

@@ -43,7 +43,7 @@ def test_lights_add_up():
 
 
 def test_a_spot_ends_at_its_cone():
-    """Straight down from four metres; its edge is at tan(0.5) times that."""
+    """Straight down from four meters; its edge is at tan(0.5) times that."""
     spot = Light("spot", (1.0, 1.0, 1.0), position=(0.0, 0.0, 4.0), direction=(0.0, 0.0, -2.0), half_angle=0.5)
 
     def at(angle):

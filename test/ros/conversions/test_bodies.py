@@ -100,7 +100,7 @@ def markers_of(status: Status, frame_id: str = "world"):
 
 
 def test_markers_are_as_large_as_their_shapes():
-    """RViz scales a cube and a sphere of one metre across; triangles are in metres."""
+    """RViz scales a cube and a sphere of one meter across; triangles are in meters."""
     _, _, markers = markers_of(Status.TRACKING)
     sizes = [(m.scale.x, m.scale.y, m.scale.z) for m in markers]
     assert sizes == [(0.3, 0.2, 0.5), (1.0, 1.0, 1.0), pytest.approx((0.08, 0.06, 0.24)), (1.0, 1.0, 1.0)]

@@ -68,7 +68,7 @@ def test_region_and_binning_are_folded_into_K():
     assert (cut.width, cut.height) == (200, 160)
     points = np.random.default_rng(0).uniform([-0.3, -0.2, 1.5], [0.3, 0.2, 3.0], (50, 3))
     full_px, cut_px = lens.project(points)[0], cut.project(points)[0]
-    # A binned pixel's centre lies between the centres of the two it was made of.
+    # A binned pixel's center lies between the centers of the two it was made of.
     assert np.allclose(cut_px, (full_px - [100, 60] + 0.5) / 2 - 0.5, atol=1e-9)
 
 

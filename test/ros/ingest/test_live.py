@@ -219,21 +219,21 @@ def test_a_topic_that_comes_back_with_another_quality_of_service(probe):
 
 
 def test_recordings_are_recorded_and_published_as_asked_for(probe, launch, rig_file, tmp_path):
-    """JPEG files at half the size, with their own bytes in the bag; a folder as grey images; the bag as a source."""
+    """JPEG files at half the size, with their own bytes in the bag; a folder as gray images; the bag as a source."""
     (tmp_path / "jpeg").mkdir()
     for i in range(4):
         (tmp_path / "jpeg" / f"{i}.jpg").write_bytes(numbered_jpeg(i))
     common = ("--stamps", "file", "--no-frame-skip", "--wait-for-subscribers", "1", "--rate", "20", "--end", "4")
     bag = tmp_path / "bag"
-    small, grey = probe.listen(Image, "cam1/image_raw"), probe.listen(Image, "cam2/image_raw")
+    small, gray = probe.listen(Image, "cam1/image_raw"), probe.listen(Image, "cam2/image_raw")
     process = launch(
         "camera_ingest", "--rig", rig_file, "--cameras", "cam1", "cam2", "--source", f"cam1={tmp_path / 'jpeg'}",
         "--capture", "cam2.publish=mono", "--shrink", "2", "--record", bag, *common,
     )  # fmt: skip
-    probe.spin_until(lambda: len(small) == len(grey) == 4, "four images of both")
+    probe.spin_until(lambda: len(small) == len(gray) == 4, "four images of both")
     assert process.wait() == 0 and "recorded: 16 messages" in process.out, process.out
     assert [number_of(camera_image_of("cam1", message).pixels) for message in small] == [0, 1, 2, 3]
-    assert {(message.encoding, message.width) for message in grey} == {("mono8", WIDTH // 2)}
+    assert {(message.encoding, message.width) for message in gray} == {("mono8", WIDTH // 2)}
     with BagReader(bag) as reader:
         kept = [bytes(message.data) for _, message in reader.decoded("/cam1/image_raw/compressed")]
         raw = [message for _, message in reader.decoded("/cam2/image_raw")]

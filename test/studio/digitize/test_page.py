@@ -22,7 +22,7 @@ N_SETS = 3
 
 
 def make_rig(folder, lens="radial"):
-    """Three cameras with grey images of some instants in ``folder``."""
+    """Three cameras with gray images of some instants in ``folder``."""
     cameras = []
     for name, eye in EYES.items():
         camera = look_at(eye, (0.0, 0.0, 0.8), LENSES[lens], name)
@@ -104,7 +104,7 @@ def test_clicks_in_three_views_are_reconstructed_saved_and_there_again(desk):
     for name, pixel in meant.items():
         np.testing.assert_allclose(clicked[name]["left_knee"], pixel, atol=1e-6)
     shown = [float(row.split()[1]) for row in hands.text("#coordinates").splitlines()]
-    scale = 150.0 / 2.2  # pixels per metre: focal length over distance
+    scale = 150.0 / 2.2  # pixels per meter: focal length over distance
     half_screen_pixel = 0.5 * np.sqrt(2.0) * max(np.abs(meant[c.name] - c.project(PLACE)[0]).max() for c in hands.rig)
     assert np.linalg.norm(np.array(shown) - PLACE) < 2.0 * half_screen_pixel / scale + 1e-4
     tab.page.reload()

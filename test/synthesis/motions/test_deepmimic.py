@@ -22,7 +22,7 @@ def turning_clip(wraps: bool = True) -> Clip:
     angle = np.linspace(0.0, 0.5, n)
     columns[:, 4], columns[:, 6] = np.cos(angle / 2), np.sin(angle / 2)
     columns[:, 20] = -np.linspace(0.0, 1.0, n)
-    columns[:, 25:29] *= 1.1  # not normalised, as in real clips
+    columns[:, 25:29] *= 1.1  # not normalized, as in real clips
     return Clip("turning", columns, wraps)
 
 

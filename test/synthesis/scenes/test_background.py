@@ -41,7 +41,7 @@ def test_no_yellow_is_strong(seed):
 
 
 def test_patches_are_the_same_for_a_seed():
-    """Ninety texels a metre."""
+    """Ninety texels a meter."""
     texture = patches(np.random.default_rng(5), 2.0, 1.0).astype(float)
     assert texture.shape == (90, 180, 3)
     np.testing.assert_allclose(texture.mean(axis=(0, 1)), (100.27, 113.13, 121.91), atol=0.1)

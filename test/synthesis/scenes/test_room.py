@@ -64,13 +64,13 @@ def test_textures_look_like_wood_plaster_and_walls():
     assert CEILING.texture.reshape(-1, 3).mean(axis=0) == pytest.approx([236, 234, 228], abs=2)
     assert 3.0 < CEILING.texture.std(axis=(0, 1)).mean() < 6.0
     for wall in WALLS:
-        board = wall.texture[-34:]  # eleven centimetres of 3.2 metres
+        board = wall.texture[-34:]  # eleven centimeters of 3.2 meters
         assert (np.all(board == (120, 104, 88), axis=2).mean() > 0.8)
         assert not np.all(wall.texture[:-36] == (120, 104, 88), axis=2).any()
 
 
 def test_walls_have_windows_and_doors_in_turn():
-    """In metres of the wall: two windows, 1.7 by 1.5; a door, 1 by 2.1."""
+    """In meters of the wall: two windows, 1.7 by 1.5; a door, 1 by 2.1."""
     size = HALF_SIZE * 2.0 * HEIGHT
     for i, wall in enumerate(WALLS):
         frame = np.all(wall.texture == (240, 240, 236), axis=2).mean() * size

@@ -42,7 +42,7 @@ def test_bones_keep_their_length_through_a_motion(subject):
 
 
 def test_landmarks_lie_inside_the_skin_around_them(subject):
-    """A joint centre is the middle of the ring of skin about it, whatever the pose: truth and picture belong together."""
+    """A joint center is the middle of the ring of skin about it, whatever the pose: truth and picture belong together."""
     rest = subject.t_pose()
     for body in subject.follow(load_motion("swing", 30.0, 5)):
         for name in ("left_elbow", "right_knee", "left_knee", "right_wrist"):

@@ -59,7 +59,7 @@ def test_a_robot_is_followed_to_the_end_of_its_slide():
     assert (joints <= clip.model.chain.upper).all()
     errors = joints[3:] - np.array([s.joint_positions for s in clip.states])[3:]
     assert np.abs(np.rad2deg(errors[:, :3])).max() < 2.0
-    assert np.abs(errors[:, 3]).max() < 0.01  # metres
+    assert np.abs(errors[:, 3]).max() < 0.01  # meters
     assert clip.errors_mm(found)[3:].max() < 15.0
 
 

@@ -13,7 +13,7 @@ from tracker_node.tracking.initialization.segmentation import StartSegmentation
 
 LENS = CameraModel(200, 150, np.array([[100.0, 0.0, 99.0], [0.0, 100.0, 74.0], [0.0, 0.0, 1.0]]))
 MIDDLE = np.array([0.0, 0.0, 1.0])
-LEVEL = Camera("level", LENS, look_at(np.array([0.0, -4.0, 1.0]), MIDDLE))  # a metre is 25 pixels
+LEVEL = Camera("level", LENS, look_at(np.array([0.0, -4.0, 1.0]), MIDDLE))  # a meter is 25 pixels
 SIZE_M = 2.0
 
 

@@ -97,7 +97,7 @@ def test_the_human_fits():
     np.testing.assert_array_equal(model.predict(7).state.joint_positions, state.joint_positions)
 
 
-SURE = 1e6 * np.eye(N)  # a millimetre, a milliradian
+SURE = 1e6 * np.eye(N)  # a millimeter, a milliradian
 
 
 def informed(times_s, information=SURE, config: MotionConfig | None = None) -> MotionModel:

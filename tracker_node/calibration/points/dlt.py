@@ -298,13 +298,13 @@ def check_control_points(name: str, seen: ControlPoints, image_size: tuple[int, 
         raise CalibrationError(
             name,
             f"control point '{seen.names[far]}' is {from_middle[far] / usual:.0f} times as far from the middle as the others are:"
-            " is it in another unit? all places are in metres",
+            " is it in another unit? all places are in meters",
         )
     extent = float(np.ptp(seen.points, axis=0).max())
     if extent > LARGEST_M:
-        raise CalibrationError(name, f"its control points span {extent:g} m: are they millimetres? give metres")
+        raise CalibrationError(name, f"its control points span {extent:g} m: are they millimeters? give meters")
     if extent < SMALLEST_M:
-        raise CalibrationError(name, f"its control points span {1e3 * extent:g} mm only: are they in metres?")
+        raise CalibrationError(name, f"its control points span {1e3 * extent:g} mm only: are they in meters?")
     outside = np.any((seen.pixels < -0.5) | (seen.pixels > np.array(image_size) - 0.5), axis=1)
     if outside.any():
         i = int(outside.argmax())

@@ -9,7 +9,7 @@ from ..arguments.board import add_markers, check_markers, wrong_option
 from ..arguments.cameras import size_option
 
 SUMMARY = "make a model of a flat plate with a texture on it: a photo or print file, or a ChArUco board that is drawn"
-EXAMPLE = "tracker_node calibrate texture --charuco 4x5 --square 0.054 --border 20 --border-grey 20 -o plate.yaml"
+EXAMPLE = "tracker_node calibrate texture --charuco 4x5 --square 0.054 --border 20 --border-gray 20 -o plate.yaml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--square", type=float, metavar="M", help="with --charuco: edge of a square, meters")
     add_markers(parser)
     parser.add_argument("--border", type=int, default=0, metavar="MM", help="width of a plain border around the picture")
-    parser.add_argument("--border-grey", type=int, default=20, metavar="0..255", help="its grey level (default: %(default)s)")
+    parser.add_argument("--border-gray", type=int, default=20, metavar="0..255", help="its gray level (default: %(default)s)")
     parser.add_argument("--thickness", type=float, default=0.005, metavar="M", help="of the plate (default: %(default)s)")
     parser.add_argument("--name", default="plate", help="name of the body (default: %(default)s)")
     parser.add_argument("-o", "--output", default="plate.yaml", metavar="FILE", help="model to write (default: %(default)s)")
@@ -32,17 +32,17 @@ def run(args: argparse.Namespace) -> int:
 
     picture, texels_per_m = _drawn(args) if args.charuco else _read(args)
     height, width = picture.shape[:2]
-    if not 0 <= args.border <= 1000 or not 0 <= args.border_grey <= 255 or not 0.0 < args.thickness < 1.0:
-        raise wrong_option("--border, --border-grey, --thickness", "0..1000 mm, 0..255, 0..1 m", vars(args)["border"])
+    if not 0 <= args.border <= 1000 or not 0 <= args.border_gray <= 255 or not 0.0 < args.thickness < 1.0:
+        raise wrong_option("--border, --border-gray, --thickness", "0..1000 mm, 0..255, 0..1 m", vars(args)["border"])
     wide = round(1e-3 * args.border * texels_per_m)
-    whole = framed(picture, [(wide, wide, wide, wide, args.border_grey)])
+    whole = framed(picture, [(wide, wide, wide, wide, args.border_gray)])
     origin = wide + width / 2.0, wide + height / 2.0
     model = plate_model(args.name, whole, texels_per_m, origin, args.thickness)
     dump_model(
         model, args.output, "Flat box with a picture on its face +z; the origin is the middle of the picture, x right, y up."
     )
     x, y, _ = model.shapes[0].primitive.size  # type: ignore[union-attr]
-    print(f"{args.name}: {1e3 * x:.1f} x {1e3 * y:.1f} mm, {texels_per_m:.0f} texels a metre; wrote {args.output}")
+    print(f"{args.name}: {1e3 * x:.1f} x {1e3 * y:.1f} mm, {texels_per_m:.0f} texels a meter; wrote {args.output}")
     return 0
 
 

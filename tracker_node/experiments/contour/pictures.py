@@ -22,7 +22,7 @@ from ...render.contour.samples import CLASS, OUTER, U, V
 from ...render.overlay import draw_overlay
 from ...render.raycast.raycaster import render_labels
 from ...render.shape_arrays import ShapeArrays
-from ...report.document import BLACK, BLUE, GREEN, GREY, ORANGE, RED
+from ...report.document import BLACK, BLUE, GRAY, GREEN, ORANGE, RED
 from ...report.page import Section
 from ...tracking.config import TrackerConfig
 from ..plots import Profile, body_box, plain_axes, save
@@ -253,7 +253,7 @@ def variables_figure(panels: Mapping[str, Mapping[str, Profile]]) -> Figure:
     for ax, (title, errors) in zip(axes, panels.items(), strict=True):
         for key, profile in errors.items():
             ax.plot(profile.changes, profile.scores, color=COLORS[key], lw=1.6, label=TITLES[key])
-        ax.axvline(0.0, color=GREY, lw=0.7, ls=":")
+        ax.axvline(0.0, color=GRAY, lw=0.7, ls=":")
         name, _, unit = title.partition(" [")
         plain_axes(ax, name, f"from the truth [{unit}")
         ax.set_ylim(bottom=0.0)

@@ -40,7 +40,7 @@ class Variable:
 
     @property
     def si(self) -> float:
-        """Metres or radians in its unit."""
+        """Meters or radians in its unit."""
         return 1e-3 if self.unit == "mm" else float(np.radians(1.0))
 
     def changes(self, coarseness: int) -> np.ndarray:

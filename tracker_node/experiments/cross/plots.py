@@ -11,10 +11,10 @@ from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import N_ROOT, ROOT_NAMES, Configuration, State, to_variables
 from ...render.overlay import target_through_mask
-from ...report.document import BLUE, GREEN, GREY, ORANGE, PURPLE
+from ...report.document import BLUE, GRAY, GREEN, ORANGE, PURPLE
 from ..rigid_tracking import UNITS, VARIABLES
 
-_STYLES = ((GREY, "-", 3.5), (BLUE, "-", 1.4), (GREEN, "--", 1.4), (ORANGE, ".", 1.0), (PURPLE, ":", 1.4))
+_STYLES = ((GRAY, "-", 3.5), (BLUE, "-", 1.4), (GREEN, "--", 1.4), (ORANGE, ".", 1.0), (PURPLE, ":", 1.4))
 _MARGIN = 14  # pixels around what a picture shows
 
 

@@ -44,7 +44,7 @@ _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _cone_box(dims, T, box):
-    """Normalised coordinates (x0, y0, x1, y1) around the spheres about a cone's ends; False when these are not in front."""
+    """Normalized coordinates (x0, y0, x1, y1) around the spheres about a cone's ends; False when these are not in front."""
     box[0], box[1], box[2], box[3] = 1e30, 1e30, -1e30, -1e30
     for end in range(2):
         z = dims[3 + end]

@@ -18,7 +18,7 @@ _REACH = 1.6  # of the distance from the cameras to what they look at: half the 
 
 @dataclass(frozen=True, eq=False)
 class Volume:
-    """A grid of points: ``origin`` (3,) metres, ``step_m``, ``shape`` (3,) points along x, y, z."""
+    """A grid of points: ``origin`` (3,) meters, ``step_m``, ``shape`` (3,) points along x, y, z."""
 
     origin: np.ndarray
     step_m: float
@@ -26,7 +26,7 @@ class Volume:
 
     @property
     def points(self) -> np.ndarray:
-        """(n, 3) metres, world, z the fastest."""
+        """(n, 3) meters, world, z the fastest."""
         axes = [self.origin[i] + self.step_m * np.arange(self.shape[i]) for i in range(3)]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 

@@ -37,7 +37,7 @@ class PhotometricOptions:
     ----------
     representation, normalized_weight, min_pixels : as in `color_score.ColorOptions`.
     levels : of the pyramid; level 0 is the image, each next one has half its width and height.
-    robust_scale : grey levels at which a pixel (the root of its summed squares) begins to count as something else; 0: never.
+    robust_scale : gray levels at which a pixel (the root of its summed squares) begins to count as something else; 0: never.
     """
 
     representation: str = "raw"
@@ -163,7 +163,7 @@ class LevelObjective:
         self._pixels = 0.0
 
     def linearize(self, state: State) -> NormalEquations:
-        """Normal equations in grey levels squared; ``count`` is the number of residuals. No mask costs infinity."""
+        """Normal equations in gray levels squared; ``count`` is the number of residuals. No mask costs infinity."""
         level, owner = self._level, self._level.owner
         configuration, chain = Configuration(owner.model, state), owner.model.chain
         Ts_world_shape = np.ascontiguousarray(configuration.Ts_world_shape)

@@ -5,7 +5,7 @@ C - I of each channel changes with a twist (v, omega) of the point's link, in ca
 
     dr = -G . d(x, y) + dC,   d(x, y) = (v + omega x X) / z, projected,   dC = color sum I_k (omega x n) . l_k
 
-G is the gradient of the image by normalised coordinates (central differences, through the lens), n the normal and l_k the
+G is the gradient of the image by normalized coordinates (central differences, through the lens), n the normal and l_k the
 direction to each light that reaches the point; how the light of a spot changes with place is left out. All is summed per shape,
 sixteen pixels at a time.
 """
@@ -166,7 +166,7 @@ def _linearize_smooth(form, c, surface, label, view, rays, planes, box, spans, o
                 r, g, b = red * r, green * g, blue * b
                 r, g, b = r if r < _FULL else _FULL, g if g < _FULL else _FULL, b if b < _FULL else _FULL
                 tr, tg, tb = np.float32(planes[at_red + i]), np.float32(planes[at_green + i]), np.float32(planes[at_blue + i])
-                # Image gradients by column and row, then by normalised coordinates
+                # Image gradients by column and row, then by normalized coordinates
                 ur = _HALF * (np.float32(planes[at_red + i + one]) - np.float32(planes[at_red + i - one]))
                 ug = _HALF * (np.float32(planes[at_green + i + one]) - np.float32(planes[at_green + i - one]))
                 ub = _HALF * (np.float32(planes[at_blue + i + one]) - np.float32(planes[at_blue + i - one]))

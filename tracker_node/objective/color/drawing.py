@@ -68,7 +68,7 @@ def pose_shapes(chain, links, Ts_link_shape, T_world_root, joint_positions, Ts_w
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _conic_box(T, first, second, third, ahead, box):
-    """Grow ``box`` (x0, y0, x1, y1) by the normalised coordinates of an ellipsoid, or of an ellipse (``third`` = 0), with its
+    """Grow ``box`` (x0, y0, x1, y1) by the normalized coordinates of an ellipsoid, or of an ellipse (``third`` = 0), with its
     center ``ahead`` along the shape's z axis. False when it is not wholly in front of the camera.
 
     A plane n through the camera touches it where n' (e e' - f f' - g g' - h h') n = 0, e the center and f, g, h the half-axes.
@@ -91,7 +91,7 @@ def _conic_box(T, first, second, third, ahead, box):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _pinhole_box(params, box, region, out):
-    """Pixels ``out`` (u0, v0, u1, v1) within ``region`` whose centers lie in the normalised ``box``, of an undistorted camera."""
+    """Pixels ``out`` (u0, v0, u1, v1) within ``region`` whose centers lie in the normalized ``box``, of an undistorted camera."""
     out[0] = max(region[0], math.ceil(max(params[0] * box[0] + params[2], -1.0)))
     out[1] = max(region[1], math.ceil(max(params[1] * box[1] + params[3], -1.0)))
     out[2] = max(out[0], min(region[2], math.floor(min(params[0] * box[2] + params[2], 1e6)) + 1))

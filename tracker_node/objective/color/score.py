@@ -58,7 +58,7 @@ class Verdict(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class ColorScore:
-    """``rms`` of the color differences in grey levels (0..255), infinite unless ``verdict`` is SCORED; the same for each camera
+    """``rms`` of the color differences in gray levels (0..255), infinite unless ``verdict`` is SCORED; the same for each camera
     of the rig (nan where its mask is empty or it gave no image), and the pixels of its mask."""
 
     rms: float

@@ -49,7 +49,7 @@ class CollisionObjective:
         return tuple((self.model.shapes[i].name, self.model.shapes[j].name) for i, j in self.pairs)
 
     def gaps(self, state: State) -> np.ndarray:
-        """(n_pairs,) distance of each pair, metres; negative where they overlap more than allowed, +inf where they are plainly
+        """(n_pairs,) distance of each pair, meters; negative where they overlap more than allowed, +inf where they are plainly
         far apart."""
         self._place(Configuration(self.model, state))
         gaps = np.empty(len(self.pairs))

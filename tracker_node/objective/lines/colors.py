@@ -25,7 +25,7 @@ _BYTE, _4, _8, _16, _24 = np.uint32(255), np.uint32(4), np.uint32(8), np.uint32(
 _LOG_STEP = np.float32(LOG_STEP)
 _OUTLIERS = np.float32(0.05)  # share of colors that the empty scene does not explain, where it is known
 # Densities per bin by half the precision of a pixel: of its color in light; in shadow, as in `observation.appearance`: one pixel
-# in five, of a brightness in 75 grey levels
+# in five, of a brightness in 75 gray levels
 _LIT = np.float32((256.0 / BINS) ** 3 / math.pi**1.5)
 _SHADED = np.float32((256.0 / BINS) ** 3 / math.pi * 0.2 / 75.0)
 

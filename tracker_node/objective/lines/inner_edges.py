@@ -13,7 +13,7 @@ import numba as nb
 import numpy as np
 
 LEAST_PIXELS = 3  # on either side of a step
-_LEAST_VARIANCE = 9.0  # grey levels squared, per channel
+_LEAST_VARIANCE = 9.0  # gray levels squared, per channel
 _LEAST_GAIN = 10.0  # log-likelihood by which a step must beat none
 _MIXED = 0.25  # variance, in places: the pixel that shows both sides may count for either
 _NEGLIGIBLE = -20.0  # log-likelihood

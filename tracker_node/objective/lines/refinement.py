@@ -11,7 +11,7 @@ _FLANK = 3  # colors on either side that stand for body and beyond
 _DEEP = 5  # inside, where the part is wide enough
 _GAP = 1.5  # pixels that the optics may mix, on either side
 _WINDOW = 4  # places across the contour whose mixture is summed
-_LEAST_CONTRAST = 300.0  # squared grey levels
+_LEAST_CONTRAST = 300.0  # squared gray levels
 _FARTHEST = 1.5  # pixels
 
 

@@ -38,7 +38,7 @@ class PhotometryOptions:
     representation, normalized_weight : see `color_score.ColorOptions`.
     levels : of the pyramid; level 0 has the full resolution.
     step : every n-th pixel of a level in both directions gives a point (at least every second pixel of the full image).
-    robust_scale : grey levels at which a difference begins to count as something else in front of the body, on the finest level;
+    robust_scale : gray levels at which a difference begins to count as something else in front of the body, on the finest level;
         the second has twice as many and so on, for a body that is off differs much at first.
     """
 

@@ -28,7 +28,7 @@ class SurfacePoints:
 
     Attributes
     ----------
-    positions, normals : (n, 3) in the frames of their links, metres; unit normals point outward.
+    positions, normals : (n, 3) in the frames of their links, meters; unit normals point outward.
     links : (n,) link of each point.
     colors : (n, 3) float32 RGB, 0..255, of the picture blurred as wide as the points are apart.
     spacing_m : distance of neighbors.
@@ -42,7 +42,7 @@ class SurfacePoints:
 
 
 def textured_extent(model: ArticulatedModel) -> float:
-    """The longest edge of all pictured faces, metres.
+    """The longest edge of all pictured faces, meters.
 
     Raises
     ------

@@ -39,7 +39,7 @@ class TextureOptions:
     ----------
     points_per_edge : along the longest edge of a picture on the finest level; each coarser level has half as many.
     levels : number of levels, 0 the finest.
-    robust_scale : grey levels of the picture at which a difference begins to count as something in front of it.
+    robust_scale : gray levels of the picture at which a difference begins to count as something in front of it.
     least_cosine : of a face's normal with the line of sight; flatter views are not used.
     min_points : fewer, over all cameras, cannot be scored.
     """
@@ -57,10 +57,10 @@ class TextureScore:
 
     Attributes
     ----------
-    score : robust cost as a share of what flat grey images would cost, 0 (perfect) to 1; infinite where nothing can be compared.
+    score : robust cost as a share of what flat gray images would cost, 0 (perfect) to 1; infinite where nothing can be compared.
         It is drawn towards 1 by as much as half a view of all pictures weighs: little that is seen says little.
     camera_scores : the plain share of each camera, nan where it shows no pictured face.
-    camera_rms : robust rms difference, grey levels of the picture; 0 where there is none.
+    camera_rms : robust rms difference, gray levels of the picture; 0 where there is none.
     camera_points : points that each camera shows.
     """
 
@@ -171,7 +171,7 @@ class TextureLevel:
         self._doubt = _DOUBT * self.options.robust_scale**2 * float(np.log1p(off**2).sum())
 
     def linearize(self, state: State) -> NormalEquations:
-        """Normal equations in squared grey levels; the points that count are those seen at the first call."""
+        """Normal equations in squared gray levels; the points that count are those seen at the first call."""
         configuration = Configuration(self.model, state)
         octaves, frozen = self._octaves(configuration), self._frozen is not None
         self._frozen = octaves

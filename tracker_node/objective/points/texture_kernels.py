@@ -15,7 +15,7 @@ from ...camera.model import project_point
 
 LEAST_POINTS = 12  # of one camera
 LEAST_GAIN = 1e-3
-NOISE_VARIANCE = 1.0  # grey levels squared, of an image: a flat region correlates with nothing
+NOISE_VARIANCE = 1.0  # gray levels squared, of an image: a flat region correlates with nothing
 REWEIGHTED = 3  # rounds of weights
 N_WRENCH = 6
 
@@ -85,7 +85,7 @@ def look(points, Ts_world_link, camera, picture, frozen, flags, values, gradient
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def fit_brightness(colors, values, flags, channel, scale, weights):
-    """Best gain and offset of one channel under a Cauchy kernel of ``scale`` grey levels; ``weights`` (n,) are written.
+    """Best gain and offset of one channel under a Cauchy kernel of ``scale`` gray levels; ``weights`` (n,) are written.
 
     Returns (gain, offset, weighted mean of I, weighted sum of (I - mean)^2, sum of weights, robust cost, that of a flat image,
     points). A point that is `OUTSIDE` has no weight and costs as much as on a flat image; the image's noise, which the

@@ -118,7 +118,7 @@ _CROP_STEP = 32  # crops are rounded up to this, so that few sizes of images occ
 class PyrenderRenderer:
     """Draws bodies with OpenGL. Use it in a ``with`` statement, or `close` it; and only on the thread that made it.
 
-    It is a `renderer.Renderer`. Only the body's bounding box is drawn and read back. Shapes that reach nearer than a centimetre
+    It is a `renderer.Renderer`. Only the body's bounding box is drawn and read back. Shapes that reach nearer than a centimeter
     are cut there.
 
     Raises

@@ -25,7 +25,7 @@ export function overlayToggled() {
   return { outline: !off, fill: off ? 0 : 0.25 };
 }
 
-/** Red over amber to green for 0 over 1/2 to 1; grey where nothing is known. */
+/** Red over amber to green for 0 over 1/2 to 1; gray where nothing is known. */
 export function scoreColor(value) {
   return value === null || value === undefined ? "#8b95a1" : `hsl(${Math.round(120 * Math.min(Math.max(value, 0), 1))} 75% 45%)`;
 }

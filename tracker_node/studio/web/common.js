@@ -78,7 +78,7 @@ export function layoutViews(container, n, aspect) {
 }
 
 /**
- * A camera's image with overlays. Coordinates are image pixels, integers at pixel centres.
+ * A camera's image with overlays. Coordinates are image pixels, integers at pixel centers.
  *
  * view.overlays: functions (context, view), called with a context that draws in image pixels; view.px(n) is the length there of n
  * pixels of the screen. view.onpress(pixel, event) may return true to have the drag for itself: view.ondrag(pixel, event), once the

@@ -161,7 +161,7 @@ function show() {
   }
 }
 
-/** A picture that is not of now is grey. */
+/** A picture that is not of now is gray. */
 function showSilence() {
   const topics = wantedTopics();
   for (const [camera, view] of views) {

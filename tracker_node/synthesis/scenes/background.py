@@ -7,7 +7,7 @@ import numpy as np
 
 from ...camera.rig import Camera
 
-# Hue (degrees), saturation and value (0..1) of things: woods, walls, greys, blues, greens, reds; beige is the nearest to yellow
+# Hue (degrees), saturation and value (0..1) of things: woods, walls, grays, blues, greens, reds; beige is the nearest to yellow
 _PALETTE = (
     (30.0, 0.35, 0.55), (25.0, 0.45, 0.35), (45.0, 0.25, 0.75), (50.0, 0.32, 0.66), (40.0, 0.15, 0.85),
     (0.0, 0.0, 0.25), (0.0, 0.0, 0.5), (0.0, 0.0, 0.75), (210.0, 0.4, 0.45), (220.0, 0.55, 0.3), (200.0, 0.2, 0.7),

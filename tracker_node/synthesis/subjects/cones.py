@@ -149,7 +149,7 @@ def _flat(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def waves(model: ArticulatedModel, rate_hz: float, n_images: int, seed: int = 1, amplitude_rad: float = 0.35) -> list[State]:
     """A smooth motion of every degree of freedom: each joint swings about a middle angle with a frequency of its own.
 
-    Every angle stays inside its limits. The root sways by some centimetres and degrees; its height is that of a standing body
+    Every angle stays inside its limits. The root sways by some centimeters and degrees; its height is that of a standing body
     (the lowest shape of the first image touches the floor z = 0).
 
     Parameters

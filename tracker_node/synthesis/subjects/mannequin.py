@@ -120,7 +120,7 @@ class MannequinSubject:
 
     @property
     def leg_length(self) -> float:
-        """Metres from hip to ankle, along the bones."""
+        """Meters from hip to ankle, along the bones."""
         hip, knee, ankle = (self._rest_joints[self._joints[n]] for n in ("L_Hip", "L_Knee", "L_Ankle"))
         return self._scale * float(np.linalg.norm(knee - hip) + np.linalg.norm(ankle - knee))
 

@@ -248,7 +248,7 @@ def find_start(
 
 
 def body_size(model: ArticulatedModel) -> float:
-    """Length, metres, of the longest side of the box around the neutral body."""
+    """Length, meters, of the longest side of the box around the neutral body."""
     bounds = ShapeArrays.from_model(model).bounds
     Ts = Configuration(model, State.neutral(model)).Ts_world_shape
     middles = np.einsum("nij,nj->ni", Ts[:, :3, :3], bounds[:, :3]) + Ts[:, :3, 3]

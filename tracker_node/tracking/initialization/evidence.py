@@ -13,7 +13,7 @@ from scipy import ndimage
 from ...camera.rig import Camera
 from ...observation.appearance import ColorModel, SceneModel, body_log_odds
 
-_SIGMA = 4.0  # grey levels that a pixel of the small empty scene varies by
+_SIGMA = 4.0  # gray levels that a pixel of the small empty scene varies by
 _MOVED_SIGMA = 5.0  # the same between two images of one scene
 _SHADOW = 0.65  # darkest; a wider range would take bare legs for the shadow that they cast
 _REACH = 3.0  # log-odds are not believed beyond

@@ -104,7 +104,7 @@ class LimbAlternatives:
         return T[:3, :3] @ limb.tip + T[:3, 3]
 
     def _length(self, state: State, limb: Limb) -> float:
-        """Metres from the origin of its first link to its tip."""
+        """Meters from the origin of its first link to its tip."""
         first = Configuration(self._model, state).Ts_world_link[np.flatnonzero(limb.links)[0], :3, 3]
         return float(np.linalg.norm(self._tip(state, limb) - first))
 

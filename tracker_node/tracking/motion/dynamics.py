@@ -86,7 +86,7 @@ class Dynamics:
         """A body at rest, as far as is known: velocities are spread as the process spreads them in the long run.
 
         ``information`` (n_dof, n_dof) of what has been measured, ``spread`` what the state's standard deviation was before, in
-        metres and radians.
+        meters and radians.
         """
         n = self.noise.size
         covariance = np.zeros((2 * n, 2 * n))

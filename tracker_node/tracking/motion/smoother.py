@@ -68,7 +68,7 @@ class _Link:
         """(2 n_dof, 2 n_dof): what a change after means for before."""
         F = self.dynamics.transition(self.before, self.elapsed_s)
         P = self.predicted.covariance
-        scale = 1.0 / np.sqrt(np.diag(P))  # metres, radians and their velocities are of different sizes
+        scale = 1.0 / np.sqrt(np.diag(P))  # meters, radians and their velocities are of different sizes
         return (scale[:, None] * np.linalg.solve(P * np.outer(scale, scale), scale[:, None] * (F @ self.before.covariance))).T
 
     def smoothed(self, after: Belief) -> Belief:
