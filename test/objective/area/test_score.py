@@ -13,9 +13,10 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh
-from tracker_node.objective.area.evidence_score import EvidenceScore
+from tracker_node.objective.area.score import AreaScore
 from tracker_node.objective.area.visual_hull import occupancy, places, seen_from, seen_volume
 from tracker_node.observation.small_view import SmallView
+from tracker_node.parallel import Workers
 from tracker_node.render.raycast.raycaster import render_view
 
 K = np.array([[70.0, 0.0, 44.5], [0.0, 70.0, 39.5], [0.0, 0.0, 1.0]])
@@ -24,19 +25,16 @@ EYES = ((3.0, 0.5, 1.4), (-0.6, 3.1, 1.8), (-2.8, -1.4, 0.9))
 CAMERAS = [look_at(eye, (0.0, 0.0, 0.9), LENS, f"cam{i}") for i, eye in enumerate(EYES)]
 
 
-def serial(function, items):
-    return [function(item) for item in items]
+def score_of(model, cameras=CAMERAS, threads=1) -> AreaScore:
+    return AreaScore(model, cameras, Workers(threads))
 
 
-def score_of(model, cameras=CAMERAS) -> EvidenceScore:
-    return EvidenceScore(model, cameras, serial)
-
-
-def test_scores_are_the_sums_under_the_masks_part_by_part():
+@pytest.mark.parametrize("threads", [1, 3])
+def test_scores_are_the_sums_under_the_masks_part_by_part(threads):
     model, rng = human_model(), np.random.default_rng(2)
     maps = [rng.normal(size=(2, 80, 90)).astype(np.float32) for _ in CAMERAS]
     of_shape = np.arange(len(model.shapes)) % 2
-    score = score_of(model)
+    score = score_of(model, threads=threads)
     score.set_maps(maps, of_shape)
     roots, joints = [], []
     for _ in range(40):  # more than one chunk
@@ -52,6 +50,27 @@ def test_scores_are_the_sums_under_the_masks_part_by_part():
             expected = maps[i][of_shape[labels[covered] - 1], covered.nonzero()[0], covered.nonzero()[1]].sum()
             assert totals[n, i, 1] == covered.sum()
             assert totals[n, i, 0] == pytest.approx(expected, abs=1e-2)
+
+
+def test_poses_leave_nothing_behind_for_those_that_follow():
+    """Scored together, and by a score that has drawn little else: the whole body, and a part that hides and is hidden."""
+    model, rng = human_model(), np.random.default_rng(5)
+    maps, n = [rng.normal(size=(80, 90)).astype(np.float32) for _ in CAMERAS], 6
+    joints = np.clip(rng.normal(size=(n, model.chain.n_axes)) * 0.5, model.chain.lower, model.chain.upper)
+    roots = np.repeat(se3.from_rotation_translation(np.eye(3), np.array([0.1, 0.0, 0.95]))[None], n, axis=0)
+    joints[1:, :3] = joints[0, :3]
+    part = np.array(["arm" in shape.name or "hand" in shape.name for shape in model.shapes])
+    assert part.any() and not part.all()
+    for shapes in (None, part):
+        score = score_of(model)
+        score.set_maps(maps)
+        together = score.totals(roots, joints, shapes)
+        np.testing.assert_array_equal(score.totals(roots, joints, shapes), together)
+        for i in range(n):
+            alone = score_of(model)
+            alone.set_maps(maps)
+            pair = [0, i]  # the rest of the body is where the first has it
+            np.testing.assert_array_equal(alone.totals(roots[pair], joints[pair], shapes)[1], together[i])
 
 
 def test_cameras_without_maps_do_not_count_and_meshes_count_as_boxes():

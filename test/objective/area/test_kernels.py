@@ -1,21 +1,25 @@
-"""What a drawn body collects of the maps, and the box around a cone's ends."""
+"""What a drawn shape adds of the maps, and the box around a cone's ends."""
 
 import numpy as np
 import pytest
 
-from tracker_node.objective.area.evidence_kernels import _collect, _cone_box
+from tracker_node.objective.area.kernels import _add_spans, _cone_box
 
 
-def test_maps_under_the_body_are_summed_and_the_buffer_emptied():
-    buffer = np.zeros((4, 32), dtype=np.int32)
-    buffer[1, 2], buffer[2, 3], buffer[2, 17], buffer[2, 19] = 256 + 1, 512 + 2, 256 + 2, 256 + 1
+def test_the_map_of_a_shape_is_summed_where_it_shows_within_its_spans():
+    """Beyond what its pixels gain without it; depths are above the label's bits, columns beyond the image are not read."""
+    stride, label = 32, 2
+    buffer = np.zeros((4, stride), dtype=np.int32)
+    buffer[1, 2], buffer[2, 3], buffer[2, 17], buffer[2, 18] = 256 + 1, 512 + 2, 256 + 2, 256 + 1
     buffer[1, 3] = 256  # a depth without a label
-    buffer[0, 0] = buffer[3, 1] = 257  # rows outside of the region
-    maps = np.arange(2 * 4 * 19, dtype=np.float32).reshape(2, 4, 19)
-    total = np.array([5.0, 7.0])
-    _collect(buffer, np.array([0, 1, 20, 3]), 19, maps, np.array([1, 0]), total)
-    assert total.tolist() == [5.0 + maps[1, 1, 2] + maps[0, 2, 3] + maps[0, 2, 17], 7.0 + 3.0]  # column 19 is not of the image
-    assert buffer[0, 0] == buffer[3, 1] == 257 and not buffer[1:3].any()
+    buffer[0, 0] = buffer[3, 1] = buffer[2, 20] = 256 + 2  # rows and columns outside of the spans
+    values = np.arange(4 * 19, dtype=np.float32).reshape(4, 19)
+    gains = np.full((4, 19), 0.25, dtype=np.float32)
+    spans, total = np.array([[0, 0], [1, 5], [2, 19], [0, 0]]), np.array([5.0, 7.0])
+    before = buffer.copy()
+    _add_spans(label, np.array([0, 1, 19, 3]), spans, stride, buffer.ravel(), values, gains, total)
+    assert total.tolist() == [5.0 + values[2, 3] + values[2, 17] - 0.5, 7.0 + 2.0]
+    np.testing.assert_array_equal(buffer, before)
 
 
 @pytest.mark.parametrize("turned", [False, True])

@@ -7,20 +7,39 @@ from helpers.cameras.render_scenes import look_at
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import CameraRig
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.objective.area.limb_score import LimbScore
-from tracker_node.objective.lines.objective import View
+from tracker_node.objective.lines.correspondences import View
 from tracker_node.observation.region.colors import N_COLORS, color_classes
+from tracker_node.parallel import Workers
 from tracker_node.render.raycast.raycaster import render_view
 from tracker_node.synthesis.subjects.figure import figure_model
+from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.limbs import limbs_of
+from tracker_node.tracking.poses import Poses
+from tracker_node.tracking.region.area import RegionArea
+from tracker_node.tracking.region.modality import RegionModality
 
 MODEL = figure_model()
 LENS = CameraModel(160, 120, np.array([[110.0, 0.0, 79.5], [0.0, 110.0, 59.5], [0.0, 0.0, 1.0]]))
 RIG = CameraRig(tuple(look_at(eye, (0.0, 0.0, 0.0), LENS, f"cam{i}") for i, eye in enumerate([(3, 1, 0.3), (-1, 3, 0.5)])))
 CLASSES = color_classes(MODEL)
 CLAMP = 2.0
-NO_MOVE = np.tile(np.eye(4), (200, 1, 1))
+CONFIG = from_dict({"region.max_log_ratio": CLAMP, "background.shadow": 0.4})
 ARM = next(limb for limb in limbs_of(MODEL) if limb.name == "left_forearm")
+
+
+def area(views: list[View | None], state: State, cell_px: int, threads: int = 1) -> RegionArea:
+    workers = Workers(threads)
+    region = RegionModality(RIG, MODEL, CONFIG, workers.map)
+    region.views = views
+    made = RegionArea(RIG, MODEL, CONFIG, region, workers)
+    made._views = views
+    made.set_views(views, state, cell_px)
+    return made
+
+
+def totals_of(made: RegionArea, poses: Poses) -> np.ndarray:
+    """(n, n_cameras, 2) of the arm."""
+    return made._score.totals(poses.roots, poses.joints, ARM.shapes)
 
 
 def posed(**degrees: float) -> State:
@@ -66,9 +85,9 @@ def painted(truth: State) -> list[View]:
 def test_a_limb_elsewhere_changes_the_sum_over_all_parts_by_what_is_said(elsewhere):
     rng = np.random.default_rng(3)
     views, here, there = noise_views(rng), posed(left_shoulder_abduction=-8.0), posed(**elsewhere)
-    score = LimbScore(RIG, MODEL, CLASSES, 0.4, CLAMP)
-    score.look(views, here, 1)
-    totals = score.totals(ARM.shapes, NO_MOVE[:2], np.array([here.joint_positions, there.joint_positions]))
+    made, poses = area(views, here, 1), Poses.of([here, there])
+    totals = totals_of(made, poses)
+    np.testing.assert_allclose(made.gains(poses, ARM.shapes), totals.sum(axis=1), rtol=1e-6)
     for i, (camera, view) in enumerate(zip(RIG, views, strict=True)):
         labels = [render_view(Configuration(MODEL, state), camera).labels for state in (here, there)]
         expected = gain_of(view, labels[1]) - gain_of(view, labels[0])
@@ -79,18 +98,16 @@ def test_a_limb_elsewhere_changes_the_sum_over_all_parts_by_what_is_said(elsewhe
 
 def test_the_true_place_gains_most_in_small_images_too():
     truth, rng = posed(left_shoulder_flexion=40.0, left_elbow_flexion=50.0), np.random.default_rng(4)
-    score = LimbScore(RIG, MODEL, CLASSES, 0.4, CLAMP)
-    score.look(painted(truth), posed(), 3)
+    made = area(painted(truth), posed(), 3)
     own = ARM.dofs[6:]
     joints = np.repeat(truth.joint_positions[None], 200, axis=0)
     joints[1:, own] += rng.choice([-1.0, 1.0], (199, own.sum())) * rng.uniform(0.25, 0.8, (199, own.sum()))
-    gains = score.totals(ARM.shapes, NO_MOVE, np.clip(joints, MODEL.chain.lower, MODEL.chain.upper))[:, :, 0].sum(axis=1)
+    poses = Poses.with_joints(truth, np.clip(joints, MODEL.chain.lower, MODEL.chain.upper))
+    gains = made.gains(poses, ARM.shapes)[:, 0]
     assert gains.argmax() == 0 and gains[0] > 1.5 * np.sort(gains)[-20]
 
 
 def test_cameras_without_images_say_nothing():
     views = [noise_views(np.random.default_rng(5))[0], None]
-    score = LimbScore(RIG, MODEL, CLASSES, 0.4, CLAMP)
-    score.look(views, posed(), 2)
-    totals = score.totals(ARM.shapes, NO_MOVE[:1], posed().joint_positions[None])
+    totals = totals_of(area(views, posed(), 2), Poses.of([posed()]))
     assert totals[0, 0, 1] > 0 and not totals[0, 1].any()
