@@ -34,4 +34,4 @@ def test_a_wrong_start_is_lost_and_comes_back():
     assert largest_error_m(SCENE.model, estimates[-1].state, TRUE) < 0.1
     assert tracker.log_ratio is not None and tracker.log_ratio > 0.0
     trackers = [thing for thing in gc.get_objects() if type(thing) is Tracker and thing.model is tracker.model]
-    assert trackers == [tracker] and not tracker._starter._followers  # the others are gone, and their memory
+    assert trackers == [tracker] and not tracker._initializer._followers  # the others are gone, and their memory

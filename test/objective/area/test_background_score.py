@@ -15,7 +15,8 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box, TruncatedCone
-from tracker_node.objective.color.scene import SceneObjective, SceneOptions
+from tracker_node.objective.area.background_score import BackgroundObjective, BackgroundOptions
+from tracker_node.parallel import Workers
 from tracker_node.render.raycast.raycaster import render_view
 from tracker_node.synthesis.scenes.scene import make_rig
 
@@ -43,8 +44,8 @@ def images(state: State = STATE) -> list[np.ndarray]:
     return made
 
 
-def objective(given: list, **options) -> SceneObjective:
-    made = SceneObjective(MODEL, RIG, COLORS, plates(), SceneOptions(**options))
+def objective(given: list, **options) -> BackgroundObjective:
+    made = BackgroundObjective(MODEL, RIG, COLORS, plates(), BackgroundOptions(**options))
     made.set_images(given)
     return made
 
@@ -108,7 +109,7 @@ def test_a_camera_close_to_the_axis_of_a_cone_scores_the_same_whatever_came_befo
         gain = unknown * inside.sum() - cost(image[:, :, ::-1][inside].astype(float), color[0, 0]).sum()
         expected.append(1.0 - gain / (unknown * inside.size))
     for threads in (1, 2):
-        made = SceneObjective(model, CameraRig((camera,)), color, [None], SceneOptions(unknown_cost=unknown), threads)
+        made = BackgroundObjective(model, CameraRig((camera,)), color, [None], BackgroundOptions(unknown_cost=unknown), Workers(threads))
         made.set_images([image])
         np.testing.assert_allclose(made.scores(states), expected, atol=2e-3)
         np.testing.assert_array_equal(made.scores(states[::-1])[::-1], made.scores(states))
@@ -117,7 +118,7 @@ def test_a_camera_close_to_the_axis_of_a_cone_scores_the_same_whatever_came_befo
 def test_the_truth_explains_nearly_all_and_nothing_near_it_more():
     made = objective(images())
     best = made.score(STATE)
-    assert best < 0.3, "what is left is the noise of the scene"
+    assert best < 0.3, "what is left is the noise of the background"
     assert made.scores([moved(0.05, seed) for seed in range(20)]).min() > best + 0.02
 
 
@@ -140,7 +141,7 @@ def test_fewer_rows_say_about_the_same():
 def test_regions_scale_scores_and_keep_their_order():
     made, states = objective(images()), [moved(0.05, seed) for seed in range(6)]
     before = made.scores(states)
-    made.look_at([(40, 20, 280, 230)] * len(RIG))
+    made.restrict([(40, 20, 280, 230)] * len(RIG))
     after = made.scores(states)
     np.testing.assert_array_equal(np.argsort(before), np.argsort(after))
     np.testing.assert_allclose((1.0 - after) / (1.0 - after[0]), (1.0 - before) / (1.0 - before[0]), rtol=1e-6)
@@ -159,4 +160,4 @@ def test_cameras_without_images_have_no_part():
 def test_only_smooth_shapes():
     brick = ArticulatedModel("brick", KinematicChain(("brick",), ()), (Shape("body", "brick", Box((0.1, 0.1, 0.1))),))
     with pytest.raises(ModelError, match="brick"):
-        SceneObjective(brick, RIG, np.zeros((len(RIG), 1, 3)), plates())
+        BackgroundObjective(brick, RIG, np.zeros((len(RIG), 1, 3)), plates())
