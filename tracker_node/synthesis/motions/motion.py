@@ -177,7 +177,7 @@ def _faded(a: Motion, b: Motion, n: int) -> Motion:
 
 
 def _local(rotations: np.ndarray) -> dict[str, np.ndarray]:
-    """Inverse of `motions.chained`."""
+    """Inverse of `chained`."""
     world = dict(zip(SEGMENTS, np.swapaxes(rotations, 0, 1), strict=True))
     return {s: np.swapaxes(world[p], 1, 2) @ world[s] if p else world[s] for s, p in SEGMENT_PARENTS.items()}
 
