@@ -21,7 +21,7 @@ Written by tools/write_models.py; tracker_node/model/humans/anthropometry.py and
 {BODY}Each ellipsoid has the center and the second moments of the segment of nurbs_human; docs/bodies.md says how they differ.
 Written by tools/write_models.py from tracker_node/model/humans/surfaces18.py.""",
     yellow_stick: """The YellowStick of Trewartha, Yeadon & Knight: a bright yellow cross of two wooden prisms. The paper gives no
-dimensions; these are ours, with four unequal arms so that its pose is unique (tracker_node/experiments/cross/yellow_stick.py).
+dimensions; these are ours, with four unequal arms so that its pose is unique (tracker_node/experiments/cross/throw.py).
 Units: meters. Format: docs/formats.md. Written by tools/write_models.py.""",
 }
 
