@@ -86,7 +86,7 @@ def followed(config: TrackerConfig) -> str:
     plates = {name: clip.plates[name] for name in clip.rig.names[:n_known]}
     tracker = Tracker(tilted(clip.rig, 1.0), clip.model, config, plates, displaced(clip))
     sets = [blank(s) if i in (6, 7) else staggered(s) if i % 2 else s for i, s in enumerate(clip.sets)]
-    return told([tracker.step(image_set) for image_set in sets])
+    return told([tracker.step(image_set) for image_set in sets[: 9 if config.colors else None]])
 
 
 def waved(config: TrackerConfig) -> str:
@@ -107,7 +107,8 @@ def searched(config: TrackerConfig) -> str:
     made = scene()
     true = standing(made.model, 0.2, -0.2, 0.4, left_hip_flexion=25, right_knee_flexion=20, left_shoulder_elevation_front=40)
     tracker = Tracker(made.rig, made.model, config, {name: made.plates[name] for name in made.rig.names[:2]})
-    shots = [made.images(None, 0) if n < 1 else made.images(true, n) for n in range(7)]
+    shots: list[list] = [made.images(None, 0) if n < 1 else made.images(true, n) for n in range(7)]
+    shots[3][1:] = [None] * (len(made.rig) - 1)  # one camera alone
     return told([tracker.step(made.image_set(n, images)) for n, images in enumerate(shots)])
 
 
