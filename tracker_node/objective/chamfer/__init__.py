@@ -1,4 +1,4 @@
 """Chamfer modality: distances of predicted contour samples to edges and silhouettes (Knossow et al.).
 
-Begin with `objective`; the residuals' kernels are in `objective.contour_residual`.
+Begin with `correspondences`; the residuals' kernels are in `objective.contour_residual`.
 """

@@ -1,4 +1,4 @@
 """Tracking by silhouettes and edges with the chamfer distance (Knossow et al.).
 
-Begin with `engine`; `judge` tells how far its estimates can be trusted.
+Begin with `modality`; `judge` tells how far its estimates can be trusted.
 """

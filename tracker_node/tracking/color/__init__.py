@@ -1,4 +1,4 @@
 """Tracking by colors (Trewartha, Yeadon & Knight) and by textures of faces.
 
-Begin with `engine`; `scene_engine` explains the whole image over a background, `texture_engine` tracks textured objects.
+Begin with `modality` and `search`; `over_background` explains the whole image, `texture` tracks textured objects.
 """
