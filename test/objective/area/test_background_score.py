@@ -109,7 +109,8 @@ def test_a_camera_close_to_the_axis_of_a_cone_scores_the_same_whatever_came_befo
         gain = unknown * inside.sum() - cost(image[:, :, ::-1][inside].astype(float), color[0, 0]).sum()
         expected.append(1.0 - gain / (unknown * inside.size))
     for threads in (1, 2):
-        made = BackgroundObjective(model, CameraRig((camera,)), color, [None], BackgroundOptions(unknown_cost=unknown), Workers(threads))
+        options = BackgroundOptions(unknown_cost=unknown)
+        made = BackgroundObjective(model, CameraRig((camera,)), color, [None], options, Workers(threads))
         made.set_images([image])
         np.testing.assert_allclose(made.scores(states), expected, atol=2e-3)
         np.testing.assert_array_equal(made.scores(states[::-1])[::-1], made.scores(states))
