@@ -116,11 +116,11 @@ def test_what_is_not_trusted_says_nothing():
     J = rng.normal(size=(2 * N, N))
     told = ImageEvidence(J.T @ J, 0.5 * J.T @ J, np.tile(np.eye(6), (N_LINKS, 1, 1)))
     moved_by = MODEL.chain.link_moved_by
-    np.testing.assert_allclose(told.trusted(np.ones(N), moved_by).information, told.information)
+    np.testing.assert_allclose(told.weighted(np.ones(N), moved_by).information, told.information)
     trust = np.ones(N)
     arm = MODEL.chain.link_index("left_forearm")
     trust[np.flatnonzero(moved_by[arm] & ~moved_by[MODEL.chain.link_index("left_upper_arm")])] = 0.0
-    doubted = told.trusted(trust, moved_by)
+    doubted = told.weighted(trust, moved_by)
     assert not doubted.information[trust == 0.0].any() and not doubted.scatter[:, trust == 0.0].any()
     assert not doubted.normal[arm].any() and doubted.normal[0].any()
 
@@ -203,7 +203,7 @@ def test_trust_is_a_share_of_the_root_of_information():
     trust = np.ones(N)
     k = MODEL.chain.dof_names.index("left_shoulder_abduction")
     trust[k] = 0.5
-    half = told.trusted(trust, moved_by)
+    half = told.weighted(trust, moved_by)
     scale = np.where(np.arange(N) == k, 0.5, 1.0)
     np.testing.assert_allclose(half.information, told.information * np.outer(scale, scale))
     np.testing.assert_allclose(half.scatter, told.scatter * np.outer(scale, scale))

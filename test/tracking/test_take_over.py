@@ -47,12 +47,12 @@ def test_the_velocity_is_known(clip, old):
     new = Tracker(clip.rig, clip.model, TrackerConfig(), clip.plates)
     new.take_over(old, clip.sets[N_BEFORE - 1])
     stamp_ns = clip.sets[N_BEFORE].stamp_ns
-    expected, before = new._motion.predict(stamp_ns), old._motion.predict(stamp_ns)
+    expected, before = new._track.motion.predict(stamp_ns), old._track.motion.predict(stamp_ns)
     assert np.linalg.norm(before.velocity) > 0.1
     assert np.array_equal(expected.velocity, before.velocity)
     assert np.array_equal(expected.state.to_values(), before.state.to_values())
     new.step(clip.sets[N_BEFORE])
-    assert np.array_equal(old._motion.predict(stamp_ns).velocity, before.velocity)
+    assert np.array_equal(old._track.motion.predict(stamp_ns).velocity, before.velocity)
 
 
 def test_images_of_another_size_are_refused(clip, old):
