@@ -29,12 +29,22 @@ SPLIT, SUM, SILHOUETTE, EDGES = range(len(KINDS))
 COST, SQUARES, COUNT, WEIGHT, N_CANDIDATES, N_UNEXPLAINED = range(6)
 N_STATISTICS = 6
 N_SAMPLE_COLUMNS = 11  # of an outline sample: u, v, nu, nv, link, twist row (6)
-_BLOCK = 64  # outline samples that are looked through together
+_BLOCK = 64  # outline samples that are compared together
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def bilinear(image, u, v):
-    """(inside, value, d/du, d/dv) of a float32 map at (u, v) in its own pixels; NaN of the map is not inside it."""
+    """A float32 map between its pixels.
+
+    Parameters
+    ----------
+    image : (h, w); NaN is not inside it.
+    u, v : column and row, in its own pixels.
+
+    Returns
+    -------
+    Whether it is inside, value, derivative by u, derivative by v.
+    """
     x, y = math.floor(u), math.floor(v)
     i, j = int(y), int(x)
     if i < 0 or j < 0 or i + 1 >= image.shape[0] or j + 1 >= image.shape[1]:
@@ -126,7 +136,16 @@ def _add(g, r, weight, scale_sq, normal, gradient, stats):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def columns_of(samples, n_samples):
-    """u, v, nu, nv of the samples as float32 columns, filled up to whole blocks with samples that are never nearest."""
+    """Places and normals of samples as float32 columns, filled up to whole blocks with samples that are never nearest.
+
+    Parameters
+    ----------
+    samples, n_samples : (., `N_SAMPLE_COLUMNS`), and how many rows count.
+
+    Returns
+    -------
+    (4, n) u, v, nu, nv.
+    """
     n_blocks = (n_samples + _BLOCK - 1) // _BLOCK
     columns = np.full((4, n_blocks * _BLOCK), np.float32(1e9))
     for j in range(n_samples):
@@ -137,9 +156,21 @@ def columns_of(samples, n_samples):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def nearest_sample(us, vs, nus, nvs, point, alignment, reach_sq, squares):
-    """Index of the first sample nearest to ``point`` (u, v, nu, nv) whose normal is aligned with its own; -1 beyond the reach.
+    """The first sample nearest to a point whose normal is aligned with the point's own.
 
     Squared distances are kept as the bits of their float32, which order alike: only integers have a vectorized minimum.
+
+    Parameters
+    ----------
+    us, vs, nus, nvs : (n,) of `columns_of`.
+    point : (u, v, nu, nv).
+    alignment : least cosine between the normals.
+    reach_sq : squared distance, pixels^2, beyond which nothing is near.
+    squares : (n,) int32, overwritten.
+
+    Returns
+    -------
+    Its index; -1 where none is within reach.
     """
     u, v, nu, nv = point[0], point[1], point[2], point[3]
     least, far = np.float32(alignment), np.int32(0x7F000000)
@@ -165,7 +196,7 @@ def nearest_sample(us, vs, nus, nvs, point, alignment, reach_sq, squares):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _attract_to_boundary(boundary, samples, n_samples, options, normal, gradient, stats):
-    """Residuals of the other direction: each boundary point of the silhouette pulls the nearest outline sample to itself.
+    """Residuals of the other direction: each boundary point of the silhouette attracts the nearest outline sample.
 
     ``boundary`` (n, 4) float32: u, v and outward normal on the crop. ``samples`` rows: u, v, nu, nv, link, twist row of the
     normal displacement (6). Point to line: r = n . (sample - point).
@@ -189,10 +220,18 @@ def _attract_to_boundary(boundary, samples, n_samples, options, normal, gradient
 def linearize_camera(shapes, Ts, spheres, camera, maps, options, n_samples, refresh, work):
     """Add one camera's contour residuals to per-link normal matrices.
 
-    ``shapes`` is `ShapeArrays.packed`, ``camera`` (params, R_cam_world, t_cam_world, center), ``maps`` (silhouette, edges,
-    origin, boundary), ``work`` (flags, picks, n_picks, samples, normal, gradient, stats). ``flags`` (n_shapes, `SAMPLES` *
-    n_samples) holds each sample's class; it is filled when ``refresh``, as are the picks of `draw_contour`, else used as it is.
-    ``normal`` (n_links, 6, 6), ``gradient`` (n_links, 6) and ``stats`` are overwritten.
+    Parameters
+    ----------
+    shapes : `ShapeArrays.packed`.
+    Ts, spheres : (n_shapes, 4, 4) to the world, and (n_shapes, 4) bounding spheres there.
+    camera : (params, R_cam_world, t_cam_world, center).
+    maps : (silhouette, edges, origin, boundary).
+    options : (`N_OPTIONS`,).
+    n_samples : on a generator line.
+    refresh : whether ``flags`` (n_shapes, `SAMPLES` * n_samples), each sample's class, and the picks of `draw_contour` are
+        decided anew; else they are used as they are.
+    work : (flags, picks, n_picks, samples, normal, gradient, stats); ``normal`` (n_links, 6, 6), ``gradient`` (n_links, 6) and
+        ``stats`` (`N_STATISTICS`,) are overwritten.
     """
     links = shapes[2]
     params, R, t, center = camera
@@ -250,7 +289,14 @@ def linearize_camera(shapes, Ts, spheres, camera, maps, options, n_samples, refr
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def assemble(link_normal, link_gradient, moved_by, twists, H, g):
-    """Sum J^T N J and J^T g over links, J the twists of the degrees of freedom that move the link. ``H``, ``g`` overwritten."""
+    """Sum J^T N J and J^T g over links, J the twists of the degrees of freedom that move the link.
+
+    Parameters
+    ----------
+    link_normal, link_gradient : N (n_links, 6, 6) and g (n_links, 6), about twists (v, omega) at the world's origin.
+    moved_by, twists : (n_links, n_dof) mask, and (n_dof, 6).
+    H, g : (n_dof, n_dof) and (n_dof,), overwritten.
+    """
     n = twists.shape[0]
     H[:] = 0.0
     g[:] = 0.0

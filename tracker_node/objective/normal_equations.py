@@ -1,4 +1,4 @@
-"""What an objective tells an optimizer: cost, gradient and Gauss-Newton matrix at a state."""
+"""Cost, gradient and Gauss-Newton matrix of an objective at a state."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class NormalEquations:
 
 @dataclass(frozen=True, eq=False)
 class CameraEquations:
-    """What one camera says of how each link should move.
+    """One camera's normal equations, by link.
 
     ``normal`` (n_links, 6, 6) and ``gradient`` (n_links, 6) are W^T W and W^T r of residuals r divided by their standard
     deviations, W their derivatives by the link's spatial twist (v, omega) at the world origin.
@@ -44,7 +44,7 @@ class CameraEquations:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A fit of one image set with what each camera of the rig has said of it, None for one that has no part in it.
+    """A fit of one image set with the normal equations of each camera of the rig, None for one that has no part in it.
 
     ``equations`` are those of ``state``, priors included; all in units of information.
     """
@@ -61,8 +61,8 @@ class LeastSquaresObjective(Protocol):
 
 
 class Correspondences(LeastSquaresObjective, Protocol):
-    """What one modality has found in the images of one set about a state: a value, in which visibility has been decided."""
+    """Correspondences of one modality in the images of one set: a value, in which visibility has been decided."""
 
     def camera_equations(self, state: State) -> Sequence[CameraEquations | None]:
-        """What each camera of the rig says of ``state``; None for one that says nothing, or that cannot be compared."""
+        """Of each camera of the rig at ``state``; None for one without correspondences, or that cannot be compared."""
         ...

@@ -1,12 +1,15 @@
-"""What objectives of several cameras share: a camera's constants as kernels take them, and the map that needs no threads."""
+"""What objectives of several cameras have in common: a camera's constants for kernels, the body as each sees it, a serial map."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from ..camera.rig import Camera
+from ..geometry import so3
+from ..model.articulated import ArticulatedModel
+from ..model.configuration import Configuration, State
 
 
 def camera_constants(camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -21,5 +24,67 @@ def camera_constants(camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def serial(function: Callable, items: list) -> list:
-    """Map ``function`` over cameras on the calling thread."""
+    """Map a function over cameras on the calling thread.
+
+    Parameters
+    ----------
+    function, items : what is called, and with what.
+
+    Returns
+    -------
+    What it returns, in order.
+    """
     return [function(item) for item in items]
+
+
+def moved_configuration(model: ArticulatedModel, state: State, offset: np.ndarray) -> Configuration:
+    """A body a moment before or after a state: what a camera sees that does not expose with the others.
+
+    A small turn d of the root before it has turned by w on the way is the turn exp(w) d after it; all else adds up.
+
+    Parameters
+    ----------
+    model, state : the body.
+    offset : (n_dof,) tangent from ``state``, held fixed.
+
+    Returns
+    -------
+    The body in ``state.retract(offset)``, with ``twists`` that are derivatives by ``state``.
+    """
+    configuration = Configuration(model, state.retract(offset))
+    configuration.twists[3:6] = so3.exp(offset[3:6]).T @ configuration.twists[3:6]
+    return configuration
+
+
+def bodies_seen(model: ArticulatedModel, state: State, offsets: Sequence[np.ndarray | None]) -> list[Configuration]:
+    """The body as each camera sees it.
+
+    Parameters
+    ----------
+    model, state : the body.
+    offsets : of each camera, see `moved_configuration`; None: it sees the body in ``state``.
+
+    Returns
+    -------
+    One a camera; one and the same where there is no offset.
+    """
+    common = Configuration(model, state)
+    return [common if offset is None else moved_configuration(model, state, offset) for offset in offsets]
+
+
+def cameras_by_body(cameras: Sequence[int], bodies: Sequence[Configuration]) -> list[list[int]]:
+    """Cameras that see one and the same configuration.
+
+    Parameters
+    ----------
+    cameras : indices.
+    bodies : of `bodies_seen`.
+
+    Returns
+    -------
+    Groups of these indices, in order.
+    """
+    groups: dict[int, list[int]] = {}
+    for i in cameras:
+        groups.setdefault(id(bodies[i]), []).append(i)
+    return list(groups.values())

@@ -55,7 +55,17 @@ class ContourLines:
 
 
 def normalized(primitive: Primitive, points: np.ndarray) -> np.ndarray:
-    """Points (n, 3) of a shape's frame in units of the shape itself: they stay when it grows, and on the surface if they were."""
+    """Points of a shape's frame in units of the shape itself: they stay when it grows, and on the surface if they were.
+
+    Parameters
+    ----------
+    primitive : the shape.
+    points : (n, 3) meters, its frame.
+
+    Returns
+    -------
+    (n, 3), no unit.
+    """
     if isinstance(primitive, TruncatedCone):
         radius = 1.0 + primitive.k * points[:, 2]
         height = (points[:, 2] - primitive.z1) / (primitive.z2 - primitive.z1)
@@ -64,7 +74,17 @@ def normalized(primitive: Primitive, points: np.ndarray) -> np.ndarray:
 
 
 def denormalized(primitive: Primitive, points: np.ndarray) -> np.ndarray:
-    """Inverse of `normalized`."""
+    """Inverse of `normalized`.
+
+    Parameters
+    ----------
+    primitive : the shape.
+    points : (n, 3) in units of the shape.
+
+    Returns
+    -------
+    (n, 3) meters, its frame.
+    """
     if isinstance(primitive, TruncatedCone):
         z = primitive.z1 + points[:, 2] * (primitive.z2 - primitive.z1)
         radius = 1.0 + primitive.k * z
@@ -72,7 +92,7 @@ def denormalized(primitive: Primitive, points: np.ndarray) -> np.ndarray:
     return points * half_extents(primitive)
 
 
-def points_in_shapes(model: ArticulatedModel, lines: ContourLines) -> np.ndarray:
+def _points_in_shapes(model: ArticulatedModel, lines: ContourLines) -> np.ndarray:
     """(n, 3) points of the lines in the frames of their shapes, meters."""
     result = np.empty_like(lines.points)
     for k, rows in _runs(lines.shape):
@@ -95,8 +115,19 @@ class LineEquations:
 def line_residuals(
     lines: ContourLines, model: ArticulatedModel, rig: CameraRig, states: list[State]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) residuals, pixels, and which are valid; camera i sees the body in ``states[i]``."""
-    points = points_in_shapes(model, lines)
+    """Residuals of the lines.
+
+    Parameters
+    ----------
+    lines : sorted by shape.
+    model, rig : body and cameras.
+    states : per camera, where it sees the body.
+
+    Returns
+    -------
+    (n,) pixels, and (n,) which are valid.
+    """
+    points = _points_in_shapes(model, lines)
     residuals, valid = np.zeros(len(lines)), np.zeros(len(lines), dtype=bool)
     for i, camera in enumerate(rig):
         rows = np.flatnonzero(lines.camera == i)
@@ -122,11 +153,18 @@ def linearize_lines(
 
     Parameters
     ----------
-    s, model : shape parameters, and the body that they make (``space.body(s)``).
-    states : per camera, where it sees the body. velocity : (n_dof,) tangent a second, for the derivative by a camera's time.
+    lines : sorted by shape.
+    space, s, model : shape parameters, and the body that they make (``space.body(s)``).
+    rig : cameras.
+    states : per camera, where it sees the body.
+    velocity : (n_dof,) tangent a second, for the derivative by a camera's time.
+
+    Returns
+    -------
+    Residuals and derivatives of all lines.
     """
     n, chain = len(lines), model.chain
-    points = points_in_shapes(model, lines)
+    points = _points_in_shapes(model, lines)
     residuals, valid = np.zeros(n), np.zeros(n, dtype=bool)
     by_state, by_shape, by_camera = np.zeros((n, chain.n_dof)), np.zeros((n, len(space))), np.zeros((n, N_CAMERA))
     for i, camera in enumerate(rig):
@@ -158,7 +196,13 @@ def linearize_lines(
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def normal_equations(J, residuals, weights, H, g):
-    """Add J^T W J to ``H`` (m, m) and J^T W r to ``g`` (m,); J (n, m). One thread: such a product gains nothing by two."""
+    """Add J^T W J and J^T W r. One thread: such a product gains nothing by two.
+
+    Parameters
+    ----------
+    J, residuals, weights : (n, m), (n,), (n,).
+    H, g : (m, m) and (m,), added to.
+    """
     n, m = J.shape
     for row in range(n):
         weight = weights[row]
@@ -180,7 +224,7 @@ def normal_equations(J, residuals, weights, H, g):
 def _by_shape(space, s, configuration: Configuration, shapes: np.ndarray, points: np.ndarray, in_world: np.ndarray) -> np.ndarray:
     """(n, n_shape) derivatives of in_world . point by the shape parameters."""
     model = configuration.model
-    of_link = link_origins_D_shape(space, configuration)
+    of_link = _link_origins_D_shape(space, configuration)
     result = np.empty((len(points), len(space)))
     for k, rows in _runs(shapes):
         link, shape, T_link_shape = model.shape_links[k], model.shapes[k], model.Ts_link_shape[k]
@@ -195,7 +239,7 @@ def _by_shape(space, s, configuration: Configuration, shapes: np.ndarray, points
     return result
 
 
-def link_origins_D_shape(space: ShapeSpace, configuration: Configuration) -> np.ndarray:
+def _link_origins_D_shape(space: ShapeSpace, configuration: Configuration) -> np.ndarray:
     """(n_links, 3, n_shape) derivative of the links' origins, world axes, at a fixed state."""
     chain = configuration.model.chain
     result = np.zeros((len(chain.links), 3, len(space)))
@@ -207,11 +251,21 @@ def link_origins_D_shape(space: ShapeSpace, configuration: Configuration) -> np.
 
 
 def landmarks_D_shape(space: ShapeSpace, configuration: Configuration) -> np.ndarray:
-    """(n_landmarks, 3, n_shape), world axes, at a fixed state."""
+    """Derivative of the landmarks by the shape parameters, at a fixed state.
+
+    Parameters
+    ----------
+    space : shape parameters.
+    configuration : the body in its state.
+
+    Returns
+    -------
+    (n_landmarks, 3, n_shape), world axes.
+    """
     model = configuration.model
     links = model.landmark_links
     own = model.landmark_positions[:, :, None] * space.log_places[links]
-    return link_origins_D_shape(space, configuration)[links] + configuration.Ts_world_link[links, :3, :3] @ own
+    return _link_origins_D_shape(space, configuration)[links] + configuration.Ts_world_link[links, :3, :3] @ own
 
 
 def _widening(cone: TruncatedCone, z: np.ndarray) -> np.ndarray:

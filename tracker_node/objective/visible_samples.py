@@ -27,9 +27,18 @@ class SeenSamples:
 def samples_seen(
     configuration: Configuration, arrays: ShapeArrays, camera: Camera, n_samples: int, outward_px: float = 3.0
 ) -> SeenSamples:
-    """All contour samples that a camera sees, ``n_samples`` on a generator line.
+    """All contour samples that a camera sees.
 
-    ``outward_px`` is how far beyond a contour it is decided what lies there.
+    Parameters
+    ----------
+    configuration, arrays : the body in its state, and its shapes.
+    camera : that sees it.
+    n_samples : on a generator line.
+    outward_px : how far beyond a contour it is decided what lies there.
+
+    Returns
+    -------
+    The samples, those of one shape together.
     """
     Ts = configuration.Ts_world_shape
     spheres = np.empty((len(Ts), 4))

@@ -2,7 +2,7 @@
 
 The score of the color paper compares the body's pixels alone. Parts of one color (bare skin) then may lie on each other, and
 nothing asks for an image of an arm to be covered by an arm. Here every pixel that the body covers is compared with what the
-camera shows there without it: the score is the share of the difference between image and background that the body leaves
+camera shows there without it: the score is the fraction of the difference between image and background that the body leaves
 unexplained. Differences of color are robust, and taken both in RGB and over intensity.
 """
 
@@ -48,7 +48,7 @@ class BackgroundScore:
 
     Attributes
     ----------
-    score : unexplained share, see `BackgroundObjective`.
+    score : unexplained fraction, see `BackgroundObjective`.
     camera_scores : that of each camera that has an image, nan of others.
     camera_pixels : that the body covers.
     """
@@ -140,7 +140,7 @@ class BackgroundObjective:
         return BackgroundScore(float(self._scores(gains[None], pixels[None])[0]), shares, pixels.astype(np.int64))
 
     def score(self, state: State) -> float:
-        """Unexplained share; infinite where no camera sees the body."""
+        """Unexplained fraction; infinite where no camera sees the body."""
         return float(self.scores([state])[0])
 
     def scores(self, states: Sequence[State]) -> np.ndarray:

@@ -102,14 +102,14 @@ def _draw(shapes, smooth, Ts_world_shape, camera, view, rays, tables, work, buff
     kinds, dims, colors, used = shapes
     params, limits, T_cam_world = camera
     coefficients, surfaces, boxes, spans = work
-    verdict = NOT_SMOOTH
+    status = NOT_SMOOTH
     if smooth:
         whole = np.zeros(4, dtype=np.int64)
         whole[2], whole[3] = view[WIDTH], view[HEIGHT]
-        verdict = prepare_camera(
+        status = prepare_camera(
             kinds, dims, colors, T_cam_world, Ts_world_shape, params, limits, view, whole, used, coefficients, surfaces, boxes
         )
-    if verdict == NOT_SMOOTH:
+    if status == NOT_SMOOTH:
         xs, ys = tables
         size = (view[WIDTH], view[HEIGHT])
         square = buffer[: view[HEIGHT] * stride].reshape(view[HEIGHT], stride)
@@ -119,7 +119,7 @@ def _draw(shapes, smooth, Ts_world_shape, camera, view, rays, tables, work, buff
         )  # fmt: skip
         return False
     region[0], region[1], region[2], region[3] = 0, 0, 0, 0
-    if verdict == BEHIND:
+    if status == BEHIND:
         return True
     u0, v0, u1, v1 = box_of_all(boxes)
     if u1 <= u0:
@@ -152,7 +152,16 @@ def _add_spans(label, box, spans, stride, buffer, values, gains, total):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def draw_rest(shapes, smooth, Ts_world_shape, camera, view, rays, tables, maps, map_of_shape, work, stride, buffer, gains):
-    """Draw the parts that stay into ``buffer`` (all zero), labeled `REST`, and what they gain by pixel into ``gains`` (h, w)."""
+    """Draw the parts that stay, and what they gain by pixel.
+
+    Parameters
+    ----------
+    shapes, smooth : see `score_poses`.
+    Ts_world_shape : (n, 4, 4).
+    camera, view, rays, tables, maps, map_of_shape, work, stride : see `score_poses`.
+    buffer : (h * ``stride``,) int32, all zero; their depths, labeled `REST`, are written.
+    gains : (h, w) float32, overwritten: the value of the part's map where it shows, else 0.
+    """
     region = np.zeros(4, dtype=np.int64)
     _draw(shapes, smooth, Ts_world_shape, camera, view, rays, tables, work, buffer, stride, region)
     gains[:] = np.float32(0.0)
@@ -169,18 +178,23 @@ def draw_rest(shapes, smooth, Ts_world_shape, camera, view, rays, tables, maps, 
 def score_poses(
     shapes, smooth, Ts_world_shape, camera, view, rays, tables, maps, map_of_shape, work, stride, rest, gains, buffer, totals
 ):  # fmt: skip
-    """Add what posed parts gain, and the pixels in which they show, to ``totals`` (n_poses, 2), in one camera.
+    """Add what posed parts gain, and the pixels in which they show, in one camera.
 
     Parameters
     ----------
     shapes : kinds (n,), dims (n, 5), colors (n, 3) for kernels that shade (not used here), used (n,), of the parts.
     smooth : whether all of them are ellipsoids or cones.
     Ts_world_shape : (n_poses, n, 4, 4).
-    camera, view, rays : params, limits, T_cam_world; row and rays of `ColorViews`. tables : xs, ys of `RayTable`.
-    maps : (n_maps, h, w) float32. map_of_shape : (n,) which of them a part reads.
+    camera : params, limits, T_cam_world.
+    view, rays : row and rays of `ColorViews`.
+    tables : xs, ys of `RayTable`.
+    maps : (n_maps, h, w) float32.
+    map_of_shape : (n,) which of them a part reads.
     work : coefficients, surfaces, boxes, spans.
     stride : of the rows of ``buffer``, at least sixteen more than the image has columns.
-    rest, gains : of `draw_rest`; zeros where nothing stays. ``buffer`` is a copy of ``rest``, and left so.
+    rest, gains : of `draw_rest`; zeros where nothing stays.
+    buffer : a copy of ``rest``, and left so.
+    totals : (n_poses, 2) gain and pixels, added to.
     """
     boxes, spans = work[2], work[3]
     region = np.zeros(4, dtype=np.int64)
@@ -209,9 +223,14 @@ def score_poses(
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def place_shapes(chain, links, Ts_link_shape, roots, joints, Ts_world_shape):
-    """Fill ``Ts_world_shape`` (n_states, n_shapes, 4, 4) of states with ``roots`` (n, 4, 4) and ``joints`` (n, n_axes).
+    """Poses of all shapes in many states.
 
-    ``chain`` is what `forward_kinematics` takes of a kinematic chain.
+    Parameters
+    ----------
+    chain : what `forward_kinematics` takes of a kinematic chain.
+    links, Ts_link_shape : (n_shapes,) and (n_shapes, 4, 4).
+    roots, joints : (n, 4, 4) world_T_root, and (n, n_axes).
+    Ts_world_shape : (n, n_shapes, 4, 4), overwritten.
     """
     parents, offsets, axis_start, axis_count, directions = chain
     Ts_world_link, twists = np.empty((parents.shape[0], 4, 4)), np.empty((6 + joints.shape[1], 6))

@@ -14,11 +14,19 @@ _HUE = np.float32(255.0)
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def fill_log_ratios(bgr, log_body, scene, room, darkest, step, clamp, region, maps):
-    """Fill ``maps`` (n_classes, h, w) with the mean log(p_class / p_scene) of the colors in each cell of the image, on its
-    ``region`` (u0, v0, u1, v1); the rest stays as it is.
+    """Fill maps with the mean log(p_class / p_scene) of the colors in each cell of an image.
 
-    Cells are ``bgr.shape[0] // h`` pixels high, or a little more, and of their pixels every ``step``-th is looked at.
-    ``log_body`` (n_colors, n_classes): log densities; ``scene``, ``room`` and ``darkest`` as in `lines.colors.read_lines`.
+    Cells are ``bgr.shape[0] // h`` pixels high, or a little more.
+
+    Parameters
+    ----------
+    bgr : (height, width, 3) uint8.
+    log_body : (n_colors, n_classes) log densities.
+    scene, room, darkest : as in `lines.colors.read_lines`.
+    step : every n-th pixel of a cell is read, in both directions.
+    clamp : largest absolute log-ratio of a pixel.
+    region : (u0, v0, u1, v1) cells that are filled.
+    maps : (n_classes, h, w) float32; cells beside the region stay as they are.
     """
     n_classes, height, width = maps.shape
     cell = np.empty(n_classes, dtype=np.float32)
@@ -46,7 +54,7 @@ def fill_log_ratios(bgr, log_body, scene, room, darkest, step, clamp, region, ma
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def color_cost(r, g, b, red, green, blue, caps):
+def _color_cost(r, g, b, red, green, blue, caps):
     """Robust cost, 0..2, of one color against another: half of it by RGB, half by RGB over intensity.
 
     ``caps`` (2,) are the squared differences that cost one half of the most.
@@ -61,10 +69,17 @@ def color_cost(r, g, b, red, green, blue, caps):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def background_costs(bgr, background, caps, costs):
-    """Fill ``costs`` (h, w) with those of an image (h, w, 3) if it shows the ``background`` (h, w, 3), both BGR."""
+    """Cost of every pixel if the image shows the background.
+
+    Parameters
+    ----------
+    bgr, background : (h, w, 3) uint8.
+    caps : (2,) see `_color_cost`.
+    costs : (h, w) float32, overwritten, 0..2.
+    """
     for v in range(costs.shape[0]):
         for u in range(costs.shape[1]):
-            costs[v, u] = color_cost(
+            costs[v, u] = _color_cost(
                 np.float32(bgr[v, u, 2]), np.float32(bgr[v, u, 1]), np.float32(bgr[v, u, 0]),
                 np.float32(background[v, u, 2]), np.float32(background[v, u, 1]), np.float32(background[v, u, 0]), caps,
             )  # fmt: skip
@@ -72,10 +87,19 @@ def background_costs(bgr, background, caps, costs):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def fill_explained(bgr, costs, colors, caps, maps):
-    """Fill ``maps`` (n, h, w): how much less pixels cost in each of the ``colors`` (n, 3) RGB than ``costs`` (h, w)."""
+    """Fill maps with how much less a pixel costs in the color of a part than as background.
+
+    Parameters
+    ----------
+    bgr : (h, w, 3) uint8.
+    costs : (h, w) of `background_costs`.
+    colors : (n, 3) RGB, one a map.
+    caps : (2,) see `_color_cost`.
+    maps : (n, h, w) float32, overwritten.
+    """
     for k in range(maps.shape[0]):
         red, green, blue = colors[k, 0], colors[k, 1], colors[k, 2]
         for v in range(maps.shape[1]):
             for u in range(maps.shape[2]):
                 b, g, r = np.float32(bgr[v, u, 0]), np.float32(bgr[v, u, 1]), np.float32(bgr[v, u, 2])
-                maps[k, v, u] = costs[v, u] - color_cost(r, g, b, red, green, blue, caps)
+                maps[k, v, u] = costs[v, u] - _color_cost(r, g, b, red, green, blue, caps)

@@ -13,7 +13,7 @@ from ...camera.rig import Camera
 
 _LEAST = 0.1  # probability left to a place that a camera denies: silhouettes have holes
 _MOST_STEPS = 200  # of a grid, each way: 8 million points, some hundred megabytes
-_REACH = 1.6  # of the distance from the cameras to what they look at: half the width of the volume that is looked into
+_REACH = 1.6  # of the distance from the cameras to what they see: half the width of the volume
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,10 +32,19 @@ class Volume:
 
 
 def seen_volume(cameras: Sequence[Camera], size_m: float, step_m: float) -> Volume:
-    """Grid over what the cameras look at, for a body of ``size_m``; its step is larger where it would have too many points.
+    """Grid over what the cameras see; its middle is nearest to all optical axes.
 
-    Its middle is nearest to all optical axes. One camera only, or cameras side by side, have no such point: then it lies where
-    the body would fill two thirds of an image.
+    One camera only, or cameras side by side, have no such point: then it lies where the body would fill two thirds of an image.
+
+    Parameters
+    ----------
+    cameras : at least one.
+    size_m : of the body.
+    step_m : of the grid; it is larger where the grid would have too many points.
+
+    Returns
+    -------
+    The grid, world.
     """
     centers = np.array([camera.center for camera in cameras])
     axes = np.array([camera.T_world_cam[:3, 2] for camera in cameras])
@@ -53,9 +62,17 @@ def seen_volume(cameras: Sequence[Camera], size_m: float, step_m: float) -> Volu
 
 
 def occupancy(volume: Volume, cameras: Sequence[Camera], maps: Sequence[np.ndarray | None], min_cameras: int) -> np.ndarray:
-    """Probability (nx, ny, nz) that a point belongs to the body: the geometric mean of what the cameras that see it say.
+    """Probability that a point belongs to the body: the geometric mean over the cameras that see it.
 
-    ``maps`` are log-odds (h, w) on images of the cameras' size. Points that fewer than ``min_cameras`` see get 0.
+    Parameters
+    ----------
+    volume : of the points.
+    cameras, maps : log-odds (h, w) on images of each camera's size; None for a camera without an image.
+    min_cameras : points that fewer see get 0.
+
+    Returns
+    -------
+    (nx, ny, nz).
     """
     points = volume.points
     total, count = np.zeros(len(points)), np.zeros(len(points))
@@ -73,7 +90,17 @@ def occupancy(volume: Volume, cameras: Sequence[Camera], maps: Sequence[np.ndarr
 
 
 def seen_from(camera: Camera, volume: Volume, occupied: np.ndarray) -> np.ndarray:
-    """(h, w) float32, the likeliest point of the volume that each pixel of ``camera`` looks at; 0 beside the volume."""
+    """The likeliest point of a volume along the ray of each pixel.
+
+    Parameters
+    ----------
+    camera : whose pixels.
+    volume, occupied : points, and (nx, ny, nz) their probabilities.
+
+    Returns
+    -------
+    (h, w) float32; 0 beside the volume.
+    """
     points, model = volume.points, camera.model
     pixels, valid = camera.project(points)
     valid &= model.in_image(pixels)
@@ -87,9 +114,18 @@ def seen_from(camera: Camera, volume: Volume, occupied: np.ndarray) -> np.ndarra
 
 
 def places(volume: Volume, occupied: np.ndarray, size_m: float, n: int, least: float = 0.4) -> np.ndarray:
-    """Middles (m, 3), m <= n, of what may be bodies of ``size_m``, the likeliest first.
+    """Middles of what may be bodies, the likeliest first.
 
-    Only what is more than ``least`` likely counts.
+    Parameters
+    ----------
+    volume, occupied : points, and (nx, ny, nz) their probabilities.
+    size_m : of the body.
+    n : places at most.
+    least : probability above which a point counts.
+
+    Returns
+    -------
+    (m, 3) meters, world, m <= ``n``.
     """
     solid = np.where(occupied > least, occupied, 0.0)
     mass = ndimage.gaussian_filter(solid, 0.18 * size_m / volume.step_m).ravel()

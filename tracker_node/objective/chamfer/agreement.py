@@ -24,12 +24,16 @@ N_AGREEMENT = 4
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def count_agreement(shapes, Ts, camera, maps, decided, n_samples, limits, samples, counts):
-    """Fill ``counts`` (`N_AGREEMENT`,) for one camera.
+    """Count how much of outline and silhouette boundary lie on each other in one camera.
 
-    ``shapes``, ``camera`` and ``maps`` are those of `contour_residual.linearize_camera`, ``decided`` the (flags, picks,
-    n_picks) that it has filled; ``limits`` (close_px, alignment): how near a boundary has to be, and the least cosine
-    between the normals.
-    ``samples`` is overwritten.
+    Parameters
+    ----------
+    shapes, Ts, camera, maps : see `contour_residual.linearize_camera`.
+    decided : (flags, picks, n_picks) that it has filled.
+    n_samples : on a generator line.
+    limits : (close_px, alignment): how near a boundary has to be, and the least cosine between the normals.
+    samples : as in its ``work``, overwritten.
+    counts : (`N_AGREEMENT`,), overwritten.
     """
     flags, picks, n_picks = decided
     params, R, t, center = camera
@@ -59,7 +63,7 @@ def count_agreement(shapes, Ts, camera, maps, decided, n_samples, limits, sample
     columns = columns_of(samples, n_outline)
     squares = np.empty(columns.shape[1], dtype=np.int32)
     reach_sq = np.float32(close * close)
-    for i in range(0, boundary.shape[0], 2):  # shares need no more
+    for i in range(0, boundary.shape[0], 2):  # fractions need no more
         counts[BOUNDARY] += 1.0
         if nearest_sample(columns[0], columns[1], columns[2], columns[3], boundary[i], alignment, reach_sq, squares) >= 0:
             counts[ON_OUTLINE] += 1.0

@@ -14,9 +14,8 @@ from ...render.contour.generators import SAMPLES, world_spheres
 from ...render.contour.picks import N_PICK_COLUMNS
 from ...render.shape_arrays import ShapeArrays
 from .. import contour_residual as kernel
-from ..moved_configuration import bodies_seen, cameras_by_body
 from ..normal_equations import CameraEquations, NormalEquations
-from ..per_camera import camera_constants, serial
+from ..per_camera import bodies_seen, camera_constants, cameras_by_body, serial
 from .agreement import N_AGREEMENT, count_agreement
 
 

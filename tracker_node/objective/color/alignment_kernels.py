@@ -59,11 +59,16 @@ def _row(gx, gy, x, y, w, sx, sy, sz):
 
 
 def form_of(n_directional: int, n_spots: int, raw: bool, normalized: bool, robust: bool) -> tuple:
-    """What the kernel is compiled for (see `score_kernels.form_of`).
+    """What the kernel is compiled for.
 
     Parameters
     ----------
+    n_directional, n_spots, raw, normalized : see `score_kernels.form_of`.
     robust : weigh a pixel by 1 / (1 + e^2 / s^2)^2, e^2 the sum of its squared residuals (Geman-McClure).
+
+    Returns
+    -------
+    Tuples whose lengths are the arguments: lengths are part of a compiled function's types.
     """
     return tuple((0,) * int(n) for n in (n_directional, n_spots, raw, normalized, robust))
 
@@ -282,7 +287,7 @@ def _linearize_smooth(form, c, surface, label, view, rays, planes, box, spans, o
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def linearize_camera(form, shapes, camera, pixels, lights, weights, Ts_world_shape, work, sums):
-    """Sums (n_shapes, `N_SUMS`) of one camera; returns the verdict of `prepare_camera`.
+    """Sums of one camera's shapes.
 
     Parameters
     ----------
@@ -290,7 +295,15 @@ def linearize_camera(form, shapes, camera, pixels, lights, weights, Ts_world_sha
     shapes : kinds, dims, used (n,), colors (n, 3).
     camera : params, limits, T_cam_world, gain, base.
     pixels : view, rays, planes.
+    lights : packed, those with a direction.
+    weights : of the raw and the normalized difference, and 1 / s^2 of the robust kernel.
+    Ts_world_shape : (n, 4, 4).
     work : coefficients, surfaces, boxes, spans, lights in camera axes, buffer, lanes.
+    sums : (n, `N_SUMS`), overwritten.
+
+    Returns
+    -------
+    What `prepare_camera` returns; the sums hold where it is `ALL_SMOOTH`.
     """
     kinds, dims, used, colors = shapes
     params, limits, T_cam_world, gain, base = camera
@@ -299,14 +312,14 @@ def linearize_camera(form, shapes, camera, pixels, lights, weights, Ts_world_sha
     sums[:] = 0.0
     region = np.empty(4, dtype=np.int64)
     region[0], region[1], region[2], region[3] = 0, 0, view[WIDTH], view[HEIGHT]
-    verdict = prepare_camera(
+    status = prepare_camera(
         kinds, dims, colors, T_cam_world, Ts_world_shape, params, limits, view, region, used, coefficients, surfaces, boxes
     )
-    if verdict != ALL_SMOOTH:
-        return verdict
+    if status != ALL_SMOOTH:
+        return status
     u0, v0, u1, v1 = box_of_all(boxes)
     if u1 <= u0:
-        return verdict
+        return status
     stride = u1 - u0 + LANES
     buffer[: stride * (v1 - v0) + LANES] = 0
     lights_in_camera(lights, T_cam_world, gain, camera_lights)
@@ -319,13 +332,22 @@ def linearize_camera(form, shapes, camera, pixels, lights, weights, Ts_world_sha
         if boxes[s, 2] > boxes[s, 0]:
             _linearize_smooth(form, coefficients[s], surfaces[s], s + 1, view, rays, planes, boxes[s], spans[s], origin, stride,
                              buffer, camera_lights, base, weights, lanes, sums[s])  # fmt: skip
-    return verdict
+    return status
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def add_to_links(sums, links, T_cam_world, link_normal, link_gradient):
-    """Add the sums of one camera's shapes to the matrices (n_links, 6, 6) and gradients (n_links, 6) of their links, for twists
-    in world axes at the world's origin: v_cam = R v + t x R omega, omega_cam = R omega."""
+    """Add the sums of one camera's shapes to those of their links.
+
+    Twists are in world axes at the world's origin: v_cam = R v + t x R omega, omega_cam = R omega.
+
+    Parameters
+    ----------
+    sums : (n_shapes, `N_SUMS`).
+    links : (n_shapes,).
+    T_cam_world : (4, 4).
+    link_normal, link_gradient : (n_links, 6, 6) and (n_links, 6), added to.
+    """
     A, N, NA = np.zeros((6, 6)), np.empty((6, 6)), np.empty((6, 6))
     tx, ty, tz = T_cam_world[0, 3], T_cam_world[1, 3], T_cam_world[2, 3]
     for j in range(3):

@@ -1,17 +1,202 @@
-"""Scores and sums of bodies of any shapes in one camera: the ray-caster, then the kernels of `any_shape_kernels`."""
+"""Bodies of any shapes against the image of one camera: pixel by pixel from what the ray-caster says is in front.
+
+For boxes and meshes, and for whatever the kernels of smooth shapes leave out (a camera within a cone's wedge). The same law, the
+same sums; slower.
+"""
 
 from __future__ import annotations
 
+import numba as nb
 import numpy as np
 
 from ...camera.rig import Camera
 from ...model.configuration import Configuration
-from ...render.raycast.lighting import lights_in_camera
+from ...render.raycast.kernels import LABEL_BITS, pixel_function, pixel_loop
+from ...render.raycast.lighting import (
+    AXIS,
+    CONSTANT,
+    FLOOR,
+    INTENSITY,
+    NEARNESS,
+    PLACE,
+    SLOPE,
+    displayed,
+    irradiance,
+    lights_in_camera,
+)
 from ...render.raycast.raycaster import cast
+from ...render.raycast.shading import COLORS, number_at, surface_at
 from ...render.raycast.surface_arrays import surface_arrays
-from .any_shape_kernels import linearize_any, recolor, score_any
+from .alignment_kernels import GRADIENT, PIXELS, SQUARES
 from .constants import ColorConstants
+from .drawing import HEIGHT, PLANES, WIDTH
 from .views import ColorViews
+
+_ZERO, _HALF, _ONE, _FULL = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(255.0)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _recolor(frames, colors):
+    """Give every shape one of ``colors`` (n, 3), whatever its faces had."""
+    for s in range(colors.shape[0]):
+        for face in range(6):
+            for i in range(3):
+                frames[s, COLORS + 3 * face + i] = colors[s, i]
+
+
+@pixel_loop
+def _score_any(
+    buffer, numbers, column, xs, ys, u0, v0, u1, coefficients, frames, triangles, corners, levels, texels,
+    lights, gain, power, planes, view, weights, total,
+):  # fmt: skip
+    """Squared differences and number of the pixels of a `raycaster.Cast` (whose fields come first), into ``total`` (3,)."""
+    width, size = view[WIDTH], view[WIDTH] * view[HEIGHT]
+    squares, count = 0.0, 0
+    for i in range(buffer.shape[0]):
+        for j in range(u1 - u0):
+            packed = buffer[i, column + j]
+            if packed <= 0:
+                continue
+            x, y = xs[v0 + i, u0 + j], ys[v0 + i, u0 + j]
+            px, py, pz, nx, ny, nz, r, g, b = surface_at(
+                coefficients, frames, triangles, corners, levels, texels, (packed & LABEL_BITS) - 1,
+                number_at(numbers, i, column + j), x, y,
+            )  # fmt: skip
+            lr, lg, lb = irradiance(lights, px, py, pz, nx, ny, nz)
+            r, g, b = displayed(r, lr, gain[0], power), displayed(g, lg, gain[1], power), displayed(b, lb, gain[2], power)
+            at = view[PLANES] + (v0 + i) * width + u0 + j
+            tr, tg, tb = np.float32(planes[at]), np.float32(planes[at + size]), np.float32(planes[at + 2 * size])
+            dr, dg, db = r - tr, g - tg, b - tb
+            squares += weights[0] * (dr * dr + dg * dg + db * db)
+            if weights[1] > _ZERO:
+                m, t = _FULL / max(r + g + b, _ONE), _FULL / max(tr + tg + tb, _ONE)
+                dr, dg, db = r * m - tr * t, g * m - tg * t, b * m - tb * t
+                squares += weights[1] * (dr * dr + dg * dg + db * db)
+            count += 1
+    total[0], total[1] = squares, count
+
+
+@pixel_function
+def _turning_light(lights, channel, x, y, z, nx, ny, nz):
+    """How `irradiance` of one channel changes as the surface turns: sum of I (n x l) over the lights that reach it."""
+    sx, sy, sz = _ZERO, _ZERO, _ZERO
+    for i in range(lights.shape[0]):
+        h = lights[i, NEARNESS]
+        lx, ly, lz = lights[i, PLACE] - h * x, lights[i, PLACE + 1] - h * y, lights[i, PLACE + 2] - h * z
+        inverse = _ONE / np.sqrt(lx * lx + ly * ly + lz * lz + np.float32(1e-30))
+        lx, ly, lz = lx * inverse, ly * inverse, lz * inverse
+        cosine = -(lx * lights[i, AXIS] + ly * lights[i, AXIS + 1] + lz * lights[i, AXIS + 2])
+        f = min(max(lights[i, CONSTANT] + lights[i, SLOPE] * cosine, _ZERO), _ONE) * lights[i, INTENSITY + channel]
+        if nx * lx + ny * ly + nz * lz <= lights[i, FLOOR]:
+            f = _ZERO
+        sx, sy, sz = sx + f * (ny * lz - nz * ly), sy + f * (nz * lx - nx * lz), sz + f * (nx * ly - ny * lx)
+    return sx, sy, sz
+
+
+@pixel_function
+def _add(sums, s, weight, e, j0, j1, j2, j3, j4, j5):
+    """Add one residual ``e`` with its row of the Jacobian to the sums of a shape, in the layout of `alignment_kernels`."""
+    sums[s, 0] += weight * j0 * j0
+    sums[s, 1] += weight * j0 * j1
+    sums[s, 2] += weight * j0 * j2
+    sums[s, 3] += weight * j0 * j3
+    sums[s, 4] += weight * j0 * j4
+    sums[s, 5] += weight * j0 * j5
+    sums[s, 6] += weight * j1 * j1
+    sums[s, 7] += weight * j1 * j2
+    sums[s, 8] += weight * j1 * j3
+    sums[s, 9] += weight * j1 * j4
+    sums[s, 10] += weight * j1 * j5
+    sums[s, 11] += weight * j2 * j2
+    sums[s, 12] += weight * j2 * j3
+    sums[s, 13] += weight * j2 * j4
+    sums[s, 14] += weight * j2 * j5
+    sums[s, 15] += weight * j3 * j3
+    sums[s, 16] += weight * j3 * j4
+    sums[s, 17] += weight * j3 * j5
+    sums[s, 18] += weight * j4 * j4
+    sums[s, 19] += weight * j4 * j5
+    sums[s, 20] += weight * j5 * j5
+    weight *= e
+    sums[s, GRADIENT] += weight * j0
+    sums[s, GRADIENT + 1] += weight * j1
+    sums[s, GRADIENT + 2] += weight * j2
+    sums[s, GRADIENT + 3] += weight * j3
+    sums[s, GRADIENT + 4] += weight * j4
+    sums[s, GRADIENT + 5] += weight * j5
+
+
+@pixel_loop
+def _linearize_any(
+    buffer, numbers, column, xs, ys, u0, v0, u1, coefficients, frames, triangles, corners, levels, texels,
+    lights, gain, power, planes, view, weights, sums,
+):  # fmt: skip
+    """Sums (n_shapes, `alignment_kernels.N_SUMS`) over the pixels of a `raycaster.Cast`; see there for the derivatives."""
+    width, height = view[WIDTH], view[HEIGHT]
+    size = width * height
+    for i in range(buffer.shape[0]):
+        v = v0 + i
+        if v < 1 or v >= height - 1:
+            continue
+        for j in range(u1 - u0):
+            packed, u = buffer[i, column + j], u0 + j
+            if packed <= 0 or u < 1 or u >= width - 1:
+                continue
+            s = (packed & LABEL_BITS) - 1
+            x, y = xs[v, u], ys[v, u]
+            px, py, pz, nx, ny, nz, cr, cg, cb = surface_at(
+                coefficients, frames, triangles, corners, levels, texels, s, number_at(numbers, i, column + j), x, y
+            )
+            lr, lg, lb = irradiance(lights, px, py, pz, nx, ny, nz)
+            r, g, b = displayed(cr, lr, gain[0], power), displayed(cg, lg, gain[1], power), displayed(cb, lb, gain[2], power)
+            xu, xv = _HALF * (xs[v, u + 1] - xs[v, u - 1]), _HALF * (xs[v + 1, u] - xs[v - 1, u])
+            yu, yv = _HALF * (ys[v, u + 1] - ys[v, u - 1]), _HALF * (ys[v + 1, u] - ys[v - 1, u])
+            det = xu * yv - xv * yu
+            if not abs(det) > _ZERO:  # a neighbor has no ray
+                continue
+            at, w = view[PLANES] + v * width + u, _ONE / pz
+            tr, tg, tb = np.float32(planes[at]), np.float32(planes[at + size]), np.float32(planes[at + 2 * size])
+            in_model, in_image = _FULL / max(r + g + b, _ONE), _FULL / max(tr + tg + tb, _ONE)
+            er, eg, eb = r - tr, g - tg, b - tb
+            fr, fg, fb = r * in_model - tr * in_image, g * in_model - tg * in_image, b * in_model - tb * in_image
+            square = weights[0] * (er * er + eg * eg + eb * eb) + weights[1] * (fr * fr + fg * fg + fb * fb)
+            shrink = _ONE / (_ONE + square * weights[2])
+            sums[s, SQUARES] += square * shrink
+            sums[s, PIXELS] += 1.0
+            total_x, total_y = _ZERO, _ZERO
+            for channel in range(3):
+                at_channel = at + channel * size
+                du = _HALF * (np.float32(planes[at_channel + 1]) - np.float32(planes[at_channel - 1]))
+                dv = _HALF * (np.float32(planes[at_channel + width]) - np.float32(planes[at_channel - width]))
+                gx, gy = (du * yv - dv * yu) / det, (dv * xu - du * xv) / det
+                total_x, total_y = total_x + gx, total_y + gy
+                if weights[0] > _ZERO:
+                    e, shown, light = er, r, lr
+                    if channel == 1:
+                        e, shown, light = eg, g, lg
+                    elif channel == 2:
+                        e, shown, light = eb, b, lb
+                    sx, sy, sz = _turning_light(lights, channel, px, py, pz, nx, ny, nz)
+                    k = power * shown / light if light > _ZERO and shown < _FULL else _ZERO
+                    _add(
+                        sums, s, weights[0] * shrink * shrink, e, -gx * w, -gy * w, w * (gx * x + gy * y),
+                        gx * x * y + gy * (_ONE + y * y) + k * sx, k * sy - gx * (_ONE + x * x) - gy * x * y,
+                        gx * y - gy * x + k * sz,
+                    )  # fmt: skip
+            if weights[1] > _ZERO:
+                share = in_image / _FULL
+                for channel in range(3):
+                    at_channel = at + channel * size
+                    du = _HALF * (np.float32(planes[at_channel + 1]) - np.float32(planes[at_channel - 1]))
+                    dv = _HALF * (np.float32(planes[at_channel + width]) - np.float32(planes[at_channel - width]))
+                    e = fr if channel == 0 else (fg if channel == 1 else fb)
+                    t = share * (tr if channel == 0 else (tg if channel == 1 else tb))
+                    gx = in_image * ((du * yv - dv * yu) / det - t * total_x)
+                    gy = in_image * ((dv * xu - du * xv) / det - t * total_y)
+                    _add(
+                        sums, s, weights[1] * shrink * shrink, e, -gx * w, -gy * w, w * (gx * x + gy * y),
+                        gx * x * y + gy * (_ONE + y * y), -gx * (_ONE + x * x) - gy * x * y, gx * y - gy * x,
+                    )  # fmt: skip
 
 
 def _arguments(
@@ -20,7 +205,7 @@ def _arguments(
     """What both kernels take."""
     found = cast(configuration, camera, (0, 0, camera.model.width, camera.model.height))
     if constants.recolored:
-        recolor(found.frames, constants.colors_rgb[index])
+        _recolor(found.frames, constants.colors_rgb[index])
     surfaces, (u0, v0, u1, _) = surface_arrays(configuration.model), found.region
     return (
         found.buffer, found.numbers, found.column, found.table.xs, found.table.ys, u0, v0, u1,
@@ -39,8 +224,16 @@ def score_with_cast(
     weights: np.ndarray,
     total: np.ndarray,
 ) -> None:
-    """Squares and pixels of camera ``index`` into ``total``."""
-    score_any(*_arguments(configuration, camera, constants, index, views, weights), total)
+    """Squared color differences and pixels of one camera.
+
+    Parameters
+    ----------
+    configuration : the body in its state.
+    camera, constants, index, views : the camera, the constants of all, its place among them, and their images.
+    weights : (2,) of the raw and the normalized difference.
+    total : (3,) squares and pixels, the first two, overwritten.
+    """
+    _score_any(*_arguments(configuration, camera, constants, index, views, weights), total)
 
 
 def linearize_with_cast(
@@ -52,6 +245,13 @@ def linearize_with_cast(
     weights: np.ndarray,
     sums: np.ndarray,
 ) -> None:
-    """Sums of the shapes in camera ``index``."""
+    """Sums of the shapes in one camera.
+
+    Parameters
+    ----------
+    configuration, camera, constants, index, views : see `score_with_cast`.
+    weights : as `alignment_kernels.linearize_camera` takes them.
+    sums : (n_shapes, `alignment_kernels.N_SUMS`), overwritten.
+    """
     sums[:] = 0.0
-    linearize_any(*_arguments(configuration, camera, constants, index, views, weights), sums)
+    _linearize_any(*_arguments(configuration, camera, constants, index, views, weights), sums)

@@ -1,4 +1,4 @@
-"""Photometric alignment of cameras that do not expose at one instant; see `asynchronous_score`."""
+"""Photometric alignment of cameras that do not expose at one time; see `asynchronous_score`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .asynchronous_score import cameras_by_delay
 
 
 class StaggeredPhotometricObjective:
-    """The `PhotometricObjective` of a rig whose cameras are late by ``late_s`` (n_cameras,) seconds after the state.
+    """The `PhotometricObjective` of a rig whose cameras expose ``late_s`` (n_cameras,) seconds after the state.
 
     ``velocity`` (n_dof,), in the state's tangent per second, may be set at any time; None: the body rests. How the velocity's own
     direction turns with the state is left out of the derivatives: in a few milliseconds that is nothing.

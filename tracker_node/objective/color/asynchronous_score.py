@@ -1,7 +1,7 @@
-"""One score of cameras that do not expose at one instant.
+"""One score of cameras that do not expose at one time.
 
-A camera that is late by dt sees the body where it has moved on to: it is scored at ``state.retract(dt * velocity)``. The velocity
-is given, from the prediction or from the images before and after; it is not estimated here.
+A camera that exposes dt later sees the body where it has moved on to: it is scored at ``state.retract(dt * velocity)``. The
+velocity is given, from the prediction or from the images before and after; it is not estimated here.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from .score import ColorObjective, ColorOptions, ColorScore, Verdict
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """The cameras, by their index in the rig, that are late by ``late_s``."""
+    """The cameras, by their index in the rig, that expose ``late_s`` seconds late."""
 
     late_s: float
     cameras: list[int]
@@ -29,7 +29,7 @@ class _Part:
 
 
 class StaggeredObjective:
-    """The `ColorObjective` of a rig whose cameras are late by ``late_s`` (n_cameras,) seconds after the state that is scored.
+    """The `ColorObjective` of a rig whose cameras expose ``late_s`` (n_cameras,) seconds after the state that is scored.
 
     ``velocity`` (n_dof,), in the state's tangent per second, may be set at any time; None: the body rests.
     """
@@ -57,7 +57,7 @@ class StaggeredObjective:
         for part in self._parts:
             part.objective.set_images([images[i] for i in part.cameras])
 
-    def state_seen(self, state: State, late_s: float) -> State:
+    def _state_seen(self, state: State, late_s: float) -> State:
         """Where the body is ``late_s`` after ``state``."""
         return state if self.velocity is None else state.retract(late_s * self.velocity)
 
@@ -69,7 +69,7 @@ class StaggeredObjective:
         camera_rms, pixels = np.full(len(self.rig), np.nan), np.zeros(len(self.rig), dtype=np.int64)
         verdict = Verdict.SCORED
         for part in self._parts:
-            score = part.objective.at_row_step(row_step).evaluate(self.state_seen(state, part.late_s))
+            score = part.objective.at_row_step(row_step).evaluate(self._state_seen(state, part.late_s))
             camera_rms[part.cameras], pixels[part.cameras] = score.camera_rms, score.camera_pixels
             if score.verdict == Verdict.BEHIND_CAMERA:
                 verdict = score.verdict
@@ -95,7 +95,17 @@ class StaggeredObjective:
 
 
 def cameras_by_delay(rig: CameraRig, late_s: Sequence[float]) -> dict[float, list[int]]:
-    """The cameras, by their index in the rig, of every delay."""
+    """The cameras of every delay.
+
+    Parameters
+    ----------
+    rig : of the cameras.
+    late_s : (n_cameras,) delays, seconds.
+
+    Returns
+    -------
+    Indices in the rig by delay, in rising order.
+    """
     if len(late_s) != len(rig):
         raise ValueError(f"expected {len(rig)} delays, one of each camera, got {len(late_s)}")
     return {late: [i for i, value in enumerate(late_s) if value == late] for late in sorted(set(late_s))}

@@ -62,7 +62,13 @@ class ColorConstants:
         self.set_colors(model, rig, colors_rgb)
 
     def set_colors(self, model: ArticulatedModel, rig: CameraRig, colors_rgb: np.ndarray | None) -> None:
-        """Take (n_cameras, n_shapes, 3) for the shapes' colors; None: those of the model."""
+        """Take other colors.
+
+        Parameters
+        ----------
+        model, rig : body and cameras.
+        colors_rgb : (n_cameras, n_shapes, 3) in 0..255; None: the shapes' own in every camera.
+        """
         self.recolored = colors_rgb is not None
         if colors_rgb is None:
             of_model = np.array([shape.color_rgb for shape in model.shapes], dtype=np.float64)

@@ -52,7 +52,16 @@ def box_of_all(boxes):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def pose_shapes(chain, links, Ts_link_shape, T_world_root, joint_positions, Ts_world_link, twists, Ts_world_shape):
-    """Fill ``Ts_world_shape`` (n, 4, 4) for a root pose and joint angles; ``chain`` is what `forward_kinematics` takes of it."""
+    """Poses of all shapes in one state.
+
+    Parameters
+    ----------
+    chain : what `forward_kinematics` takes of a kinematic chain.
+    links, Ts_link_shape : (n,) and (n, 4, 4).
+    T_world_root, joint_positions : (4, 4), and (n_axes,).
+    Ts_world_link, twists : (n_links, 4, 4) and (n_dof, 6), overwritten.
+    Ts_world_shape : (n, 4, 4), overwritten.
+    """
     parents, offsets, axis_start, axis_count, directions = chain
     forward_kinematics(
         parents, offsets, axis_start, axis_count, directions, T_world_root, joint_positions, Ts_world_link, twists
@@ -176,8 +185,21 @@ def _smooth_coefficients(kind, dims, T, c, surface):
 def prepare_camera(
     kinds, dims, colors, T_cam_world, Ts_world_shape, params, limits, view, region, used, coefficients, surfaces, boxes
 ):
-    """Coefficients (n, .), surfaces (n, `N_SURFACE`) and pixel boxes (n, 4) of a camera's shapes; boxes are empty for shapes that
-    are not seen, or not ``used`` (n,). Returns `ALL_SMOOTH`, or why the rest is not valid.
+    """Fill the coefficients, surfaces and pixel boxes of a camera's shapes.
+
+    Parameters
+    ----------
+    kinds, dims, colors : (n,), (n, 5), (n, 3).
+    T_cam_world, Ts_world_shape : (4, 4), and (n, 4, 4).
+    params, limits, view : of the lens and its rays; row of `ColorViews`.
+    region : (u0, v0, u1, v1) pixels in which shapes are drawn.
+    used : (n,) shapes that are drawn.
+    coefficients, surfaces : (n, .), and (n, `N_SURFACE`), overwritten.
+    boxes : (n, 4) overwritten; empty for shapes that are not seen or not used.
+
+    Returns
+    -------
+    `ALL_SMOOTH`, or why the rest is not valid.
     """
     T, box = np.empty((3, 4)), np.empty(4)
     in_front = False
@@ -213,9 +235,16 @@ def prepare_camera(
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def find_spans(c, view, rays, box, spans):
-    """Columns [spans[v, 0], spans[v, 1]) of each row v of ``box`` (u0, v0, u1, v1) that a curved surface may cover, int32.
+    """Columns of each row that a curved surface may cover.
 
-    Without distortion those between the roots of its quadratic along the row, and some to be sure.
+    Without distortion those between the roots of its quadratic along the row, and a margin.
+
+    Parameters
+    ----------
+    c : its coefficients.
+    view, rays : row and rays of `ColorViews`.
+    box : (u0, v0, u1, v1) pixels.
+    spans : (h, 2) int32; columns [spans[v, 0], spans[v, 1]) of each row v of the box are written.
     """
     first, last = np.float32(box[0]), np.float32(box[2])
     x_of_0, y_of_0 = rays[view[XS]] - c[ORIGIN], rays[view[YS]] - c[ORIGIN + 1]
@@ -241,7 +270,16 @@ def find_spans(c, view, rays, box, spans):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def draw_smooth(c, label, view, rays, box, spans, origin, stride, buffer):
-    """First pass of one shape into the flat ``buffer`` (rows of ``stride``, whose first pixel is ``origin`` (u, v))."""
+    """First pass of one shape: its depth and label where it is in front.
+
+    Parameters
+    ----------
+    c : its coefficients.
+    label : from 1 on.
+    view, rays, box, spans : see `find_spans`.
+    origin, stride : (u, v) of the first pixel of the buffer, and the length of its rows.
+    buffer : flat int32; depths with the label in the lowest bits, changed where the shape is nearer.
+    """
     x0, y0 = c[ORIGIN], c[ORIGIN + 1]
     q00, q10, q01, q20, q11, q02 = (c[QUADRATIC], c[QUADRATIC + 1], c[QUADRATIC + 2], c[QUADRATIC + 3],
                                     c[QUADRATIC + 4], c[QUADRATIC + 5])  # fmt: skip

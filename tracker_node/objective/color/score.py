@@ -37,7 +37,7 @@ class ColorOptions:
     ----------
     representation : ``raw`` RGB; ``normalized`` by intensity, 255 c / (r + g + b), in which white light and shading cancel;
         ``blend``: the mean square of both, weighted.
-    normalized_weight : share of the normalized part in a blend, 0..1.
+    normalized_weight : fraction of the normalized part in a blend, 0..1.
     row_step : score every n-th row of the images only.
     min_pixels : a mask of fewer pixels, over all cameras, cannot be scored.
     """
@@ -199,7 +199,7 @@ class ColorObjective:
         return result
 
     def _totals(self, states: Sequence[State]) -> np.ndarray:
-        """Squares, pixels and the kernel's verdict, (n_states, n_cameras, 3)."""
+        """Squares, pixels and the kernel's status, (n_states, n_cameras, 3)."""
         self._fill(states[0])
         n = len(self.rig)
         totals = np.zeros((len(states), 2 * n, 3))
@@ -235,7 +235,7 @@ class ColorObjective:
         self.workers.map(lambda k: run(k, *parts[k]), range(n))
 
     def _any_shapes(self, configuration: Configuration, index: int) -> np.ndarray:
-        """Squares, pixels and verdict (3,) of one camera, whatever the shapes."""
+        """Squares, pixels and status (3,) of one camera, whatever the shapes."""
         camera, total = self.rig.cameras[index], np.zeros(3)
         if (se3.apply(camera.T_cam_world, configuration.Ts_world_shape[:, :3, 3])[:, 2] < NEAR).all():
             total[2] = kernel.BEHIND

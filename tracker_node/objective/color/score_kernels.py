@@ -43,8 +43,15 @@ _ZERO, _ONE, _FULL = np.float32(0.0), np.float32(1.0), np.float32(255.0)
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def lights_in_camera(lights, T_cam_world, gain, out):
-    """Flat ``out`` of packed ``lights``: place and direction in camera axes, the camera's gain in the intensity, and instead of
-    the inner cosine of a spot what its fall-off is multiplied by."""
+    """Lights with a direction in the axes of one camera.
+
+    Parameters
+    ----------
+    lights : (n, .) packed, world.
+    T_cam_world : (4, 4).
+    gain : (3,) of the camera, taken into the intensities.
+    out : flat, `N_LIGHT_COLUMNS` a light, overwritten; in place of a spot's inner cosine what its fall-off is multiplied by.
+    """
     for k in range(lights.shape[0]):
         at = k * N_LIGHT_COLUMNS
         for i in range(3):
@@ -66,6 +73,10 @@ def form_of(n_directional: int, n_spots: int, gamma: bool, raw: bool, normalized
     n_directional, n_spots : lights, in this order in what the kernel is given (a point light is a spot of every direction).
     gamma : whether any camera has a gamma other than one.
     raw, normalized : which differences count.
+
+    Returns
+    -------
+    Tuples whose lengths are the arguments: lengths are part of a compiled function's types.
     """
     return tuple((0,) * int(n) for n in (n_directional, n_spots, gamma, raw, normalized))
 
@@ -173,7 +184,7 @@ def _score_smooth(form, c, surface, label, view, rays, planes, box, spans, origi
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _score_camera(form, model, view, params, limits, T_cam_world, gain, base, colors, Ts_world_shape, rays, planes, lights,
                   weights, work, total):  # fmt: skip
-    """Squares, pixels and verdict of one camera into ``total`` (3,)."""
+    """Squares, pixels and status of one camera into ``total`` (3,)."""
     kinds, dims, used = model
     coefficients, surfaces, boxes, spans, camera_lights, buffer = work
     total[0], total[1] = 0.0, 0.0
@@ -203,7 +214,7 @@ def _score_camera(form, model, view, params, limits, T_cam_world, gain, base, co
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def score_states(form, chain, shapes, cameras, images, options, roots, joints, camera_indices, work, totals):
-    """Squares, pixels and verdict (n_states, n_cameras, 3) of states against the cameras named by ``camera_indices``.
+    """Squares, pixels and status of states in some cameras.
 
     Parameters
     ----------
@@ -214,6 +225,9 @@ def score_states(form, chain, shapes, cameras, images, options, roots, joints, c
     images : views (n_cameras, `N_VIEW`), rays and planes (flat).
     options : packed lights with a direction, weights (2,).
     roots, joints : (n_states, 4, 4), (n_states, n_axes).
+    camera_indices : of the cameras that are scored.
+    work : coefficients, surfaces, boxes, spans, lights in camera axes, buffer.
+    totals : (n_states, n_cameras, 3), overwritten in these cameras; the status is what `prepare_camera` returns.
     """
     kinds, dims, links, Ts_link_shape, used = shapes
     params, limits, T_cam_world, gain, base, colors = cameras

@@ -20,7 +20,17 @@ def is_pinhole(camera: Camera) -> bool:
 
 
 def every_nth(rig: CameraRig, columns: int, rows: int = 1) -> CameraRig:
-    """The rig for images of which only every n-th column and row is kept, the first among them."""
+    """The rig for images of which only every n-th column and row is kept, the first among them.
+
+    Parameters
+    ----------
+    rig : of the whole images.
+    columns, rows : n of each.
+
+    Returns
+    -------
+    The same cameras with smaller images.
+    """
 
     def thinned(camera: Camera) -> Camera:
         width, height = -(-camera.model.width // columns), -(-camera.model.height // rows)
@@ -79,7 +89,17 @@ class ColorViews:
                 cv2.split(image, [self.plane(view, channel) for channel in (2, 1, 0)])  # into these very planes
 
     def plane(self, view: np.ndarray, channel: int) -> np.ndarray:
-        """(h, w) of one channel (0 is red) of the camera with this row of ``views``."""
+        """The pixels of one channel of one camera.
+
+        Parameters
+        ----------
+        view : the camera's row of ``views``.
+        channel : 0 is red, 1 green, 2 blue.
+
+        Returns
+        -------
+        (h, w) uint8, a view.
+        """
         width, height = int(view[kernel.WIDTH]), int(view[kernel.HEIGHT])
         start = int(view[kernel.PLANES]) + channel * width * height
         return self.planes[start : start + width * height].reshape(height, width)

@@ -53,9 +53,17 @@ def _crossing(one, other):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def round_cone_gap(one, other):
-    """Distance of the surfaces of two round cones (negative: they overlap) and where on each, (gap, s, t).
+    """Distance of the surfaces of two round cones.
 
     The distance of two spheres is convex in their places on the axes, so its minimum lies inside or on one of four edges.
+
+    Parameters
+    ----------
+    one, other : (.,) capsules, meters.
+
+    Returns
+    -------
+    Gap in meters (negative: they overlap), and where on each axis, 0..1.
     """
     s, t = _crossing(one, other)
     if 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0:
@@ -76,7 +84,15 @@ def round_cone_gap(one, other):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def place_capsules(capsules, bounds, capsule_parts, links, Ts_world_link, world_capsules, world_bounds):
-    """Round cones and bounding spheres of all parts in the world."""
+    """Round cones and bounding spheres of all parts in the world.
+
+    Parameters
+    ----------
+    capsules, bounds : (n_capsules, .) and (n_parts, 4) spheres, in the frames of links.
+    capsule_parts, links : (n_capsules,) parts, and (n_parts,) links of these.
+    Ts_world_link : (n_links, 4, 4).
+    world_capsules, world_bounds : as ``capsules`` and ``bounds``, overwritten.
+    """
     for i in range(capsules.shape[0]):
         T = Ts_world_link[links[capsule_parts[i]]]
         for at in (START, END):
@@ -94,7 +110,18 @@ def place_capsules(capsules, bounds, capsule_parts, links, Ts_world_link, world_
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def deepest(one, other, world_capsules, world_bounds, starts):
-    """Least gap of the round cones of two parts: (gap, which of one, which of the other, s, t); +inf: they are far apart."""
+    """Least gap of the round cones of two parts.
+
+    Parameters
+    ----------
+    one, other : parts.
+    world_capsules, world_bounds : of `place_capsules`.
+    starts : (n_parts + 1,) first capsule of each part.
+
+    Returns
+    -------
+    Gap in meters, capsule of ``one``, capsule of ``other``, place on each axis; gap +inf where the parts are far apart.
+    """
     square = 0.0
     for r in range(3):
         square += (world_bounds[one, r] - world_bounds[other, r]) ** 2
@@ -111,7 +138,14 @@ def deepest(one, other, world_capsules, world_bounds, starts):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def pair_gaps(pairs, world_capsules, world_bounds, starts, out):
-    """Fill ``out`` (n_pairs,) with the gap of each pair of parts."""
+    """Gaps of pairs of parts.
+
+    Parameters
+    ----------
+    pairs : (n_pairs, 2).
+    world_capsules, world_bounds, starts : see `deepest`.
+    out : (n_pairs,) meters, overwritten.
+    """
     for k in range(pairs.shape[0]):
         out[k] = deepest(pairs[k, 0], pairs[k, 1], world_capsules, world_bounds, starts)[0]
 
@@ -136,11 +170,23 @@ def _across(one, other, u):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def add_collisions(pairs, allowed, world_capsules, world_bounds, starts, links, link_moved_by, twists, sigma_m, H, g):
-    """Add (depth / ``sigma_m``)^2 of every pair that overlaps by more than ``allowed`` (n_pairs,), the depth being what is more,
-    to the normal equations; returns (cost, number of pairs).
+    """Add (depth / sigma)^2 of every pair that overlaps by more than is allowed, the depth being the excess, to normal equations.
 
     The depth changes as the two centers approach each other along the line between them: where on the axes they are is the
     minimum's own choice, and does not matter to first order.
+
+    Parameters
+    ----------
+    pairs, allowed : (n_pairs, 2), and (n_pairs,) meters of overlap that cost nothing.
+    world_capsules, world_bounds, starts : see `deepest`.
+    links : (n_parts,).
+    link_moved_by, twists : (n_links, n_dof) mask, and (n_dof, 6), of the body in its state.
+    sigma_m : standard deviation of a depth.
+    H, g : (n_dof, n_dof) and (n_dof,), added to.
+
+    Returns
+    -------
+    Cost, and number of colliding pairs.
     """
     n_dof = g.size
     row = np.empty(n_dof)

@@ -14,7 +14,7 @@ class CouplingObjective:
 
     Parameters
     ----------
-    sigma : play of the gear, radians or meters of the follower: so little that nothing else has a say, and enough for the
+    sigma : play of the gear, radians or meters of the follower: so little that no other term can change it, and enough for the
         normal equations to stay well conditioned.
     """
 

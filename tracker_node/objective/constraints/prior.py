@@ -1,4 +1,4 @@
-"""Gaussian pull of a state: what is believed before the images are looked at."""
+"""Gaussian prior of a state."""
 
 from __future__ import annotations
 
@@ -26,7 +26,17 @@ class Prior:
     information: np.ndarray
 
     def add_to(self, H: np.ndarray, g: np.ndarray, state: State) -> float:
-        """Add the pull at ``state`` to the normal equations; returns its cost."""
+        """Add the prior to normal equations.
+
+        Parameters
+        ----------
+        H, g : (n_dof, n_dof) and (n_dof,), added to.
+        state : at which they hold.
+
+        Returns
+        -------
+        The prior's cost there.
+        """
         offset = state.difference(self.mean)
         # Of the rotation's logarithm by a small turn of the state
         J = so3.left_jacobian_inverse(offset[3:6])

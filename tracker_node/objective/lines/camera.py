@@ -1,4 +1,4 @@
-"""Correspondence lines of one camera in one call: threads share the cameras, but nothing between calls."""
+"""Correspondence lines of one camera in one call: cameras run on threads, and nothing is kept between calls."""
 
 from __future__ import annotations
 
@@ -15,16 +15,23 @@ from .correspondence import draw_lines, fill_lower, linearize_lines
 def correspond_camera(
     view, cover, classes, shapes, bounds, Ts_shape, Ts_link, camera, n_samples, outward_px, options, slot, sums
 ):  # fmt: skip
-    """Draw the lines of the contours that one camera sees of a body, and sum them; returns their number.
+    """Draw the lines of the contours that one camera sees of a body, and sum them.
 
     Parameters
     ----------
     view : (bgr, densities, room) of `draw_lines`.
     cover : (h, w) depth of what stands before the body, of size zero where nothing does.
-    classes : (n_shapes,) color classes. shapes, bounds : `ShapeArrays.packed`, `ShapeArrays.bounds`.
+    classes : (n_shapes,) color classes.
+    shapes, bounds : `ShapeArrays.packed`, `ShapeArrays.bounds`.
     Ts_shape, Ts_link : (n_shapes, 4, 4), (n_links, 4, 4), to the world.
-    camera, n_samples, outward_px : of `collect_samples`. options : (`N_OPTIONS`,) of `region_lines`.
-    slot : (rows, pixels, info, lines), which are filled. sums : (normal, gradient, stats) of `sum_camera`.
+    camera, n_samples, outward_px : of `collect_samples`.
+    options : (`N_OPTIONS`,) of `correspondence`.
+    slot : (rows, pixels, info, lines), which are filled.
+    sums : (normal, gradient, stats) of `sum_camera`.
+
+    Returns
+    -------
+    Number of lines.
     """
     bgr, densities, room = view
     rows, pixels, info, lines = slot
@@ -41,7 +48,15 @@ def correspond_camera(
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def sum_camera(lines, info, n, Ts_link, camera, options, sums):
-    """Hold ``n`` lines against a body: overwrite ``sums``, normal (n_links, 6, 6), gradient (n_links, 6) and statistics."""
+    """Residuals of lines at a pose of the body, summed by link.
+
+    Parameters
+    ----------
+    lines, info, n : of `correspond_camera`, the first ``n`` rows.
+    Ts_link : (n_links, 4, 4), where the body is.
+    camera, options : see `correspond_camera`.
+    sums : normal (n_links, 6, 6), gradient (n_links, 6) and statistics (`N_STATISTICS`,), overwritten.
+    """
     normal, gradient, stats = sums
     normal[:] = 0.0
     gradient[:] = 0.0

@@ -1,4 +1,4 @@
-"""The pixels along a correspondence line: how much rather each shows the body than what lies beyond it.
+"""The pixels along a correspondence line: log-ratio of body against what lies beyond it.
 
 First all memory is read, so that the many places of a line are on their way at once; then everything is worked out side by side,
 in blocks that the compiler turns into vectors.
@@ -23,7 +23,7 @@ _FAR = np.float32(12.0)  # half a squared distance beyond which a density is not
 _LOG2_E = np.float32(1.4426950408889634)
 _BYTE, _4, _8, _16, _24 = np.uint32(255), np.uint32(4), np.uint32(8), np.uint32(16), np.uint32(24)
 _LOG_STEP = np.float32(LOG_STEP)
-_OUTLIERS = np.float32(0.05)  # share of colors that the empty scene does not explain, where it is known
+_OUTLIERS = np.float32(0.05)  # fraction of colors that the background does not explain, where it is known
 # Densities per bin by half the precision of a pixel: of its color in light; in shadow, as in `observation.appearance`: one pixel
 # in five, of a brightness in 75 gray levels
 _LIT = np.float32((256.0 / BINS) ** 3 / math.pi**1.5)
@@ -43,10 +43,19 @@ def exp_negative(x):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def other_density(color, mean, of_scene, most, darkest):
-    """Density per bin of a pixel's color where the scene shows: ``of_scene``, or by the room where that is known.
+    """Density per bin of a pixel's color where the body does not show.
 
-    ``color`` (blue lowest) and ``mean`` (of `observation.region.background.PackedRoom`) are uint32; ``most`` is half the
-    precision of the pixels that vary least.
+    Parameters
+    ----------
+    color : uint32, blue lowest.
+    mean : uint32 of `observation.region.background.PackedRoom`; 0 where the pixel's background is not known.
+    of_scene : density of the color in the scene, used where the background is not known and as its outliers.
+    most : half the precision of the pixels that vary least.
+    darkest : fraction of the background's brightness below which a pixel is no shadow.
+
+    Returns
+    -------
+    float32.
     """
     b, g, r = np.float32(color & _BYTE), np.float32((color >> _8) & _BYTE), np.float32(color >> _16)
     mb, mg, mr = np.float32(mean & _BYTE), np.float32((mean >> _8) & _BYTE), np.float32((mean >> _16) & _BYTE)
@@ -67,11 +76,20 @@ def other_density(color, mean, of_scene, most, darkest):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def read_lines(bgr, body, scene, room, darkest, clamp, scale, half, lines, plan, n, odds):
-    """Fill ``odds`` (n, >= `LONGEST`) with the clamped log(p_body / p_beyond) of each line's pixels; zero beyond the image.
+    """Fill the clamped log(p_body / p_beyond) of each line's pixels; zero beyond the image.
 
-    ``body`` (n_classes, n_colors) and ``scene`` are densities per color bin; ``room`` is `EmptyRoom.packed`, of size zero where
-    nothing is known of it; in shadow it is no darker than the share ``darkest``. After the pixels before them, a line has
-    2 ``half`` about its sample, ``scale`` pixels apart.
+    After the pixels before them, a line has 2 ``half`` about its sample, ``scale`` pixels apart.
+
+    Parameters
+    ----------
+    bgr : (h, w, 3) uint8.
+    body, scene : (n_classes, n_colors) and (n_colors,) densities per color bin.
+    room : packed background, of size zero where nothing is known of it.
+    darkest : fraction of the background's brightness below which a pixel is no shadow.
+    clamp : largest absolute log-ratio.
+    scale, half : pixels from place to place, and places on either side.
+    lines, plan, n : (., `N_LINE_COLUMNS`) and (., `N_PLAN_COLUMNS`), the first ``n`` rows.
+    odds : (n, >= `LONGEST`), overwritten.
     """
     height, width = bgr.shape[0], bgr.shape[1]
     pixels, least_variance = room
@@ -128,7 +146,17 @@ def _inside(x, y, du, dv, width, height, count):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def color_at(bgr, u, v):
-    """Bilinear color at a pixel: (whether it is on the image, blue, green, red)."""
+    """Bilinear color of an image.
+
+    Parameters
+    ----------
+    bgr : (h, w, 3) uint8.
+    u, v : pixel.
+
+    Returns
+    -------
+    Whether it is on the image, blue, green, red.
+    """
     x, y = math.floor(u), math.floor(v)
     i, j = int(y), int(x)
     inside = i >= 0 and j >= 0 and i + 1 < bgr.shape[0] and j + 1 < bgr.shape[1]

@@ -65,7 +65,7 @@ N_STATISTICS = 5
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _plan(shapes, Ts, spheres, camera, rows, pixels, info, n, chords, classes, half, scale, plan):
-    """Fill ``plan`` (n, `N_PLAN_COLUMNS`); `BEFORE` is -1 of creases."""
+    """Fill ``plan`` (n, `N_PLAN_COLUMNS`); `BEFORE` is -1 of inner edges."""
     for j in range(n):
         shape, beyond = info[j, SHAPE], info[j, BEYOND]
         width = max(1, int(chords[j, 0] / scale + 0.5))
@@ -113,7 +113,7 @@ def _look_beyond(shapes, Ts, spheres, camera, rows, pixels, info, n, scale, plan
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _fit_creases(bgr, chords, info, n, half, scale, lines):
-    """Mean, precision and log-ratio of the lines across creases."""
+    """Mean, precision and log-ratio of the lines across inner edges."""
     sums, margin = np.empty((LONGEST + 1, N_SUM_COLUMNS)), int(2.0 / scale + 0.5)
     for j in range(n):
         if info[j, BEYOND] != info[j, SHAPE]:
@@ -130,14 +130,22 @@ def _fit_creases(bgr, chords, info, n, half, scale, lines):
 def draw_lines(
     bgr, colors, room, classes, shapes, Ts_shape, spheres, Ts_link, camera, rows, pixels, info, n, options, lines
 ):  # fmt: skip
-    """Draw one line per contour sample and fit its distribution: fill ``lines`` (n, `N_LINE_COLUMNS`).
-
-    ``colors``: (body (n_classes, n_colors), scene (n_colors,)) densities; ``classes`` (n_shapes,). ``rows``, ``pixels`` and
-    ``info`` are of `render.contour.samples.collect_samples`, ``spheres`` of `contour.world_spheres`. ``options[SCALE]``: pixels
-    from one place on the line to the next. ``room``: see `colors.read_lines`.
+    """Draw one line per contour sample and fit its distribution.
 
     The steps go over all lines one after another: an array that is handed from function to function for every line costs more
     than what is done with it.
+
+    Parameters
+    ----------
+    bgr : (h, w, 3) uint8.
+    colors : (body (n_classes, n_colors), scene (n_colors,)) densities.
+    room : see `colors.read_lines`.
+    classes, shapes, Ts_shape : see `lines.camera.correspond_camera`.
+    spheres : of `contour.world_spheres`.
+    Ts_link, camera : (n_links, 4, 4), and (params, R, t, center).
+    rows, pixels, info, n : of `render.contour.samples.collect_samples`.
+    options : (`N_OPTIONS`,); ``options[SCALE]``: pixels from one place on the line to the next.
+    lines : (n, `N_LINE_COLUMNS`), overwritten.
     """
     body, scene = colors
     scale, half = options[SCALE], int(options[HALF_LENGTH])
@@ -163,11 +171,18 @@ def draw_lines(
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def linearize_lines(lines, info, n, Ts_link, camera, options, normal, gradient, stats):
-    """Add one camera's lines, the body being where ``Ts_link`` says, to the normal matrices of its links.
+    """Add one camera's lines to the normal matrices of its links.
 
     Residuals are divided by their variance (that of the distribution and the model's own), robustly (Geman-McClure at
-    ``options[ROBUST]`` standard deviations), and count as one in ``options[CORRELATION]``. ``normal`` (n_links, 6, 6), upper
-    triangles, and ``gradient`` (n_links, 6) are added to; ``stats`` (`N_STATISTICS`,) is overwritten.
+    ``options[ROBUST]`` standard deviations), and count as one in ``options[CORRELATION]``.
+
+    Parameters
+    ----------
+    lines, info, n : (., `N_LINE_COLUMNS`) and (., `N_INFO_COLUMNS`), the first ``n`` rows.
+    Ts_link : (n_links, 4, 4), where the body is.
+    camera, options : (params, R, t, center), and (`N_OPTIONS`,).
+    normal, gradient : (n_links, 6, 6), upper triangles, and (n_links, 6), added to.
+    stats : (`N_STATISTICS`,), overwritten.
     """
     params, R, t, _ = camera
     robust_sq, model_variance, share = options[ROBUST] ** 2, options[MODEL_VARIANCE], 1.0 / options[CORRELATION]

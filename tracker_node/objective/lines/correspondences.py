@@ -20,9 +20,8 @@ from ...render.contour.samples import most_samples
 from ...render.occluders import NOTHING
 from ...render.shape_arrays import ShapeArrays
 from ..contour_residual import assemble
-from ..moved_configuration import bodies_seen, cameras_by_body
 from ..normal_equations import CameraEquations, NormalEquations
-from ..per_camera import camera_constants, serial
+from ..per_camera import bodies_seen, camera_constants, cameras_by_body, serial
 from . import correspondence as kernel
 from .camera import correspond_camera, sum_camera
 from .evidence import N_EVIDENCE, count_evidence, line_residuals

@@ -14,10 +14,16 @@ _ZERO = np.float32(0.0)
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
 def fit_distributions(odds, plan, n, half, scale, sharpness, lines):
-    """Fill mean and precision (pixels) of the contour's offset, and the log-ratio, of those of ``n`` ``lines`` that have colors.
+    """Mean and precision of the contour's offset, and the log-ratio, of lines that have colors.
 
-    Offsets are -half ... half places, ``scale`` pixels apart. ``odds``: the pixels between -half and half; before them, where the
-    part is so narrow that the line reaches across it wherever its contour may be, as many as it is wide.
+    Parameters
+    ----------
+    odds : (n, .) the pixels between -half and half; before them, where the part is so narrow that the line reaches across it
+        wherever its contour may be, as many as it is wide.
+    plan, n : (., `N_PLAN_COLUMNS`), the first ``n`` rows.
+    half, scale : offsets are -half ... half places, ``scale`` pixels apart.
+    sharpness : factor of the log-likelihoods, for pixels that are not independent.
+    lines : (., `N_LINE_COLUMNS`), these three columns written, in pixels.
     """
     values, count = np.empty(LONGEST, dtype=np.float32), np.uint64(2 * half + 1)
     middle, factor = np.float32(half), np.float32(sharpness)

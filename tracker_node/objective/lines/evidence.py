@@ -17,7 +17,15 @@ _UNSEEN_PX = 1e6  # residual of what the camera cannot see
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def line_residuals(lines, info, n, Ts_link, camera, residuals):
-    """Fill the first ``n`` ``residuals``, pixels, of lines, the body being where ``Ts_link`` says."""
+    """Residuals of lines at a pose of the body.
+
+    Parameters
+    ----------
+    lines, info, n : (., `N_LINE_COLUMNS`) and (., `N_INFO_COLUMNS`), the first ``n`` rows.
+    Ts_link : (n_links, 4, 4), where the body is.
+    camera : (params, R_cam_world, t_cam_world, center).
+    residuals : (>= n,) pixels, overwritten; very large where the camera cannot see the point.
+    """
     params, R, t, _ = camera
     for j in range(n):
         link, a, b, c = info[j, LINK], lines[j, POINT], lines[j, POINT + 1], lines[j, POINT + 2]
@@ -36,7 +44,15 @@ def line_residuals(lines, info, n, Ts_link, camera, residuals):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def count_evidence(lines, info, n, residuals, model_variance, close_px, evidence):
-    """Add the lines of the body's outline to ``evidence`` (`N_EVIDENCE`, n_shapes)."""
+    """Add the lines of the body's outline to the evidence of its parts.
+
+    Parameters
+    ----------
+    lines, info, n, residuals : see `line_residuals`.
+    model_variance : pixels^2, by which contours are off beyond their noise.
+    close_px : residual below which a line counts as `CLOSE`.
+    evidence : (`N_EVIDENCE`, n_shapes), added to.
+    """
     for j in range(n):
         if info[j, CLASS] != OUTER:
             continue

@@ -1,6 +1,6 @@
-"""Lines across creases: where, between two faces of one part, the brightness changes.
+"""Lines across inner edges: where, between two faces of one part, the brightness changes.
 
-Both faces have the part's color, so nothing that is learnt tells one from the other; but light falls on them differently. A line
+Both faces have the part's color, so no color distribution separates them; but light falls on them differently. A line
 across their edge is explained by two mean colors with a step between them: the squared error of that, for every place of the
 step, over the variance of what is left is the log-likelihood of the place.
 """
@@ -23,15 +23,23 @@ N_SUM_COLUMNS = 5
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def step_distribution(bgr, u, v, nu, nv, scale, inside, outside, sums):
-    """(mean, precision, log-ratio) of the offset of a step in brightness, in places of the line (``scale`` pixels).
+    """Offset of a step in brightness along a line.
 
-    The line has ``inside`` places before (u, v) and ``outside`` beyond it in the direction (nu, nv); the step is looked for where
-    it leaves `LEAST_PIXELS` on either side. ``sums`` (>= inside + outside + 1, `N_SUM_COLUMNS`) is overwritten. A precision of
-    zero: no step.
+    Parameters
+    ----------
+    bgr : (h, w, 3) uint8.
+    u, v, nu, nv : pixel and direction of the line.
+    scale : pixels from one place of the line to the next.
+    inside, outside : places before (u, v), and beyond it; the step leaves `LEAST_PIXELS` on either side.
+    sums : (>= inside + outside + 1, `N_SUM_COLUMNS`), overwritten.
+
+    Returns
+    -------
+    Mean and precision, in places, and log-ratio; a precision of zero: no step.
     """
     height, width, n = bgr.shape[0], bgr.shape[1], inside + outside
     low, high = LEAST_PIXELS - inside, outside - LEAST_PIXELS
-    if high - low < 2 or low > 0 or high < 0:  # a face so narrow that the step would be looked for beside itself
+    if high - low < 2 or low > 0 or high < 0:  # a face so narrow that the step would be searched beside it
         return 0.0, 0.0, 0.0
     for c in range(ERROR):
         sums[0, c] = 0.0

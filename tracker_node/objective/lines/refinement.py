@@ -1,4 +1,4 @@
-"""Contours to a fraction of a pixel: by the share that the color inside has in the mixed pixels around them."""
+"""Contours to a fraction of a pixel: by the fraction of the color inside in the mixed pixels around them."""
 
 from __future__ import annotations
 
@@ -17,11 +17,18 @@ _FARTHEST = 1.5  # pixels
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def refine_lines(bgr, plan, n, scale, lines):
-    """Move the means of sharp ``lines`` to where the mixture of colors is even, and tell how sure that is.
+    """Move the means of precise lines to where the mixture of colors is even, with their precision.
 
-    The colors are those of this very line, left and right of the mixed pixels; how much they vary says how sure the result is.
+    The colors are those of this very line, left and right of the mixed pixels; their variance gives that of the result.
     The color inside is followed to the edge: light from above makes round parts brighter towards their upper contours, which
     would else be found up to 0.2 pixels too far out.
+
+    Parameters
+    ----------
+    bgr : (h, w, 3) uint8.
+    plan, n : (., `N_PLAN_COLUMNS`), the first ``n`` rows.
+    scale : pixels from one place of a line to the next.
+    lines : (., `N_LINE_COLUMNS`); mean and precision are changed where they become better.
     """
     for j in range(n):
         if not lines[j, PRECISION] > SHARP:

@@ -1,4 +1,4 @@
-"""How close to each other correspondence lines stand: neighbors see the same pixels, and share their errors."""
+"""How close to each other correspondence lines stand: neighbors see the same pixels, so their errors are correlated."""
 
 from __future__ import annotations
 
@@ -12,19 +12,25 @@ from .correspondence import LINE_U, LINE_V, PRECISION
 
 _FARTHEST_PX = 25.0  # between neighbors on one contour
 _MOST = 20.0
-_OWN = 0.25  # share of a line's own variance that does not average out
+_OWN = 0.25  # fraction of a line's own variance that does not average out
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def add_crowding(lines, info, n, taken, found, length_px, sums):
-    """Add one camera's lines to ``sums`` (n_links, 2): what they add to the scatter of a fit, and to its information.
+    """Add what one camera's lines contribute to the scatter of a fit, and to its information.
 
-    A line's weight goes by the variance ``taken`` (px^2) beside its own. What adds up in a fit is ``found`` (px^2), the variance
-    of lines beyond their own, which averages out but for a quarter. To the scatter a line adds its weight squared times that,
-    times how many lines share one error.
+    A line's weight goes by its own variance plus ``taken``. What adds up in a fit is ``found`` and a quarter of the line's own.
+    To the scatter a line adds its weight squared times that, times how many lines have one error in common.
 
     The errors of lines that are s pixels apart on one contour are taken to have the correlation r = exp(-s / ``length_px``), for
     which (1 + r) / (1 - r) lines in a row weigh as much as a single one that is far from all others.
+
+    Parameters
+    ----------
+    lines, info, n : (., `N_LINE_COLUMNS`) and (., `N_INFO_COLUMNS`), the first ``n`` rows.
+    taken, found : pixels^2, variance of lines beyond their own: that of the weights, and that which is observed.
+    length_px : of the correlation along a contour.
+    sums : (n_links, 2), added to.
     """
     gaps = np.full(n + 1, -1.0)  # to the line before; negative: none
     last = -1

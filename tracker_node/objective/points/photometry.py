@@ -1,8 +1,8 @@
 """Direct photometric alignment: the colors that the surface of a body should have, against blurred images, as least squares.
 
 On each level of an image pyramid, points of the drawn body's surface are frozen with their colors and moved with the body; the
-residual is the blurred image's color where a point is seen, less its own. The blur makes a limb's outline pull from both sides,
-where the score of the mask lets a limb slide within its own color; frozen points cannot be won by hiding.
+residual is the blurred image's color where a point is seen, less its own. The blur makes a limb's outline attract from both
+sides, where the score of the mask lets a limb slide within its own color; frozen points cannot be won by hiding.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from . import photometry_kernels as kernel
 _BLUR = 1.2  # px, before every halving
 _FINEST_BLUR = 0.7  # px
 _LEAST_SUM = 20.0  # of red, green and blue, for the intensity-normalized color of a dark pixel
-_MARGIN = 6  # px of a level around the body that its picture reaches
+_MARGIN = 6  # px of a level around the body that its pyramid reaches
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,17 @@ class PhotometryOptions:
 
 
 def features_of(rgb: np.ndarray, options: PhotometryOptions) -> np.ndarray:
-    """(..., 3 or 6) float32 of colors (..., 3): what the representation compares; squared distances are those of the score."""
+    """What the representation compares of colors; squared distances are those of the score.
+
+    Parameters
+    ----------
+    rgb : (..., 3) in 0..255.
+    options : with the representation.
+
+    Returns
+    -------
+    (..., 3 or 6) float32.
+    """
     rgb = np.asarray(rgb, dtype=np.float32)
     if options.representation == "raw":
         return rgb
@@ -104,8 +114,13 @@ class SurfacePhotometry:
             self.painted = [_painted(self.model, colors) for colors in colors_rgb]
 
     def set_images(self, images: Sequence[np.ndarray | None], expected: State, margin_px: int) -> None:
-        """BGR images in the order of the rig (None for a camera that gave none), looked at within ``margin_px`` of the body in
-        the ``expected`` state."""
+        """Take the images of one set.
+
+        Parameters
+        ----------
+        images : BGR, in the order of the rig; None for a camera that gave none.
+        expected, margin_px : images are processed within this margin about the body in this state.
+        """
         configuration = Configuration(self.model, expected)
 
         def look(i: int) -> list | None:

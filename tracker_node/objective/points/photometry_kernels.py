@@ -1,4 +1,4 @@
-"""Colors of a body's surface points held against a blurred image: residuals, derivatives, and their sums by link."""
+"""Colors of a body's surface points against a blurred image: residuals, derivatives, and their sums by link."""
 
 from __future__ import annotations
 
@@ -14,18 +14,21 @@ COST, WEIGHTED_SQUARES, WEIGHT, COUNT, N_SUMS = 0, 1, 2, 3, 4
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def add_points(points, used_links, Ts_world_link, camera, picture, robust_scale, derivatives, normal, gradient, sums):
-    """Add the points that ride on ``used_links`` (n_links,) to a camera's sums.
+    """Add the points of some links to a camera's sums.
 
-    A point that has left the picture costs what a difference of ``robust_scale`` does, wherever it goes.
+    A point that has left the image costs what a difference of ``robust_scale`` does, wherever it goes.
 
     Parameters
     ----------
     points : positions (n, 3) in the frames of their links, links (n,), features (n, n_channels) that they should have.
+    used_links : (n_links,) mask.
+    Ts_world_link : (n_links, 4, 4).
     camera : params, R_cam_world (3, 3), t_cam_world (3,).
     picture : features (h, w, n_channels) float32, first column and row (of the full image), and how often that was halved.
-    derivatives : False leaves ``normal`` (n_links, 6, 6) and ``gradient`` (n_links, 6) alone; they are about twists (v, omega) at
-        the world's origin.
-    sums : (`N_SUMS`,) robust cost, weighted squares, weights and number of points.
+    robust_scale : gray levels at which a difference begins to count as something else.
+    derivatives : False leaves ``normal`` and ``gradient`` alone.
+    normal, gradient : (n_links, 6, 6) and (n_links, 6), about twists (v, omega) at the world's origin, added to.
+    sums : (`N_SUMS`,) robust cost, weighted squares, weights and number of points, added to.
     """
     positions, links, features = points
     params, R, t = camera

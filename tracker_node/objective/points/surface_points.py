@@ -1,4 +1,4 @@
-"""Points on the pictured faces of a body, each with the color that the picture has there."""
+"""Points on the textured faces of a body, each with the color that the texture has there."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ...errors import ModelError
 from ...model.articulated import ArticulatedModel, Shape
 from ...model.shapes.primitives import BOX_FACES, Box
 
-# Normal, direction of a picture's columns, and of its rows, of each face of a box (`model.shapes.primitives.Box`)
+# Normal, direction of a texture's columns, and of its rows, of each face of a box (`model.shapes.primitives.Box`)
 _FACE_AXES = {
     "+x": ((1, 0, 0), (0, 1, 0), (0, 0, -1)),
     "-x": ((-1, 0, 0), (0, -1, 0), (0, 0, -1)),
@@ -30,7 +30,7 @@ class SurfacePoints:
     ----------
     positions, normals : (n, 3) in the frames of their links, meters; unit normals point outward.
     links : (n,) link of each point.
-    colors : (n, 3) float32 RGB, 0..255, of the picture blurred as wide as the points are apart.
+    colors : (n, 3) float32 RGB, 0..255, of the texture blurred as wide as the points are apart.
     spacing_m : distance of neighbors.
     """
 
@@ -42,11 +42,11 @@ class SurfacePoints:
 
 
 def textured_extent(model: ArticulatedModel) -> float:
-    """The longest edge of all pictured faces, meters.
+    """The longest edge of all textured faces, meters.
 
     Raises
     ------
-    ModelError : when the model has no box with a picture on it.
+    ModelError : when the model has no box with a texture on it.
     """
     edges = [max(abs(columns @ size), abs(rows @ size)) for _, size, (_, columns, rows), _ in _faces(model)]
     if not edges:
@@ -55,7 +55,17 @@ def textured_extent(model: ArticulatedModel) -> float:
 
 
 def surface_points(model: ArticulatedModel, spacing_m: float) -> SurfacePoints:
-    """A grid of points on every pictured face, about ``spacing_m`` apart."""
+    """A grid of points on every textured face.
+
+    Parameters
+    ----------
+    model : with boxes that have textures.
+    spacing_m : about how far apart points are.
+
+    Returns
+    -------
+    The points of all faces.
+    """
     textured_extent(model)
     positions, normals, links, colors = [], [], [], []
     for shape, size, (normal, columns, rows), texture in _faces(model):
@@ -74,7 +84,7 @@ def surface_points(model: ArticulatedModel, spacing_m: float) -> SurfacePoints:
 
 
 def _faces(model: ArticulatedModel) -> list[tuple[Shape, np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray], np.ndarray]]:
-    """(shape, size of its box, (normal, columns, rows) of the face, picture) of every face with a picture."""
+    """(shape, size of its box, (normal, columns, rows) of the face, texture) of every face with a texture."""
     found = []
     for shape in model.shapes:
         if isinstance(shape.primitive, Box):

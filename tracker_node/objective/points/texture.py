@@ -1,9 +1,9 @@
-"""Pictures on a body's faces against images, in every camera's own brightness and contrast: by scores, or as least squares.
+"""Textures of a body's faces against images, in every camera's own brightness and contrast: by scores, or as least squares.
 
-Points fixed to the pictured faces carry the picture's colors; where they are seen, the image should have the same colors up to
-a gain and an offset for each channel of each camera (the best for each state). So exposure, white balance and a veil of light do
-not matter, and black-and-white pictures work, whose intensity-normalized colors say nothing. A robust kernel bears hands in
-front of the picture.
+Points fixed to the textured faces carry the texture's colors; where they are seen, the image should have the same colors up to
+a gain and an offset for each channel of each camera (the best for each state). So exposure, white balance and stray light do
+not matter, and black-and-white textures work, whose intensity-normalized colors say nothing. A robust kernel tolerates hands in
+front of the texture.
 
 Faces must not hide each other: this is for boxes and plates, not for limbs.
 """
@@ -28,18 +28,18 @@ from . import texture_kernels as kernel
 from .surface_points import SurfacePoints, surface_points, textured_extent
 
 N_OCTAVES = 6
-_DOUBT = 0.5  # views of all pictures that weigh as much as not knowing
+_DOUBT = 0.5  # views of all textures that weigh as much as not knowing
 
 
 @dataclass(frozen=True)
 class TextureOptions:
-    """How pictures are compared.
+    """How textures are compared.
 
     Attributes
     ----------
-    points_per_edge : along the longest edge of a picture on the finest level; each coarser level has half as many.
+    points_per_edge : along the longest edge of a texture on the finest level; each coarser level has half as many.
     levels : number of levels, 0 the finest.
-    robust_scale : gray levels of the picture at which a difference begins to count as something in front of it.
+    robust_scale : gray levels of the texture at which a difference begins to count as something in front of it.
     least_cosine : of a face's normal with the line of sight; flatter views are not used.
     min_points : fewer, over all cameras, cannot be scored.
     """
@@ -57,10 +57,10 @@ class TextureScore:
 
     Attributes
     ----------
-    score : robust cost as a share of what flat gray images would cost, 0 (perfect) to 1; infinite where nothing can be compared.
-        It is drawn towards 1 by as much as half a view of all pictures weighs: little that is seen says little.
-    camera_scores : the plain share of each camera, nan where it shows no pictured face.
-    camera_rms : robust rms difference, gray levels of the picture; 0 where there is none.
+    score : robust cost as a fraction of what flat gray images would cost, 0 (perfect) to 1; infinite where nothing is compared.
+        It is drawn towards 1 by as much as half a view of all textures weighs: little that is seen says little.
+    camera_scores : the plain fraction of each camera, nan where it shows no textured face.
+    camera_rms : robust rms difference, gray levels of the texture; 0 where there is none.
     camera_points : points that each camera shows.
     """
 
@@ -75,12 +75,12 @@ class TextureObjective:
 
     Parameters
     ----------
-    model : with boxes that have pictures.
+    model : with boxes that have textures.
     workers : threads that share states; None: two.
 
     Raises
     ------
-    ModelError : when no face of the model has a picture.
+    ModelError : when no face of the model has a texture.
     """
 
     def __init__(
@@ -114,7 +114,17 @@ class TextureObjective:
         return TextureScores(self, min(round(math.log2(row_step)), self.options.levels - 1))
 
     def evaluate(self, state: State, level: int = 0) -> TextureScore:
-        """The score of one state on the finest level, camera by camera."""
+        """The score of one state, camera by camera.
+
+        Parameters
+        ----------
+        state : of the body.
+        level : of the pyramid, 0 the finest.
+
+        Returns
+        -------
+        The score, and that of each camera.
+        """
         return self.at_level(level).evaluate(state)
 
     def score(self, state: State) -> float:

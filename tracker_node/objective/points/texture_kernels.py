@@ -1,4 +1,4 @@
-"""Colors of surface points held against an image, whatever the camera's brightness and contrast.
+"""Colors of surface points compared with an image, whatever the camera's brightness and contrast.
 
 Each channel of each camera has a gain a and an offset b of its own: r = m - (a I + b), with m the color of a point and I that
 of the image where the point is seen. The best a and b for the weights w are known in closed form, and the Gauss-Newton matrix
@@ -30,10 +30,12 @@ def look(points, Ts_world_link, camera, picture, frozen, flags, values, gradient
     Parameters
     ----------
     points : (positions, normals, links), see `SurfacePoints`.
+    Ts_world_link : (n_links, 4, 4).
     camera : (params, R_cam_world, t_cam_world, center, least cosine of a face to the line of sight).
     picture : ((h, w, 3) uint8 RGB, how many times the image was halved).
     frozen : points that are `UNSEEN` stay so, and others become `OUTSIDE` at worst.
-    values : (n, 3); gradients : (n, 3, 3) image_D_point in world axes; places : (n, 3) world. Valid where a point is `INSIDE`.
+    flags : (n,) overwritten: `UNSEEN`, `OUTSIDE` or `INSIDE`.
+    values, gradients, places : (n, 3), (n, 3, 3) image_D_point in world axes, (n, 3) world. Valid where a point is `INSIDE`.
 
     Returns
     -------
@@ -85,11 +87,21 @@ def look(points, Ts_world_link, camera, picture, frozen, flags, values, gradient
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def fit_brightness(colors, values, flags, channel, scale, weights):
-    """Best gain and offset of one channel under a Cauchy kernel of ``scale`` gray levels; ``weights`` (n,) are written.
+    """Best gain and offset of one channel under a Cauchy kernel.
 
-    Returns (gain, offset, weighted mean of I, weighted sum of (I - mean)^2, sum of weights, robust cost, that of a flat image,
-    points). A point that is `OUTSIDE` has no weight and costs as much as on a flat image; the image's noise, which the
-    gain enlarges, costs too.
+    A point that is `OUTSIDE` has no weight and costs as much as on a flat image; the image's noise, which the gain enlarges,
+    costs too.
+
+    Parameters
+    ----------
+    colors, values, flags : (n, 3) of the texture, (n, 3) of the image, and (n,), of `look`.
+    channel : 0..2.
+    scale : of the kernel, gray levels.
+    weights : (n,), overwritten.
+
+    Returns
+    -------
+    Gain, offset, weighted mean of I, weighted sum of (I - mean)^2, sum of weights, robust cost, that of a flat image, points.
     """
     n, count, inside, plain_mean = colors.shape[0], 0, 0, 0.0
     for i in range(n):
@@ -144,8 +156,14 @@ def fit_brightness(colors, values, flags, channel, scale, weights):
 def add_channel(colors, values, gradients, places, links, flags, channel, fit, weights, normal, gradient, shared):
     """Add one channel to the normal equations of the links.
 
-    ``normal`` (n_links, 6, 6) and ``gradient`` (n_links, 6) refer to twists (v, omega) at the world's origin; ``shared``
-    (2, n_links, 6) is what gain and offset take away: H loses the outer product of each of its two rows.
+    Parameters
+    ----------
+    colors, values, gradients, places : see `look` and `fit_brightness`.
+    links, flags : (n,), and that of `look`.
+    channel : 0..2.
+    fit, weights : of `fit_brightness`.
+    normal, gradient : (n_links, 6, 6) and (n_links, 6), about twists (v, omega) at the world's origin, added to.
+    shared : (2, n_links, 6) what gain and offset take away, added to: H loses the outer product of each of its two rows.
     """
     gain, offset, mean_i, var_i, total = fit[0], fit[1], fit[2], fit[3], fit[4]
     one, two = 1.0 / np.sqrt(total), 1.0 / np.sqrt(max(var_i, 1e-12))

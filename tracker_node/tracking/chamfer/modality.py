@@ -11,7 +11,7 @@ from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...objective.chamfer.correspondences import ContourBody, ContourCorrespondences, ContourOptions, EvidenceMaps
-from ...objective.moved_configuration import bodies_seen
+from ...objective.per_camera import bodies_seen
 from ...observation.chamfer.observer import Observation, Observer
 from ...render.occluders import Occluders, Sight
 from ...render.shape_arrays import ShapeArrays

@@ -85,7 +85,7 @@ class ColorModality:
 
     def _use_colors(self) -> None:
         """Those of the model are left to the model, whose faces may have colors of their own."""
-        colors = self._colors.rgb if self._colors.learnt else None
+        colors = self._colors.rgb if self._colors.learned else None
         self._photometry.set_colors(colors)
         if self._scores is not None:
             self._scores.set_colors(colors, self._colors.rgb)

@@ -1,4 +1,4 @@
-"""The colors of a body's parts as each camera shows them: those of the model, or learnt from images."""
+"""The colors of a body's parts as each camera shows them: those of the model, or learned from images."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..engine import Images
 
 _GREY = 128.0  # a body of this color shows how much light reaches it, up to twice what would be full
 _LEAST_PIXELS = 12
-_RIM = np.ones((5, 5), dtype=np.uint8)  # what is so near a part's border is not learnt
+_RIM = np.ones((5, 5), dtype=np.uint8)  # what is so near a part's border is not learned
 
 
 def check_colors(model: ArticulatedModel) -> None:
@@ -51,12 +51,12 @@ class PartColors:
     Attributes
     ----------
     rgb : (n_cameras, n_shapes, 3) in 0..255, under light of factor one.
-    learnt : whether any of them comes from an image.
+    learned : whether any of them comes from an image.
     """
 
     def __init__(self, model: ArticulatedModel, rig: CameraRig):
         self._model, self._rig = model, rig
-        self.learnt = False
+        self.learned = False
         self._grey = replace(model, shapes=tuple(replace(s, color_rgb=(int(_GREY),) * 3) for s in model.shapes))
         self.rgb = np.tile(np.array([shape.color_rgb for shape in model.shapes], dtype=np.float64), (len(rig), 1, 1))
 
@@ -71,7 +71,7 @@ class PartColors:
             if image is not None:
                 self._look(i, image, state, found[i])
         seen = np.isfinite(found)
-        self.learnt |= bool(seen.any())
+        self.learned |= bool(seen.any())
         if share == 1.0:
             with np.errstate(invalid="ignore"):
                 elsewhere = np.where(seen, found, 0.0).sum(axis=0) / seen.sum(axis=0)

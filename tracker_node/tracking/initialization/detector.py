@@ -138,13 +138,13 @@ class PoseDetector:
     def _looked_for(self, middles: np.ndarray, around: State | None) -> list[Start]:
         """Starts at or near ``middles`` (n, 3), the best first.
 
-        Without pictures of the empty scene, colors are learnt where a body is likely, then where one has been found.
+        Without pictures of the empty scene, colors are learned where a body is likely, then where one has been found.
         """
         evidence = self._evidence
         if evidence.scene_known:
             return self._search(evidence.maps(), self._hypotheses(middles, around))
         found: list[Start] = []
-        learnt = evidence.colors, evidence.support
+        learned = evidence.colors, evidence.support
         for middle in middles[:2]:
             if found and found[0].score > _SURE:
                 break
@@ -156,9 +156,9 @@ class PoseDetector:
                 own = Poses.of([start.state for start in starts])
                 beginning = own if alone else Poses.joined([own, beginning])
             if not found or starts[0].score > found[0].score:
-                learnt = evidence.colors, evidence.support
+                learned = evidence.colors, evidence.support
             found = sorted([*found, *starts], key=lambda start: -start.score)
-        evidence.colors, evidence.support = learnt
+        evidence.colors, evidence.support = learned
         return found[: self._config.candidates]
 
     def coverage(self) -> StartCoverage:

@@ -35,7 +35,7 @@ class StartEvidence:
 
     Attributes
     ----------
-    colors : log-odds of every bin of colors for each camera, None where nothing has been learnt.
+    colors : log-odds of every bin of colors for each camera, None where nothing has been learned.
     support : what is added to the log-odds by color (h, w), None for nothing.
     """
 
@@ -70,7 +70,7 @@ class StartEvidence:
             del self._past[1:-1:2]
 
     def forget_colors(self) -> None:
-        """As before anything was learnt."""
+        """As before anything was learned."""
         self.colors: list[np.ndarray | None] = [None] * len(self._cameras)
         self.support: list[np.ndarray | None] = [None] * len(self._cameras)
 

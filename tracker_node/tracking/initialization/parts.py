@@ -1,7 +1,7 @@
 """Other places for one limb of a start: where the rest of the body says that its colors are.
 
-Every part has its own density of colors, learnt from the small images where the rest of the body has been found. Where the images
-bear out what the model states, that is believed of all parts; where not, left and right are taken to look alike. A limb in doubt
+Every part has its own density of colors, learned from the small images where the rest of the body has been found. Where the
+images agree with what the model states, that is used for all parts; where not, left and right are taken to look alike. A limb in doubt
 teaches nothing. Scored over these, thousands of its postures are tried; what comes back are the best that differ, and the limb at
 rest, for what nobody knows the colors of.
 """
@@ -109,7 +109,7 @@ class LimbAlternatives:
         return float(np.linalg.norm(self._tip(state, limb) - first))
 
     def _maps(self, state: State, doubtful: np.ndarray) -> list[np.ndarray | None]:
-        """Log-odds (n_shapes, h, w) of every part, learnt where ``state`` has the body."""
+        """Log-odds (n_shapes, h, w) of every part, learned where ``state`` has the body."""
         body = Configuration(self._model, state)
         scenes: list[np.ndarray | None] = []
         counts = np.zeros(self._stated.shape)

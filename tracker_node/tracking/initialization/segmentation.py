@@ -18,7 +18,7 @@ from ...render.raycast.raycaster import render_mask
 from .evidence import StartEvidence
 
 _SLIM = 0.3  # how wide a standing body is for its height
-_RING_PX = 14  # around a body in which the colors of its surroundings are learnt
+_RING_PX = 14  # around a body in which the colors of its surroundings are learned
 _CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 _FINE_VOXELS = 20  # along the body, where cameras are to agree
 _FIRM, _HALF_SEEN = 6.0, 0.55  # log-odds by how likely a pixel looks at a point that all cameras take for the body

@@ -10,7 +10,7 @@ from ...camera.rig import Camera, CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...objective.lines.correspondences import Offsets, View
-from ...objective.moved_configuration import bodies_seen
+from ...objective.per_camera import bodies_seen
 from ...observation.chamfer.observer import checked_plates
 from ...observation.region.background import EmptyRoom
 from ...observation.region.colors import RegionColors, color_classes, stated_densities, trust_stated_colors

@@ -13,7 +13,6 @@ from ...model.configuration import State
 from ...model.kinematic_chain import N_ROOT_DOF
 from ...objective.constraints.prior import Prior
 from ...objective.lines.correspondences import LineCorrespondences
-from ...objective.robust_curvature import curvature_share
 from ...optimize.fitter import Fit, Fitter, Stage
 from ...optimize.levenberg_marquardt import LevenbergMarquardtOptions
 from ..config import TrackerConfig
@@ -27,6 +26,8 @@ _SETTLED_SIGMAS = 0.75  # or, by this, of what the model's contours are off
 _DAMPING = 1e-3  # of a step, relative to the diagonal
 _FINE_DAMPING = 1e-5  # the same of joints on the finest lines, which priors hold where images hardly do
 _FIRST_RATE = 0.9  # share of the first image set in how well contours fit; later ones follow at a falling rate
+_USUAL_SPREAD = 0.7  # of residuals beside what they are taken to have, on rendered clips and on recorded ones
+_LEAST_SHARE = 0.5  # what is left for kernels so narrow that most residuals are outliers
 _PART_SCALES = (4.0, 2.0, 1.0)  # pixels from place to place on the lines by which single limbs are fitted
 _PART = LevenbergMarquardtOptions(max_iterations=3, tolerance=1e-3)
 
@@ -164,3 +165,26 @@ class RegionFitting:
             fit.state, fit.equations, fit.iterations, fit.evaluations, fit.converged, lines, fit.objective, fit.comparison,
             model_sigma_px=model_sigma_px,
         )  # fmt: skip
+
+
+def curvature_share(robust_sigmas: float, spread: float = _USUAL_SPREAD) -> float:
+    """How steeply the gradient of robust residuals grows, as a fraction of what their weights say.
+
+    A Gauss-Newton step takes the weights for fixed. Yet those of residuals that it makes larger fall: the gradient r w(r) of the
+    Geman-McClure kernel, w = (1 + x)^-2 with x = (r / (c sigma))^2, has the slope w (1 - 3 x) / (1 + x). Steps by the weights
+    alone fall short, by a quarter for residuals as wide as they are taken for and c = 3; the sum of the slopes makes them
+    Newton's.
+
+    Parameters
+    ----------
+    robust_sigmas : c, the kernel's scale in standard deviations that residuals are taken to have.
+    spread : their own standard deviation, in the same unit.
+
+    Returns
+    -------
+    Sum of the slopes over the sum of the weights, of normal residuals; 1 for a kernel that is wide.
+    """
+    r = np.linspace(-5.0, 5.0, 201)
+    density, x = np.exp(-0.5 * r * r), (spread * r / robust_sigmas) ** 2
+    weights = density / (1.0 + x) ** 2
+    return max(float((weights * (1.0 - 3.0 * x) / (1.0 + x)).sum() / weights.sum()), _LEAST_SHARE)

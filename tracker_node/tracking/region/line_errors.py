@@ -2,7 +2,7 @@
 
 Two kinds add up in the gradient of the fit: the spread of lines about the contour beyond what each says of itself, which
 neighbors have in common; and a shift of all contours, in all images alike (light falls from one side). How large they are was
-learnt from synthetic clips that no figure is taken from, see `benchmark/trust/trust.py`.
+learned from synthetic clips that no figure is taken from, see `benchmark/trust/trust.py`.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.objective.robust_curvature import curvature_share
+from tracker_node.tracking.region.fitting import curvature_share
 
 
 @pytest.mark.parametrize("robust_sigmas, spread", [(3.0, 0.7), (3.0, 1.0), (5.0, 1.0)])

@@ -6,7 +6,7 @@ import pytest
 from helpers.bodies.bodies import crane, random_state
 from helpers.numeric.finite_difference import assert_jacobian
 from tracker_node.model.configuration import Configuration
-from tracker_node.objective.moved_configuration import bodies_seen, cameras_by_body, moved_configuration
+from tracker_node.objective.per_camera import bodies_seen, cameras_by_body, moved_configuration
 
 
 @pytest.mark.parametrize("seed", range(3))
