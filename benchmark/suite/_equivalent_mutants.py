@@ -24,12 +24,12 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "refined = cv2.cornerSubPix(gray, near, (min(half, 11), min(half, 11)), (-2, -1), criteria)",
     ): "OpenCV leaves nothing out in the middle where either of the two numbers is negative.",
     (
-        "tracker_node/optimize/v_algorithm.py",
+        "tracker_node/optimize/stepping.py",
         "if not (math.isfinite(f[0]) and math.isfinite(f[3]) and f[1] < f[0] and f[3] > f[2]):",
         "if not ((math.isfinite(f[0]) and (f[1] < f[0]) and (f[3] > f[2]))):",
     ): "An infinite score makes a slope infinite and the place no number, which lies between no two points.",
     (
-        "tracker_node/optimize/v_algorithm.py",
+        "tracker_node/optimize/stepping.py",
         "if not (math.isfinite(f[0]) and math.isfinite(f[3]) and f[1] < f[0] and f[3] > f[2]):",
         "if not ((math.isfinite(f[3]) and (f[1] < f[0]) and (f[3] > f[2]))):",
     ): "An infinite score makes a slope infinite and the place no number, which lies between no two points.",

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import qmc
 
-from tracker_node.optimize.halton import scrambled_halton
+from tracker_node.optimize.robust_start import scrambled_halton
 
 
 @pytest.mark.parametrize(("n", "n_dims", "seed"), [(1, 1, 0), (16, 2, 1), (500, 8, 7), (48, 40, 0), (257, 90, 123456)])

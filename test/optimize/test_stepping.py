@@ -15,9 +15,10 @@ from tracker_node.optimize.stepping import (
     V_WHERE,
     LoopOptions,
     SteppingOptions,
+    intersection,
     step_downhill,
+    vertex,
 )
-from tracker_node.optimize.v_algorithm import intersection, vertex
 
 START = state_at(0, 0, 0, 0, 0, 0)
 METER = (LoopOptions(1.0, 1.0),)  # steps of one, to count along

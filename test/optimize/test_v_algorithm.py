@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from tracker_node.optimize.v_algorithm import intersection, vertex
+from tracker_node.optimize.stepping import intersection, vertex
 
 
 def test_two_lines_meet():

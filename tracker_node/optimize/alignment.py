@@ -8,8 +8,7 @@ from typing import Protocol
 from ..model.configuration import State
 from ..model.kinematic_chain import KinematicChain
 from ..objective.normal_equations import LeastSquaresObjective
-from .levenberg_marquardt import LevenbergMarquardtOptions, minimize
-from .result import OptimizerResult
+from .levenberg_marquardt import LevenbergMarquardtOptions, OptimizerResult, minimize
 
 
 class PyramidObjective(Protocol):
@@ -38,7 +37,18 @@ class AlignmentOptions:
 def align(
     objective: PyramidObjective, start: State, chain: KinematicChain, options: AlignmentOptions | None = None
 ) -> OptimizerResult:
-    """The state at the end of all levels; its equations are those of the finest one. Deterministic."""
+    """Align level after level, the coarsest first; deterministic.
+
+    Parameters
+    ----------
+    objective : on all levels.
+    start, chain : state to begin at, and the limits of its joints.
+    options : levels and tolerances; None: the defaults.
+
+    Returns
+    -------
+    The state after all levels; its equations are those of the finest one.
+    """
     options = options or AlignmentOptions()
     lm = LevenbergMarquardtOptions(
         max_iterations=options.max_iterations, damping=options.damping, tolerance=options.tolerance,

@@ -81,10 +81,18 @@ def _wanted_side(i, H, g, sides, lower, upper, x, slack):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def minimize_quadratic(H, g, lower, upper, x, patience=10):
-    """Fill ``x`` (n,) with the minimum of 2 g.x + x.H x over lower <= x <= upper; -1 where ``H`` is not positive definite, else
-    how many linear systems were solved.
+    """Minimum of 2 g.x + x.H x over lower <= x <= upper.
 
-    ``H`` (n, n) symmetric; limits may be infinite; ``patience``: rounds without fewer corrections before they are made singly.
+    Parameters
+    ----------
+    H, g : (n, n) symmetric, and (n,).
+    lower, upper : (n,); infinite where there is no limit.
+    x : (n,), overwritten with the minimum.
+    patience : rounds without fewer corrections before they are made singly.
+
+    Returns
+    -------
+    How many linear systems were solved; -1 where ``H`` is not positive definite.
     """
     n = g.size
     sides, factor = np.zeros(n, dtype=np.int64), np.empty((n, n))

@@ -13,15 +13,24 @@ from ..model.configuration import Configuration, State
 from ..objective.constraints.prior import Prior
 from ..objective.normal_equations import Comparison, Correspondences, LeastSquaresObjective, NormalEquations
 from ..objective.sum_objective import SumObjective
-from .levenberg_marquardt import LevenbergMarquardtOptions, clip_to_limits, minimize, stepped
-from .result import OptimizerResult
+from .levenberg_marquardt import LevenbergMarquardtOptions, OptimizerResult, clip_to_limits, minimize, stepped
 
 
 class Corresponds(Protocol):
     """What finds correspondences of a body in a state."""
 
     def correspond(self, state: State, detail: Any) -> Correspondences:
-        """Correspondences at ``state``, as finely as ``detail`` says."""
+        """Find correspondences.
+
+        Parameters
+        ----------
+        state : of the body.
+        detail : how finely, in the terms of who finds them.
+
+        Returns
+        -------
+        A value: nothing of it changes later.
+        """
         ...
 
 

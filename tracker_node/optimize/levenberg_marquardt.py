@@ -14,7 +14,6 @@ from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
 from ..objective.normal_equations import LeastSquaresObjective, NormalEquations
 from .box_quadratic import minimize_quadratic
-from .result import OptimizerResult
 
 
 @dataclass(frozen=True)
@@ -30,8 +29,28 @@ class LevenbergMarquardtOptions:
     step_tolerance: float = 2e-4
 
 
+@dataclass(frozen=True, eq=False)
+class OptimizerResult:
+    """``converged`` is a fact of the run, not an error; ``equations`` are those of ``state``."""
+
+    state: State
+    equations: NormalEquations
+    iterations: int
+    evaluations: int
+    converged: bool
+
+
 def clip_to_limits(state: State, chain: KinematicChain) -> State:
-    """The state with every joint angle within its limits."""
+    """A state with every joint within its limits.
+
+    Parameters
+    ----------
+    state, chain : the state, and the limits.
+
+    Returns
+    -------
+    The nearest such state.
+    """
     return State(state.T_world_root, np.clip(state.joint_positions, chain.lower, chain.upper))
 
 
@@ -49,9 +68,17 @@ def _step(
 
 
 def stepped(equations: NormalEquations, state: State, chain: KinematicChain, damping: float | np.ndarray) -> State:
-    """``state`` after one step within the joints' limits, by its ``equations`` alone; where these have none, as it is.
+    """A state after one step within the joints' limits, by its equations alone.
 
-    ``damping``: relative to the diagonal of H, or (n_dof,) of each degree of freedom.
+    Parameters
+    ----------
+    equations, state : equations at ``state``.
+    chain : limits of the joints.
+    damping : relative to the diagonal of H; a number, or (n_dof,).
+
+    Returns
+    -------
+    The state after the step; ``state`` where the equations have no minimum.
     """
     step = _step(equations, state, chain, damping)
     if step is None:
@@ -62,7 +89,18 @@ def stepped(equations: NormalEquations, state: State, chain: KinematicChain, dam
 def minimize(
     objective: LeastSquaresObjective, start: State, chain: KinematicChain, options: LevenbergMarquardtOptions
 ) -> OptimizerResult:
-    """Walk downhill from ``start``; deterministic."""
+    """Walk downhill; deterministic.
+
+    Parameters
+    ----------
+    objective : least squares.
+    start, chain : state to begin at, and the limits of its joints.
+    options : damping, and when to stop.
+
+    Returns
+    -------
+    The best state, with the objective's equations there.
+    """
     state = clip_to_limits(start, chain)
     equations = objective.linearize(state)
     evaluations, damping, converged, iterations, accepted = 1, options.damping, False, 0, True

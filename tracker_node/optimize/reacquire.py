@@ -11,7 +11,7 @@ import numpy as np
 from ..model.configuration import State
 from ..model.kinematic_chain import KinematicChain
 from .alignment import AlignmentOptions, PyramidObjective, align
-from .result import OptimizerResult
+from .levenberg_marquardt import OptimizerResult
 from .robust_start import RobustStartOptions, search
 from .score_objective import ScoreObjective
 
@@ -46,9 +46,20 @@ def reacquire(
     options: ReacquireOptions | None = None,
     centers: Sequence[State] = (),
 ) -> OptimizerResult | None:
-    """The best state that is found around ``start`` (and ``centers``), refined; None where no hypothesis can be scored.
+    """Search around states, and refine what is found; deterministic for a seed.
 
-    Whether that is the body is for the caller to judge. Deterministic for a seed.
+    Whether that is the body is for the caller to judge.
+
+    Parameters
+    ----------
+    objective : scores and levels of the same images.
+    start, chain : state that hypotheses are spread around, and the limits of its joints.
+    options : None: the defaults.
+    centers : further states to spread hypotheses around.
+
+    Returns
+    -------
+    The best state; None where no hypothesis can be scored.
     """
     options = options or ReacquireOptions()
     found = [hypothesis.state for hypothesis in search(objective, start, options.search, centers)]

@@ -1,7 +1,7 @@
-"""Fit, look at the score, and search wider only where it says that this was not the body.
+"""Fit, and search wider only where the score says that this was not the body.
 
-The shipped default for rigid bodies is `align_robustly`: alone, an alignment loses its way where a background has colors like the
-body's; a score tells, and hypotheses around the start then bring it near enough.
+The shipped default for rigid bodies is `align_robustly`: alone, an alignment goes astray where a background has colors like the
+body's; the score shows it, and hypotheses around the start then bring it near enough.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Generic, Protocol, TypeVar
 from ..model.configuration import State
 from ..model.kinematic_chain import KinematicChain
 from .alignment import AlignmentOptions, PyramidObjective, align
-from .result import OptimizerResult
+from .levenberg_marquardt import OptimizerResult
 from .robust_start import RobustStartOptions, chance_level, search
 from .score_objective import ScoreObjective
 
@@ -33,14 +33,14 @@ F = TypeVar("F", bound=Fit)
 
 @dataclass(frozen=True)
 class RobustFitOptions:
-    """When a fit is believed, and what is tried if it is not.
+    """When a fit is accepted, and what is tried if it is not.
 
     Attributes
     ----------
-    trusted_share : a fit that scores no more than this share of what the body scores by chance around it has found the body.
-    chance : so many hypotheses tell what that is.
+    trusted_share : a fit that scores no more than this fraction of what the body scores by chance around it has found the body.
+    chance : so many hypotheses give what that is.
     refits : so many hypotheses of a search are fitted at most, the best first.
-    searches : so often, each with other hypotheses and twice as many, until a fit is believed.
+    searches : so often, each with other hypotheses and twice as many, until a fit is accepted.
     """
 
     trusted_share: float = 0.5
@@ -75,12 +75,18 @@ class RobustFit(Generic[F]):
 def fit_robustly(
     objective: ScoreObjective, start: State, fit: Callable[[State], F], options: RobustFitOptions | None = None
 ) -> RobustFit[F]:
-    """Fit from ``start``; if its score is not to be trusted, search around the start and fit the best hypotheses. Deterministic.
+    """Fit; where the score is too near to chance, search around the start and fit the best hypotheses. Deterministic.
 
     Parameters
     ----------
     objective : its score judges the fits, and hypotheses.
+    start : state to begin at.
     fit : any optimizer from a start.
+    options : None: the defaults.
+
+    Returns
+    -------
+    The best of all fits.
     """
     options = options or RobustFitOptions()
     best = fit(start)
@@ -106,5 +112,16 @@ def align_robustly(
     objective: ScoreObjective, pyramid: PyramidObjective, start: State, chain: KinematicChain,
     options: RobustFitOptions | None = None, alignment: AlignmentOptions | None = None,
 ) -> RobustFit[OptimizerResult]:  # fmt: skip
-    """`fit_robustly` by alignment; both objectives look at the same images."""
+    """`fit_robustly` by alignment.
+
+    Parameters
+    ----------
+    objective, pyramid : score, and least squares on levels, of the same images.
+    start, chain : state to begin at, and the limits of its joints.
+    options, alignment : None: the defaults.
+
+    Returns
+    -------
+    The best of all alignments.
+    """
     return fit_robustly(objective, start, lambda state: align(pyramid, state, chain, alignment), options)

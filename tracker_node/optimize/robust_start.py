@@ -14,13 +14,14 @@ from scipy.special import ndtri
 
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
-from .halton import scrambled_halton
 from .score_objective import ScoreObjective
+
+_BITS = 54  # digits of a number of Halton's sequence beyond these change no double
 
 
 @dataclass(frozen=True)
 class RobustStartOptions:
-    """How to look around.
+    """How hypotheses are spread.
 
     Attributes
     ----------
@@ -28,8 +29,8 @@ class RobustStartOptions:
     n : hypotheses a round.
     rounds : each has ``shrink`` times the spread of the one before.
     keep : so many best hypotheses are the centers of the next round.
-    apart : of two hypotheses that are nearer to each other than this share of the round's spread, in position and in angle, only
-        the better one is kept: or all would soon stand in the first hollow that was found.
+    apart : of two hypotheses that are nearer to each other than this fraction of the round's spread, in position and in angle,
+        only the better one is kept: or all would soon stand in the first hollow that was found.
     row_step : score every n-th image row only.
     seed : of the hypotheses; the same seed, the same answer.
     """
@@ -52,7 +53,7 @@ class RobustStartOptions:
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """A state and its score, on the rows that are looked at."""
+    """A state and its score, on the rows that are scored."""
 
     state: State
     score: float
@@ -61,12 +62,18 @@ class Hypothesis:
 def search(
     objective: ScoreObjective, start: State, options: RobustStartOptions | None = None, centers: Sequence[State] = ()
 ) -> list[Hypothesis]:
-    """The ``keep`` best of all hypotheses, best first; empty where none can be scored.
+    """Search around states; deterministic for a seed.
 
     Parameters
     ----------
+    objective : its score judges the hypotheses.
     start : hypotheses are spread around it, and it is one of them.
-    centers : further states to spread around, such as other orientations of a body that looks alike from two sides.
+    options : None: the defaults.
+    centers : further states to spread around, such as other orientations of a body that is alike from two sides.
+
+    Returns
+    -------
+    The ``keep`` best of all hypotheses, best first; empty where none can be scored.
     """
     options = options or RobustStartOptions()
     coarse = _coarse(objective, options)
@@ -87,7 +94,18 @@ def search(
 
 
 def chance_level(objective: ScoreObjective, state: State, n: int, options: RobustStartOptions | None = None) -> float:
-    """What a body scores by chance: the median of ``n`` hypotheses spread around ``state``; 0 where none can be scored."""
+    """What a body scores by chance: the median of hypotheses spread around a state.
+
+    Parameters
+    ----------
+    objective, state : the score, and where.
+    n : hypotheses.
+    options : how they are spread; None: the defaults.
+
+    Returns
+    -------
+    The median; 0 where none can be scored.
+    """
     options = options or RobustStartOptions()
     scores = _coarse(objective, options).scores(_spread([state], n, options, 1.0, options.seed))
     scores = scores[np.isfinite(scores)]
@@ -137,3 +155,50 @@ def _ball_points(n: int, seed: int) -> np.ndarray:
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
         points[:, 3 * half : 3 * half + 3] = direction * np.cbrt(uniform[:, 4 * half + 3 : 4 * half + 4])
     return points
+
+
+def scrambled_halton(n: int, n_dims: int, seed: int) -> np.ndarray:
+    """Points spread evenly in the unit cube: a Halton sequence whose digits are permuted at random (Owen, arXiv:1706.02808).
+
+    As ``scipy.stats.qmc.Halton`` gives them, to the last bit, without the third of a second that `scipy.stats` takes to be
+    imported.
+
+    Parameters
+    ----------
+    n, n_dims : number of points, and of their coordinates.
+    seed : of the permutations.
+
+    Returns
+    -------
+    (n, n_dims).
+    """
+    rng = np.random.default_rng(seed)
+    return np.stack([_radical_inverses(n, base, _permutations(base, rng)) for base in _primes(n_dims)], axis=1)
+
+
+def _primes(count: int) -> list[int]:
+    primes: list[int] = []
+    candidate = 2
+    while len(primes) < count:
+        if all(candidate % prime for prime in primes):
+            primes.append(candidate)
+        candidate += 1
+    return primes
+
+
+def _permutations(base: int, rng: np.random.Generator) -> np.ndarray:
+    """(n_digits, base), of the values of each digit."""
+    rows = np.tile(np.arange(base), (int(np.ceil(_BITS / np.log2(base))) - 1, 1))
+    for row in rows:
+        rng.shuffle(row)
+    return rows
+
+
+def _radical_inverses(n: int, base: int, permutations: np.ndarray) -> np.ndarray:
+    """(n,) of 0, 1, 2 ...: their digits behind the point, in opposite order and permuted."""
+    left, weight, inverses = np.arange(n), 1.0 / base, np.zeros(n)
+    for permutation in permutations:
+        inverses += permutation[left % base] * weight
+        weight /= base
+        left //= base
+    return inverses

@@ -44,7 +44,7 @@ class SearchResult:
     Attributes
     ----------
     variables : (n,) of ``model/pose_variables``; ``state`` is the same.
-    score : on the rows that the last stage looked at; infinite where not even the start could be scored.
+    score : on the rows that the last stage scored; infinite where not even the start could be scored.
     evaluations : scores asked for.
     evaluations_per_variable : (n,) those along each variable; what served all at once is shared out evenly over the active ones.
     converged : the rule that ends the search was met; a fact of the run, not an error.
@@ -75,12 +75,29 @@ class VariableSpace:
         self._stage = 0
 
     def begin_stage(self, stage: int, row_step: int) -> None:
-        """What is scored from now on; a ``row_step`` of 1 leaves the objective as it was given."""
+        """What is scored from now on.
+
+        Parameters
+        ----------
+        stage : its number, for the trace.
+        row_step : every n-th image row is scored; 1 leaves the objective as it was given.
+        """
         self._stage = stage
         self._objective = self._whole if row_step == 1 else self._whole.at_row_step(row_step)
 
     def scores(self, points: Sequence[np.ndarray], variable: int | None = None, active: Sequence[int] = ()) -> np.ndarray:
-        """Scores (k,) of the points, counted for ``variable``, or shared out over the ``active`` ones."""
+        """Score points, and count them.
+
+        Parameters
+        ----------
+        points : (n_variables,) each.
+        variable : the one that they are counted for; None: all at once.
+        active : variables that the count is divided among where ``variable`` is None.
+
+        Returns
+        -------
+        (k,) scores.
+        """
         states = [configuration.from_variables(x) for x in points]
         values = np.array([self._objective.score(states[0])]) if len(states) == 1 else self._objective.scores(states)
         self.evaluations += len(states)
@@ -93,7 +110,17 @@ class VariableSpace:
         return values
 
     def result(self, x: np.ndarray, score: float, converged: bool) -> SearchResult:
-        """The answer at ``x``."""
+        """The search's answer.
+
+        Parameters
+        ----------
+        x, score : (n_variables,) the best point, and its score.
+        converged : whether the rule that ends the search was met.
+
+        Returns
+        -------
+        With all counts; not converged where the score is infinite.
+        """
         return SearchResult(
             configuration.from_variables(x), x, score, self.evaluations, self.per_variable,
             converged and math.isfinite(score), tuple(self.trace or ()),

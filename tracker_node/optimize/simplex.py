@@ -53,9 +53,17 @@ def search_simplex(
     objective: ScoreObjective, start: State, chain: KinematicChain, options: SimplexOptions | None = None,
     active: Sequence[int] | None = None,
 ) -> SearchResult:  # fmt: skip
-    """Minimize over all ``active`` variables (None: all) at once; deterministic.
+    """Minimize over all active variables at once; deterministic.
 
-    Limits and arguments as in `stepping.step_downhill`.
+    Parameters
+    ----------
+    objective, start, chain : see `stepping.step_downhill`.
+    options : stages; None: the defaults.
+    active : indices of the variables that may move; None: all.
+
+    Returns
+    -------
+    Converged where the last stage has.
     """
     options = options or SimplexOptions()
     space = VariableSpace(objective, start, chain, options.trace)
@@ -73,7 +81,16 @@ def polish(
     objective: ScoreObjective, start: State, chain: KinematicChain, options: SimplexOptions | None = None,
     active: Sequence[int] | None = None,
 ) -> SearchResult:  # fmt: skip
-    """The fine stage alone, from a state that is within millimeters of the minimum."""
+    """The fine stage alone, from a state that is within millimeters of the minimum.
+
+    Parameters
+    ----------
+    objective, start, chain, options, active : see `search_simplex`; the default is `POLISH`.
+
+    Returns
+    -------
+    Converged where the stage has.
+    """
     return search_simplex(objective, start, chain, options or POLISH, active)
 
 

@@ -6,6 +6,9 @@ score, move to the best point, refine it by the V-algorithm.
 The paper leaves open how the downhill direction is found, where V is used, and the steps of its seven loops. Here the first
 step is tried both ways; V is a switch; the seven loops are the five and two finer ones. A point that V proposes is taken only if
 its score is lower.
+
+The V-algorithm: around its minimum the score of a colored body falls and rises about linearly, so the minimum lies where the line
+through two points on the falling side meets the line through two on the rising side; that puts an estimate between the steps.
 """
 
 from __future__ import annotations
@@ -19,7 +22,6 @@ import numpy as np
 from ..model.configuration import State
 from ..model.kinematic_chain import KinematicChain
 from .score_objective import ScoreObjective, SearchResult, VariableSpace
-from .v_algorithm import vertex
 
 V_WHERE = ("every_line", "last_loop", "never")
 
@@ -34,7 +36,17 @@ class LoopOptions:
 
 
 def schedule(steps_mm: Sequence[float], steps_deg: Sequence[float], row_steps: Sequence[int] = ()) -> tuple[LoopOptions, ...]:
-    """Loops from steps in millimeters and degrees."""
+    """Loops from steps in millimeters and degrees.
+
+    Parameters
+    ----------
+    steps_mm, steps_deg : of each loop, for the root's position and for angles.
+    row_steps : of each loop, see `LoopOptions`; empty: all rows.
+
+    Returns
+    -------
+    As many loops.
+    """
     rows = row_steps or [1] * len(steps_mm)
     return tuple(
         LoopOptions(1e-3 * mm, math.radians(deg), n) for mm, deg, n in zip(steps_mm, steps_deg, rows, strict=True)
@@ -86,13 +98,13 @@ class Line:
     ended: bool
 
 
-def walk_line(
+def _walk_line(
     scores_at: Callable[[list[float]], np.ndarray], place: float, score: float, step: float, limits: tuple[float, float],
     options: SteppingOptions, use_v: bool,
 ) -> Line:  # fmt: skip
-    """One variable: both neighbors, then on in the lower one's direction until the score has risen often enough.
+    """Walk along one variable: both neighbors, then on in the lower one's direction until the score has risen often enough.
 
-    As many increases as are missing, so many points are needed at least: they are scored at once, and none is in vain.
+    As many increases as are missing, so many points are needed at least: they are scored at once, and none is wasted.
     """
     lower, upper = limits
     neighbors = [min(place + step, upper), max(place - step, lower)]
@@ -129,11 +141,14 @@ def step_downhill(
     objective: ScoreObjective, start: State, chain: KinematicChain, options: SteppingOptions | None = None,
     active: Sequence[int] | None = None,
 ) -> SearchResult:  # fmt: skip
-    """Walk downhill from ``start``; deterministic.
+    """Walk downhill; deterministic.
 
     Parameters
     ----------
+    objective : score.
+    start : state to begin at.
     chain : its joint limits are never left, at no point that is scored.
+    options : None: the defaults.
     active : indices of the variables that may move; None: all. (A rigid body is its first six; a hierarchy steps limb by limb.)
 
     Returns
@@ -163,8 +178,42 @@ def step_downhill(
 
             step = loop.step_m if i < 3 else loop.step_rad
             limits = float(space.lower[i]), float(space.upper[i])
-            line = walk_line(scores_at, float(x[i]), score, step, limits, options, use_v)
+            line = _walk_line(scores_at, float(x[i]), score, step, limits, options, use_v)
             x[i], score, converged = line.place, line.score, converged and line.ended
     return space.result(x, score, converged)
 
 
+def intersection(x: Sequence[float], f: Sequence[float]) -> float | None:
+    """Where the line through the first two of four points meets the line through the last two.
+
+    Parameters
+    ----------
+    x, f : (4,) places in the order of the walk (rising or falling alike), and their scores.
+
+    Returns
+    -------
+    The place; None unless the first pair falls, the second rises, and they meet between the outer points.
+    """
+    if not (math.isfinite(f[0]) and math.isfinite(f[3]) and f[1] < f[0] and f[3] > f[2]):
+        return None
+    falling, rising = (f[1] - f[0]) / (x[1] - x[0]), (f[3] - f[2]) / (x[3] - x[2])
+    place = (f[2] - f[1] + falling * x[1] - rising * x[2]) / (falling - rising)
+    return place if min(x[0], x[3]) < place < max(x[0], x[3]) else None
+
+
+def vertex(x: Sequence[float], f: Sequence[float]) -> float | None:
+    """The refined minimum of a walk.
+
+    The lowest point and the one before it are the falling pair, the two after it the rising one: the last two pairs of a walk
+    that two increases have ended. Exact where the vertex lies behind the lowest point; else they meet in that point itself.
+
+    Parameters
+    ----------
+    x, f : (n,) places in the order of the walk, and their scores.
+
+    Returns
+    -------
+    The place; None where the points around the lowest do not make a V.
+    """
+    k = min(range(len(f)), key=f.__getitem__)
+    return intersection(x[k - 1 : k + 3], f[k - 1 : k + 3]) if 1 <= k <= len(f) - 3 else None

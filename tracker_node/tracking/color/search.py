@@ -17,8 +17,7 @@ from ...objective.normal_equations import Correspondences
 from ...objective.points.photometry import SurfaceCorrespondences
 from ...objective.sum_objective import SumObjective
 from ...optimize.fitter import Fit, Fitter, Stage
-from ...optimize.levenberg_marquardt import LevenbergMarquardtOptions
-from ...optimize.result import OptimizerResult
+from ...optimize.levenberg_marquardt import LevenbergMarquardtOptions, OptimizerResult
 from ...optimize.score_objective import SearchResult
 from ...optimize.simplex import SimplexOptions, SimplexStage, search_simplex
 from ...optimize.stepping import SCHEDULES, SteppingOptions, schedule, step_downhill

@@ -1,9 +1,9 @@
 """Other places for one limb of a start: where the rest of the body says that its colors are.
 
 Every part has its own density of colors, learned from the small images where the rest of the body has been found. Where the
-images agree with what the model states, that is used for all parts; where not, left and right are taken to look alike. A limb in doubt
-teaches nothing. Scored over these, thousands of its postures are tried; what comes back are the best that differ, and the limb at
-rest, for what nobody knows the colors of.
+images agree with what the model states, that is used for all parts; where not, left and right are taken to be alike. Nothing is
+learned from a limb in doubt. Thousands of its poses are scored over these; the result are the best that differ, and the limb at
+rest, for parts of unknown color.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _LOOKED_AT = 120  # of the best, that others are chosen from
 _APART = 0.2  # of a limb's length: tips of limbs that are elsewhere
 _RING_PX = 14
 _BODY_COUNT = 30.0  # pixels of the whole body that each class has besides its own
-_BORNE_OUT = 0.7  # share of the body's pixels that have the colors that the model states, for all of these to be believed
+_BORNE_OUT = 0.7  # fraction of the body's pixels that have the colors that the model states, for all of these to be used
 
 
 class LimbAlternatives:
@@ -60,9 +60,18 @@ class LimbAlternatives:
         self._neutral = np.array([axis.neutral for axis in model.chain.axes])
 
     def find(self, state: State, limb: Limb, doubtful: np.ndarray, n: int, seed: int = 0) -> list[State]:
-        """States with ``limb`` at rest and in at most ``n`` other places, the best of these first.
+        """States with a limb at rest and in other places.
 
-        Shapes of the mask ``doubtful`` (n_shapes,) teach nothing, and neither does the limb.
+        Parameters
+        ----------
+        state, limb : of the body, and that which is placed.
+        doubtful : (n_shapes,) mask; no colors are learned from these shapes, and none from the limb.
+        n : other places at most.
+        seed : of the poses that are tried.
+
+        Returns
+        -------
+        The one at rest, and the others, the best of these first.
         """
         self._score.set_maps(self._maps(state, doubtful | limb.shapes), np.arange(len(self._model.shapes)))
         rng, own = np.random.default_rng(seed), np.flatnonzero(limb.dofs[N_ROOT_DOF:])

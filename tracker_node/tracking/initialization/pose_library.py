@@ -12,7 +12,7 @@ import numpy as np
 
 from ...model.articulated import ArticulatedModel
 from ...model.kinematic_chain import KinematicChain
-from ...optimize.halton import scrambled_halton
+from ...optimize.robust_start import scrambled_halton
 
 _WIDEST = 1.2  # radians from neutral that axes without narrow limits are sampled in
 
