@@ -31,8 +31,8 @@ from tracker_node.loaders.images.source import load_backgrounds
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.report.metrics_file import print_metrics, write_metrics
 from tracker_node.synthesis.recording import FIGURE_IMAGES, Request, default_motions
-from tracker_node.tracking.camera_fault import DELAYED, TURNED
 from tracker_node.tracking.config import from_dict
+from tracker_node.tracking.estimate import DELAYED, TURNED
 from tracker_node.tracking.tracker import Tracker
 
 ONSET, WITHIN_S, ANGLE_DEG, DELAY_IMAGES = 15, 5.0, 1.0, 2

@@ -17,8 +17,7 @@ from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.runs import messages
 from tracker_node.runs.outputs import BODY_OUTPUTS, CAMERA_OUTPUTS, MARKER_ARRAY, Tracked
 from tracker_node.runs.writer import RunWriter
-from tracker_node.tracking.camera_fault import CameraFault
-from tracker_node.tracking.estimate import GRAY_LEVELS, LimbReport, LimbStatus, Status, TrackEstimate
+from tracker_node.tracking.estimate import GRAY_LEVELS, CameraFault, LimbReport, LimbStatus, Status, TrackEstimate
 
 ENDS = ("state", "state_covariance", "pose", "joint_states")
 LENSES = {

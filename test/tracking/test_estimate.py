@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from helpers.ros.samples import arm, some_estimate
-from tracker_node.tracking.camera_fault import DELAYED, TURNED, CameraFault
-from tracker_node.tracking.estimate import LimbStatus, Status
+from tracker_node.tracking.estimate import DELAYED, TURNED, CameraFault, LimbStatus, Status
 
 
 def test_states_and_which_may_be_used():

@@ -14,7 +14,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from ..tracking.camera_fault import TURNED, CameraFault
+from ..tracking.estimate import TURNED, CameraFault
 from .qos import RESULT, policy_name
 
 OK = DiagnosticStatus.OK

@@ -13,14 +13,14 @@ from .estimate import CameraReport, LimbReport, Status
 
 @dataclass(frozen=True)
 class Assessment:
-    """How far a fit can be trusted.
+    """Assessment of a fit.
 
     Attributes
     ----------
     status, reason : of the whole body; the reason is empty when it is TRACKING.
     noise : what was fitted is not the body at all, and the predicted state is the better answer.
     jumped : the body was found far from where it was expected, and how it got there says nothing of its velocity.
-    limbs : one by one, where the modality tells; else empty.
+    limbs : one by one, where the modality assesses them; else empty.
     dof_weights : (n_dof,) factor of the information's square root, with ``limbs``.
     part_weights : (n_shapes,) how far each part is where the state says, with ``limbs``.
     log_ratio : log-likelihood of the images for this state against chance, by which states in the same images are compared; None
@@ -46,7 +46,7 @@ class Report:
     cameras : each camera's part.
     residual : rms over all, in the modality's unit.
     covariance : (n_dof, n_dof) of the state in its tangent.
-    images : what of it comes from the images, where the modality tells.
+    images : what of it comes from the images, where the modality has it.
     second_order : (n_dof, n_dof) part of the covariance that is of second order, where it is known.
     """
 

@@ -13,23 +13,41 @@ from ..objective.constraints.prior import Prior
 from ..objective.normal_equations import LeastSquaresObjective
 from .config import MotionConfig, TrackerConfig
 
-PX2_PER_INFORMATION = 18.0  # of the pulls of `MotionConfig`, which are stated in squared pixels
+PX2_PER_INFORMATION = 18.0  # of the priors of `MotionConfig`, which are stated in squared pixels
 
 
 def neutral_information(chain: KinematicChain, motion: MotionConfig) -> np.ndarray:
-    """(n_dof,) of the pull to the neutral pose, in units of information."""
+    """Information of the prior of the neutral pose.
+
+    Parameters
+    ----------
+    chain, motion : stiffness of each axis, and that of all.
+
+    Returns
+    -------
+    (n_dof,) in units of information; 0 of the root.
+    """
     pulls = np.zeros(chain.n_dof)
     pulls[N_ROOT_DOF:] = [motion.neutral_angle * axis.stiffness for axis in chain.axes]
     return pulls / PX2_PER_INFORMATION
 
 
 def resting(model: ArticulatedModel, motion: MotionConfig) -> Prior:
-    """The pull to the neutral pose, wherever the root is."""
+    """The prior of the neutral pose, wherever the root is.
+
+    Parameters
+    ----------
+    model, motion : body, and how strong its prior is.
+
+    Returns
+    -------
+    In units of information.
+    """
     return Prior(State.neutral(model), neutral_information(model.chain, motion))
 
 
 def staying(expected: State, motion: MotionConfig) -> Prior:
-    """The pull to a state that somebody has given, where nothing is predicted.
+    """The prior of a state that somebody has given, where nothing is predicted.
 
     Parameters
     ----------
@@ -46,7 +64,16 @@ def staying(expected: State, motion: MotionConfig) -> Prior:
 
 
 def constraints_of(model: ArticulatedModel, config: TrackerConfig) -> list[LeastSquaresObjective]:
-    """Parts that may not pass through each other, and axes that follow others, where the model has such."""
+    """Parts that may not pass through each other, and axes that follow others, where the model has such.
+
+    Parameters
+    ----------
+    model, config : body, and which of its constraints hold.
+
+    Returns
+    -------
+    Objectives in units of information; empty where there are none.
+    """
     result: list[LeastSquaresObjective] = []
     if config.collision.enabled:
         collisions = CollisionObjective(model, config.collision.sigma_m)

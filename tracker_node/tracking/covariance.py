@@ -82,10 +82,17 @@ class ImageEvidence:
 
 
 def fit_covariance(H: np.ndarray, images: ImageEvidence | None, body: Configuration) -> tuple[np.ndarray, np.ndarray]:
-    """Covariance (n_dof, n_dof) of a state in its tangent, and what of it comes from arcs, (n_dof, n_dof).
+    """Covariance of a fitted state in its tangent.
 
-    ``H`` (n_dof, n_dof) is the information of all that was fitted to, ``images`` what of it came from them (None: nothing, and H
-    is taken at its word), ``body`` the model in that state.
+    Parameters
+    ----------
+    H : (n_dof, n_dof) information of all that was fitted to.
+    images : what of it came from images; None: nothing, and the covariance is the inverse of H.
+    body : the model in that state.
+
+    Returns
+    -------
+    (n_dof, n_dof), and what of it comes from second-order terms, (n_dof, n_dof).
     """
     total = H.copy()
     np.einsum("ii->i", total)[:] += _LEAST * max(float(np.diag(H).max()), 1.0)
@@ -100,7 +107,7 @@ def fit_covariance(H: np.ndarray, images: ImageEvidence | None, body: Configurat
 
 
 def _hardly_known(covariance: np.ndarray, inverse: np.ndarray, images: ImageEvidence, body: Configuration) -> np.ndarray:
-    """What is added where the arcs lead of directions that are hardly known."""
+    """Second-order terms of directions that are hardly known."""
     variance, directions = np.linalg.eigh(covariance)
     bent = variance * variance[-1] > _WELL_KNOWN**2  # with the least known, if not alone
     return BEYOND_SECOND_ORDER * _arcs(np.minimum(variance[bent], _FARTHEST), directions[:, bent], inverse, images, body)
@@ -127,10 +134,19 @@ def _arcs(
 
 
 def link_bends(body: Configuration, directions: np.ndarray, pairs: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
-    """(n_pairs, n_links, 6) second derivative of every link's place along pairs of ``directions`` (n_dof, k), as a spatial twist.
+    """Second derivative of every link's place along pairs of directions.
 
-    ``pairs``: which of them, (n_pairs,) each; None: each with itself. The twist of an axis moves with all that carries it: its
-    derivative is the Lie bracket with the twist of those.
+    The twist of an axis moves with all that carries it: its derivative is the Lie bracket with the twist of those.
+
+    Parameters
+    ----------
+    body : the model in a state.
+    directions : (n_dof, k).
+    pairs : which of them, (n_pairs,) each; None: each with itself.
+
+    Returns
+    -------
+    (n_pairs, n_links, 6) spatial twists.
     """
     first, second = (np.arange(directions.shape[1]),) * 2 if pairs is None else pairs
     twists, chain = body.twists, body.model.chain

@@ -55,19 +55,24 @@ class Solver(Protocol):
         ...
 
     def remember(self, fit: Fit, assessment: Assessment) -> None:
-        """Take in what has been said of a fit."""
+        """Take in how a fit was assessed.
+
+        Parameters
+        ----------
+        fit, assessment : the last fit, and its assessment.
+        """
         ...
 
 
 class Judge(Protocol):
-    """Says how far fits can be trusted."""
+    """Assesses fits."""
 
     def reset(self) -> None:
         """Forget everything."""
         ...
 
     def restart(self) -> None:
-        """A state is handed over; nobody knows how good it is."""
+        """A state is handed over; its quality is unknown."""
         ...
 
     def assess(self, fit: Any, image_set: ImageSet) -> Assessment:
@@ -76,7 +81,7 @@ class Judge(Protocol):
         Parameters
         ----------
         fit : of the images of ``image_set``.
-        image_set : tells which cameras are there.
+        image_set : its cameras.
 
         Returns
         -------
@@ -159,25 +164,52 @@ class Engine:
         Parameters
         ----------
         images : by camera.
-        expected : where the body is expected; None: nobody knows, and nothing is compared.
+        expected : where the body is expected; None: not known, and nothing is compared.
         delays : when each camera exposes; None: all at one time.
         """
         for modality in self.modalities:
             modality.set_images(images, expected, delays)
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
-        """`Solver.fit`."""
+        """Fit the body by the engine's solver.
+
+        Parameters
+        ----------
+        start, first, prior : see `Solver.fit`.
+
+        Returns
+        -------
+        The fit.
+        """
         return self.solver.fit(start, first, prior)
 
     def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
-        """`Judge.assess`; the solver remembers it."""
+        """Assess a fit by the engine's judge; the solver remembers it.
+
+        Parameters
+        ----------
+        fit, image_set : see `Judge.assess`.
+
+        Returns
+        -------
+        The judge's.
+        """
         assessment = self.judge.assess(fit, image_set)
         self._weights = assessment.part_weights
         self.solver.remember(fit, assessment)
         return assessment
 
     def report(self, fit: Fit, image_set: ImageSet) -> Report:
-        """`Judge.report`."""
+        """Residuals and covariance of a fit.
+
+        Parameters
+        ----------
+        fit, image_set : see `Judge.report`.
+
+        Returns
+        -------
+        The judge's.
+        """
         return self.judge.report(fit, image_set)
 
     def learn(self, images: Images, state: State) -> None:
@@ -225,17 +257,40 @@ class SequentialEngine:
         self._second.reset()
 
     def begin(self, images: Images, start: State, *, known: bool = False) -> State:
-        """The second learns where the first has led; see `Engine.begin`."""
+        """The second learns where the first has led.
+
+        Parameters
+        ----------
+        images, start, known : see `Engine.begin`.
+
+        Returns
+        -------
+        A better start.
+        """
         start = self._first.begin(images, start, known=known)
         return self._second.begin(images, start, known=known)
 
     def observe(self, images: Images, expected: State | None, delays: ExposureDelays | None = None) -> None:
-        """What the second sees depends on what the first has found, and is taken in `fit`; see `Engine.observe`."""
+        """What the second sees depends on what the first has found, and is taken in `fit`.
+
+        Parameters
+        ----------
+        images, expected, delays : see `Engine.observe`.
+        """
         self._images, self._delays, self._waiting = images, delays, expected is None
         self._first.observe(images, expected, delays)
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
-        """Iterations and evaluations are those of both; see `Solver.fit`."""
+        """Fit by the first, then by the second.
+
+        Parameters
+        ----------
+        start, first, prior : see `Solver.fit`; the prior is for the second.
+
+        Returns
+        -------
+        That of the second, with the iterations and evaluations of both.
+        """
         found = self._first.fit(start, first)
         assessment = None if self._waiting else self._first.assess(found, ImageSet(0, ()))
         self._lost = lost = assessment is None or assessment.status is Status.LOST
@@ -245,15 +300,38 @@ class SequentialEngine:
         return _counted(self._second.fit(begin, first, prior), found.iterations, found.evaluations)
 
     def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
-        """Of the second; the first knows whether the body was found far from where it was expected."""
+        """Assess the fit of the second; the first knows whether the body was found far from where it was expected.
+
+        Parameters
+        ----------
+        fit, image_set : see `Judge.assess`.
+
+        Returns
+        -------
+        That of the second, and whether the first has jumped.
+        """
         return replace(self._second.assess(fit, image_set), jumped=self._jumped)
 
     def report(self, fit: Fit, image_set: ImageSet) -> Report:
-        """Of the second."""
+        """Residuals and covariance of the second.
+
+        Parameters
+        ----------
+        fit, image_set : see `Judge.report`.
+
+        Returns
+        -------
+        That of the second.
+        """
         return self._second.report(fit, image_set)
 
     def learn(self, images: Images, state: State) -> None:
-        """Both."""
+        """Both learn.
+
+        Parameters
+        ----------
+        images, state : see `Engine.learn`.
+        """
         self._first.learn(images, state)
         self._second.learn(images, state)
 
@@ -278,7 +356,16 @@ class JointEngine(SequentialEngine):
         self._beside, self._chain, self._config = beside, chain, config
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
-        """Iterations and evaluations are those of all three; see `Solver.fit`."""
+        """Fit one after the other, then to the sum of both.
+
+        Parameters
+        ----------
+        start, first, prior : see `Solver.fit`.
+
+        Returns
+        -------
+        With the iterations and evaluations of all three.
+        """
         fit = super().fit(start, first, prior)
         if self._lost:
             return fit
@@ -298,7 +385,16 @@ class JointEngine(SequentialEngine):
         return fit
 
     def report(self, fit: Fit, image_set: ImageSet) -> Report:
-        """That of the second, without where it alone would have the body: the state rests on both."""
+        """Residuals and covariance; where the second alone would have the body is left out: the state rests on both.
+
+        Parameters
+        ----------
+        fit, image_set : see `Judge.report`.
+
+        Returns
+        -------
+        That of the second otherwise.
+        """
         report = super().report(fit, image_set)
         if self._lost or report.images is None:
             return report

@@ -9,7 +9,6 @@ import numpy as np
 
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from .camera_fault import CameraFault
 
 
 class Status(IntEnum):
@@ -43,13 +42,16 @@ class LimbStatus(IntEnum):
     UNSEEN = 4
 
 
+TURNED, DELAYED = "turned", "delayed"
+"""Kinds of faults of a camera."""
+
 PX, GRAY_LEVELS = "px", "gray levels"
 """Units of residuals: of contours, and of colors and texture."""
 
 
 @dataclass(frozen=True)
 class LimbReport:
-    """How far one limb can be trusted; ``probability`` is that its end is not where the state says, ``reason`` for people."""
+    """Assessment of one limb; ``probability`` is that its end is not where the state says, ``reason`` for people."""
 
     name: str
     status: LimbStatus
@@ -69,6 +71,32 @@ class CameraReport:
     stamp_ns: int
     residual: float
     samples: int
+
+
+@dataclass(frozen=True)
+class CameraFault:
+    """A camera that the others contradict in one way.
+
+    ``kind`` is `TURNED` (``size`` and ``sigma`` in radians: since the calibration, about its center) or `DELAYED` (seconds by
+    which its images are later than their stamps say; negative: earlier). ``rivals`` are cameras of which it might as well be one.
+    """
+
+    camera: str
+    kind: str
+    size: float
+    sigma: float
+    since_ns: int
+    rivals: tuple[str, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """For people."""
+        who = " or ".join((self.camera, *self.rivals))
+        if self.kind == TURNED:
+            turn = f"{np.degrees(self.size):.1f} degrees (+- {np.degrees(self.sigma):.1f})"
+            return f"{who} is turned by {turn} from where its calibration has it"
+        when = "late" if self.size > 0 else "early"
+        return f"images of {who} are {1e3 * abs(self.size):.0f} ms (+- {1e3 * self.sigma:.0f}) {when}"
 
 
 @dataclass(frozen=True)

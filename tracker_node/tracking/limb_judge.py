@@ -100,7 +100,7 @@ class LimbJudge:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what limbs have looked like."""
+        """Forget the evidence of limbs."""
         self._levels: np.ndarray | None = None  # (n_limbs, n_measures)
         self.shares = np.full((len(self.limbs), len(MEASURES)), np.nan)
         self.restart()

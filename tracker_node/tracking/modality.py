@@ -28,7 +28,7 @@ class Modality(Protocol):
     def lessons(self, known: bool) -> Sequence[Any]:
         """What `learn_first` takes, one after the other; empty where nothing is to be learned.
 
-        ``known``: the body is just where it is said to be, and nothing is fitted.
+        ``known``: the body is exactly where it is said to be, and nothing is fitted.
         """
         ...
 
@@ -49,7 +49,7 @@ class Modality(Protocol):
         Parameters
         ----------
         images : of all cameras, at one stamp or nearly.
-        expected : where the body is expected; None: nobody knows, and nothing is compared.
+        expected : where the body is expected; None: not known, and nothing is compared.
         delays : when each camera exposes; None: all at the stamp.
         """
         ...

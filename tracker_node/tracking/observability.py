@@ -38,6 +38,7 @@ def unobservable(information: np.ndarray, model: ArticulatedModel, unseen_m: flo
     Parameters
     ----------
     information : (n_dof, n_dof) inverse covariance of the tangent by the images alone (`TrackEstimate.information`).
+    model : the body.
     unseen_m : a direction is unseen when its standard deviation moves the farthest point of the body by more than this.
 
     Returns

@@ -52,7 +52,12 @@ _REPRESENTATIONS = {"affine": "texture", "scene": "color_over_background"}
 
 
 def refuse_renamed(values: Mapping[str, Any], source: str) -> None:
-    """Refuse parameters of version 0.1 in a mapping, nested or dotted.
+    """Refuse parameters of version 0.1.
+
+    Parameters
+    ----------
+    values : mapping, nested or dotted.
+    source : named in the message.
 
     Raises
     ------

@@ -1,14 +1,14 @@
-"""Which camera stands elsewhere than the calibration says, or runs late: told from what cameras disagree on while tracking.
+"""Which camera stands elsewhere than the calibration says, or is delayed: by what cameras disagree on while tracking.
 
-Each camera's contours pull the body to where they would have it. What all cameras want, the pose takes up; what one camera wants
-for itself stays behind as a residual. If that is the same turn about the camera's center in set after set, the camera has been
+Each camera's contours draw the body to where they fit. What all cameras agree on, the pose takes up; what only one camera asks
+for remains as a residual. If that is the same turn about the camera's center in set after set, the camera has been
 turned; if it is the body's own motion times a constant, the camera's images are late by that constant.
 
 With the residuals of camera i linearized as r_i + J_i x + W_i F_i phi_i, x the tangent of the state and F_i phi_i the twist of
 every link that makes up for a fault phi_i = (rotation (3) in camera axes, delay), the state is eliminated from the normal
-equations of all cameras (Schur complement). This is leaving one out done right: how far a faulty camera has pulled the pose
-along, and so hidden a part of its own fault, is accounted for. What remains is a quadratic function of the faults alone, and adds
-up over image sets.
+equations of all cameras (Schur complement). This is leaving one out done right: how far a faulty camera has moved the pose,
+and so hidden a part of its own fault, is accounted for. What remains is a quadratic function of the faults alone, and adds up
+over image sets.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ..geometry import so3
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..objective.normal_equations import Comparison
-from .camera_fault import DELAYED, TURNED, CameraFault
+from .estimate import DELAYED, TURNED, CameraFault
 
 _N = 4  # parameters of a camera's fault: rotation (3), delay
 # Which of them a fault may have; the turn about the optical axis, hardly known where the body is small, is left out if it can be
@@ -35,8 +35,8 @@ _ALIKE = 0.6  # share of what one camera explains from which on another might as
 
 @dataclass(frozen=True)
 class SelfCheckOptions:
-    """How far back is looked; a fault has to be larger than ``angle_rad`` or ``delay_s``, and than ``sigmas`` times its standard
-    deviation."""
+    """``window_s`` is how far back; a fault has to be larger than ``angle_rad`` or ``delay_s``, and than ``sigmas`` times its
+    standard deviation."""
 
     window_s: float = 2.0
     angle_rad: float = np.radians(0.3)
@@ -100,11 +100,20 @@ class SelfCheck:
         return self._faults
 
     def skip(self) -> None:
-        """A set that is not believed: no velocity is taken across it."""
+        """A set that is not used: no velocity is taken across it."""
         self._pending = self._before = None
 
     def add(self, stamp_ns: int, fit: Comparison) -> tuple[CameraFault, ...]:
-        """Take in the fit of one image set; returns `faults`. What a single camera sees contradicts nobody."""
+        """Take in the fit of one image set. What a single camera sees contradicts nobody.
+
+        Parameters
+        ----------
+        stamp_ns, fit : of the image set.
+
+        Returns
+        -------
+        `faults`.
+        """
         if sum(camera is not None for camera in fit.cameras) < 2:
             self.skip()
             return self._faults
@@ -192,7 +201,7 @@ class SelfCheck:
     def _fit(self, n_blocks: int, named: list[_Fit], camera: int, chosen: tuple[int, ...]) -> _Fit:
         """Least squares over the latest blocks for the parameters ``chosen``, those of cameras named before being free too.
 
-        The covariance adds what the scatter of the blocks tells (errors are shared by neighboring samples and images) to that of
+        The covariance adds what the scatter of the blocks gives (errors are common to neighboring samples and images) to that of
         independent errors.
         """
         given = [k for fit in named for k in fit.chosen]

@@ -20,12 +20,11 @@ from ..optimize.levenberg_marquardt import clip_to_limits
 from ..parallel import Workers
 from ..render.occluders import Occluders
 from .assessment import Assessment, Report
-from .camera_fault import CameraFault
 from .config import TrackerConfig, checked_combination
 from .covariance import ImageEvidence, fit_covariance
 from .engine import AnyEngine
 from .engines import make_engine
-from .estimate import GRAY_LEVELS, PX, LimbStatus, Status, Timings, TrackEstimate
+from .estimate import GRAY_LEVELS, PX, CameraFault, LimbStatus, Status, Timings, TrackEstimate
 from .initialization.detector import body_size
 from .initialization.initializer import NOT_GIVEN, Initializer
 from .modality import Images
@@ -136,7 +135,7 @@ class Tracker:
         Parameters
         ----------
         other : has tracked until now.
-        image_set : its latest, which teaches what the body looks like.
+        image_set : its latest, from which the appearance of the body is learned.
 
         Raises
         ------

@@ -33,8 +33,14 @@ def warm_up(
     """Track a drawn body in small images with a tracker of this kind, and forget it.
 
     What the tracker does later is the same with and without: only its code is in memory. How much is fitted and searched is
-    cut down, since only that it is counts. Where no ``state`` is given, the body is looked for, too. ``writeable``: whether the
-    images will be; views of messages are not, and code for them is compiled apart.
+    cut down, since only that it is counts.
+
+    Parameters
+    ----------
+    rig, model, config : cameras, body and parameters of the tracker.
+    state : where the body is; None: it is searched, too.
+    occluders : what may stand before the body.
+    writeable : whether the images will be; views of messages are not, and code for them is compiled apart.
 
     Raises
     ------
@@ -63,7 +69,11 @@ class SmallTrackers:
         self._plates = {name: plates[name] for name in plated}
 
     def check(self, cameras: Sequence[str], config: TrackerConfig) -> None:
-        """Make one for these cameras, and forget it.
+        """Make a tracker for some cameras, and forget it.
+
+        Parameters
+        ----------
+        cameras, config : names, and parameters.
 
         Raises
         ------

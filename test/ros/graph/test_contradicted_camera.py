@@ -11,7 +11,7 @@ from helpers.ros.samples import write_recording
 from tracker_node.geometry import so3
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 from tracker_node.ros.diagnostics import statuses_of
-from tracker_node.tracking.camera_fault import DELAYED, TURNED, CameraFault
+from tracker_node.tracking.estimate import DELAYED, TURNED, CameraFault
 
 RATE_HZ, N = 30.0, 50
 TILT_DEG = 1.0

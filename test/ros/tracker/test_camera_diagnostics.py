@@ -13,7 +13,7 @@ from tracker_node.ros.diagnostics import ERROR, OK, STALE, WARN
 from tracker_node.ros.tracker.camera_diagnostics import CameraDiagnostics, compared_lenses, lens_distance
 from tracker_node.ros.tracker.image_inbox import ImageInbox, InboxOptions
 from tracker_node.ros.tracker.setup import WorkerCounts
-from tracker_node.tracking.camera_fault import CameraFault
+from tracker_node.tracking.estimate import CameraFault
 
 NAMES = ("cam1", "cam2", "cam3")
 

@@ -12,9 +12,8 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.synthesis.scenes.scene import SceneConfig, Studio, make_rig
 from tracker_node.synthesis.subjects.cones import ModelSubject
-from tracker_node.tracking.camera_fault import DELAYED, TURNED
 from tracker_node.tracking.config import from_dict
-from tracker_node.tracking.estimate import TrackEstimate
+from tracker_node.tracking.estimate import DELAYED, TURNED, TrackEstimate
 from tracker_node.tracking.tracker import Tracker
 
 RATE_HZ, N = 30.0, 60

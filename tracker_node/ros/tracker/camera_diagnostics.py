@@ -13,7 +13,7 @@ from ...camera.model import CameraModel
 from ...camera.rig import CameraRig
 from ...errors import TrackerError
 from ...runs.messages import lens_of
-from ...tracking.camera_fault import CameraFault
+from ...tracking.estimate import CameraFault
 from ..diagnostics import ERROR, OK, PAUSED, STALE, WARN, Diagnostics, statuses_of
 from .image_inbox import ImageInbox
 from .worker import TrackingWorker

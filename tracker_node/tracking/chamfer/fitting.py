@@ -34,7 +34,12 @@ class ChamferFitting:
         return False
 
     def remember(self, fit: Fit, assessment: Assessment) -> None:
-        """Nothing is remembered from fit to fit."""
+        """Nothing is remembered from fit to fit.
+
+        Parameters
+        ----------
+        fit, assessment : see `Solver.remember`.
+        """
 
     def fit(self, start: State, first: bool, prior: Prior | None) -> Fit:
         """Coarse iterations, then fine ones.

@@ -53,7 +53,7 @@ class ChamferJudge:
         Parameters
         ----------
         fit : of the images of ``image_set``.
-        image_set : tells which cameras are there.
+        image_set : its cameras.
 
         Returns
         -------
@@ -126,7 +126,7 @@ class Recovery:
 
     def __init__(self) -> None:
         self._usual: float | None = None
-        self._missing = 0  # image sets of good agreement that are still asked for
+        self._missing = 0  # image sets of good agreement that are still needed
 
     def update(self, status: Status, reason: str, agreement: float) -> tuple[Status, str]:
         """Status in the light of the image sets before.

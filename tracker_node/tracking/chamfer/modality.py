@@ -74,7 +74,12 @@ class ChamferModality:
         return (margin,) if known else (_FIRST_MARGIN * margin, margin)
 
     def learn_first(self, images: Images, state: State, lesson: int) -> None:
-        """Learn what body and background look like anew."""
+        """Learn the appearance of body and background anew.
+
+        Parameters
+        ----------
+        images, state, lesson : see `Modality.learn_first`.
+        """
         self._delays = None
         sights = self._look(state, images)
 
@@ -86,7 +91,12 @@ class ChamferModality:
         self._body.parallel(learn, _seen(images, sights))
 
     def set_images(self, images: Images, expected: State | None, delays: ExposureDelays | None = None) -> None:
-        """Silhouettes, edges and their distances around the expected body."""
+        """Silhouettes, edges and their distances around the expected body.
+
+        Parameters
+        ----------
+        images, expected, delays : see `Modality.set_images`.
+        """
         self._delays = delays
         self.observations = [None] * len(self._rig)
         if expected is None:
@@ -101,7 +111,16 @@ class ChamferModality:
         self._body.parallel(observe, _seen(images, sights))
 
     def correspond(self, state: State, detail: str) -> ContourCorrespondences:
-        """Distances of the contours that are seen in ``state``, which hold for other states too."""
+        """Distances of the contours that are seen in a state; they hold for other states too.
+
+        Parameters
+        ----------
+        state, detail : see `Modality.correspond`.
+
+        Returns
+        -------
+        The samples with the evidence of each camera.
+        """
         maps = [
             None if o is None or o.empty else EvidenceMaps(o.region[:2], o.silhouette_distance, o.edge_distance, o.boundary)
             for o in self.observations
@@ -109,7 +128,12 @@ class ChamferModality:
         return ContourCorrespondences(self._body, maps, self._options[detail], state, self._offsets(state))
 
     def learn(self, images: Images, state: State, weights: np.ndarray | None) -> None:
-        """Appearances change slowly: in each image set some of the cameras learn."""
+        """Appearances change slowly: in each image set some of the cameras learn.
+
+        Parameters
+        ----------
+        images, state, weights : see `Modality.learn`; the weights have no part.
+        """
         turn = cameras_in_turn(images, self._count, self._config.chamfer.learn_every)
         self._count += 1
         if not any(self._observers[i].learns for i, image in enumerate(turn) if image is not None):

@@ -23,7 +23,7 @@ from ..modality import Images
 _RING_PX = 24  # width of what is taken for the surroundings
 _STEP = 2  # every second pixel is enough
 _LEAST_PART = 200  # pixels of a part, over all cameras, below which nothing is said of it
-_PLAIN = 0.5  # a part whose difference from the surroundings is below this share of the whole body's cannot be told from them
+_PLAIN = 0.5  # a part whose difference from the surroundings is below this fraction of the whole body's is not distinct from them
 _LEAST_CAMERA = 50
 
 

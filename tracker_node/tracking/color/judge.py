@@ -38,12 +38,27 @@ class ColorJudge:
         """Nothing is remembered from fit to fit."""
 
     def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
-        """Of the whole body; see `Judge.assess`."""
+        """Assess the whole body.
+
+        Parameters
+        ----------
+        fit, image_set : see `Judge.assess`.
+
+        Returns
+        -------
+        Status by the agreement of colors.
+        """
         return assess_colors(self._modality.agreement(fit.state), self._model, self._rig, image_set.cameras, self._config)
 
     def report(self, fit: Fit, image_set: ImageSet) -> Report:
-        """Residuals are in gray levels, samples are pixels of the mask; see `Judge.report`.
+        """Residuals in gray levels, samples in pixels of the mask.
 
+        Parameters
+        ----------
+        fit, image_set : see `Judge.report`.
+
+        Returns
+        -------
         The covariance is the inverse of the normal equations times the variance of a pixel.
         """
         agreement, reports = self._modality.agreement(fit.state), []

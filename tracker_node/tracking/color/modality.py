@@ -98,12 +98,22 @@ class ColorModality:
         return (1.0,) if known else (1.0, 1.0)
 
     def learn_first(self, images: Images, state: State, lesson: float) -> None:
-        """Learn the colors of all parts."""
+        """Learn the colors of all parts.
+
+        Parameters
+        ----------
+        images, state, lesson : see `Modality.learn_first`.
+        """
         self._learned = True
         self._learn(images, state, lesson)
 
     def set_images(self, images: Images, expected: State | None, delays: ExposureDelays | None = None) -> None:
-        """Blur and halve the images around the expected body."""
+        """Blur and halve the images around the expected body.
+
+        Parameters
+        ----------
+        images, expected, delays : see `Modality.set_images`; the delays have no part.
+        """
         self._images = [None] * len(self._rig) if expected is None else images
         self._agreement = None
         around = State.neutral(self._model) if expected is None else expected
@@ -112,7 +122,16 @@ class ColorModality:
             self._scores.set_images(self._images, expected)
 
     def correspond(self, state: State, detail: int) -> SurfaceCorrespondences:
-        """Points of the surface that is seen in ``state``, on level ``detail`` of the pyramid."""
+        """Points of the surface that is seen in a state.
+
+        Parameters
+        ----------
+        state, detail : see `Modality.correspond`; the level of the pyramid, 0 the finest.
+
+        Returns
+        -------
+        Points with the colors that they should have.
+        """
         return self._photometry.correspond(state, detail)
 
     def agreement(self, state: State) -> ColorAgreement:
@@ -131,7 +150,12 @@ class ColorModality:
         return self.correspond(state, 0), 1.0 / self.variance(state)
 
     def learn(self, images: Images, state: State, weights: np.ndarray | None) -> None:
-        """Colors follow slowly, where they are to."""
+        """Colors follow slowly, where ``color_rate`` is positive.
+
+        Parameters
+        ----------
+        images, state, weights : see `Modality.learn`; the weights have no part.
+        """
         if self._config.color_rate > 0.0:
             self._learn(images, state, self._config.color_rate)
 

@@ -82,11 +82,21 @@ class BackgroundScores:
         ]
 
     def set_colors(self, learned: np.ndarray | None, rgb: np.ndarray) -> None:
-        """See `ColorScores`."""
+        """Take the colors of all parts.
+
+        Parameters
+        ----------
+        learned, rgb : see `ColorScores.set_colors`.
+        """
         self.objective.set_colors(rgb)
 
     def set_images(self, images: Images, expected: State | None) -> None:
-        """See `ColorScores`."""
+        """Take the images of a set, and what there is to explain: the surroundings of the expected body.
+
+        Parameters
+        ----------
+        images, expected : see `ColorScores.set_images`.
+        """
         self.objective.set_images(self._shrunk(images))
         if expected is not None:
             configuration = Configuration(self._model, expected)
@@ -105,7 +115,16 @@ class BackgroundJudge(ColorJudge):
         self._scores = scores
 
     def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
-        """See `Judge.assess`."""
+        """Status by colors, and by how much of the difference to the backgrounds the body explains.
+
+        Parameters
+        ----------
+        fit, image_set : see `Judge.assess`.
+
+        Returns
+        -------
+        The worse of both.
+        """
         shares = 1.0 - self._scores.objective.evaluate(fit.state).camera_scores
         seen = shares[np.isfinite(shares)]
         median = float(np.median(seen)) if len(seen) else 0.0
@@ -146,7 +165,16 @@ class BackgroundSearch:
         self._parts = stages_of(model.chain)
 
     def run(self, start: State, priors: Sequence[Prior], first: bool) -> Fit:
-        """Where no camera shows the body, it stays; see `ColorSearch.run`."""
+        """Where no camera shows the body, it stays.
+
+        Parameters
+        ----------
+        start, priors, first : see `ColorSearch.run`.
+
+        Returns
+        -------
+        The fit.
+        """
         score, chain, state, evaluations, converged = _WithPriors(self._objective, priors), self._model.chain, start, 0, False
         walks = [(part.variables, _FIRST_STAGE if first else _STAGE) for part in self._parts]
         for variables, options in [*walks, (None, _POLISH)]:
@@ -155,7 +183,16 @@ class BackgroundSearch:
         return walked(self._modality, state, priors, len(walks) + 1, evaluations, converged)
 
     def find_limb(self, limb: Limb, around: State, rng: np.random.Generator) -> State:
-        """The best of many random places of ``limb``, walked downhill from; see `ColorSearch.find_limb`."""
+        """The best of many random places of a limb, walked downhill from.
+
+        Parameters
+        ----------
+        limb, around, rng : see `ColorSearch.find_limb`.
+
+        Returns
+        -------
+        The state with the limb there.
+        """
         chain, spread = self._model.chain, np.deg2rad(self._config.search_angle_deg)
         turns = rng.uniform(-2.0 * spread, 2.0 * spread, (self._config.search_states // 4, int(limb.dofs.sum())))
         tangents = np.zeros((1 + len(turns), chain.n_dof))

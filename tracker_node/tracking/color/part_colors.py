@@ -61,10 +61,15 @@ class PartColors:
         self.rgb = np.tile(np.array([shape.color_rgb for shape in model.shapes], dtype=np.float64), (len(rig), 1, 1))
 
     def learn(self, images: Images, state: State, share: float) -> None:
-        """Mix in ``share`` of the colors that the parts of a body in ``state`` have in the images.
+        """Mix in the colors that the parts of a body have in the images.
 
-        A part's color is the median over what a camera shows of it. With a ``share`` of one, a part that a camera does not show
-        gets the mean of the other cameras, if one of them does.
+        A part's color is the median over what a camera shows of it.
+
+        Parameters
+        ----------
+        images, state : of all cameras, and the body's in them.
+        share : weight of the new colors, 0..1; with one, a part that a camera does not show gets the mean of the other
+            cameras, if one of them does.
         """
         found = np.full(self.rgb.shape, np.nan)
         for i, image in enumerate(images):

@@ -1,4 +1,4 @@
-"""A rigid body by its colors: alignment over the moving mask, and hypotheses where its score is not to be trusted."""
+"""A rigid body by its colors: alignment over the moving mask, and hypotheses where its score is too near to chance."""
 
 from __future__ import annotations
 
@@ -35,12 +35,22 @@ class RigidScores:
         self.blind = True
 
     def set_colors(self, learned: np.ndarray | None, rgb: np.ndarray) -> None:
-        """See `ColorScores`."""
+        """Take the learned colors.
+
+        Parameters
+        ----------
+        learned, rgb : see `ColorScores.set_colors`.
+        """
         self.score.set_colors(learned)
         self.pyramid.set_colors(learned)
 
     def set_images(self, images: Images, expected: State | None) -> None:
-        """See `ColorScores`."""
+        """Take the images of a set.
+
+        Parameters
+        ----------
+        images, expected : see `ColorScores.set_images`.
+        """
         self.blind = all(image is None for image in images)
         self.score.set_images(images)
         self.pyramid.set_images(images)
@@ -54,9 +64,17 @@ class RigidSearch:
         self._blind = AlignmentSearch(model, config, modality)
 
     def run(self, start: State, priors: Sequence[Prior], first: bool) -> Fit:
-        """Priors are for joints, and have no part; see `ColorSearch.run`.
+        """Align, and search where the score is too near to chance.
 
         Of ``color.search_states`` a quarter is tried a round: there are several.
+
+        Parameters
+        ----------
+        start, priors, first : see `ColorSearch.run`; priors are for joints, and have no part.
+
+        Returns
+        -------
+        The fit.
         """
         config, chain, scores = self._config, self._model.chain, self._scores
         if scores.blind:
@@ -72,5 +90,14 @@ class RigidSearch:
         return ended(result, scores.pyramid.at_level(0))
 
     def find_limb(self, limb: Limb, around: State, rng: np.random.Generator) -> State:
-        """There is none."""
+        """There is none.
+
+        Parameters
+        ----------
+        limb, around, rng : see `ColorSearch.find_limb`.
+
+        Returns
+        -------
+        ``around``.
+        """
         return around

@@ -97,10 +97,24 @@ class ColorSolver:
         return False
 
     def remember(self, fit: Fit, assessment: Assessment) -> None:
-        """Nothing is remembered from fit to fit."""
+        """Nothing is remembered from fit to fit.
+
+        Parameters
+        ----------
+        fit, assessment : see `Solver.remember`.
+        """
 
     def fit(self, start: State, first: bool, prior: Prior | None) -> Fit:
-        """From coarse to fine, then limbs that do not agree; ``prior`` is in other units, and left out. See `Solver.fit`."""
+        """From coarse to fine, then limbs that do not agree.
+
+        Parameters
+        ----------
+        start, first, prior : see `Solver.fit`; the prior is in other units, and left out.
+
+        Returns
+        -------
+        The fit.
+        """
         fit = self._search.run(start, self._priors(start), first)
         for limb in self._limbs:
             if self._agreement(fit, limb) < self._config.degraded_agreement and self._config.search_states:
@@ -137,7 +151,16 @@ class AlignmentSearch:
         self._parts = stages_of(model.chain) if config.hierarchical else ()
 
     def run(self, start: State, priors: Sequence[Prior], first: bool) -> Fit:
-        """See `ColorSearch.run`."""
+        """Align from coarse to fine, on the coarsest level part by part.
+
+        Parameters
+        ----------
+        start, priors, first : see `ColorSearch.run`.
+
+        Returns
+        -------
+        The fit.
+        """
         config = self._config
         passes, coarsest = config.first_passes if first else config.passes, config.levels - 1
         options = LevenbergMarquardtOptions(max_iterations=config.iterations, tolerance=_TOLERANCE)
@@ -149,10 +172,18 @@ class AlignmentSearch:
         return self._fitter.fit(start, self._modality, stages, priors)
 
     def find_limb(self, limb: Limb, around: State, rng: np.random.Generator) -> State:
-        """Generate and test, from proximal to distal; see `ColorSearch.find_limb`.
+        """Generate and test, from proximal to distal.
 
         For each link in turn random angles, from the few best places of what carries it; only the links placed so far are scored.
         The best of the whole limb are aligned.
+
+        Parameters
+        ----------
+        limb, around, rng : see `ColorSearch.find_limb`.
+
+        Returns
+        -------
+        The state with the limb in its best place.
         """
         config, chain = self._config, self._model.chain
         points = self._modality.correspond(around, min(_SEARCH_LEVEL, config.levels - 1))
@@ -198,11 +229,21 @@ class MaskScores:
         self.score = score
 
     def set_colors(self, learned: np.ndarray | None, rgb: np.ndarray) -> None:
-        """See `ColorScores`."""
+        """Take the learned colors.
+
+        Parameters
+        ----------
+        learned, rgb : see `ColorScores.set_colors`.
+        """
         self.score.set_colors(learned)
 
     def set_images(self, images: Images, expected: State | None) -> None:
-        """See `ColorScores`."""
+        """Take the images of a set.
+
+        Parameters
+        ----------
+        images, expected : see `ColorScores.set_images`.
+        """
         self.score.set_images(images)
 
 
@@ -214,7 +255,18 @@ class ScoreSearch(AlignmentSearch):
         self._score = score
 
     def run(self, start: State, priors: Sequence[Prior], first: bool) -> Fit:
-        """The hierarchy needs no polish of its own for the root's variables: the last walk moves them all."""
+        """Walk downhill part by part, then all together.
+
+        The hierarchy needs no polish of its own for the root's variables: the last walk moves them all.
+
+        Parameters
+        ----------
+        start, priors, first : see `ColorSearch.run`.
+
+        Returns
+        -------
+        The fit.
+        """
         walks: list[tuple[list[int] | None, bool]] = [(part.variables, False) for part in self._parts] or [(None, False)]
         walks += [(None, True)] if self._parts else []
         state, evaluations, converged = start, 0, False
@@ -253,7 +305,16 @@ def walked(
 
 
 def ended(result: OptimizerResult, correspondences: Correspondences) -> Fit:
-    """The fit that an alignment on ``correspondences`` without priors has ended with."""
+    """The fit that an alignment without priors has ended with.
+
+    Parameters
+    ----------
+    result, correspondences : the alignment's, and what it was on.
+
+    Returns
+    -------
+    With the correspondences as its objective.
+    """
     return Fit(
         result.state, result.equations, result.iterations, result.evaluations, result.converged, correspondences,
         SumObjective([correspondences]),

@@ -56,15 +56,34 @@ class TextureModality:
         return ()
 
     def learn_first(self, images: Images, state: State, lesson: None) -> None:
-        """Textures are known beforehand."""
+        """Textures are known beforehand.
+
+        Parameters
+        ----------
+        images, state, lesson : see `Modality.learn_first`; they have no part.
+        """
 
     def set_images(self, images: Images, expected: State | None, delays: ExposureDelays | None = None) -> None:
-        """Halve the images again and again."""
+        """Halve the images again and again.
+
+        Parameters
+        ----------
+        images, expected, delays : see `Modality.set_images`; the delays have no part.
+        """
         self._score = None
         self.objective.set_images([None] * self._n_cameras if expected is None else images)
 
     def correspond(self, state: State, detail: int) -> TextureLevel:
-        """Points of the textures that are seen in ``state``, on level ``detail``."""
+        """Points of the textures that are seen in a state.
+
+        Parameters
+        ----------
+        state, detail : see `Modality.correspond`; the level of the pyramid, 0 the finest.
+
+        Returns
+        -------
+        The level, on which it has been decided what is seen.
+        """
         level = self.objective.at_level(detail)
         level.linearize(state)
         return level
@@ -76,7 +95,12 @@ class TextureModality:
         return self._score[1]
 
     def learn(self, images: Images, state: State, weights: np.ndarray | None) -> None:
-        """Textures do not change."""
+        """Textures do not change.
+
+        Parameters
+        ----------
+        images, state, weights : see `Modality.learn`; they have no part.
+        """
 
 
 class TextureSolver:
@@ -103,11 +127,25 @@ class TextureSolver:
         return False
 
     def remember(self, fit: Fit, assessment: Assessment) -> None:
-        """The longer the body is lost, the wider it is searched."""
+        """The longer the body is lost, the wider it is searched.
+
+        Parameters
+        ----------
+        fit, assessment : see `Solver.remember`.
+        """
         self._lost = self._lost + 1 if assessment.status is Status.LOST else 0
 
     def fit(self, start: State, first: bool, prior: Prior | None) -> Fit:
-        """``prior`` is in other units, and left out; see `Solver.fit`."""
+        """Align; where the images do not agree, search.
+
+        Parameters
+        ----------
+        start, first, prior : see `Solver.fit`; the prior is in other units, and left out.
+
+        Returns
+        -------
+        The fit.
+        """
         objective, config = self._modality.objective, self._config
         fit = ended(align(objective, start, self._chain, self._alignment), objective.at_level(0))
         score = self._modality.score(fit.state)
@@ -149,7 +187,16 @@ class TextureJudge:
         """Nothing is remembered from fit to fit."""
 
     def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
-        """See `Judge.assess`."""
+        """Status by the contrast of the textures that the images show.
+
+        Parameters
+        ----------
+        fit, image_set : see `Judge.assess`.
+
+        Returns
+        -------
+        Of the whole body.
+        """
         score, config = self._modality.score(fit.state), self._config
         if not np.isfinite(score.score):
             return Assessment(Status.LOST, "no camera sees a texture of the body where it is expected", noise=True)
@@ -171,7 +218,16 @@ class TextureJudge:
         )  # fmt: skip
 
     def report(self, fit: Fit, image_set: ImageSet) -> Report:
-        """Residuals are in gray levels of the textures; see `Judge.report`."""
+        """Residuals in gray levels of the textures.
+
+        Parameters
+        ----------
+        fit, image_set : see `Judge.report`.
+
+        Returns
+        -------
+        Of all cameras.
+        """
         score, equations, config, reports = self._modality.score(fit.state), fit.equations, self._config, []
         for i, camera in enumerate(self._rig):
             image, points = image_set.get(camera.name), int(score.camera_points[i])

@@ -1,4 +1,4 @@
-"""Where a body is in images that nobody has told anything about: a start without a hand-set pose.
+"""Where a body is in images, without any hint: a start without a hand-set pose.
 
 From coarse to fine, on images in which the body is some eighty pixels high: log-odds of body against scene for every pixel
 (`evidence`); from these a visual hull, and in it the places where a body may stand (`objective.area.visual_hull`);
@@ -42,7 +42,7 @@ _SHAKES = 3
 _LIMB_SAMPLES = 48
 _ROUNDS = ((False, False), (False, False), (True, True), (False, True), (False, True), (False, True))
 # of search and learning: how thorough a search, and whether only what it finds goes on
-_SURE = 0.45  # a start that covers so much of the evidence is not looked for elsewhere
+_SURE = 0.45  # a start that covers so much of the evidence is not searched elsewhere
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class PoseDetector:
     Parameters
     ----------
     rig, model, config : cameras, body, parameters.
-    plates : camera name -> BGR image (or list of images) of the empty scene, where there is one.
+    plates : camera name -> BGR image (or list of images) of the background, where there is one.
     workers : threads that share poses.
 
     Attributes
@@ -98,16 +98,20 @@ class PoseDetector:
         self._evidence.reset()
 
     def watch(self, images: Images) -> None:
-        """Take in an image set in which nothing is looked for (yet): what moves is told from what does not."""
+        """Take in an image set in which nothing is searched (yet): what moves is separated from what does not."""
         self._evidence.watch([None if im is None else view.shrink(im) for im, view in zip(images, self._views, strict=True)])
 
     def find(self, images: Images, around: State | None = None) -> list[Start]:
-        """Starts in these BGR ``images``, the best first, that differ in place or heading; [] where there are none, and
-        ``problem`` then says why.
+        """Detect the body; where there is no start, ``problem`` says why.
 
         Parameters
         ----------
-        around : where the body was last: that place, and postures like that one, are looked at besides others.
+        images : BGR, of all cameras.
+        around : where the body was last: that place, and poses like that one, are tried besides others.
+
+        Returns
+        -------
+        Starts that differ in place or heading, the best first; empty where there are none.
         """
         self.watch(images)
         seen = [i for i, image in enumerate(images) if image is not None]
@@ -138,7 +142,7 @@ class PoseDetector:
     def _looked_for(self, middles: np.ndarray, around: State | None) -> list[Start]:
         """Starts at or near ``middles`` (n, 3), the best first.
 
-        Without pictures of the empty scene, colors are learned where a body is likely, then where one has been found.
+        Without background images, colors are learned where a body is likely, then where one has been found.
         """
         evidence = self._evidence
         if evidence.scene_known:
@@ -240,7 +244,20 @@ def find_start(
     config: InitializationConfig | None = None,
     around: State | None = None,
 ) -> list[State]:
-    """States that a body may be in, the likeliest first: `PoseDetector.find` for a single image set."""
+    """States that a body may be in: `PoseDetector.find` for a single image set.
+
+    Parameters
+    ----------
+    rig, model : cameras and body.
+    images : BGR, of all cameras.
+    plates : background images, by camera.
+    config : None: the defaults.
+    around : see `PoseDetector.find`.
+
+    Returns
+    -------
+    The likeliest first.
+    """
     finder = PoseDetector(
         rig, model, config or InitializationConfig(), plates or {}, Workers(1)
     )

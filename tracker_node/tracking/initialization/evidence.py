@@ -16,7 +16,7 @@ from ...observation.appearance import ColorModel, SceneModel, body_log_odds
 _SIGMA = 4.0  # gray levels that a pixel of the small empty scene varies by
 _MOVED_SIGMA = 5.0  # the same between two images of one scene
 _SHADOW = 0.65  # darkest; a wider range would take bare legs for the shadow that they cast
-_REACH = 3.0  # log-odds are not believed beyond
+_REACH = 3.0  # log-odds are clipped there
 _DENIED = 1.2  # nor those of the scene beyond this: a body may have the colors of what is behind it
 _MOST_IMAGES = 9  # that are kept to see what moves
 _RECENT = 2  # of them, the latest, in which a body is about where it is now
@@ -31,7 +31,7 @@ class StartEvidence:
 
     Parameters
     ----------
-    cameras : the small cameras. plates : camera name -> small images of the empty scene.
+    cameras : the small cameras. plates : camera name -> small background images.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class StartEvidence:
 
     @property
     def scene_known(self) -> bool:
-        """Whether every camera that has an image has a picture of the empty scene as well."""
+        """Whether every camera that has an image has a background image as well."""
         return all(scene is not None or image is None for scene, image in zip(self._scenes, self.images, strict=True))
 
     def watch(self, images: Sequence[np.ndarray | None]) -> None:
@@ -124,9 +124,16 @@ class StartEvidence:
         return _MOVED * (moved > 0.0) - _FAR * np.clip(_distance_to(moved > 0.0) / _NEAR_PX - 1.0, 0.0, 1.0)
 
     def maps_of_parts(self, parts: np.ndarray, scenes: Sequence[np.ndarray | None]) -> list[np.ndarray | None]:
-        """Log-odds (n, h, w) float32 of ``parts``, which are densities of colors (n, bins), against those of the scenes (bins,).
+        """Log-odds of parts against the scenes.
 
-        Where a scene has been seen empty, all parts are told from it alike.
+        Parameters
+        ----------
+        parts : (n, bins) densities of colors.
+        scenes : (bins,) of each camera; None where it is not known.
+
+        Returns
+        -------
+        (n, h, w) float32 of each camera, None without; where a background image is known, all parts have the same.
         """
         result: list[np.ndarray | None] = []
         for i, (odds, image, density) in enumerate(zip(self.maps(), self.images, scenes, strict=True)):
@@ -149,9 +156,13 @@ class StartEvidence:
         return np.max([_changed(image, old) for old in past], axis=0)
 
     def learn(self, inside: Sequence[np.ndarray], around: Sequence[np.ndarray]) -> None:
-        """Take colors from the latest images: those of the body, weighted by ``inside`` (h, w), and those near it, by ``around``.
+        """Learn colors from the latest images.
 
-        The body looks much the same from all sides, what is behind it does not.
+        The body is much the same from all sides, what is behind it does not.
+
+        Parameters
+        ----------
+        inside, around : (h, w) weights of pixels on the body, and near it, of each camera.
         """
         own = {
             i: color_density(image, weights)
@@ -195,13 +206,31 @@ def color_bins(image: np.ndarray) -> np.ndarray:
 
 
 def scene_density(image: np.ndarray, around: np.ndarray) -> np.ndarray:
-    """(bins^3,) density of the colors beside a body: mostly of those near it, weighted by ``around`` (h, w)."""
+    """Density of the colors beside a body, mostly of those near it.
+
+    Parameters
+    ----------
+    image, around : (h, w, 3) BGR uint8, and (h, w) weights of pixels near the body.
+
+    Returns
+    -------
+    (bins^3,).
+    """
     whole = color_density(image, np.ones(image.shape[:2]))
     return 0.75 * color_density(image, around) + 0.25 * whole if around.sum() > 1.0 else whole
 
 
 def color_density(image: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(bins^3,) smoothed share of each bin of colors, pixels counting by their ``weights`` (h, w)."""
+    """Smoothed fraction of each bin of colors.
+
+    Parameters
+    ----------
+    image, weights : (h, w, 3) BGR uint8, and (h, w) of its pixels.
+
+    Returns
+    -------
+    (bins^3,).
+    """
     counts = np.bincount(color_bins(image).ravel(), weights.ravel().astype(np.float64), _BINS**3)
     smooth = ndimage.gaussian_filter(counts.reshape(_BINS, _BINS, _BINS), 0.7, mode="constant").ravel()
     return smooth / max(float(smooth.sum()), 1e-9)

@@ -46,7 +46,16 @@ class SilhouetteFit:
         self._weights = weights
 
     def correspond(self, state: State, detail: ContourOptions) -> ContourCorrespondences:
-        """Distances of the outline that is seen in ``state`` to the silhouettes."""
+        """Distances to the silhouettes of the outline that is seen in a state.
+
+        Parameters
+        ----------
+        state, detail : of the body, and how finely.
+
+        Returns
+        -------
+        The samples with the silhouettes of each camera.
+        """
         return ContourCorrespondences(self._body, self._maps, detail, state)
 
     def fit(self, state: State, iterations: int = 12) -> State:

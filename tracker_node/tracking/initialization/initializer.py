@@ -1,4 +1,4 @@
-"""From images to a state to track from: starts are found, tried by the engine, mended, and held against each other."""
+"""From images to a state to track from: starts are detected, tried by the engine, repaired, and compared with each other."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Initializer:
         self.stop()
 
     def stop(self) -> None:
-        """Nothing is looked for any more; what has moved is remembered, the memory of the search given back."""
+        """The search is over; what has moved is remembered, the memory of the search freed."""
         self._contest: Contest | None = None
         self._pause = 0
         if self._engine is not None or self._followers:
@@ -79,9 +79,16 @@ class Initializer:
         self._finder.watch(images)
 
     def find(self, images: Images, image_set: ImageSet, around: State | None = None) -> tuple[Follower, TrackEstimate] | None:
-        """A tracker that has the body, and what it says of this image set; None without, and ``problem`` says why.
+        """Find the body; where that fails, ``problem`` says why, and the next few image sets are only watched.
 
-        After a search in vain, the next few image sets are only watched. ``around`` is where the body was last.
+        Parameters
+        ----------
+        images, image_set : BGR pixels of all cameras, and the set that they are of.
+        around : where the body was last.
+
+        Returns
+        -------
+        A tracker that has the body, and its estimate for this image set; None without.
         """
         if self._contest is not None:
             self._finder.watch(images)

@@ -1,4 +1,4 @@
-"""Postures to begin a search with.
+"""Poses to begin a search with.
 
 A body whose axes have the names of the human's gets postures that people are found in; any body gets its neutral posture and
 samples between its limits.
@@ -70,7 +70,17 @@ def reachable(chain: KinematicChain) -> tuple[np.ndarray, np.ndarray]:
 
 
 def postures(model: ArticulatedModel, n_random: int, seed: int) -> np.ndarray:
-    """Joint angles (n, n_axes), the neutral ones first, each posture once."""
+    """Joint angles of typical and of random poses.
+
+    Parameters
+    ----------
+    model : the body.
+    n_random, seed : number of random ones, and their seed.
+
+    Returns
+    -------
+    (n, n_axes) the neutral ones first, each pose once.
+    """
     chain = model.chain
     neutral = np.array([axis.neutral for axis in chain.axes])
     rows = [neutral]

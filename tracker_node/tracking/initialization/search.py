@@ -1,4 +1,4 @@
-"""Generate and test: in which posture a body is in the maps of evidence, limb by limb."""
+"""Generate and test: in which pose a body is in the maps of evidence, limb by limb."""
 
 from __future__ import annotations
 
@@ -37,7 +37,18 @@ class HypothesisSearch:
         return self._score.scores(poses.roots, poses.joints) - self._prior_weight * np.sum(off**2, axis=1)
 
     def best(self, poses: Poses, scores: np.ndarray, n: int, apart_m: float, apart_rad: float) -> np.ndarray:
-        """Indices of the best ``n``, best first, that differ from each other in place or in heading."""
+        """The best hypotheses that differ from each other in place or in heading.
+
+        Parameters
+        ----------
+        poses, scores : hypotheses, and (n_poses,).
+        n : at most.
+        apart_m, apart_rad : nearer than both, two are the same.
+
+        Returns
+        -------
+        Indices, best first.
+        """
         chosen: list[int] = []
         for i in np.argsort(-scores, kind="stable"):
             others = poses.roots[chosen]
@@ -51,10 +62,20 @@ class HypothesisSearch:
         return np.array(chosen, dtype=np.int64)
 
     def varied(self, poses: Poses, samples: int, rng: np.random.Generator) -> Poses:
-        """Variants of each hypothesis, those of one after those of the other.
+        """Variants of each hypothesis.
 
-        There are as many as limbs, each with the best of ``samples`` settings of that limb from anywhere between its limits; and
-        one that faces the other way, left and right exchanged.
+        There are as many as limbs, each with the best of some settings of that limb from anywhere between its limits; and one
+        that faces the other way, left and right exchanged.
+
+        Parameters
+        ----------
+        poses : hypotheses.
+        samples : settings of a limb.
+        rng : chooses them.
+
+        Returns
+        -------
+        Those of one hypothesis after those of the other.
         """
         n, variants = len(poses), []
         for limb in self._limbs:
@@ -73,14 +94,35 @@ class HypothesisSearch:
         return Poses(roots, poses.joints[:, self._other_side])
 
     def best_of(self, poses: Poses, scores: np.ndarray, variants: Poses) -> tuple[Poses, np.ndarray]:
-        """Each hypothesis, or the best of its ``variants`` (as many for each, one after the other)."""
+        """Each hypothesis, or the best of its variants.
+
+        Parameters
+        ----------
+        poses, scores : hypotheses, and (n_poses,).
+        variants : as many for each, one after the other.
+
+        Returns
+        -------
+        As many hypotheses, with their scores.
+        """
         n = len(poses)
         found = self.scores(variants).reshape(n, -1)
         winner = np.argmax(found, axis=1)
         return self._better(poses, scores, variants[np.arange(n) * found.shape[1] + winner], found[np.arange(n), winner])
 
     def shaken(self, poses: Poses, scores: np.ndarray, samples: int, rng: np.random.Generator) -> tuple[Poses, np.ndarray]:
-        """Each hypothesis after limb by limb, and the root, the best of ``samples`` small changes has been made."""
+        """Each hypothesis after the best of small changes, limb by limb and of the root.
+
+        Parameters
+        ----------
+        poses, scores : hypotheses, and (n_poses,).
+        samples : changes of each.
+        rng : chooses them.
+
+        Returns
+        -------
+        As many hypotheses, with their scores.
+        """
         n = len(poses)
         for limb in (None, *self._limbs):
             roots, joints = np.repeat(poses.roots, samples, axis=0), np.repeat(poses.joints, samples, axis=0)
@@ -96,7 +138,17 @@ class HypothesisSearch:
         return poses, scores
 
     def better(self, poses: Poses, scores: np.ndarray, others: Poses) -> tuple[Poses, np.ndarray]:
-        """Each of ``others`` that scores higher takes the place of its hypothesis."""
+        """Each of the others that scores higher takes the place of its hypothesis.
+
+        Parameters
+        ----------
+        poses, scores : hypotheses, and (n_poses,).
+        others : as many.
+
+        Returns
+        -------
+        As many hypotheses, with their scores.
+        """
         return self._better(poses, scores, others, self.scores(others))
 
     @staticmethod

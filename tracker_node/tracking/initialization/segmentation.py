@@ -21,7 +21,7 @@ _SLIM = 0.3  # how wide a standing body is for its height
 _RING_PX = 14  # around a body in which the colors of its surroundings are learned
 _CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 _FINE_VOXELS = 20  # along the body, where cameras are to agree
-_FIRM, _HALF_SEEN = 6.0, 0.55  # log-odds by how likely a pixel looks at a point that all cameras take for the body
+_FIRM, _HALF_SEEN = 6.0, 0.55  # log-odds by how likely a pixel sees a point that all cameras take for the body
 _LEAST, _MOST = 2.0, 0.1  # what a pixel can lose and win by that
 _REFINEMENTS = 3
 
@@ -42,7 +42,13 @@ class StartSegmentation:
         self._agree(middle)
 
     def learn_from(self, body: Configuration, middle: np.ndarray) -> None:
-        """Go on with a body that has been found."""
+        """Go on with a body that has been found.
+
+        Parameters
+        ----------
+        body : in its state.
+        middle : (3,) of the body, world.
+        """
         self._evidence.learn(*self._covered(body))
         self._agree(middle)
 

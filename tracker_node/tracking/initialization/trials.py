@@ -18,19 +18,29 @@ from ..limbs import limbs_of
 from ..modality import Images
 from .parts import LimbAlternatives
 
-_DOUBTFUL = 0.05  # probability of being lost, of a limb that is looked for elsewhere...
+_DOUBTFUL = 0.05  # probability of being lost, of a limb that is searched elsewhere...
 _LOST = 0.5  # ...and that teaches nothing about the rest of the body
 _ELSEWHERE = 4  # places that are tried for it
 _ROUNDS = 2
 _UNCOVERED_COUNTS = 2.0  # times as much as what is covered, a share for a share
 _BETTER = 0.01  # share of the standing that another place of a limb must add
 _RIVAL = 0.85  # of the best one's standing: with less, a start is out
-HOPEFUL = 0.5  # the same before doubtful limbs have been looked for elsewhere
+HOPEFUL = 0.5  # the same before doubtful limbs have been searched elsewhere
 _SAME = 0.05  # of the body's size: states whose landmarks differ less, on average, are the same
 
 
 def standing(log_ratio: float, limbs: Sequence[LimbReport]) -> float:
-    """What the images say for a state, less for every limb that is likely lost: a contour may be sure, and another thing's."""
+    """A state's log-likelihood ratio, less for every limb that is likely lost: a clear contour may be another thing's.
+
+    Parameters
+    ----------
+    log_ratio : of the images.
+    limbs : with their probabilities of being lost.
+
+    Returns
+    -------
+    ``log_ratio`` times the mean probability that a limb is not lost, where it is positive.
+    """
     if log_ratio <= 0.0 or not limbs:
         return log_ratio
     return log_ratio * float(np.mean([1.0 - limb.probability for limb in limbs]))
@@ -53,7 +63,17 @@ class Trial:
 
 
 def tried(engine: AnyEngine, images: Images, image_set: ImageSet, start: State) -> Trial:
-    """A fit from ``start`` by an engine that knows nothing else."""
+    """A fit by an engine that has been reset.
+
+    Parameters
+    ----------
+    engine, images, image_set : it learns from these images, and fits to them.
+    start : state to begin at.
+
+    Returns
+    -------
+    The state with its assessment.
+    """
     engine.reset()
     state = engine.begin(images, start)
     engine.observe(images, state)
@@ -62,7 +82,7 @@ def tried(engine: AnyEngine, images: Images, image_set: ImageSet, start: State) 
 
 
 class LimbRepair:
-    """Looks for the doubtful limbs of a start elsewhere; the engine says what is better."""
+    """Searches the doubtful limbs of a start elsewhere; the engine decides what is better."""
 
     def __init__(self, model: ArticulatedModel, alternatives: LimbAlternatives):
         self._limbs, self._alternatives = limbs_of(model), alternatives
@@ -89,7 +109,7 @@ class LimbRepair:
 
 
 class Follower(Protocol):
-    """What goes on from a start: a tracker of its own. ``log_ratio`` is that of its last verdict."""
+    """What goes on from a start: a tracker of its own. ``log_ratio`` is that of its last assessment."""
 
     @property
     def log_ratio(self) -> float | None:
@@ -138,7 +158,19 @@ class Contest:
 
 
 def rivals(model: ArticulatedModel, trials: Sequence[Trial], size_m: float, n: int, share: float = _RIVAL) -> list[Trial]:
-    """At most ``n`` of ``trials``, the best first, that have ``share`` of its standing and are not the same as a better one."""
+    """The best trials that are not the same as a better one.
+
+    Parameters
+    ----------
+    model, trials : body, and its trials.
+    size_m : of the body; landmarks nearer than a fraction of it are the same.
+    n : at most.
+    share : fraction of the best one's standing that the others need.
+
+    Returns
+    -------
+    The best first.
+    """
     kept: list[Trial] = []
     points: list[np.ndarray] = []
     for trial in sorted(trials, key=lambda trial: -trial.standing):

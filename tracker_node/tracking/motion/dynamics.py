@@ -50,13 +50,13 @@ class Belief:
         return self.covariance[self.velocity.size :, self.velocity.size :]
 
     def prior(self) -> Prior:
-        """Pull to the state, in units of information."""
+        """Prior of the state, in units of information."""
         information = np.linalg.inv(self.state_covariance)
         return Prior(self.state, 0.5 * (information + information.T))
 
     @cached_property
     def velocity_by_state(self) -> np.ndarray:
-        """(n_dof, n_dof): what being off the mean by a tangent tells of the velocity (its regression on the state), 1/s."""
+        """(n_dof, n_dof): what being off the mean by a tangent says of the velocity (its regression on the state), 1/s."""
         n = self.velocity.size
         return np.linalg.solve(self.state_covariance, self.covariance[:n, n:]).T
 
@@ -72,7 +72,14 @@ class Dynamics:
     def of(cls, config: MotionConfig, chain: KinematicChain, share: float = 1.0) -> Dynamics:
         """As configured for the root's translation (and joints that slide), its rotation, and the joints that turn.
 
-        ``share`` of that noise.
+        Parameters
+        ----------
+        config, chain : noise and time constants, and the axes.
+        share : factor of the noise.
+
+        Returns
+        -------
+        With noise and time constant of each degree of freedom.
         """
         slides = [axis.prismatic for axis in chain.axes]
         noise, memory_s = np.empty(chain.n_dof), np.empty(chain.n_dof)
@@ -85,8 +92,14 @@ class Dynamics:
     def start(self, state: State, information: np.ndarray, spread: float = 1.0) -> Belief:
         """A body at rest, as far as is known: velocities are spread as the process spreads them in the long run.
 
-        ``information`` (n_dof, n_dof) of what has been measured, ``spread`` what the state's standard deviation was before, in
-        meters and radians.
+        Parameters
+        ----------
+        state, information : the state, and (n_dof, n_dof) of what has been measured.
+        spread : the state's standard deviation before, in meters and radians.
+
+        Returns
+        -------
+        Its belief.
         """
         n = self.noise.size
         covariance = np.zeros((2 * n, 2 * n))
@@ -95,7 +108,16 @@ class Dynamics:
         return Belief(state, np.zeros(n), covariance)
 
     def propagate(self, belief: Belief, elapsed_s: float) -> Belief:
-        """What is believed ``elapsed_s`` later."""
+        """Predict.
+
+        Parameters
+        ----------
+        belief, elapsed_s : the belief, and how much later.
+
+        Returns
+        -------
+        The belief then.
+        """
         step, F = self._transition(belief, elapsed_s)
         n = belief.velocity.size
         covariance = F @ belief.covariance @ F.T
@@ -104,7 +126,16 @@ class Dynamics:
         return Belief(belief.state.retract(step), self._kept(elapsed_s) * belief.velocity, _symmetric(covariance))
 
     def transition(self, belief: Belief, elapsed_s: float) -> np.ndarray:
-        """(2 n_dof, 2 n_dof) derivative of `propagate`'s mean by that of ``belief``."""
+        """Derivative of `propagate`'s mean by that of a belief.
+
+        Parameters
+        ----------
+        belief, elapsed_s : see `propagate`.
+
+        Returns
+        -------
+        (2 n_dof, 2 n_dof).
+        """
         return self._transition(belief, elapsed_s)[1]
 
     def _transition(self, belief: Belief, elapsed_s: float) -> tuple[np.ndarray, np.ndarray]:
@@ -142,13 +173,18 @@ class Dynamics:
 
 
 def correct(belief: Belief, state: State, information: np.ndarray) -> Belief:
-    """``belief`` after a measurement of the state alone.
+    """A belief after a measurement of the state alone.
 
     Parameters
     ----------
+    belief : before it.
     state : the maximum of prior times likelihood, found by whatever means: an iterated Kalman filter is Gauss-Newton on the
         posterior (Bell and Cathey, 1993), so what is left to do here is the velocity, and the covariance.
     information : (n_dof, n_dof) of the measurement alone in the tangent at ``state``; may be singular.
+
+    Returns
+    -------
+    The belief at ``state``.
     """
     n = belief.velocity.size
     offset = state.difference(belief.state)

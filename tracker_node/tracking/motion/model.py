@@ -21,7 +21,7 @@ from .dynamics import Belief, Dynamics, correct
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """The state expected at an instant, before its images are looked at.
+    """The state expected at a time, before its images are used.
 
     ``belief`` is None after updates without information: then there is no covariance, and no prior.
     """
@@ -36,7 +36,7 @@ class Prediction:
         return None if self.belief is None else self.belief.state_covariance
 
     def prior(self) -> Prior | None:
-        """Pull to the expected state, in units of information."""
+        """Prior of the expected state, in units of information."""
         return None if self.belief is None else self.belief.prior()
 
     def velocity_at(self, state: State) -> np.ndarray:
@@ -96,10 +96,14 @@ class MotionModel:
         return Prediction(state.retract(step), self.velocity)
 
     def update(self, stamp_ns: int, state: State, information: np.ndarray | None = None) -> None:
-        """Take in the estimate for ``stamp_ns``.
+        """Take in the estimate for an image set.
 
-        ``state`` is the most probable one by prediction and images together, ``information`` (n_dof, n_dof) what the images alone
-        say at it (H of their normal equations, in units of inverse variance); None where the engine cannot say.
+        Parameters
+        ----------
+        stamp_ns : of the image set.
+        state : the most probable one by prediction and images together.
+        information : (n_dof, n_dof) of the images alone at it (H of their normal equations, in units of inverse variance); None
+            where the engine has none.
         """
         predicted = self.predict(stamp_ns)
         if information is None:
@@ -111,7 +115,12 @@ class MotionModel:
             self._set(stamp_ns, correct(predicted.belief, state, information))
 
     def coast(self, stamp_ns: int, state: State) -> None:
-        """Go on from ``state`` without believing how it moved; the velocity dies away, lest a lost body flies off."""
+        """Go on from a state that says nothing of the motion; the velocity decays, lest a lost body flies off.
+
+        Parameters
+        ----------
+        stamp_ns, state : of the image set.
+        """
         predicted = self.predict(stamp_ns)
         if predicted is not None and predicted.belief is not None:
             self._set(stamp_ns, replace(predicted.belief, state=state))
@@ -123,7 +132,12 @@ class MotionModel:
         self.velocity, self._last, self._belief, self._expected = other.velocity, other._last, other._belief, None
 
     def restart(self, stamp_ns: int, state: State) -> None:
-        """Forget the velocity and go on from ``state``."""
+        """Forget the velocity.
+
+        Parameters
+        ----------
+        stamp_ns, state : where and when the body is from now on.
+        """
         self.velocity = np.zeros_like(self.velocity)
         self._last, self._belief = (stamp_ns, state), None
 

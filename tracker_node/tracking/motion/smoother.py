@@ -28,7 +28,7 @@ _ROTATION = slice(3, 6)
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
-    """What one image set has told.
+    """The measurement of one image set.
 
     ``information`` (n_dof, n_dof): inverse covariance that its images alone give of ``state``; None where they are not believed,
     and neither is the state. ``pull`` (n_dof,): that times the tangent from ``state`` to where they alone have the body; None:
@@ -42,7 +42,17 @@ class Sighting:
 
     @classmethod
     def of(cls, estimate: TrackEstimate, rest: Prior) -> Sighting:
-        """What ``estimate`` rests on but its prediction: images, and the pull to the neutral pose, of `constraints.resting`."""
+        """What an estimate rests on but its prediction: images, and the prior of the neutral pose.
+
+        Parameters
+        ----------
+        estimate : of the tracker.
+        rest : of `constraints.resting`.
+
+        Returns
+        -------
+        Without information where the estimate has none.
+        """
         if estimate.information is None:
             return cls(estimate.stamp_ns, estimate.state, None)
         H, uphill = np.zeros_like(estimate.information), np.zeros(len(estimate.information))
@@ -103,8 +113,18 @@ def _most_probable(predicted: Belief, sighting: Sighting) -> State:
 
 
 def smoothed_covariance(belief: Belief, estimate: TrackEstimate) -> np.ndarray:
-    """(n_dof, n_dof) of a smoothed state: with the arcs of the ``estimate`` of that instant, whose hardly known directions it
-    knows better. Arcs grow with the square of their variances."""
+    """Covariance of a smoothed state, with the second-order terms of the estimate.
+
+    Second-order terms grow with the square of the variances of hardly known directions, which the smoothed state knows better.
+
+    Parameters
+    ----------
+    belief, estimate : the smoothed one, and the filtered one of the same time.
+
+    Returns
+    -------
+    (n_dof, n_dof).
+    """
     if estimate.arcs is None:
         return belief.state_covariance
     straight = (estimate.covariance - estimate.arcs)[N_ROOT_DOF:, N_ROOT_DOF:]
@@ -119,7 +139,7 @@ class Smoother:
     Parameters
     ----------
     dynamics : of the body.
-    lag_s : seconds of what comes after an instant that are used for it; infinite: the whole of the recording.
+    lag_s : seconds of what comes after a time that are used for it; infinite: the whole of the recording.
     """
 
     def __init__(self, dynamics: Dynamics, lag_s: float = math.inf):
@@ -131,7 +151,7 @@ class Smoother:
         self._links: deque[_Link | None] = deque()  # from each sighting to the one after it
 
     def add(self, sighting: Sighting) -> list[Belief | None]:
-        """Beliefs that are now old enough, in order of time; None for what comes before anything has been believed."""
+        """Beliefs that are now old enough, in order of time; None for what comes before the first belief."""
         if self._stamps_ns and sighting.stamp_ns < self._stamps_ns[-1]:
             raise ValueError(f"expected sightings in order of time, got {sighting.stamp_ns} ns after {self._stamps_ns[-1]} ns")
         self._append(sighting)
@@ -176,7 +196,17 @@ class Smoother:
 
 
 def smooth(sightings: Iterable[Sighting], dynamics: Dynamics, lag_s: float = math.inf) -> Iterator[Belief | None]:
-    """One belief per sighting, in their order; see `Smoother`."""
+    """One belief per sighting, in their order.
+
+    Parameters
+    ----------
+    sightings : in the order of time.
+    dynamics, lag_s : see `Smoother`.
+
+    Yields
+    ------
+    None where `Smoother` has none.
+    """
     smoother = Smoother(dynamics, lag_s)
     for sighting in sightings:
         yield from smoother.add(sighting)

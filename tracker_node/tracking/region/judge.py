@@ -44,7 +44,7 @@ class RegionJudge:
         self._known: tuple[LineFit, ImageEvidence, tuple[np.ndarray, np.ndarray]] | None = None
 
     def reset(self) -> None:
-        """Forget what limbs have looked like."""
+        """Forget the evidence of limbs."""
         self.limbs.reset()
         self._known = None
 
@@ -58,7 +58,7 @@ class RegionJudge:
         Parameters
         ----------
         fit : of the images of ``image_set``.
-        image_set : tells which cameras are there.
+        image_set : its cameras.
 
         Returns
         -------

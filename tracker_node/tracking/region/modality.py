@@ -98,23 +98,47 @@ class RegionModality:
         return (margin,) if known else (4 * margin, 2 * margin, margin)
 
     def learn_first(self, images: Images, state: State, lesson: int) -> None:
-        """Learn the colors of body and surroundings anew."""
+        """Learn the colors of body and surroundings anew.
+
+        Parameters
+        ----------
+        images, state, lesson : see `Modality.learn_first`.
+        """
         self._delays = None
         self.appearance.forget_colors()
         self.appearance.learn(images, state, self._offsets(state), 1.0, lesson, None)
         self.appearance.trust_stated()
 
     def set_images(self, images: Images, expected: State | None, delays: ExposureDelays | None = None) -> None:
-        """Keep the images: lines are drawn where the fit needs them."""
+        """Keep the images: lines are drawn where the fit needs them.
+
+        Parameters
+        ----------
+        images, expected, delays : see `Modality.set_images`.
+        """
         self._delays = delays
         self.views = [None] * len(images) if expected is None else self.appearance.views(images)
 
     def correspond(self, state: State, detail: LineDetail) -> LineCorrespondences:
-        """Lines of the contours that are seen in ``state``."""
+        """Lines of the contours that are seen in a state.
+
+        Parameters
+        ----------
+        state, detail : see `Modality.correspond`.
+
+        Returns
+        -------
+        The lines of all cameras.
+        """
         return self._drawer.draw(self.views, state, detail.scale, detail.model_sigma_px, self._offsets(state))
 
     def learn(self, images: Images, state: State, weights: np.ndarray | None) -> None:
-        """Colors change slowly: in each image set some of the cameras learn. A camera that has joined learns all at once."""
+        """Colors change slowly: in each image set some of the cameras learn. A camera that has joined learns all at once.
+
+        Parameters
+        ----------
+        images, state, weights : see `Modality.learn`.
+        """
         region, known, offsets = self._config, self.appearance.known, self._offsets(state)
         joined = [None if knows else image for image, knows in zip(images, known, strict=True)]
         if any(image is not None for image in joined):
@@ -164,6 +188,6 @@ class RegionModality:
         scales = []
         for view, (params, R, t, _) in zip(self.views, self._cameras, strict=True):
             depth = float(R[2] @ middle + t[2])
-            if view is not None and depth > reach:  # else the camera looks elsewhere, or stands amid the body
+            if view is not None and depth > reach:  # else the camera does not see the body, or stands amid it
                 scales.append(float(params[0]) / depth)
         return 2.0 * reach, median(scales) if scales else _BODY_PX / (2.0 * reach)

@@ -115,7 +115,12 @@ class Reacquisition:
         return fit
 
     def remember(self, fit: Fit, assessment: Assessment) -> None:
-        """Keep where body and limbs are, if they are in place."""
+        """Keep where body and limbs are, if they are in place.
+
+        Parameters
+        ----------
+        fit, assessment : see `Solver.remember`.
+        """
         if assessment.part_weights is None:
             return
         self._search.remember(fit.state, assessment.limbs)
@@ -211,7 +216,7 @@ class Reacquisition:
         return fit if again is None else again
 
     def _uncertain(self, start: State, prior: Prior | None) -> list[int]:
-        """Limbs that are expected at ``start``, but may be anywhere else, if most may: what was seen long ago tells little.
+        """Limbs that are expected at ``start``, but may be anywhere else, if most may: what was seen long ago says little.
 
         One alone is searched when images speak against it.
         """

@@ -18,7 +18,17 @@ _AXES = 6
 
 
 def tilted(model: ArticulatedModel, rig: CameraRig, state: State) -> list[State]:
-    """States whose root is tilted about axes across the line of sight of the nearest camera, its middle staying in place."""
+    """States whose root is tilted about axes across the line of sight of the nearest camera, its middle staying in place.
+
+    Parameters
+    ----------
+    model, rig : body and cameras.
+    state : that is tilted.
+
+    Returns
+    -------
+    One for each angle and axis.
+    """
     middle = Configuration(model, state).Ts_world_shape[:, :3, 3].mean(axis=0)
     camera = min(rig, key=lambda camera: float(np.linalg.norm(camera.center - middle)))
     sight = camera.T_cam_world[:3, :3] @ (middle - camera.center)
