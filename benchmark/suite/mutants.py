@@ -33,9 +33,10 @@ from benchmark.suite._mutation import Mutant, draw, mutants
 
 SEED = 20294
 NAMED = (
-    "calibration/bundle_adjustment", "calibration/triangulation", "camera/camera_model", "loaders/mcap_writer",
-    "objective/contour_objective", "observation/image_synchronizer", "optimize/levenberg_marquardt", "ros/conversions/bodies",
-    "tracking/covariance", "tracking/judge", "tracking/limb_status", "tracking/self_check", "tracking/smoother",
+    "calibration/points/bundle_adjustment", "calibration/points/triangulation", "camera/model", "loaders/bag/mcap_writer",
+    "objective/chamfer/correspondences", "observation/synchronizer", "optimize/levenberg_marquardt", "ros/conversions/messages",
+    "tracking/uncertainty/covariance", "tracking/chamfer/judge", "tracking/limbs/judge", "tracking/self_check",
+    "tracking/motion/smoother",
 )  # fmt: skip
 N_OTHERS, EACH = {False: 20, True: 7}, {False: 7, True: 3}  # by --quick
 FILES, FURTHER = 2, 4  # files of tests tried on a module's faults, and more for those that survive

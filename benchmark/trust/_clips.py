@@ -24,7 +24,7 @@ from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.synthesis.scenes.scene import SceneConfig, Studio, make_rig
 from tracker_node.synthesis.subjects.cones import ModelSubject, waves
 from tracker_node.synthesis.subjects.figure import figure_model, figure_motion
-from tracker_node.tracking.limbs import Limb, limbs_of
+from tracker_node.tracking.limbs.tree import Limb, limbs_of
 
 N_SETS, RATE_HZ = 30, 30.0
 BEGINS, ENDS = 8, 18

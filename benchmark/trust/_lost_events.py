@@ -17,7 +17,7 @@ from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.synthesis.scenes.rasterizer import ColoredMesh
 from tracker_node.synthesis.subjects.cones import ModelSubject
-from tracker_node.tracking.limbs import Limb
+from tracker_node.tracking.limbs.tree import Limb
 
 BODY_KINDS = ("occluded", "exit", "teleport", "wrong_start")
 LIMB_KINDS = ("hidden", "swapped", "mirrored")

@@ -16,8 +16,8 @@ from tracker_node.model.kinematic_chain import N_ROOT_DOF
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.constraints import resting
 from tracker_node.tracking.estimate import LimbStatus, TrackEstimate
-from tracker_node.tracking.limb_judge import MEASURES
-from tracker_node.tracking.limbs import Limb, limbs_of
+from tracker_node.tracking.limbs.judge import MEASURES
+from tracker_node.tracking.limbs.tree import Limb, limbs_of
 from tracker_node.tracking.motion.dynamics import Belief, Dynamics
 from tracker_node.tracking.motion.smoother import Sighting, smooth, smoothed_covariance
 from tracker_node.tracking.tracker import Tracker

@@ -12,7 +12,7 @@ from tracker_node.objective.constraints.prior import Prior
 from tracker_node.objective.normal_equations import CameraEquations, NormalEquations
 from tracker_node.optimize.fitter import Fit, Fitter, Stage, at_state
 from tracker_node.optimize.levenberg_marquardt import LevenbergMarquardtOptions
-from tracker_node.tracking.limbs import stages_of
+from tracker_node.tracking.limbs.tree import stages_of
 
 MODEL = human_model()
 CHAIN = MODEL.chain

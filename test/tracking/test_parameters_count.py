@@ -29,6 +29,13 @@ WITHOUT_EFFECT = {
     "synchronizer.min_cameras": "as synchronizer.tolerance",
     "self_check.delay_images": "a late camera is named after seconds of motion; see test/tracking/test_self_check.py",
     "synchronizer.image_period_s": "as self_check.delay_images, which counts in it",
+    "initialization.min_cameras": "of images that too few cameras give; see test/tracking/initialization/test_detector.py",
+    "initialization.interval_sets": "sets without a search after one that failed; see test/tracking/initialization",
+    "initialization.after_lost_sets": "when a lost body is searched; see test/tracking/initialization/test_start_again.py",
+    "initialization.repaired_candidates": "its search takes minutes here: another value changed what is said, so did tracked_sets",
+    "initialization.tracked_candidates": "where several starts are rivals; see test/tracking/initialization/test_trials.py",
+    "initialization.tracked_sets": "as repaired_candidates",
+    "color.few_pixels": "a threshold of a status that this scene never has; see test/tracking/color/test_judge.py",
     "motion.smoother_noise": "of smoothed states alone; see the tests of the smoother",
 }
 WAYS: dict[str, dict[str, Any]] = {
@@ -121,7 +128,7 @@ def checked(config: TrackerConfig) -> str:
 
 CHECKED: dict[str, Any] = {"self_check.window_s": 0.2, "self_check.sigmas": 1.0}
 QUICKLY_SEARCHED = (
-    "min_cameras", "enabled", "interval_sets", "watch_sets", "size_px", "hypotheses", "candidates", "min_score", "seed",
+    "enabled", "watch_sets", "size_px", "hypotheses", "candidates", "min_score", "seed",
 )  # fmt: skip
 """Parameters of the search that count whatever follows it: the quicker modality."""
 BRIEF: dict[str, Any] = {

@@ -10,7 +10,7 @@ from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import N_ROOT_DOF
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import LimbStatus, Status
-from tracker_node.tracking.limbs import limbs_of
+from tracker_node.tracking.limbs.tree import limbs_of
 from tracker_node.tracking.tracker import Tracker
 
 # The images are small: the first lines need not be as long as in large ones

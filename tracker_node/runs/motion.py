@@ -11,7 +11,7 @@ from ..errors import FileFormatError
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..tracking.estimate import LimbStatus
-from ..tracking.limbs import limbs_of
+from ..tracking.limbs.tree import limbs_of
 from .data import RunData
 
 LOST = ("gap", "limbs", "keep")

@@ -22,8 +22,8 @@ from ..observation.image_set import ImageSet
 from ..report.metrics_file import command_line, cpu, versions
 from ..tracking.config import TrackerConfig, flatten
 from ..tracking.estimate import GRAY_LEVELS, PX, Status, TrackEstimate
-from ..tracking.observability import unobservable
 from ..tracking.tracker import Tracker
+from ..tracking.uncertainty.observability import unobservable
 from .image_sets import BagStream, ImageSetStream, SourceStream, resampled_rig, rig_of_bag
 from .images import run_stream
 from .load import run_info

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .covariance import ImageEvidence
 from .estimate import CameraReport, LimbReport, Status
+from .uncertainty.covariance import ImageEvidence
 
 
 @dataclass(frozen=True)

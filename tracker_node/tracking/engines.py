@@ -15,7 +15,7 @@ from .chamfer.judge import ChamferJudge
 from .chamfer.modality import FINE, ChamferModality
 from .config import CHAMFER, COLOR_OVER_BACKGROUND, JOINT, REGION, TEXTURE, ColorConfig, TrackerConfig
 from .engine import AnyEngine, Engine, JointEngine, SequentialEngine
-from .limb_judge import LimbJudge
+from .limbs.judge import LimbJudge
 from .modality import Modality
 from .region.area import RegionArea
 from .region.fitting import RegionFitting

@@ -21,7 +21,6 @@ from ..parallel import Workers
 from ..render.occluders import Occluders
 from .assessment import Assessment, Report
 from .config import TrackerConfig, checked_combination
-from .covariance import ImageEvidence, fit_covariance
 from .engine import AnyEngine
 from .engines import make_engine
 from .estimate import GRAY_LEVELS, PX, CameraFault, LimbStatus, Status, Timings, TrackEstimate
@@ -30,6 +29,7 @@ from .initialization.initializer import NOT_GIVEN, Initializer
 from .modality import Images
 from .motion.model import ExposureDelays, MotionModel, Prediction
 from .self_check import SelfCheck, SelfCheckOptions
+from .uncertainty.covariance import ImageEvidence, fit_covariance
 
 _CLEARLY = 0.05  # share of its log-likelihood ratio by which another place has to be better than one that is not lost
 

@@ -8,7 +8,7 @@ from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration
 from tracker_node.synthesis.subjects.cones import ModelSubject
 from tracker_node.synthesis.subjects.figure import figure_model, figure_motion
-from tracker_node.tracking.limbs import limbs_of
+from tracker_node.tracking.limbs.tree import limbs_of
 
 MODEL = figure_model()
 SUBJECT = ModelSubject(MODEL)

@@ -11,7 +11,7 @@ from tracker_node.objective.constraints.prior import Prior
 from tracker_node.objective.normal_equations import NormalEquations
 from tracker_node.tracking.color.search import AlignmentSearch
 from tracker_node.tracking.config import ColorConfig
-from tracker_node.tracking.limbs import limbs_of
+from tracker_node.tracking.limbs.tree import limbs_of
 
 MODEL = arm()  # trunk, upper (three axes), fore (one), hand (none)
 LIMB = limbs_of(MODEL)[1]

@@ -79,7 +79,7 @@ def test_what_one_camera_cannot_see_is_named_by_an_offline_run_and_its_report():
     record = _Record(clip.model)
     for estimate in tracked(clip):
         record.add(estimate)
-    assert record.untold == {"root rotation about some axis": len(clip.sets)}
+    assert record.unobservable_sets == {"root rotation about some axis": len(clip.sets)}
     found = {"what": "root rotation about some axis", "sets": len(clip.sets)}
     (said,) = unobservable_text({"unobservable": [found]})
     assert found["what"] in said and unobservable_text({"unobservable": []}) == []

@@ -15,7 +15,7 @@ from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.initialization.detector import PoseDetector, body_size, find_start
 from tracker_node.tracking.initialization.pose_library import other_side, postures
-from tracker_node.tracking.limbs import joint_groups
+from tracker_node.tracking.limbs.tree import joint_groups
 from tracker_node.tracking.tracker import Tracker
 
 SMALL = {

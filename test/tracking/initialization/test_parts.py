@@ -12,7 +12,7 @@ from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import LimbReport, LimbStatus, Status
 from tracker_node.tracking.initialization.detector import PoseDetector
 from tracker_node.tracking.initialization.trials import LimbRepair, Trial
-from tracker_node.tracking.limbs import limbs_of
+from tracker_node.tracking.limbs.tree import limbs_of
 
 SCENE = scene()
 POSED = standing(SCENE.model, 0.1, -0.1, 0.7, left_shoulder_elevation_front=85, right_shoulder_elevation_front=-20)

@@ -7,7 +7,7 @@ from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.tracking.initialization.pose_library import other_side, postures, reachable
-from tracker_node.tracking.limbs import joint_groups
+from tracker_node.tracking.limbs.tree import joint_groups
 
 HUMAN = human_model()
 CHAIN = HUMAN.chain

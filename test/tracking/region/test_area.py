@@ -13,7 +13,7 @@ from tracker_node.parallel import Workers
 from tracker_node.render.raycast.raycaster import render_view
 from tracker_node.synthesis.subjects.figure import figure_model
 from tracker_node.tracking.config import from_dict
-from tracker_node.tracking.limbs import limbs_of
+from tracker_node.tracking.limbs.tree import limbs_of
 from tracker_node.tracking.poses import Poses
 from tracker_node.tracking.region.area import RegionArea
 from tracker_node.tracking.region.modality import RegionModality

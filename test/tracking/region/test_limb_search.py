@@ -11,7 +11,7 @@ from tracker_node.optimize.levenberg_marquardt import LevenbergMarquardtOptions
 from tracker_node.synthesis.subjects.figure import figure_model
 from tracker_node.tracking.config import LimbSearchConfig, StatusConfig
 from tracker_node.tracking.estimate import LimbReport, LimbStatus
-from tracker_node.tracking.limb_judge import LimbJudge
+from tracker_node.tracking.limbs.judge import LimbJudge
 from tracker_node.tracking.poses import Poses
 from tracker_node.tracking.region.limb_search import LimbSearch, PartPose
 

@@ -9,8 +9,8 @@ from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import N_ROOT_DOF, Axis, Joint, KinematicChain
 from tracker_node.tracking.config import LimbSearchConfig, StatusConfig
-from tracker_node.tracking.limb_judge import LimbJudge
-from tracker_node.tracking.limbs import limbs_of
+from tracker_node.tracking.limbs.judge import LimbJudge
+from tracker_node.tracking.limbs.tree import limbs_of
 from tracker_node.tracking.region.limb_search import LimbSearch
 
 MODEL = crane()

@@ -14,7 +14,7 @@ from ...model.kinematic_chain import N_ROOT_DOF
 from ...objective.constraints.prior import Prior
 from ...objective.normal_equations import NormalEquations
 from ...optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
-from ...tracking.limbs import limbs_of
+from ...tracking.limbs.tree import limbs_of
 
 MODES = ("limb", "joint", "body", "turn")
 _OPTIONS = LevenbergMarquardtOptions(max_iterations=30, damping=1e-2, tolerance=1e-6, step_tolerance=1e-5)

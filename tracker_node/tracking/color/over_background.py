@@ -27,7 +27,7 @@ from ...render.raycast.raycaster import render_labels
 from ..assessment import Assessment
 from ..config import ColorOverBackgroundConfig
 from ..estimate import Status
-from ..limbs import Limb, stages_of
+from ..limbs.tree import Limb, stages_of
 from ..modality import Images
 from ..poses import Poses, PoseSearch
 from .judge import ColorJudge

@@ -19,7 +19,7 @@ from ...optimize.robust_fit import RobustFitOptions, align_robustly
 from ...optimize.robust_start import RobustStartOptions
 from ...parallel import Workers
 from ..config import ColorConfig
-from ..limbs import Limb
+from ..limbs.tree import Limb
 from ..modality import Images
 from .modality import ColorModality
 from .search import AlignmentSearch, ended

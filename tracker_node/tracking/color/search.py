@@ -23,7 +23,7 @@ from ...optimize.simplex import SimplexOptions, SimplexStage, search_simplex
 from ...optimize.stepping import SCHEDULES, SteppingOptions, schedule, step_downhill
 from ..assessment import Assessment
 from ..config import ColorConfig, ColorOverBackgroundConfig
-from ..limbs import Limb, limbs_of, stages_of
+from ..limbs.tree import Limb, limbs_of, stages_of
 from ..modality import Images
 from ..poses import Poses, PoseSearch, Round
 from .modality import ColorModality

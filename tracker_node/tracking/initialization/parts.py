@@ -21,7 +21,7 @@ from ...objective.area.score import AreaScore
 from ...observation.region.colors import stated_densities
 from ...parallel import Workers
 from ...render.raycast.raycaster import render_view
-from ..limbs import Limb
+from ..limbs.tree import Limb
 from ..poses import Poses
 from .evidence import StartEvidence, color_density, scene_density
 from .pose_library import other_side, reachable

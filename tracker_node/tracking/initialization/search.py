@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...objective.area.score import AreaScore
-from ..limbs import joint_groups
+from ..limbs.tree import joint_groups
 from ..poses import Poses
 from .pose_library import other_side, reachable
 

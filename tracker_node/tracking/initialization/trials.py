@@ -14,7 +14,7 @@ from ...observation.image_set import ImageSet
 from ..assessment import Assessment
 from ..engine import AnyEngine
 from ..estimate import LimbReport, Status, TrackEstimate
-from ..limbs import limbs_of
+from ..limbs.tree import limbs_of
 from ..modality import Images
 from .parts import LimbAlternatives
 

@@ -12,9 +12,9 @@ from ...objective.lines.correspondences import PartEvidence
 from ...observation.image_set import ImageSet
 from ..assessment import Assessment, Report, assess_cameras
 from ..config import TrackerConfig
-from ..covariance import ImageEvidence, fit_covariance
 from ..estimate import CameraReport, Status
-from ..limb_judge import LimbJudge, body_status, is_noise
+from ..limbs.judge import LimbJudge, body_status, is_noise
+from ..uncertainty.covariance import ImageEvidence, fit_covariance
 from .fitting import LineFit, RegionFitting
 from .line_errors import LineErrors
 

@@ -21,8 +21,8 @@ from ...model.kinematic_chain import N_ROOT_DOF
 from ...objective.lines.correspondences import PartEvidence
 from ..config import LimbSearchConfig
 from ..estimate import LimbReport, LimbStatus
-from ..limb_judge import LimbJudge, limb_measures
-from ..limbs import Limb
+from ..limbs.judge import LimbJudge, limb_measures
+from ..limbs.tree import Limb
 from ..poses import Apart, Poses, PoseSearch, Round
 
 _SPREADS_RAD = (0.2, 0.6)  # of random poses about likely ones

@@ -16,7 +16,7 @@ from ...objective.contour_residual import assemble
 from ...objective.lines.correspondences import LineCorrespondences
 from ...objective.lines.spacing import add_crowding
 from ..config import RegionConfig
-from ..covariance import ImageEvidence
+from ..uncertainty.covariance import ImageEvidence
 
 _LEAST_SHARE = 0.85  # of the least spread that weights go by; lines that seem to have less, of few cameras, agree by chance
 

@@ -19,7 +19,7 @@ from ...optimize.fitter import Fit
 from ..assessment import Assessment
 from ..config import TrackerConfig
 from ..estimate import Status
-from ..limb_judge import LimbJudge
+from ..limbs.judge import LimbJudge
 from ..parameters import numbers
 from ..poses import Poses
 from .area import RegionArea

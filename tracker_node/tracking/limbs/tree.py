@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..model.articulated import ArticulatedModel
-from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
+from ...model.articulated import ArticulatedModel
+from ...model.kinematic_chain import N_ROOT_DOF, KinematicChain
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.synthesis.subjects.figure import figure_model, figure_motion
-from tracker_node.tracking.covariance import BEYOND_SECOND_ORDER, ImageEvidence, fit_covariance, link_bends
+from tracker_node.tracking.uncertainty.covariance import BEYOND_SECOND_ORDER, ImageEvidence, fit_covariance, link_bends
 
 MODEL = figure_model()
 BODY = Configuration(MODEL, figure_motion(n_images=1)[0])

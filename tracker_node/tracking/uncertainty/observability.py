@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..model.articulated import ArticulatedModel
-from ..model.configuration import Configuration, State
-from ..render.shape_arrays import bounding_sphere
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
+from ...render.shape_arrays import bounding_sphere
 
 UNSEEN_M = 0.05
 _ALONE = 0.98  # share of a degree of freedom that lies in the unseen directions, for it to be one of them by itself

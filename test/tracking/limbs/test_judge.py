@@ -10,7 +10,7 @@ from tracker_node.objective.lines.correspondences import PartEvidence
 from tracker_node.synthesis.subjects.figure import figure_model
 from tracker_node.tracking.config import StatusConfig
 from tracker_node.tracking.estimate import LimbReport, LimbStatus, Status
-from tracker_node.tracking.limb_judge import LOST_TIP_M, LimbJudge, body_status, is_noise, limb_measures
+from tracker_node.tracking.limbs.judge import LOST_TIP_M, LimbJudge, body_status, is_noise, limb_measures
 
 MODEL = figure_model()
 STATE = State.neutral(MODEL)

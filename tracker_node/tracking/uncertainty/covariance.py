@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry import so3
-from ..model.configuration import Configuration
+from ...geometry import so3
+from ...model.configuration import Configuration
 
 # Times what arcs add: on training clips the squared errors across them are then 1.1 times what is said, 1.3 times without it
 BEYOND_SECOND_ORDER = 2.0

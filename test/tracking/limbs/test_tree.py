@@ -11,7 +11,7 @@ from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 from tracker_node.model.shapes.primitives import Ellipsoid
 from tracker_node.synthesis.subjects.figure import figure_model
-from tracker_node.tracking.limbs import limbs_of, stages_of
+from tracker_node.tracking.limbs.tree import limbs_of, stages_of
 
 HUMAN = human_model()
 

@@ -15,13 +15,13 @@ from collections.abc import Sequence
 import numba as nb
 import numpy as np
 
-from ..geometry import so3
-from ..model.articulated import ArticulatedModel
-from ..model.configuration import Configuration, State
-from ..objective.lines.correspondences import PartEvidence
-from .config import StatusConfig
-from .estimate import LimbReport, LimbStatus, Status
-from .limbs import Limb, limbs_of
+from ...geometry import so3
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
+from ...objective.lines.correspondences import PartEvidence
+from ..config import StatusConfig
+from ..estimate import LimbReport, LimbStatus, Status
+from .tree import Limb, limbs_of
 
 LOST_TIP_M = 0.150  # a limb whose end is farther off is lost
 _LEAST_IN_CAMERA = 5  # samples of a limb's outline, for a camera to say anything of it
