@@ -81,10 +81,11 @@ test-ros: setup check-system  ## what needs the real ros2 command and launch
 # American spelling; words of the field are in pyproject.toml.
 SPELLED := README.md CONTRIBUTING.md docs tracker_node test benchmark config tools msgs launch examples
 
-lint: setup  ## import contract, style, spelling and types
+lint: setup  ## import contract, style, spelling, docstrings and types
 	@$(VENV)/bin/lint-imports
 	@$(VENV)/bin/ruff check .
 	@$(VENV)/bin/codespell $(SPELLED)
+	@$(RUN) tools/check_docstrings.py tracker_node
 	@$(VENV)/bin/mypy
 
 docs: setup  ## searchable site of the pages and the API in out/docs; a broken link fails

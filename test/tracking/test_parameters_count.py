@@ -32,7 +32,7 @@ WITHOUT_EFFECT = {
     "initialization.min_cameras": "of images that too few cameras give; see test/tracking/initialization/test_detector.py",
     "initialization.interval_sets": "sets without a search after one that failed; see test/tracking/initialization",
     "initialization.after_lost_sets": "when a lost body is searched; see test/tracking/initialization/test_start_again.py",
-    "initialization.repaired_candidates": "its search takes minutes here: another value changed what is said, so did tracked_sets",
+    "initialization.repaired_candidates": "its search takes minutes here; another value changed what is said",
     "initialization.tracked_candidates": "where several starts are rivals; see test/tracking/initialization/test_trials.py",
     "initialization.tracked_sets": "as repaired_candidates",
     "color.few_pixels": "a threshold of a status that this scene never has; see test/tracking/color/test_judge.py",

@@ -401,7 +401,16 @@ class TrackerConfig:
 
 
 def checked_combination(config: TrackerConfig, source: str) -> TrackerConfig:
-    """The configuration itself.
+    """Check that the modalities of a configuration go together.
+
+    Parameters
+    ----------
+    config : the configuration.
+    source : names the file, or what stands for it, in errors.
+
+    Returns
+    -------
+    The configuration itself.
 
     Raises
     ------
@@ -433,7 +442,16 @@ def describe(config: TrackerConfig | None = None) -> dict[str, dict[str, Any]]:
 
 
 def from_dict(values: dict[str, Any], source: str = "tracker config") -> TrackerConfig:
-    """Config from a nested (or dotted) mapping; unknown keys, wrong types and values out of range are refused.
+    """Configuration from a mapping; unknown keys, wrong types and values out of range are refused.
+
+    Parameters
+    ----------
+    values : nested, or by dotted names.
+    source : names the file, or what stands for it, in errors.
+
+    Returns
+    -------
+    With defaults where nothing is given.
 
     Raises
     ------
@@ -451,6 +469,12 @@ def from_dict(values: dict[str, Any], source: str = "tracker config") -> Tracker
 def refuse_unused(config: TrackerConfig, name: str, value: Any, source: str) -> None:
     """Refuse a parameter of another modality than those in use.
 
+    Parameters
+    ----------
+    config : has the modalities in use.
+    name, value : dotted name, and what was given.
+    source : names the file, or what stands for it, in errors.
+
     Raises
     ------
     FileFormatError : naming what it belongs to.
@@ -462,7 +486,17 @@ def refuse_unused(config: TrackerConfig, name: str, value: Any, source: str) -> 
 
 
 def chosen(config: TrackerConfig, values: Mapping[str, Any], source: str) -> TrackerConfig:
-    """``config`` with the modalities among ``values`` (dotted names), and how they are combined.
+    """A configuration with other modalities.
+
+    Parameters
+    ----------
+    config : has all else.
+    values : by dotted names; ``modalities`` and ``combination`` count.
+    source : names the file, or what stands for it, in errors.
+
+    Returns
+    -------
+    With the modalities and their combination among ``values``.
 
     Raises
     ------
@@ -476,7 +510,17 @@ def chosen(config: TrackerConfig, values: Mapping[str, Any], source: str) -> Tra
 
 
 def updated(config: TrackerConfig, values: Mapping[str, Any], source: str) -> TrackerConfig:
-    """``config`` with other ``values`` (dotted names); what belongs to modalities no longer in use has its default again.
+    """A configuration with other values; what belongs to modalities no longer in use has its default again.
+
+    Parameters
+    ----------
+    config : has all else.
+    values : by dotted names.
+    source : names the file, or what stands for it, in errors.
+
+    Returns
+    -------
+    The new configuration.
 
     Raises
     ------

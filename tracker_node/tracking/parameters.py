@@ -22,7 +22,19 @@ def parameter(
     choices: tuple = (),
     of: tuple[str, ...] = (),
 ):
-    """A dataclass field that carries what a parameter declaration needs."""
+    """A dataclass field that carries what a parameter declaration needs.
+
+    Parameters
+    ----------
+    default, doc, unit : value, meaning and unit.
+    low, high : range of numbers; of a text, that of the numbers in it.
+    choices : values that it may have; empty: any.
+    of : modalities that it belongs to; empty: those of its section.
+
+    Returns
+    -------
+    The field.
+    """
     metadata = {"doc": doc, "unit": unit, "low": low, "high": high, "choices": choices}
     return field(default=default, metadata={**metadata, "of": of})
 
@@ -33,7 +45,18 @@ def is_section(f: Field) -> bool:
 
 
 def named(cls: type, prefix: str = "", of: tuple[str, ...] = ()) -> Iterator[tuple[str, Field, tuple[str, ...]]]:
-    """Dotted name, field, and what it belongs to (none: nothing in particular) of every parameter of a dataclass."""
+    """All parameters of a dataclass and its sections.
+
+    Parameters
+    ----------
+    cls : the dataclass.
+    prefix : of the dotted names.
+    of : modalities that the dataclass belongs to.
+
+    Yields
+    ------
+    Dotted name, field, and the modalities that it belongs to; empty: none in particular.
+    """
     for f in fields(cls):
         belongs = f.metadata.get("of", ()) or of
         if is_section(f):
@@ -43,7 +66,17 @@ def named(cls: type, prefix: str = "", of: tuple[str, ...] = ()) -> Iterator[tup
 
 
 def value_of(config: Any, name: str) -> Any:
-    """The value of a dotted name."""
+    """The value of a dotted name.
+
+    Parameters
+    ----------
+    config : dataclass with sections.
+    name : dotted.
+
+    Returns
+    -------
+    The value.
+    """
     for part in name.split("."):
         config = getattr(config, part)
     return config
@@ -51,6 +84,15 @@ def value_of(config: Any, name: str) -> Any:
 
 def nested(values: Mapping[str, Any], source: str) -> dict[str, Any]:
     """A mapping of mappings from one whose keys may be dotted.
+
+    Parameters
+    ----------
+    values : by names, some of them dotted.
+    source : names the file, or what stands for it, in errors.
+
+    Returns
+    -------
+    No key is dotted.
 
     Raises
     ------
@@ -80,6 +122,17 @@ def _group(values: dict[str, Any], name: str, source: str, key: str) -> dict[str
 
 def built(cls: type, values: Mapping[str, Any], source: str, prefix: str = "") -> Any:
     """A dataclass from a mapping of mappings.
+
+    Parameters
+    ----------
+    cls : the dataclass.
+    values : by name of its fields.
+    source : names the file, or what stands for it, in errors.
+    prefix : of the dotted names in errors.
+
+    Returns
+    -------
+    With defaults where nothing is given.
 
     Raises
     ------

@@ -130,6 +130,7 @@ def fit_rig(
     image_sets : ten to thirty sets, with stamps.
     states, velocities : where the body about is in each set, and how fast it moves (tangent a second); only fast motion makes
         times observable.
+    options : what may change, and how the body is fitted.
     progress, evidence : as for `body_fit.fit_body`.
 
     Returns
