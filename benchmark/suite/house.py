@@ -97,7 +97,7 @@ def is_documented(function: Function) -> bool:
 
 
 def _returns(function: Function) -> bool:
-    return function.returns is not None and ast.unparse(function.returns) not in ("None", "NoReturn", "Never")
+    return function.returns is not None and ast.unparse(function.returns) not in ("None", "NoReturn", "Never", "Iterator[None]")
 
 
 def _has_section(text: str, name: str) -> bool:

@@ -394,7 +394,7 @@ class TrackerConfig:
 
     @property
     def tags(self) -> frozenset[str]:
-        """What parameters may belong to (`parameters.in_use`) and holds here."""
+        """What parameters may belong to (`describe`) and holds here."""
         mixed = bool(self.contours) and self.colors is not None
         more = {MIXED} if mixed else {ALONE} if self.colors else set()
         return frozenset(self.modalities) | more | ({JOINT} if mixed and self.combination == "joint" else set())

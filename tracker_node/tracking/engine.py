@@ -155,7 +155,8 @@ class Engine:
                 self.observe(images, start)
                 start = self.fit(start, first=True).state
         for other in others:
-            other.learn_first(images, start, other.lessons(True)[-1])
+            for lesson in other.lessons(True)[-1:]:
+                other.learn_first(images, start, lesson)
         return start
 
     def observe(self, images: Images, expected: State | None, delays: ExposureDelays | None = None) -> None:

@@ -10,8 +10,7 @@ from tracker_node.observation.small_view import SmallView
 from tracker_node.render.raycast.raycaster import render_mask
 from tracker_node.tracking.assessment import Assessment
 from tracker_node.tracking.estimate import Status
-from tracker_node.tracking.initialization.coverage import StartCoverage
-from tracker_node.tracking.initialization.evidence import StartEvidence
+from tracker_node.tracking.initialization.evidence import StartCoverage, StartEvidence
 from tracker_node.tracking.initialization.trials import Trial
 
 SCENE = scene()

@@ -65,7 +65,7 @@ def _load(kind: str, files: Sequence[str], size: tuple[int, int] | None, like: s
         return _rig_of_dlt(files[0], size)
     if kind == RIG:
         raise FileFormatError(files[0], "(file)", "another program's calibration", "a rig.yaml, which needs no import")
-    return load_pose2sim(files[0]) if kind == TOML else load_qualisys(files[0])
+    return {TOML: load_pose2sim, QUALISYS: load_qualisys}[kind](files[0])
 
 
 def _rig_of_lenses(files: Sequence[str], like: str | None) -> CameraRig:

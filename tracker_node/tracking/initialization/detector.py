@@ -25,8 +25,7 @@ from ...parallel import Workers
 from ...render.shape_arrays import ShapeArrays
 from ..config import InitializationConfig
 from ..modality import Images
-from .coverage import StartCoverage
-from .evidence import StartEvidence
+from .evidence import StartCoverage, StartEvidence
 from .fit import SilhouetteFit
 from .parts import LimbAlternatives
 from .pose_library import postures

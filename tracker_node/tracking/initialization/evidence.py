@@ -11,7 +11,10 @@ import numpy as np
 from scipy import ndimage
 
 from ...camera.rig import Camera
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
 from ...observation.appearance import ColorModel, SceneModel, body_log_odds
+from ...render.raycast.raycaster import render_mask
 
 _SIGMA = 4.0  # gray levels that a pixel of the small empty scene varies by
 _MOVED_SIGMA = 5.0  # the same between two images of one scene
@@ -23,6 +26,8 @@ _RECENT = 2  # of them, the latest, in which a body is about where it is now
 _BINS = 16  # a channel
 _RARE = 2e-4  # density, of bins, of colors that have not been seen
 _MOVED = 1.0  # log-odds of a pixel that has changed, besides what its color says
+_EDGE = np.ones((3, 3), np.uint8)  # the model is not the body to the pixel
+_NEAR = np.ones((25, 25), np.uint8)  # what is farther from the body, of some eighty pixels, may be another's
 _FAR, _NEAR_PX = 1.5, 14.0  # what a pixel far from all that has changed loses, and from where on
 
 
@@ -176,6 +181,33 @@ class StartEvidence:
                 continue
             ratio = np.log((0.6 * pooled + 0.4 * own[i] + _RARE) / (scene_density(image, around[i]) + _RARE))
             self.colors[i] = np.clip(ratio, -_REACH, _REACH).astype(np.float32)
+
+
+class StartCoverage:
+    """What a start leaves unexplained: pixels that are surely of the body, and lie beside it.
+
+    The engine asks whether contours are found where a state has them. An arm that lies on the contour of the trunk has some, and
+    nobody asks for the true arm beside it.
+
+    Parameters
+    ----------
+    model, cameras : the body, and the small cameras.
+    sure : (h, w) of each camera, what is surely of the body; None for a camera that says nothing.
+    """
+
+    def __init__(self, model: ArticulatedModel, cameras: Sequence[Camera], sure: Sequence[np.ndarray | None]):
+        self._model, self._cameras, self._sure = model, tuple(cameras), list(sure)
+
+    def uncovered(self, state: State) -> float:
+        """What is surely of the body but beside ``state``, as a share of the pixels that this covers in the same images."""
+        body, beside, covered = Configuration(self._model, state), 0, 0
+        for camera, sure in zip(self._cameras, self._sure, strict=True):
+            if sure is None:
+                continue
+            mask = (render_mask(body, camera) > 0).astype(np.uint8)
+            near = (cv2.dilate(mask, _NEAR) > 0) & (cv2.dilate(mask, _EDGE) == 0)
+            beside, covered = beside + int((sure & near).sum()), covered + int(mask.sum())
+        return beside / max(covered, 1)
 
 
 def _against(image: np.ndarray, scene: SceneModel) -> np.ndarray:
