@@ -257,7 +257,7 @@ def is_noise(evidence: PartEvidence) -> bool:
 
 
 def body_status(reports: Sequence[LimbReport]) -> tuple[Status, str]:
-    """Of the whole body, and why: LOST with its trunk, or with more than half of the limbs that are seen; DEGRADED with any limb."""
+    """Of the whole body, and why: LOST with its trunk, or with more than half of the limbs seen; DEGRADED with any limb."""
     trunk, limbs = reports[0], reports[1:]
     lost = [limb for limb in limbs if limb.status is LimbStatus.LOST]
     unseen = [limb for limb in limbs if limb.status is LimbStatus.UNSEEN]
