@@ -108,7 +108,7 @@ def test_a_description_says_what_it_is_and_what_may_be(name):
     assert type(default) in (bool, int, float, str, tuple)
     if isinstance(default, tuple):
         assert set(default) <= set(entry["choices"])
-    elif isinstance(default, str) and entry["choices"]:
+    elif entry["choices"]:
         assert default in entry["choices"]
     elif isinstance(default, str):
         assert all(entry["low"] <= value <= entry["high"] for value in numbers(default))
@@ -131,6 +131,8 @@ def test_values_beyond_the_range_are_refused_and_those_at_its_ends_taken(name):
     elif isinstance(entry["default"], str):
         listed = [f"{entry['low']}", f"{entry['high']} {entry['low']}"]
         wrong, right = ["", "other", 3], list(entry["choices"]) or listed
+    elif entry["choices"]:
+        wrong, right = [min(entry["choices"]) - 1, max(entry["choices"]) + 1, True, "1", None], list(entry["choices"])
     else:
         kind = type(entry["default"])
         right = [kind(entry["low"]), kind(entry["high"])]

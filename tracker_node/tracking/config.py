@@ -302,7 +302,6 @@ class ColorOverBackgroundConfig(_ByColors):
     """Parts of one color over images of the background: the whole image is explained."""
 
     normalized_weight: float = parameter(0.5, "share of the normalized part in a blend", "1", 0, 1)
-    levels: int = parameter(4, "levels of the image pyramid", "", 1, 8)
     robust_scale: float = parameter(50.0, "scale of the robust kernel on the finest level", "gray levels", 0.1, 1000)
     reach_px: int = parameter(64, "images farther than this from the predicted body are not looked at", "px", 4, 10000)
     learn_colors: bool = parameter(False, "take the parts' colors from the first image set instead of the model")
@@ -329,6 +328,7 @@ class ColorConfig(ColorOverBackgroundConfig):
         "alignment: Levenberg-Marquardt on an image pyramid; stepping: downhill, with the V-algorithm; simplex: Nelder-Mead",
         choices=("alignment", "stepping", "simplex"),
     )
+    levels: int = parameter(4, "levels of the image pyramid", "", 1, 8)
     hierarchical: bool = parameter(True, "root first, then from proximal to distal parts, then all together")
     schedule: str = parameter(
         "tracking",

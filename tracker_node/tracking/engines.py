@@ -97,6 +97,7 @@ def contour_engine(
 
 def _color_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, workers: Workers) -> Engine:
     from ..objective.color.score import ColorObjective, ColorOptions
+    from ..objective.points.photometry import PhotometryOptions
     from .color.judge import ColorJudge
     from .color.modality import ColorModality
     from .color.rigid import RigidScores, RigidSearch
@@ -104,17 +105,18 @@ def _color_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig
 
     color = config.color
     what = color.representation, color.normalized_weight
+    options = PhotometryOptions(*what, color.levels, robust_scale=color.robust_scale)
     search: ColorSearch
     if color.optimizer != "alignment":
         scores = MaskScores(ColorObjective(model, rig, ColorOptions(*what), workers=workers))
-        modality = ColorModality(rig, model, color, what, workers.map, scores)
+        modality = ColorModality(rig, model, color, options, workers.map, scores)
         search = ScoreSearch(model, color, modality, scores.score)
     elif model.chain.n_axes == 0:
         rigid = RigidScores(model, rig, color, workers)
-        modality = ColorModality(rig, model, color, what, workers.map, rigid)
+        modality = ColorModality(rig, model, color, options, workers.map, rigid)
         search = RigidSearch(model, color, modality, rigid)
     else:
-        modality = ColorModality(rig, model, color, what, workers.map)
+        modality = ColorModality(rig, model, color, options, workers.map)
         search = AlignmentSearch(model, color, modality)
     judge = ColorJudge(rig, model, color, modality)
     return Engine([modality], ColorSolver(model, color, modality, search), judge, False)
@@ -123,13 +125,14 @@ def _color_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig
 def _background_engine(
     rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, backgrounds: Backgrounds, workers: Workers
 ) -> Engine:
+    from ..objective.points.photometry import PhotometryOptions
     from .color.modality import ColorModality
     from .color.over_background import BackgroundJudge, BackgroundScores, BackgroundSearch
     from .color.search import ColorSolver
 
     color, scores = config.color_over_background, BackgroundScores(rig, model, backgrounds, workers)
-    what = ColorConfig.representation, color.normalized_weight
-    modality = ColorModality(rig, model, color, what, workers.map, scores)
+    options = PhotometryOptions(ColorConfig.representation, color.normalized_weight, 1, robust_scale=color.robust_scale)
+    modality = ColorModality(rig, model, color, options, workers.map, scores)
     search = BackgroundSearch(model, color, modality, scores)
     judge = BackgroundJudge(rig, model, color, modality, scores)
     return Engine([modality], ColorSolver(model, color, modality, search), judge, False)

@@ -97,7 +97,7 @@ def _brief(config: TrackerConfig) -> TrackerConfig:
     region = replace(config.region, first_scales="1", wide_scales="1", scales="1", samples_per_line=2)
     limb_search = replace(config.limb_search, poses=min(config.limb_search.poses, 1))
     color = replace(config.color, first_passes=1, levels=min(config.color.levels, 2), search_states=0)
-    over = replace(config.color_over_background, levels=min(config.color_over_background.levels, 2), search_states=0)
+    over = replace(config.color_over_background, search_states=0)
     return replace(
         config, region=region, limb_search=limb_search, color=color, texture=replace(config.texture, search_states=0),
         color_over_background=over, initialization=replace(config.initialization, enabled=False),

@@ -6,6 +6,7 @@ import pytest
 from helpers.cameras.render_scenes import LENSES, LIGHTS, colored_scene, look_at
 from tracker_node.camera.rig import CameraRig
 from tracker_node.objective.color.score import ColorObjective
+from tracker_node.parallel import Workers
 from tracker_node.render.raycast.raycaster import render_color, render_mask
 
 
@@ -18,7 +19,7 @@ def filled():
 
 
 def objective(configuration, rig, images, colors=None):
-    result = ColorObjective(configuration.model, rig, threads=1, colors_rgb=colors)
+    result = ColorObjective(configuration.model, rig, workers=Workers(1), colors_rgb=colors)
     result.set_images(images)
     return result
 

@@ -1,7 +1,7 @@
 """What the messages of a run say, as plain mappings of field -> value; and lenses of messages that were read.
 
 No message class of anybody here: `ros.conversions` writes such a mapping into the classes of ROS, `loaders.bag.message_types`
-into those of bags, so the live node and the offline run say the same. Begin with `estimates`.
+into those of bags, so the live node and the offline run say the same. Begin with `body`.
 """
 
 from .body import changed_markers, joint_state, markers, pose, state_covariance, tracked_state, twist

@@ -50,7 +50,7 @@ class ColorModality:
     ----------
     rig, model : as for the `Tracker`.
     config : parameters.
-    representation, normalized_weight : what of a color is compared, see `ColorConfig`.
+    options : what of a color is compared, and on how many levels of the image pyramid.
     parallel : maps a function over cameras.
     scores : what else compares the parts' colors with the images; None: nothing does.
 
@@ -64,15 +64,14 @@ class ColorModality:
         rig: CameraRig,
         model: ArticulatedModel,
         config: ColorOverBackgroundConfig,
-        representation: tuple[str, float],
+        options: PhotometryOptions,
         parallel: Callable[[Callable, list], list],
         scores: ColorScores | None = None,
     ):
         self._rig, self._model, self._config, self._scores = rig, model, config, scores
         if not config.learn_colors:
             check_colors(model)
-        self._options = PhotometryOptions(*representation, config.levels, robust_scale=config.robust_scale)
-        self._photometry = SurfacePhotometry(model, rig, self._options, parallel)
+        self._options, self._photometry = options, SurfacePhotometry(model, rig, options, parallel)
         self.reset()
 
     def reset(self) -> None:
