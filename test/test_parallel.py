@@ -45,3 +45,8 @@ def test_what_fails_in_a_thread_fails_here():
 
     with pytest.raises(ValueError, match="the second"):
         Workers(2).map(fail, [0, 1, 2])
+
+
+def test_nobody_else_makes_a_pool(repository):
+    makers = [f.name for f in (repository / "tracker_node").rglob("*.py") if "ThreadPoolExecutor" in f.read_text()]
+    assert makers == ["parallel.py"]

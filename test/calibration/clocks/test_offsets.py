@@ -8,7 +8,7 @@ import pytest
 
 from tracker_node.calibration import balancing
 from tracker_node.calibration.clocks.motion import N_PLANES, MotionMeter, MotionProfiles, plane_numbers, small_size
-from tracker_node.calibration.clocks.offsets import ClockOptions, estimate_clocks
+from tracker_node.calibration.clocks.offsets import ClockFit, ClockOptions, Clocks, estimate_clocks
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import CalibrationError
@@ -155,3 +155,17 @@ def test_a_shift_of_real_images(shared_data):
     brighter = [(stamp, cv2.add(image, np.full(4, 12.0)) if i > 50 else image) for i, (stamp, image) in enumerate(films[0])]
     first, second = estimate_clocks(motions(rig, [brighter, shifted])).cameras.values()
     assert second.offset_s - first.offset_s == pytest.approx(-0.2713, abs=0.012)
+
+
+def test_metrics_are_in_milliseconds_and_millionths():
+    clocks = Clocks(
+        {"left": ClockFit(0.01, 0.002, 3e-5, 1e-6, 0.9, 0.5), "right": ClockFit(-0.01, 0.003, 0.0, 0.0, 0.8, 0.85)},
+        5.0, np.array([[4e-6, -2e-6], [-2e-6, 9e-6]]), 1.5,
+    )  # fmt: skip
+    assert clocks.metrics() == pytest.approx({
+        "time.misfit": 1.5, "time.right.covariance_left_ms2": -2.0,
+        "time.left.offset_ms": 10.0, "time.left.offset_sigma_ms": 2.0, "time.left.drift_ppm": 30.0,
+        "time.left.drift_sigma_ppm": 1.0, "time.left.correlation": 0.9, "time.left.runner_up": 0.5,
+        "time.right.offset_ms": -10.0, "time.right.offset_sigma_ms": 3.0, "time.right.drift_ppm": 0.0,
+        "time.right.drift_sigma_ppm": 0.0, "time.right.correlation": 0.8, "time.right.runner_up": 0.85,
+    })  # fmt: skip

@@ -5,8 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tracker_node.calibration.tracked_body.rig_drift import fit_drift, stretches
-from tracker_node.cli.calibrate.refine import with_drift
+from tracker_node.calibration.tracked_body.rig_drift import fit_drift, stretches, with_drift
 from tracker_node.errors import CalibrationError
 from tracker_node.loaders.rig.rig_yaml import CameraEntry, RigFile
 

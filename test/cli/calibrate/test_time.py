@@ -7,7 +7,7 @@ import pytest
 
 from helpers.cameras.swinging_disc import LATE_S, write_swinging_disc
 from tracker_node.calibration.clocks.offsets import ClockFit, Clocks
-from tracker_node.cli.calibrate.time import _beginning, figures, print_table
+from tracker_node.cli.calibrate.time import print_table
 from tracker_node.cli.main import main
 from tracker_node.loaders.rig.rig_yaml import load_rig
 
@@ -44,27 +44,10 @@ def test_refusals(rig, tmp_path, capsys, more, said):
     assert said in error and "Traceback" not in error and not output.exists()
 
 
-@pytest.mark.parametrize("first_ns", [0, 7_000_000_000])
-def test_the_first_seconds_are_counted_from_the_first_image(first_ns):
-    images = [(first_ns + i * 500_000_000, i) for i in range(10)]
-    assert [image for _, image in _beginning(iter(images), 2.0)] == [0, 1, 2, 3, 4]
-    assert [image for _, image in _beginning(iter(images), 1.9)] == [0, 1, 2, 3]
-
-
 CLOCKS = Clocks(
     {"left": ClockFit(0.01, 0.002, 3e-5, 1e-6, 0.9, 0.5), "right": ClockFit(-0.01, 0.003, 0.0, 0.0, 0.8, 0.85)},
     5.0, np.array([[4e-6, -2e-6], [-2e-6, 9e-6]]), 1.5,
 )  # fmt: skip
-
-
-def test_figures_are_in_milliseconds_and_millionths():
-    assert figures(CLOCKS) == pytest.approx({
-        "time.misfit": 1.5, "time.right.covariance_left_ms2": -2.0,
-        "time.left.offset_ms": 10.0, "time.left.offset_sigma_ms": 2.0, "time.left.drift_ppm": 30.0,
-        "time.left.drift_sigma_ppm": 1.0, "time.left.correlation": 0.9, "time.left.runner_up": 0.5,
-        "time.right.offset_ms": -10.0, "time.right.offset_sigma_ms": 3.0, "time.right.drift_ppm": 0.0,
-        "time.right.drift_sigma_ppm": 0.0, "time.right.correlation": 0.8, "time.right.runner_up": 0.85,
-    })  # fmt: skip
 
 
 def test_the_table_says_what_was_not_estimated_and_what_is_in_doubt(capsys):

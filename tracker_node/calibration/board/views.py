@@ -6,7 +6,6 @@ import itertools
 import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,6 +15,7 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 from ...errors import CalibrationError
 from ...geometry import se3
 from ...loaders.images.source import ImageSource
+from ...parallel import Workers
 from .board import Board, BoardDetector, BoardView
 
 NS_PER_S = 1e9
@@ -246,11 +246,10 @@ def detect_boards(
     """
     counter = _Counter(sum(source.n_images for source in sources.values()), progress)
     every_s = _burst_period_s(sources, most_images)
-    with ThreadPoolExecutor(max_workers=min(len(sources), os.cpu_count() or 1)) as pool:
-        jobs = {name: pool.submit(_detect, source, board, every_s, counter) for name, source in sources.items()}
-        found = {name: job.result() for name, job in jobs.items()}
+    workers = Workers(min(len(sources), os.cpu_count() or 1))
+    found = workers.map(lambda source: _detect(source, board, every_s, counter), list(sources.values()))
     counter.finish()
-    return found
+    return dict(zip(sources, found, strict=True))
 
 
 def with_board(seen: Mapping[str, CameraViews], board: Board, least: int) -> tuple[dict[str, CameraViews], dict[str, str]]:

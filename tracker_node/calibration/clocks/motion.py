@@ -10,7 +10,7 @@ as many: sums of changes were 10 to 25 ms off where cameras look at a dancer fro
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -21,6 +21,8 @@ from scipy.signal import fftconvolve
 
 from ...camera.rig import Camera, CameraRig
 from ...errors import CalibrationError
+from ...loaders.images.source import open_camera_source
+from ...parallel import Workers
 
 N_PLANES = 40  # over what two cameras see of their common planes; a person takes half of them
 LONG_SIDE_PX = 320  # of the images in which motion is measured
@@ -34,6 +36,7 @@ _LEAST_OVERLAP = 0.4  # of the shorter recording
 _LEAST_OVERLAP_S = 0.5
 _BLOCK_S = 0.4  # motion is taken to be independent from one block to the next
 _ITERATIONS = 30
+_MOST_AT_ONCE = 4  # recordings that are read side by side
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,6 +172,49 @@ class MotionMeter:
         if self._rig is None:
             return np.array([changed[used].sum()])
         return 1.0 - np.exp(-np.bincount(planes[used], weights=changed[used], minlength=N_PLANES) / _FEW_PIXELS)
+
+
+def measured_motions(
+    rig: CameraRig, seconds: float, whole_images: bool = False, progress: Callable[[str, int], None] | None = None
+) -> list[MotionProfiles]:
+    """Motion in the images of all cameras, read side by side.
+
+    Parameters
+    ----------
+    rig : cameras with sources.
+    seconds : how much of each source is read.
+    whole_images : how much moves altogether, for cameras whose places are not known.
+    progress : called from several threads with a camera and how many images it gave.
+
+    Returns
+    -------
+    In the order of the rig.
+
+    Raises
+    ------
+    CalibrationError : see `MotionMeter.measure`.
+    """
+    sources = [open_camera_source(camera) for camera in rig]
+
+    def measured(index: int) -> MotionProfiles:
+        name = rig.names[index]
+        meter = MotionMeter(name, [other for other in rig.names if other != name], None if whole_images else rig)
+        motion = meter.measure(_beginning(sources[index], seconds))
+        if progress is not None:
+            progress(name, len(motion.times_s) + 1)
+        return motion
+
+    return Workers(min(_MOST_AT_ONCE, len(sources))).map(measured, range(len(sources)))
+
+
+def _beginning(source: Iterable[tuple[int, np.ndarray]], seconds: float) -> Iterator[tuple[int, np.ndarray]]:
+    """Images of the first seconds."""
+    first_ns = None
+    for stamp_ns, image in source:
+        first_ns = stamp_ns if first_ns is None else first_ns
+        if stamp_ns - first_ns > 1e9 * seconds:
+            return
+        yield stamp_ns, image
 
 
 def _changed(before: np.ndarray, now: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import CalibrationError
+from ...loaders.rig.rig_yaml import RigFile
 from .motion import MotionProfiles, Pair, Signals, Tables, correlations, refined
 
 DRIFT_SIGMA = 200e-6  # of what the clocks of cameras differ by; quartz has 50 to 100 millionths
@@ -93,6 +94,42 @@ class Clocks:
         clock = self.cameras[name]
         offset = offset_s + clock.offset_s + clock.drift * (first_s - self.middle_s)
         return offset, drift_ppm + 1e6 * clock.drift * (1.0 + 1e-6 * drift_ppm)
+
+    def metrics(self) -> dict[str, float | int]:
+        """``time.<camera>.<key>``, and the covariance of each two offsets in ms^2."""
+        names = list(self.cameras)
+        metrics: dict[str, float | int] = {"time.misfit": self.misfit}
+        for i, (name, clock) in enumerate(self.cameras.items()):
+            metrics[f"time.{name}.offset_ms"] = 1e3 * clock.offset_s
+            metrics[f"time.{name}.offset_sigma_ms"] = 1e3 * clock.offset_sigma_s
+            metrics[f"time.{name}.drift_ppm"] = 1e6 * clock.drift
+            metrics[f"time.{name}.drift_sigma_ppm"] = 1e6 * clock.drift_sigma
+            metrics[f"time.{name}.correlation"] = clock.correlation
+            metrics[f"time.{name}.runner_up"] = clock.runner_up
+            for j in range(i):
+                metrics[f"time.{name}.covariance_{names[j]}_ms2"] = 1e6 * float(self.covariance_s2[i, j])
+        return metrics
+
+
+def with_clocks(rig_file: RigFile, clocks: Clocks, motions: Sequence[MotionProfiles]) -> RigFile:
+    """A rig's file with the clocks of its cameras.
+
+    Parameters
+    ----------
+    rig_file : with the offsets by which the images were read.
+    clocks : what has been found.
+    motions : what it was found from.
+
+    Returns
+    -------
+    A copy.
+    """
+    cameras = dict(rig_file.cameras)
+    for motion in motions:
+        entry = cameras[motion.camera]
+        offset_s, ppm = clocks.corrected(motion.camera, motion.first_s, entry.time_offset_s, entry.time_drift_ppm)
+        cameras[motion.camera] = entry.model_copy(update={"time_offset_s": offset_s, "time_drift_ppm": ppm})
+    return rig_file.model_copy(update={"cameras": cameras})
 
 
 def estimate_clocks(motions: Sequence[MotionProfiles], options: ClockOptions | None = None) -> Clocks:

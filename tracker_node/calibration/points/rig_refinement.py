@@ -7,6 +7,7 @@ cameras at once are thousands of correspondences; their bundle adjustment shows,
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -63,6 +64,28 @@ class Refinement:
     shift_m: float
     iterations: int
     converged: bool
+
+    def metrics(self) -> dict[str, float | int]:
+        """``refine.<camera>.<key>``, and those of all cameras together."""
+        metrics: dict[str, float | int] = {
+            "refine.iterations": self.iterations,
+            "refine.converged": int(self.converged),
+            "refine.joint_shift_mm": 1000.0 * self.shift_m,
+        }
+        squares, total = {"before": 0.0, "after": 0.0}, 0
+        for name, camera in self.cameras.items():
+            total += camera.n_points
+            for when in squares:
+                rms = getattr(camera, f"rms_{when}_px")
+                squares[when] += camera.n_points * rms**2
+                metrics[f"refine.{name}.rms_{when}_px"] = rms
+                metrics[f"refine.{name}.median_{when}_px"] = getattr(camera, f"median_{when}_px")
+            metrics[f"refine.{name}.moved_mm"] = 1000.0 * camera.moved_m
+            metrics[f"refine.{name}.turned_deg"] = math.degrees(camera.turned_rad)
+            metrics[f"refine.{name}.lag_images"] = camera.lag_images
+        for when, square in squares.items():
+            metrics[f"refine.rms_{when}_px"] = math.sqrt(square / max(total, 1))
+        return metrics
 
 
 def collect_joints(rig: CameraRig, people: list[list[np.ndarray]]) -> np.ndarray:

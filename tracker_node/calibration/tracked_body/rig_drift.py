@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...errors import CalibrationError
+from ...loaders.rig.rig_yaml import RigFile
 from .rig_fit import SURE_SIGMAS, RigFit
 
 LEAST_SPAN_S = 10.0  # between the middles of the first and the last stretch
@@ -98,3 +99,34 @@ def _line(times: np.ndarray, delays: np.ndarray, sigmas: np.ndarray, middle_s: f
         if abs(value[0]) < SURE_SIGMAS * deviations[0]:
             value[0] = 0.0
     return ClockDrift(float(value[0]), float(deviations[0]), float(value[1]), float(deviations[1]), middle_s)
+
+
+def with_drift(rig_file: RigFile, fit: RigFit, clocks: Mapping[str, ClockDrift], begins_s: float) -> RigFile:
+    """The rig file with clocks that drift.
+
+    Parameters
+    ----------
+    rig_file : with the places of the fit.
+    fit : whose time offsets are replaced.
+    clocks : by camera, over the stretches of the run.
+    begins_s : time of the run's beginning, seconds.
+
+    Returns
+    -------
+    A copy.
+    """
+    cameras = dict(rig_file.cameras)
+    for name, clock in clocks.items():
+        entry = cameras[name]
+        offset_s = entry.time_offset_s - fit.cameras[name].later_s + clock.later_s + clock.drift * (begins_s - clock.middle_s)
+        ppm = entry.time_drift_ppm + 1e6 * clock.drift * (1.0 + 1e-6 * entry.time_drift_ppm)
+        cameras[name] = entry.model_copy(update={"time_offset_s": offset_s, "time_drift_ppm": ppm})
+    return rig_file.model_copy(update={"cameras": cameras})
+
+
+def drift_metrics(clocks: Mapping[str, ClockDrift]) -> dict[str, float | int]:
+    """``refine.<camera>.drift_ppm`` and its sigma."""
+    metrics: dict[str, float | int] = {}
+    for name, clock in clocks.items():
+        metrics |= {f"refine.{name}.drift_ppm": 1e6 * clock.drift, f"refine.{name}.drift_sigma_ppm": 1e6 * clock.drift_sigma}
+    return metrics

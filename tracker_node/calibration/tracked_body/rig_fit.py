@@ -15,6 +15,7 @@ import numpy as np
 from ...camera.rig import CameraRig
 from ...errors import CalibrationError
 from ...geometry import se3, so3
+from ...loaders.rig.rig_yaml import RigFile
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...model.shape_parameters import ShapeSpace
@@ -302,3 +303,28 @@ def _camera_fit(index: int, given, fitted, departure: np.ndarray, sigmas: np.nda
         later_sigma_s=float(sigmas[TIME]),
         focal_sigma=float(sigmas[FOCAL]),
     )
+
+
+def with_fit(rig_file: RigFile, fit: RigFit) -> RigFile:
+    """The rig file with the places, time offsets and focal lengths of a fit.
+
+    Parameters
+    ----------
+    rig_file : as it was read.
+    fit : of the rig.
+
+    Returns
+    -------
+    A copy.
+    """
+    placed = rig_file.with_extrinsics({camera.name: camera.T_world_cam for camera in fit.rig})
+    cameras = dict(placed.cameras)
+    for name, found in fit.cameras.items():
+        entry = cameras[name]
+        values: dict = {"time_offset_s": entry.time_offset_s + found.later_s}
+        if found.focal_scale != 1.0:
+            (fx, skew, cx), (zero, fy, cy), last = entry.K
+            s = found.focal_scale
+            values["K"] = ((s * fx, s * skew, cx), (zero, s * fy, cy), last)
+        cameras[name] = entry.model_copy(update=values)
+    return placed.model_copy(update={"cameras": cameras})

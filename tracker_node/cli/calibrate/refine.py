@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--robust-px", type=float, default=8.0, metavar="PX", help="scale of the robust loss (default: %(default)s)"
     )
-    parser.add_argument("--report", metavar="FILE", help="where to write the figures as JSON (default: beside the output, .json)")
+    parser.add_argument("--report", metavar="FILE", help="where to write the metrics as JSON (default: beside the output, .json)")
     add_run_arguments(parser, n_sets=30)
     parser.add_argument("--model", metavar="FILE", help="with --from-run: body of the run (default: what the run names)")
     parser.add_argument("--keep-places", action="store_true", help="with --from-run: only time offsets (and focal lengths)")
@@ -63,8 +63,8 @@ def _from_run(args: argparse.Namespace) -> int:
     """Places and clocks from the images in which a run has tracked a body."""
     from ...calibration.tracked_body.body_fit import BodyFitOptions
     from ...calibration.tracked_body.report import rig_figures, write_rig_report
-    from ...calibration.tracked_body.rig_drift import stretches
-    from ...calibration.tracked_body.rig_fit import RigFitOptions, fit_rig
+    from ...calibration.tracked_body.rig_drift import drift_metrics, stretches, with_drift
+    from ...calibration.tracked_body.rig_fit import RigFitOptions, fit_rig, with_fit
     from ...loaders.rig.rig_yaml import read_rig_file, write_rig_file
     from ...report.metrics_file import write_metrics
     from ...report.progress import StageProgress
@@ -90,10 +90,10 @@ def _from_run(args: argparse.Namespace) -> int:
     fit = fit_rig(images.model, images.rig, images.sets, images.states, images.velocities, options, progress, evidence=evidence)
     clocks = _drift(args, images, fit, options, progress) if args.drift else {}
     rig_path = named_file(args, run_info(args.from_run), "rig")
-    rig_file = with_drift(changed(read_rig_file(rig_path), fit), fit, clocks, images.begins_s)
+    rig_file = with_drift(with_fit(read_rig_file(rig_path), fit), fit, clocks, images.begins_s)
     write_rig_file(rig_file, args.output, base_dir=Path(rig_path).parent)
     write_rig_report(page, images.model, images.rig, images.sets, fit)
-    write_metrics(report, rig_figures(fit) | _drift_figures(clocks))
+    write_metrics(report, rig_figures(fit) | drift_metrics(clocks))
     _print_cameras(fit)
     for name, clock in clocks.items():
         print(f"{name:12} drift {1e6 * clock.drift:8.1f} +- {1e6 * clock.drift_sigma:6.1f} ppm")
@@ -116,62 +116,6 @@ def _drift(args: argparse.Namespace, images, fit, options, progress):
         return fit_rig(part.model, fit.rig, part.sets, part.states, part.velocities, options, progress, evidence=evidence)
 
     return fit_drift(stamps_s, stretches(stamps_s), fit_stretch)
-
-
-def with_drift(rig_file, fit, clocks, begins_s: float):
-    """The rig file with clocks that drift.
-
-    Parameters
-    ----------
-    rig_file : with the places of the fit.
-    fit : whose time offsets are replaced.
-    clocks : by camera, over the stretches of the run.
-    begins_s : time of the run's beginning, seconds.
-
-    Returns
-    -------
-    rig_file : a copy.
-    """
-    cameras = dict(rig_file.cameras)
-    for name, clock in clocks.items():
-        entry = cameras[name]
-        offset_s = entry.time_offset_s - fit.cameras[name].later_s + clock.later_s + clock.drift * (begins_s - clock.middle_s)
-        ppm = entry.time_drift_ppm + 1e6 * clock.drift * (1.0 + 1e-6 * entry.time_drift_ppm)
-        cameras[name] = entry.model_copy(update={"time_offset_s": offset_s, "time_drift_ppm": ppm})
-    return rig_file.model_copy(update={"cameras": cameras})
-
-
-def _drift_figures(clocks) -> dict[str, float | int]:
-    """Figures of clocks as flat metrics, ``refine.<camera>.drift_ppm`` and its sigma."""
-    figures: dict[str, float | int] = {}
-    for name, clock in clocks.items():
-        figures |= {f"refine.{name}.drift_ppm": 1e6 * clock.drift, f"refine.{name}.drift_sigma_ppm": 1e6 * clock.drift_sigma}
-    return figures
-
-
-def changed(rig_file, fit):
-    """The rig file with the places, time offsets and focal lengths of a fit.
-
-    Parameters
-    ----------
-    rig_file : as it was read.
-    fit : of the rig.
-
-    Returns
-    -------
-    rig_file : a copy.
-    """
-    placed = rig_file.with_extrinsics({camera.name: camera.T_world_cam for camera in fit.rig})
-    cameras = dict(placed.cameras)
-    for name, found in fit.cameras.items():
-        entry = cameras[name]
-        values: dict = {"time_offset_s": entry.time_offset_s + found.later_s}
-        if found.focal_scale != 1.0:
-            (fx, skew, cx), (zero, fy, cy), last = entry.K
-            s = found.focal_scale
-            values["K"] = ((s * fx, s * skew, cx), (zero, s * fy, cy), last)
-        cameras[name] = entry.model_copy(update=values)
-    return placed.model_copy(update={"cameras": cameras})
 
 
 def _print_cameras(fit) -> None:
@@ -212,46 +156,23 @@ def _from_points(args: argparse.Namespace) -> int:
     refinement = refine_rig(rig, joints, options, args.min_confidence)
     refined = rig_file.with_extrinsics({camera.name: camera.T_world_cam for camera in refinement.rig})
     write_rig_file(refined, args.output, base_dir=Path(args.rig).parent)
-    write_metrics(report, figures(refinement))
+    write_metrics(report, refinement.metrics())
     print_table(refinement)
     print(f"wrote {args.output} and {report}")
     if not refinement.converged:
-        print(f"note: not converged after {refinement.iterations} iterations; the figures above say whether it is good enough")
+        print(f"note: not converged after {refinement.iterations} iterations; the metrics above say whether it is good enough")
     return 0
 
 
-def figures(refinement) -> dict[str, float | int]:
-    """Figures of a refinement as flat metrics, ``refine.<camera>.<figure>``."""
-    metrics: dict[str, float | int] = {
-        "refine.iterations": refinement.iterations,
-        "refine.converged": int(refinement.converged),
-        "refine.joint_shift_mm": 1000.0 * refinement.shift_m,
-    }
-    squares, total = {"before": 0.0, "after": 0.0}, 0
-    for name, camera in refinement.cameras.items():
-        total += camera.n_points
-        for when in squares:
-            rms = getattr(camera, f"rms_{when}_px")
-            squares[when] += camera.n_points * rms**2
-            metrics[f"refine.{name}.rms_{when}_px"] = rms
-            metrics[f"refine.{name}.median_{when}_px"] = getattr(camera, f"median_{when}_px")
-        metrics[f"refine.{name}.moved_mm"] = 1000.0 * camera.moved_m
-        metrics[f"refine.{name}.turned_deg"] = math.degrees(camera.turned_rad)
-        metrics[f"refine.{name}.lag_images"] = camera.lag_images
-    for when, square in squares.items():
-        metrics[f"refine.rms_{when}_px"] = math.sqrt(square / max(total, 1))
-    return metrics
-
-
 def print_table(refinement) -> None:
-    """The figures per camera, as a table."""
+    """The metrics of each camera, as a table."""
     print(f"{'camera':12} {'joints':>7} {'rms px':>16} {'median px':>16} {'moved':>9} {'turned':>9} {'late':>12}")
     for name, camera in refinement.cameras.items():
         rms = f"{camera.rms_before_px:6.2f} -> {camera.rms_after_px:6.2f}"
         median = f"{camera.median_before_px:6.2f} -> {camera.median_after_px:6.2f}"
         moves = f"{1000 * camera.moved_m:6.1f} mm {math.degrees(camera.turned_rad):5.2f} deg {camera.lag_images:z5.2f} images"
         print(f"{name:12} {camera.n_points:7d} {rms} {median} {moves}")
-    overall = figures(refinement)
+    overall = refinement.metrics()
     print(
         f"all cameras: rms {overall['refine.rms_before_px']:.2f} -> {overall['refine.rms_after_px']:.2f} px; the joints move by"
     )

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-
-import numpy as np
 
 from ..arguments.run_images import refuse_to_overwrite
 from .body import check
@@ -32,13 +28,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--whole-images", action="store_true",
         help="compare how much moves altogether, for cameras whose places are not known yet; far less sharp",
     )  # fmt: skip
-    add("--report", metavar="FILE", help="where to write the figures as JSON (default: beside the output, .json)")
+    add("--report", metavar="FILE", help="where to write the metrics as JSON (default: beside the output, .json)")
     add("--force", action="store_true", help="overwrite the output and the report")
     add("--quiet", action="store_true", help="no progress on stderr")
 
 
 def run(args: argparse.Namespace) -> int:
-    from ...calibration.clocks.offsets import ClockOptions, estimate_clocks
+    from ...calibration.clocks.motion import measured_motions
+    from ...calibration.clocks.offsets import ClockOptions, estimate_clocks, with_clocks
     from ...loaders.rig.rig_yaml import build_rig, read_rig_file, write_rig_file
     from ...report.metrics_file import write_metrics
 
@@ -49,63 +46,17 @@ def run(args: argparse.Namespace) -> int:
     rig_file = read_rig_file(args.rig)
     rig = build_rig(rig_file, Path(args.rig).parent)
     check(len(rig) > 1, "--rig", "a rig of two cameras at least", f"{len(rig)}")
-    motions = _motions(args, rig)
+    motions = measured_motions(rig, args.seconds, args.whole_images, None if args.quiet else _print_progress)
     clocks = estimate_clocks(motions, ClockOptions(args.max_offset, drift=not args.no_drift))
-    cameras = dict(rig_file.cameras)
-    for motion in motions:
-        entry = cameras[motion.camera]
-        offset_s, ppm = clocks.corrected(motion.camera, motion.first_s, entry.time_offset_s, entry.time_drift_ppm)
-        cameras[motion.camera] = entry.model_copy(update={"time_offset_s": offset_s, "time_drift_ppm": ppm})
-    write_rig_file(rig_file.model_copy(update={"cameras": cameras}), args.output, base_dir=Path(args.rig).parent)
-    write_metrics(report, figures(clocks))
+    write_rig_file(with_clocks(rig_file, clocks, motions), args.output, base_dir=Path(args.rig).parent)
+    write_metrics(report, clocks.metrics())
     print_table(clocks)
     print(f"wrote {args.output} and {report}")
     return 0
 
 
-def _motions(args: argparse.Namespace, rig) -> list:
-    """Motion in every camera's images, read side by side."""
-    from ...calibration.clocks.motion import MotionMeter
-    from ...loaders.images.source import open_camera_source
-
-    sources = [open_camera_source(camera) for camera in rig]
-
-    def measured(index: int):
-        others = [name for name in rig.names if name != rig.names[index]]
-        meter = MotionMeter(rig.names[index], others, None if args.whole_images else rig)
-        motion = meter.measure(_beginning(sources[index], args.seconds))
-        if not args.quiet:
-            print(f"calibrate time: {motion.camera}: {len(motion.times_s) + 1} images read", file=sys.stderr, flush=True)
-        return motion
-
-    with ThreadPoolExecutor(max_workers=min(4, len(sources))) as pool:
-        return list(pool.map(measured, range(len(sources))))
-
-
-def _beginning(source, seconds: float) -> Iterator[tuple[int, np.ndarray]]:
-    """Images of the first seconds."""
-    first_ns = None
-    for stamp_ns, image in source:
-        first_ns = stamp_ns if first_ns is None else first_ns
-        if stamp_ns - first_ns > 1e9 * seconds:
-            return
-        yield stamp_ns, image
-
-
-def figures(clocks) -> dict[str, float | int]:
-    """Figures as flat metrics, ``time.<camera>.<figure>``, and the covariance of each two offsets in ms^2."""
-    names = list(clocks.cameras)
-    metrics: dict[str, float | int] = {"time.misfit": clocks.misfit}
-    for i, (name, clock) in enumerate(clocks.cameras.items()):
-        metrics[f"time.{name}.offset_ms"] = 1e3 * clock.offset_s
-        metrics[f"time.{name}.offset_sigma_ms"] = 1e3 * clock.offset_sigma_s
-        metrics[f"time.{name}.drift_ppm"] = 1e6 * clock.drift
-        metrics[f"time.{name}.drift_sigma_ppm"] = 1e6 * clock.drift_sigma
-        metrics[f"time.{name}.correlation"] = clock.correlation
-        metrics[f"time.{name}.runner_up"] = clock.runner_up
-        for j in range(i):
-            metrics[f"time.{name}.covariance_{names[j]}_ms2"] = 1e6 * float(clocks.covariance_s2[i, j])
-    return metrics
+def _print_progress(camera: str, images: int) -> None:
+    print(f"calibrate time: {camera}: {images} images read", file=sys.stderr, flush=True)
 
 
 def print_table(clocks) -> None:
