@@ -20,6 +20,7 @@ from helpers.cameras.camera_rigs import circle_rig
 from helpers.ros.launch_stand_ins import (
     Arguments,
     LaunchConfiguration,
+    LogInfo,
     OnShutdown,
     declared_by,
     description_of,
@@ -63,6 +64,7 @@ class Started:
     arguments: list[str]
     parameters: dict
     remappings: list
+    timeouts_s: tuple[float, float]
 
 
 def launched(name: str, /, **given: str) -> tuple[list[Started], Arguments]:
@@ -109,7 +111,8 @@ def node_of(kwargs: dict, context: dict[str, str]) -> Started:
         for key, value in group.items():
             parameters[key] = resolved(value, context) if isinstance(value, LaunchConfiguration) else value
     name = resolved(kwargs.get("name", kwargs["executable"]), context)
-    return Started(kwargs["package"], kwargs["executable"], name, arguments, parameters, kwargs.get("remappings", []))
+    timeouts_s = (float(kwargs.get("sigterm_timeout", 5.0)), float(kwargs.get("sigkill_timeout", 5.0)))  # 5 are those of launch
+    return Started(kwargs["package"], kwargs["executable"], name, arguments, parameters, kwargs.get("remappings", []), timeouts_s)
 
 
 def check_runs(node: Started) -> argparse.Namespace | None:
@@ -159,6 +162,29 @@ def test_what_is_started_takes_its_arguments(stand_ins, name, given, expected):
     assert [node.name for node in nodes] == expected
     for node in nodes:
         check_runs(node)
+
+
+@pytest.mark.parametrize(("name", "given", "writer"), [
+    ("rig", {**BODY, "bag": "out/bag"}, "recorder"), ("pipeline", BODY, "pipeline"), ("demo", {"rviz": "false"}, "tracker_node"),
+])  # fmt: skip
+def test_who_writes_a_bag_is_not_killed_before_it_is_finished(stand_ins, name, given, writer):
+    """Of themselves launch and its children take five seconds, less than a disk that is behind."""
+    (node,) = [node for node in started_by(f"{name}.launch.py", **given) if node.name == writer]
+    assert min(node.timeouts_s) >= 30.0
+
+
+@pytest.mark.parametrize(("name", "given", "absent", "left"), [
+    ("rviz", {}, "rviz2", []),
+    ("demo", {}, "rviz2", ["tracker_node"]),
+    ("rig", {**BODY, "rviz": "true"}, "rviz2", ["tracker", "tracker_links", "camera_ingest"]),
+    ("replay", {"bag": "b", "rviz": "true"}, "rviz2", ["player"]),
+    ("tracker", BODY, "robot_state_publisher", ["tracker"]),
+])  # fmt: skip
+def test_without_a_package_of_others_a_line_says_so_and_all_else_goes_on(stand_ins, monkeypatch, name, given, absent, left):
+    monkeypatch.setattr("helpers.ros.launch_stand_ins.ABSENT", {absent})
+    assert [node.name for node in started_by(f"{name}.launch.py", **given)] == left
+    (line,) = LogInfo.said
+    assert f"{absent} is not installed (apt install ros-$ROS_DISTRO-{absent.replace('_', '-')}): " in line and "goes on" in line
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -68,6 +68,16 @@ class OnShutdown(Kept):
             cls.waiting.pop()(None, None)
 
 
+class LogInfo(Kept):
+    """Keeps its lines."""
+
+    said: ClassVar[list[str]] = []
+
+    def __init__(self, *, msg: str):
+        super().__init__(msg=msg)
+        self.said.append(msg)
+
+
 class PathJoinSubstitution(Kept):
     def perform(self, context: dict[str, str]) -> str:
         return "/".join(resolved(part, context) for part in self.args[0])
@@ -78,8 +88,13 @@ class PythonExpression(Kept):
         return str(eval("".join(resolved(part, context) for part in self.args[0])))
 
 
+ABSENT: set[str] = set()
+
+
 def get_package_prefix(package: str) -> str:
-    """All packages are installed."""
+    """All packages are installed but those of `ABSENT`."""
+    if package in ABSENT:
+        raise LookupError(package)
     return str(ROOT)
 
 
@@ -88,7 +103,7 @@ STAND_INS = {
     "ament_index_python.packages": [("get_package_prefix", get_package_prefix), ("PackageNotFoundError", LookupError)],
     "launch": ["LaunchDescription"],
     "launch.actions": [
-        "DeclareLaunchArgument", "EmitEvent", "IncludeLaunchDescription", "LogInfo", "OpaqueFunction", "RegisterEventHandler",
+        "DeclareLaunchArgument", "EmitEvent", "IncludeLaunchDescription", LogInfo, "OpaqueFunction", "RegisterEventHandler",
     ],
     "launch.conditions": ["IfCondition"],
     "launch.event_handlers": ["OnProcessExit", OnShutdown],
@@ -121,6 +136,7 @@ def launch_stand_ins() -> Iterator[None]:
             yield
         finally:
             OnShutdown.shut_down()
+            LogInfo.said.clear()
             sys.modules.pop(SHARED, None)
 
 
