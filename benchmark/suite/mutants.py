@@ -34,7 +34,7 @@ from benchmark.suite._mutation import Mutant, draw, mutants
 SEED = 20294
 NAMED = (
     "calibration/points/bundle_adjustment", "calibration/points/triangulation", "camera/model", "loaders/bag/mcap_writer",
-    "objective/chamfer/correspondences", "observation/synchronizer", "optimize/levenberg_marquardt", "ros/conversions/messages",
+    "objective/chamfer/correspondences", "observation/synchronizer", "optimize/levenberg_marquardt", "runs/messages/body",
     "tracking/uncertainty/covariance", "tracking/chamfer/judge", "tracking/limbs/judge", "tracking/self_check",
     "tracking/motion/smoother",
 )  # fmt: skip

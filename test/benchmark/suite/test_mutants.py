@@ -8,6 +8,7 @@ import pytest
 from benchmark.suite._equivalent_mutants import EQUIVALENT
 from benchmark.suite._mutant_tests import Imports, is_program, users_of_kernels
 from benchmark.suite._mutation import draw, mutants
+from benchmark.suite.mutants import EACH, NAMED
 
 SOURCE = b'''"""Words - and more."""
 LIMIT = 5
@@ -112,6 +113,19 @@ def test_a_file_that_says_what_a_module_is_called_is_tried_before_others_as_near
 def test_programs_are_told_from_modules() -> None:
     assert is_program(ast.parse("def main():\n    pass\n\nif __name__ == '__main__':\n    main()\n"))
     assert not is_program(ast.parse("def main():\n    if __name__:\n        pass\n"))
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_a_named_module_is_there_and_has_enough_faults(repository: Path, name: str) -> None:
+    path = f"tracker_node/{name}.py"
+    source = (repository / path).read_bytes()
+    assert len(draw(path, source, EACH[False], 1)) == EACH[False]
+
+
+def test_the_sizes_of_markers_are_among_the_faults(repository: Path) -> None:
+    """An ellipsoid of half its size was among the first that no test noticed."""
+    path = next(f"tracker_node/{name}.py" for name in NAMED if name.startswith("runs/messages"))
+    assert any("_SPHERE, np.array(primitive.radii" in one.after for one in mutants(path, (repository / path).read_bytes()))
 
 
 def test_every_equivalent_fault_can_still_be_drawn_and_has_a_reason(repository: Path) -> None:

@@ -104,6 +104,7 @@ def test_markers_are_as_large_as_their_shapes():
     _, _, markers = markers_of(Status.TRACKING)
     sizes = [(m.scale.x, m.scale.y, m.scale.z) for m in markers]
     assert sizes == [(0.3, 0.2, 0.5), (1.0, 1.0, 1.0), pytest.approx((0.08, 0.06, 0.24)), (1.0, 1.0, 1.0)]
+    assert [bool(m.points) for m in markers] == [False, True, False, True]
     corners = np.array([[p.x, p.y, p.z] for p in markers[3].points]).reshape(-1, 3, 3)
     mesh = arm().shapes[3].primitive
     np.testing.assert_array_equal(corners, mesh.vertices[mesh.faces])
