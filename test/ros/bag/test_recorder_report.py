@@ -1,9 +1,14 @@
 """Levels of the recorder's diagnostics, as somebody who records would set them."""
 
+from contextlib import closing
+
 import pytest
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
+from tracker_node.loaders.bag.queue import BagQueue
+from tracker_node.loaders.bag.writer import BagWriter
+from tracker_node.ros.bag.recorder import RecorderNode, TopicSelection
 from tracker_node.ros.bag.recorder_report import MB, RecorderState, TopicPace, topics_status
 from tracker_node.ros.diagnostics import ERROR, OK, WARN
 
@@ -60,6 +65,15 @@ def test_a_topic_that_falls_silent_is_named(pace: TopicPace, n_publishers: int, 
     assert ("/cam for 5 s" in said) == (level == WARN)
     assert f"{pace.count} messages" in str(values["/cam"])
     assert str(values["/cam"]).endswith("2 lost")
+
+
+def test_topics_of_events_may_be_silent_and_others_not(ros, tmp_path) -> None:
+    names = {"/parameter_events": "rcl_interfaces/msg/ParameterEvent", "/rosout": "rcl_interfaces/msg/Log"}
+    with closing(BagQueue(BagWriter(tmp_path / "run"))) as bag:
+        recorder = RecorderNode(TopicSelection(names | {"/chatter": "std_msgs/msg/String"}), bag)
+        paces = {name: recorded.pace.on_occasion for name, recorded in recorder._topics.items()}
+        recorder.destroy_node()
+    assert paces == {"/parameter_events": True, "/rosout": True, "/chatter": False}
 
 
 def test_a_pause_is_no_silence() -> None:
