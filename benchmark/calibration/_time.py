@@ -34,7 +34,7 @@ from tracker_node.synthesis.subjects.mannequin import LANDMARKS, MannequinSubjec
 Figures = dict[str, float | int]
 
 RATE_HZ, N_IMAGES, CLIP = 60.0, 150, "dance_a"
-SCENE = SceneConfig(n_cameras=4, plates=False)
+SCENE = SceneConfig(n_cameras=4, backgrounds=False)
 FREE = 2  # number of the camera that runs freely
 FINE = 100  # instants to choose from, per image period
 CACHE = Path("out/calibration")

@@ -28,7 +28,7 @@ from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import Configuration
 from tracker_node.model.humans.human import human_model
-from tracker_node.render.overlay import draw_overlay, target_through_mask
+from tracker_node.render.overlay import draw_overlay, masked_image
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.runs.data import RunData
 from tracker_node.runs.image_sets import SourceStream
@@ -151,7 +151,7 @@ def _draw(path: Path, image_set, configuration: Configuration, rig) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     images = [(image_set.get(camera.name).bgr, camera) for camera in rig]
     above = [draw_overlay(image, configuration, camera) for image, camera in images]
-    below = [target_through_mask(image, configuration, camera) for image, camera in images]
+    below = [masked_image(image, configuration, camera) for image, camera in images]
     cv2.imwrite(str(path), np.vstack([np.hstack(above), np.hstack(below)]))
 
 

@@ -2,7 +2,7 @@
 """A real person by the colors of the first image set: the Balancing clip, four cameras, without contours.
 
 The colors of 18 parts in four cameras are learnt in the first image set; then the body is fitted so that it explains what the
-images have that plates of the empty scene have not. The truth are joints triangulated from 2D detections, good to 3 to 5 cm. A
+images have that images of the background have not. The truth are joints triangulated from 2D detections, good to 3 to 5 cm. A
 second run starts half a meter beside the person: its status has to say that this is not the body.
 """
 
@@ -27,7 +27,7 @@ from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import ImageSet
-from tracker_node.render.overlay import draw_overlay, target_through_mask
+from tracker_node.render.overlay import draw_overlay, masked_image
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.runs.config_file import load_config
 from tracker_node.runs.image_sets import SourceStream
@@ -100,7 +100,7 @@ def _write_pictures(folder: Path, rig, model, sets: list[ImageSet], estimates: l
     """Contact sheets: overlays, and targets through the mask, of every camera at five instants."""
     folder.mkdir(parents=True, exist_ok=True)
     states: dict[int, State] = {estimate.stamp_ns: estimate.state for estimate in estimates}
-    for name, draw in (("overlays", draw_overlay), ("through_mask", target_through_mask)):
+    for name, draw in (("overlays", draw_overlay), ("through_mask", masked_image)):
         columns = []
         for i in np.linspace(0, len(sets) - 1, 5).astype(int):
             configuration = Configuration(model, states[sets[i].stamp_ns])

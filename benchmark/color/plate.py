@@ -28,7 +28,7 @@ from tracker_node.loaders.rig.calibration_toml import load_pose2sim
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import ImageSet
-from tracker_node.render.overlay import draw_overlay, target_through_mask
+from tracker_node.render.overlay import draw_overlay, masked_image
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.runs.config_file import load_config
 from tracker_node.runs.image_sets import SourceStream
@@ -167,7 +167,7 @@ def jumps(recording: Recording, model: ArticulatedModel, config: TrackerConfig, 
 def write_pictures(folder: Path, recording: Recording, model: ArticulatedModel, estimates: list[TrackEstimate]) -> None:
     """Contact sheets: overlays, and targets through the mask, of every camera in six sets."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name, draw in (("overlays", draw_overlay), ("through_mask", target_through_mask)):
+    for name, draw in (("overlays", draw_overlay), ("through_mask", masked_image)):
         rows = []
         for i in np.linspace(0, len(estimates) - 1, 6).astype(int):
             configuration = Configuration(model, estimates[i].state)

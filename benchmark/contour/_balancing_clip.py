@@ -53,7 +53,7 @@ class Clip:
     truth: Trajectories
     sets: list[ImageSet]
     masks: dict[str, dict[int, np.ndarray]]
-    plates: dict
+    backgrounds: dict
 
     def with_cameras(self, names: Sequence[str]) -> Clip:
         """The same with some of the cameras."""

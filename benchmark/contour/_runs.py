@@ -39,7 +39,8 @@ RATE_HZ = 30.0
 DEFAULT_CACHE = Path("out/synthetic")
 WARM_UP = 5  # image sets that are not timed: the first one has more iterations
 SCENE = SceneConfig(
-    n_cameras=4, distortion=(), noise_levels=4.0, blur_px=0.6, shadow=False, surroundings="clutter", plates=False, lossless=True
+    n_cameras=4, distortion=(), noise_levels=4.0, blur_px=0.6, shadow=False, surroundings="clutter", backgrounds=False,
+    lossless=True,
 )  # colored patterns all around, and nobody has seen the room empty
 
 
@@ -96,10 +97,10 @@ class Run:
 
 def track(
     clip: Clip, config: TrackerConfig, sets: Iterable[ImageSet], progress: Callable[[int], None] = lambda n: None,
-    plates: dict | None = None,
+    backgrounds: dict | None = None,
 ) -> Run:  # fmt: skip
-    """Track from the clip's first pose; nothing is known of the empty scene unless ``plates`` says so."""
-    tracker = Tracker(clip.rig, clip.model, config, plates or {}, clip.start)
+    """Track from the clip's first pose; no background is known unless ``backgrounds`` says so."""
+    tracker = Tracker(clip.rig, clip.model, config, backgrounds or {}, clip.start)
     estimates, times = [], []
     gc.collect()
     gc.disable()

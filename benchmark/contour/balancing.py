@@ -92,8 +92,8 @@ def _clip_of(args: argparse.Namespace) -> Clip:
 
 def make_tracker(clip: Clip, config: TrackerConfig, args: argparse.Namespace, start: State | None = None) -> Tracker:
     """``start``: instead of the one asked for."""
-    plates = {name: plate for name, plate in clip.plates.items() if name in clip.rig.names} if args.plates else {}
-    return Tracker(clip.rig, clip.model, config, plates, start or clip.start)
+    backgrounds = {name: b for name, b in clip.backgrounds.items() if name in clip.rig.names} if args.backgrounds else {}
+    return Tracker(clip.rig, clip.model, config, backgrounds, start or clip.start)
 
 
 def own_start(clip: Clip, config: TrackerConfig, args: argparse.Namespace) -> tuple[State, dict[str, float | int]]:
@@ -103,7 +103,7 @@ def own_start(clip: Clip, config: TrackerConfig, args: argparse.Namespace) -> tu
     ------
     TrackerError : nothing was found.
     """
-    tracker = Tracker(clip.rig, clip.model, config, clip.plates if args.plates else {})
+    tracker = Tracker(clip.rig, clip.model, config, clip.backgrounds if args.backgrounds else {})
     times: list[float] = []
     for image_set in clip.sets:
         estimate = tracker.step(image_set)
@@ -294,7 +294,7 @@ def _arguments() -> argparse.Namespace:
     add("--sets", type=int, metavar="N", help="only the first N image sets")
     add("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="parameters, e.g. chamfer.max_iterations=8")
     add("--config", type=Path, default=CONFIG, metavar="FILE", help="parameters of the tracker (default: %(default)s)")
-    add("--plates", action="store_true", help="use the pictures of the empty scene")
+    add("--backgrounds", action="store_true", help="use the images of the background")
     add("--rig", type=Path, metavar="FILE", help="another rig than the sample's refined one")
     add("--model", type=Path, metavar="FILE", help="another body than the sample's")
     add("--start", default="own", metavar="own|given|FILE", help="where the body is at first: see above (default: own)")

@@ -3,7 +3,7 @@
 
 The clips dance_b, kick, dance_a, spinkick and spin at 30 Hz, joined by blends of 0.3 s with the root going on, repeated; six
 cameras of 640x480, noise of 4 gray levels, blur of 0.6 px, lens distortion, a shadow, colored patterns all around. The body is
-fitted to images of the same person in another motion, as in contour_mannequin.py. ``--room`` takes a furnished room with plates.
+fitted to images of the same person in another motion, as in contour_mannequin.py. ``--room`` takes a furnished room.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ def main(arguments: list[str] | None = None) -> int:
         if not args.scaled:
             request = replace(request, motion=BODY_CLIP, scene=PERSON_SCENE, n_images=None)
             clip = with_body(clip, fitted_body(recorded(f"mannequin_{BODY_CLIP}_4", request, args.cache), config, args.body))
-        plates = load_backgrounds(clip.rig) if args.room else {}
-        run = track(clip, config, clip.sets(), _progress, plates)
+        backgrounds = load_backgrounds(clip.rig) if args.room else {}
+        run = track(clip, config, clip.sets(), _progress, backgrounds)
         result = judged(clip, run, LONG_RUN)
         report_lost(result)
         figures = person_figures(result) | time_figures(run, config, LONG_RUN) | _iterations(run)
@@ -80,7 +80,7 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     add_common_arguments(parser, [LONG_RUN])
     parser.add_argument("--motions", default=default_motions(), metavar="FOLDER", help="captured clips (default: %(default)s)")
     parser.add_argument("--images", type=int, metavar="N", help=f"image sets of the recording (default: {LONG_RUN_IMAGES})")
-    parser.add_argument("--room", action="store_true", help="a furnished room, with plates")
+    parser.add_argument("--room", action="store_true", help="a furnished room, with backgrounds")
     parser.add_argument("--scaled", action="store_true", help="the body as scaled by the T-pose, not fitted to images")
     parser.add_argument("--body", type=Path, metavar="FILE", help="this body instead of fitting one")
     return parser.parse_args(arguments)

@@ -100,8 +100,8 @@ def run(clip: Clip, sets: Iterable[ImageSet], args: argparse.Namespace) -> list[
     for change in args.set:
         key, _, text = change.partition("=")
         values[key] = type_of(text)
-    plates = load_backgrounds(clip.rig) if args.plates else {}
-    tracker = Tracker(clip.rig, clip.model, from_dict(values), plates, clip.start)
+    backgrounds = load_backgrounds(clip.rig) if args.backgrounds else {}
+    tracker = Tracker(clip.rig, clip.model, from_dict(values), backgrounds, clip.start)
     estimates = [tracker.step(image_set) for image_set in sets]
     counts = np.bincount([int(e.status) for e in estimates], minlength=4)
     print(f"    tracking, degraded, lost: {counts[1:]}", file=sys.stderr)
@@ -161,7 +161,7 @@ def _arguments() -> argparse.Namespace:
     add("--only", nargs="+", metavar="CLIP", help=f"figure, or captured clips (default: {' '.join(CLIPS)})")
     add("--sets", type=int, metavar="N", help="only the first N image sets")
     add("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="parameters, e.g. self_check.window_s=3")
-    add("--plates", action="store_true", help="use the pictures of the empty scene")
+    add("--backgrounds", action="store_true", help="use the images of the background")
     add("--cache", type=Path, default=Path("out/synthetic"), metavar="FOLDER", help="recordings (default: %(default)s)")
     add("--motions", default=default_motions(), metavar="FOLDER", help="captured clips (default: %(default)s)")
     add("--json", metavar="FILE", help="write the figures here too")

@@ -7,7 +7,7 @@ left out. ``seconds`` is the longest image set of a trial, the one with the sear
 there is a state. With ``--processes`` the seconds are those of a machine that is shared.
 
 Clips: ``balancing``, a real person, 4 cameras of 544x960; ``figure``, ten cones in fast motion before strong colors, 4 cameras;
-``mannequin_walk``, a dressed person in a furnished room, 6 cameras. ``..._plates`` has pictures of the empty scene; the figure's
+``mannequin_walk``, a dressed person in a furnished room, 6 cameras. ``..._plates`` has images of the background; the figure's
 scene has nobody seen empty.
 """
 
@@ -56,7 +56,7 @@ class Recording:
 
     rig: CameraRig
     model: ArticulatedModel
-    plates: dict
+    backgrounds: dict
     sets: list[ImageSet]
     truth: Trajectories
     lag_images: float
@@ -95,18 +95,18 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
 
 def load(name: str, args: argparse.Namespace) -> Recording:
     """The recording called ``name``, made if it is not there."""
-    plates = name.endswith("_plates")
+    backgrounds = name.endswith("_plates")
     if name.startswith("balancing"):
         clip = balancing.load_clip(args.sample, Path("out/benchmark/balancing"))
         truth = clip.truth.shifted(clip.sets[0].stamp_ns - int(clip.truth.stamps_ns[0]))
-        return Recording(clip.rig, clip.model, clip.plates if plates else {}, clip.sets, truth, BALANCING_LAG_IMAGES)
+        return Recording(clip.rig, clip.model, clip.backgrounds if backgrounds else {}, clip.sets, truth, BALANCING_LAG_IMAGES)
     if name == "figure":
         scene = replace(SCENE, radius=3.2, focal_px=560.0)
         found = recorded("figure", Request(subject="figure", n_images=FIGURE_IMAGES, scene=scene), args.cache)
     else:
         found = recorded("mannequin_walk", Request(motion="walk", motions=args.motions), args.cache)
     truth = load_truth(found.folder / "truth.csv")
-    return Recording(found.rig, found.model, load_backgrounds(found.rig) if plates else {}, list(found.sets()), truth, 0.0)
+    return Recording(found.rig, found.model, load_backgrounds(found.rig) if backgrounds else {}, list(found.sets()), truth, 0.0)
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class Trial:
 def start_figures(name: str, config: TrackerConfig, args: argparse.Namespace) -> dict[str, float | int]:
     """Trials of the recording ``name``."""
     n, recording = args.trials or TRIALS["quick" if args.quick else "full"], prepare_stage(name, config, args).recording
-    last = len(recording.sets) - 2 * SETS_AFTER - (0 if recording.plates else config.initialization.watch_sets)
+    last = len(recording.sets) - 2 * SETS_AFTER - (0 if recording.backgrounds else config.initialization.watch_sets)
     firsts = sorted(int(i) for i in np.random.default_rng(args.seed).choice(last, n, replace=n > last))
     trials = []
     for first, trial in zip(firsts, run_trials(name, firsts, config, args), strict=True):
@@ -152,7 +152,7 @@ def prepare_stage(name: str, config: TrackerConfig, args: argparse.Namespace) ->
     """Load the recording ``name`` and compile; once in each process that runs trials of it. The one before is forgotten."""
     _stages.clear()
     recording = load(name, args)
-    tracker = Tracker(recording.rig, recording.model, config, recording.plates)
+    tracker = Tracker(recording.rig, recording.model, config, recording.backgrounds)
     tracker.step(recording.sets[0])
     _stages[name] = Stage(recording, tracker)
     return _stages[name]

@@ -55,7 +55,8 @@ def measure(clip: Clip, name: str, args: argparse.Namespace) -> dict[str, float 
     for key, (colors, contours) in ENGINES.items():
         modalities = [*(["color"] if colors else []), *([args.contours] if contours else [])]
         config = from_dict({"modalities": modalities, **({"color": {"learn_colors": True}} if colors else {})})
-        run = track(clip, config, clip.sets(limit=args.sets), plates=load_backgrounds(clip.rig) if args.plates else None)
+        backgrounds = load_backgrounds(clip.rig) if args.backgrounds else None
+        run = track(clip, config, clip.sets(limit=args.sets), backgrounds=backgrounds)
         result = judged(clip, run, name)
         figures[f"together_{name}.{key}_error_mm"] = result.offset_free.mean_mm
         figures[f"together_{name}.{key}_error_raw_mm"] = result.raw.mean_mm
@@ -73,7 +74,7 @@ def _arguments() -> argparse.Namespace:
     add("--only", nargs="+", metavar="CLIP", help="only these clips, e.g. walk dance_a")
     add("--sets", type=int, metavar="N", help="only the first N image sets")
     add("--contours", choices=("chamfer", "region"), default="region", help="their modality (default: %(default)s)")
-    add("--plates", action="store_true", help="use the pictures of the empty scene")
+    add("--backgrounds", action="store_true", help="use the images of the background")
     add("--cache", type=Path, default=DEFAULT_CACHE, metavar="FOLDER", help="recordings (default: %(default)s)")
     add("--motions", default=default_motions(), metavar="FOLDER", help="captured clips (default: %(default)s)")
     add("--json", metavar="FILE", help="write the figures here too")

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """How far the contour tracker's own word can be trusted: covariances against errors, and LOST against truth.
 
-Two bodies of cones (22 and 40 degrees of freedom) before a strongly colored room without plates, 4 cameras of 640x480, drawn by
+Two bodies of cones (22 and 40 degrees of freedom) before a strongly colored room, 4 cameras of 640x480, drawn by
 another renderer. Sound clips in fast motion give the consistency of the covariances and the false alarms; clips in which the body
 is occluded, gone, elsewhere, or one limb is hidden, swapped or mirrored give the delay until LOST. Thresholds and scales were
 taken from other clips: `--fit` prints them.

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker_node.calibration.background import build_plate, spread_images, write_image
+from tracker_node.calibration.background import build_background, spread_images, write_image
 from tracker_node.errors import SourceError
 
 H, W = 120, 200
@@ -33,22 +33,22 @@ def recording(n: int = 21) -> np.ndarray:
 
 def test_persons_of_recording_and_still_are_both_gone():
     darker = 0.9 * with_person(scene(), 140, (230, 30, 20)) + 3.0
-    plate = build_plate(recording(), darker.astype(np.uint8))
+    plate = build_background(recording(), darker.astype(np.uint8))
     assert np.abs(plate.image.astype(int) - scene()).max() <= 6
     assert not plate.known[70, 70] and plate.known[70, 140]
 
 
 def test_without_a_still_the_unknown_is_marked():
-    plate = build_plate(recording())
+    plate = build_background(recording())
     assert np.abs(plate.image.astype(int) - scene())[plate.known].max() <= 6
     assert not plate.known[70, 57] and plate.known[70, 140]
 
 
 def test_sizes_must_agree():
     with pytest.raises(ValueError, match="expected a still of shape"):
-        build_plate(recording(3), np.zeros((H, W + 8, 3), np.uint8))
+        build_background(recording(3), np.zeros((H, W + 8, 3), np.uint8))
     with pytest.raises(ValueError, match="expected images of shape"):
-        build_plate(np.zeros((0, H, W, 3), np.uint8))
+        build_background(np.zeros((0, H, W, 3), np.uint8))
 
 
 def test_images_are_spread_over_the_recording(tmp_path):

@@ -66,13 +66,13 @@ def test_a_plate_has_the_videos_pixels(sample, refinement):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(sample / name, folder / name)
     shutil.copyfile(sample / "calibration.toml", folder / "calibration.toml")
-    assert not balancing.has_plates(folder)
-    balancing.write_plates(folder, ("cam02",))
-    assert balancing.has_plates(folder)
-    plate = cv2.imread(str(folder / "plates/cam02.png"))
+    assert not balancing.has_backgrounds(folder)
+    balancing.write_backgrounds(folder, ("cam02",))
+    assert balancing.has_backgrounds(folder)
+    background = cv2.imread(str(folder / "plates/cam02.png"))
     image = cv2.VideoCapture(str(folder / "videos/cam02.mp4")).read()[1]
-    assert plate.shape == image.shape == (1920, 1080, 3)
-    difference = cv2.absdiff(plate, image).max(axis=2)
+    assert background.shape == image.shape == (1920, 1080, 3)
+    difference = cv2.absdiff(background, image).max(axis=2)
     assert np.percentile(difference[:400], 99) < 20
 
 

@@ -38,8 +38,8 @@ NO_STATE = [True] * N_WITHOUT + [False] * (N - N_WITHOUT)
 
 @pytest.fixture(scope="module")
 def clip(tmp_path_factory) -> Clip:
-    """A clip without pictures of the empty scene, tracked into ``run`` without an initial state, and truth for it."""
-    clip = make_clip(tmp_path_factory.mktemp("clip"), N, with_plates=False)
+    """A clip without images of the background, tracked into ``run`` without an initial state, and truth for it."""
+    clip = make_clip(tmp_path_factory.mktemp("clip"), N, with_backgrounds=False)
     clip.config_file.write_text(CONFIG)
     assert main(["track", *files(clip), "--output", str(clip.folder / "run"), "--smooth", "--masks", "--quiet"]) == 0
     stamps_ns, names = load_run(clip.folder / "run").stamps_ns, clip.model.landmark_names

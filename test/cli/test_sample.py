@@ -69,7 +69,7 @@ def steps(monkeypatch):
         (folder / "rig_refined.yaml").write_text("refined")
         return "refinement"
 
-    def write_plates(folder):
+    def write_backgrounds(folder):
         made.append(("plates", folder))
         (folder / "plates.made").write_text("")
 
@@ -87,8 +87,8 @@ def steps(monkeypatch):
     monkeypatch.setattr(sample_data, "fetch_sample", lambda name: {"from": name})
     monkeypatch.setattr(balancing, "copy_files", copy_files)
     monkeypatch.setattr(balancing, "write_rigs", write_rigs)
-    monkeypatch.setattr(balancing, "has_plates", lambda folder: (folder / "plates.made").exists())
-    monkeypatch.setattr(balancing, "write_plates", write_plates)
+    monkeypatch.setattr(balancing, "has_backgrounds", lambda folder: (folder / "plates.made").exists())
+    monkeypatch.setattr(balancing, "write_backgrounds", write_backgrounds)
     monkeypatch.setattr(balancing, "write_masks", write_masks)
     monkeypatch.setattr(_calibrate_refine, "print_table", lambda table: made.append(("table", table)))
     monkeypatch.setattr(sample, "run_verb", run_verb)
@@ -118,7 +118,7 @@ def test_all_that_is_missing_is_made_in_order(steps, tmp_path, capsys):
     assert (folder / "recording.yaml").read_bytes() == data_file("config/balancing_recording.yaml").read_bytes()
     assert (folder / "tracker.yaml").read_bytes() == data_file("config/balancing.yaml").read_bytes()
     out = capsys.readouterr().out
-    assert out.index("Balancing clip") < out.index("Refining the places") < out.index("pictures of the empty scene")
+    assert out.index("Balancing clip") < out.index("Refining the places") < out.index("images of the background")
     assert f"{folder} is ready. Track it, and see how well, with one of\n" in out
     assert f"  tracker_node pipeline {folder}/recording.yaml " in out
     assert f"  tracker_node track {folder}/recording.yaml " in out

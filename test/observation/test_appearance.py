@@ -111,9 +111,9 @@ def test_colors_follow_a_changing_light_at_the_given_rate(rng):
 
 def test_a_ghost_of_the_plate_is_replaced_by_the_first_image(rng):
     """The still of the empty scene shows a person who has gone since, beside the body."""
-    plate = picture(rng, None)
-    plate[10:40, 5:20] = (20, 20, 30)
-    scene = SceneModel.from_images([plate])
+    background = picture(rng, None)
+    background[10:40, 5:20] = (20, 20, 30)
+    scene = SceneModel.from_images([background])
     image = picture(rng)
     colors = learnt(image)
     ghost = (slice(12, 38), slice(7, 18))
@@ -122,7 +122,7 @@ def test_a_ghost_of_the_plate_is_replaced_by_the_first_image(rng):
     assert (body_log_odds(image, WHOLE, scene, colors)[ghost] > 0).mean() < 0.01
     np.testing.assert_array_equal(scene.mean[12:38, 7:18], image[12:38, 7:18])
     untouched = labels() > 0
-    np.testing.assert_array_equal(scene.mean[untouched], plate[untouched].astype(np.float32))
+    np.testing.assert_array_equal(scene.mean[untouched], background[untouched].astype(np.float32))
     assert shares(body_log_odds(image, WHOLE, scene, colors))[0] > 0.99
 
 

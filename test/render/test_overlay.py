@@ -9,7 +9,7 @@ from tracker_node.model.articulated import ArticulatedModel, Landmark, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box, Ellipsoid
-from tracker_node.render.overlay import draw_overlay, part_colors, target_through_mask
+from tracker_node.render.overlay import draw_overlay, masked_image, part_colors
 from tracker_node.render.raycast.raycaster import render_mask
 
 CAMERA = look_at((0.0, -3.0, 0.3), (0.0, 0.0, 0.0), LENSES["radial"])
@@ -82,7 +82,7 @@ def test_the_image_is_kept_within_the_outline_and_black_outside():
     rng = np.random.default_rng(1)
     image = rng.integers(1, 255, (CAMERA.model.height, CAMERA.model.width, 3)).astype(np.uint8)
     configuration = single_shape(Ellipsoid((0.2, 0.2, 0.2)))
-    seen = target_through_mask(image, configuration, CAMERA)
+    seen = masked_image(image, configuration, CAMERA)
     center = CAMERA.T_cam_world[:3] @ np.append(configuration.Ts_world_shape[0][:3, 3], 1.0)
     v, u = np.mgrid[: CAMERA.model.height, : CAMERA.model.width]
     rays, _ = CAMERA.model.rays(np.stack([u, v], axis=-1).astype(float))
@@ -95,4 +95,4 @@ def test_the_image_is_kept_within_the_outline_and_black_outside():
 def test_another_image_size_is_refused():
     configuration = single_shape(Ellipsoid((0.2, 0.2, 0.2)))
     with pytest.raises(ValueError, match=f"camera '{CAMERA.name}', got uint8 \\(4, 4, 3\\)"):
-        target_through_mask(np.zeros((4, 4, 3), np.uint8), configuration, CAMERA)
+        masked_image(np.zeros((4, 4, 3), np.uint8), configuration, CAMERA)

@@ -31,7 +31,7 @@ def clip() -> Recording:
 
 
 def tracked(clip: Recording, config: TrackerConfig, n: int = N) -> list[TrackEstimate]:
-    tracker = Tracker(clip.rig, clip.model, config, clip.plates, clip.states[0])
+    tracker = Tracker(clip.rig, clip.model, config, clip.backgrounds, clip.states[0])
     return [tracker.step(image_set) for image_set in clip.sets[:n]]
 
 
@@ -49,7 +49,7 @@ def test_together_is_as_good_as_the_better_one(clip, runs):
 def test_the_covariance_shrinks_in_every_direction(clip):
     """At one state, of the same images: what both know is the sum of what each of them knows."""
     images = [image.bgr for image in clip.sets[0].images]
-    contours, colors = (make_engine(clip.rig, clip.model, configured(name), clip.plates) for name in ("contour", "color"))
+    contours, colors = (make_engine(clip.rig, clip.model, configured(name), clip.backgrounds) for name in ("contour", "color"))
     start = contours.begin(images, colors.begin(images, clip.states[0]))
     for engine in (colors, contours):
         engine.observe(images, start)
@@ -69,7 +69,7 @@ def test_what_the_tracker_says_of_its_certainty_shrinks_too(runs):
 
 
 def test_lines_go_with_colors_as_well(clip):
-    """Without pictures of the empty scene. Hands and forearms are a few pixels wide here, too few for lines."""
+    """Without images of the background. Hands and forearms are a few pixels wide here, too few for lines."""
     tracker = Tracker(clip.rig, clip.model, configured("color_and_contour", "region"), {}, clip.states[0])
     run = [tracker.step(image_set) for image_set in clip.sets[:3]]
     assert np.median(clip.errors_mm(run)) < 8.0
@@ -89,4 +89,4 @@ def test_other_colors_are_refused(clip, colors):
         from_dict({"modalities": [colors, "region"]})
     config = TrackerConfig(modalities=(colors, "region"))
     with pytest.raises(FileFormatError, match="only color is fitted jointly with contours"):
-        Tracker(clip.rig, clip.model, config, clip.plates, clip.states[0])
+        Tracker(clip.rig, clip.model, config, clip.backgrounds, clip.states[0])

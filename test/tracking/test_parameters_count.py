@@ -90,8 +90,8 @@ def followed(config: TrackerConfig) -> str:
     """A person before four cameras, two with an image of the background: an arm is lost at first, the whole body for two sets."""
     clip = recording()
     n_known = 4 if config.colors or config.chamfer.silhouette == "background" else 2
-    plates = {name: clip.plates[name] for name in clip.rig.names[:n_known]}
-    tracker = Tracker(tilted(clip.rig, 1.0), clip.model, config, plates, displaced(clip))
+    backgrounds = {name: clip.backgrounds[name] for name in clip.rig.names[:n_known]}
+    tracker = Tracker(tilted(clip.rig, 1.0), clip.model, config, backgrounds, displaced(clip))
     sets = [blank(s) if i in (6, 7) else staggered(s) if i % 2 else s for i, s in enumerate(clip.sets)]
     return told([tracker.step(image_set) for image_set in sets[: 9 if config.colors else None]])
 
@@ -113,7 +113,7 @@ def searched(config: TrackerConfig) -> str:
     """A person whom nobody has told anything about, in a room seen empty by half of the cameras, then lost and back elsewhere."""
     made = scene()
     true = standing(made.model, 0.2, -0.2, 0.4, left_hip_flexion=25, right_knee_flexion=20, left_shoulder_elevation_front=40)
-    tracker = Tracker(made.rig, made.model, config, {name: made.plates[name] for name in made.rig.names[:2]})
+    tracker = Tracker(made.rig, made.model, config, {name: made.backgrounds[name] for name in made.rig.names[:2]})
     shots: list[list] = [made.images(None, 0) if n < 1 else made.images(true, n) for n in range(7)]
     shots[3][1:] = [None] * (len(made.rig) - 1)  # one camera alone
     return told([tracker.step(made.image_set(n, images)) for n, images in enumerate(shots)])
@@ -122,7 +122,7 @@ def searched(config: TrackerConfig) -> str:
 def checked(config: TrackerConfig) -> str:
     """A camera that was turned: what the self-check names."""
     clip = recording()
-    tracker = Tracker(tilted(clip.rig, 1.0), clip.model, config, clip.plates, clip.states[0])
+    tracker = Tracker(tilted(clip.rig, 1.0), clip.model, config, clip.backgrounds, clip.states[0])
     return told([tracker.step(image_set) for image_set in clip.sets])
 
 

@@ -21,7 +21,7 @@ def clip() -> Recording:
 
 @pytest.fixture(scope="module")
 def old(clip: Recording) -> Tracker:
-    tracker = Tracker(clip.rig, clip.model, None, clip.plates, clip.states[0])
+    tracker = Tracker(clip.rig, clip.model, None, clip.backgrounds, clip.states[0])
     for image_set in clip.sets[:N_BEFORE]:
         assert tracker.step(image_set).status is Status.TRACKING
     return tracker
@@ -32,7 +32,7 @@ def test_the_body_is_followed_without_a_break(clip, old, changes):
     """In the first image set already, by a fit as of any other image set: nothing is looked for."""
     changes = dict(changes)
     rig = clip.rig.subset(clip.rig.names[: changes.pop("cameras", None)])
-    new = Tracker(rig, clip.model, from_dict(changes), {name: clip.plates[name] for name in rig.names})
+    new = Tracker(rig, clip.model, from_dict(changes), {name: clip.backgrounds[name] for name in rig.names})
     new.take_over(old, clip.sets[N_BEFORE - 1])
     estimates = [new.step(image_set) for image_set in clip.sets[N_BEFORE:]]
     assert [e.status for e in estimates] == [Status.TRACKING] * len(estimates)
@@ -44,7 +44,7 @@ def test_the_body_is_followed_without_a_break(clip, old, changes):
 
 def test_the_velocity_is_known(clip, old):
     """What one expects of an image set the other does, and the old one is as it was."""
-    new = Tracker(clip.rig, clip.model, TrackerConfig(), clip.plates)
+    new = Tracker(clip.rig, clip.model, TrackerConfig(), clip.backgrounds)
     new.take_over(old, clip.sets[N_BEFORE - 1])
     stamp_ns = clip.sets[N_BEFORE].stamp_ns
     expected, before = new._track.motion.predict(stamp_ns), old._track.motion.predict(stamp_ns)

@@ -20,8 +20,10 @@ def clip() -> Recording:
     return recording()
 
 
-def tracker_of(clip: Recording, config: TrackerConfig | None = None, state: State | None = None, plates: bool = True) -> Tracker:
-    return Tracker(clip.rig, clip.model, config, clip.plates if plates else None, state or clip.states[0])
+def tracker_of(
+    clip: Recording, config: TrackerConfig | None = None, state: State | None = None, backgrounds: bool = True
+) -> Tracker:
+    return Tracker(clip.rig, clip.model, config, clip.backgrounds if backgrounds else None, state or clip.states[0])
 
 
 def track(clip: Recording, sets=None, **options) -> list[TrackEstimate]:
@@ -96,9 +98,9 @@ def test_gray_images_are_tracked(clip):
         return replace(image, pixels=image.pixels.mean(axis=2).astype(np.uint8), encoding="mono8")
 
     sets = [replace(s, images=tuple(gray(i) for i in s.images)) for s in clip.sets[:6]]
-    plates = {name: plate.mean(axis=2).astype(np.uint8) for name, plate in clip.plates.items()}
-    plates = {name: np.repeat(plate[:, :, None], 3, axis=2) for name, plate in plates.items()}
-    tracker = Tracker(clip.rig, clip.model, from_dict({"modalities": ["chamfer"]}), plates, clip.states[0])
+    backgrounds = {name: background.mean(axis=2).astype(np.uint8) for name, background in clip.backgrounds.items()}
+    backgrounds = {name: np.repeat(background[:, :, None], 3, axis=2) for name, background in backgrounds.items()}
+    tracker = Tracker(clip.rig, clip.model, from_dict({"modalities": ["chamfer"]}), backgrounds, clip.states[0])
     found = [tracker.step(s) for s in sets]
     assert np.median(clip.errors_mm(found)) < 60.0  # clothes and walls of equal brightness look the same
     assert Status.LOST not in {e.status for e in found}
@@ -113,7 +115,7 @@ def test_reset_starts_all_over(clip, tracked):
 
 
 def test_without_a_state_and_a_search_it_waits_and_learns_nothing(clip, tracked):
-    tracker = Tracker(clip.rig, clip.model, from_dict({"initialization.enabled": False}), clip.plates)
+    tracker = Tracker(clip.rig, clip.model, from_dict({"initialization.enabled": False}), clip.backgrounds)
     for image_set in clip.sets[:3]:
         estimate = tracker.step(image_set)
         assert estimate.status is Status.INITIALIZING
@@ -175,7 +177,7 @@ def test_when_all_cameras_are_covered_it_is_lost_and_stays_near(clip):
 
 def test_when_the_body_goes_it_is_lost_with_the_reason(clip):
     def empty(image_set: ImageSet) -> ImageSet:
-        return replace(image_set, images=tuple(replace(i, pixels=clip.plates[i.camera]) for i in image_set.images))
+        return replace(image_set, images=tuple(replace(i, pixels=clip.backgrounds[i.camera]) for i in image_set.images))
 
     found = track(clip, [*clip.sets[:4], *(empty(s) for s in clip.sets[4:])])
     assert [e.status for e in found[4:]] == [Status.LOST] * (len(clip.sets) - 4)
@@ -198,7 +200,7 @@ def test_a_camera_that_looks_elsewhere_is_in_order(clip):
     T = clip.rig.cameras[1].T_world_cam.copy()
     T[:3, :3] = T[:3, :3] @ np.diag([-1.0, 1.0, -1.0])
     cameras = [replace(c, T_world_cam=T) if i == 1 else c for i, c in enumerate(clip.rig)]
-    tracker = Tracker(CameraRig(tuple(cameras)), clip.model, None, clip.plates, clip.states[0])
+    tracker = Tracker(CameraRig(tuple(cameras)), clip.model, None, clip.backgrounds, clip.states[0])
     found = [tracker.step(s) for s in clip.sets[:4]]
     assert [(e.status, e.cameras[1].samples) for e in found] == [(Status.TRACKING, 0)] * 4
 
@@ -211,7 +213,7 @@ def test_an_image_of_another_size_contradicts_the_calibration(clip):
 
 def test_plates_must_be_there_and_fit(clip):
     with pytest.raises(CalibrationError, match=r"camera 'cam01'.*empty scene"):
-        tracker_of(clip, config=from_dict({"modalities": ["chamfer"], "chamfer.silhouette": "background"}), plates=False)
+        tracker_of(clip, config=from_dict({"modalities": ["chamfer"], "chamfer.silhouette": "background"}), backgrounds=False)
     with pytest.raises(CalibrationError, match="camera 'cam02': expected a background image of 320x240, got 100x50"):
         Tracker(clip.rig, clip.model, None, {"cam02": np.zeros((50, 100, 3), np.uint8)})
 

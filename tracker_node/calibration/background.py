@@ -19,7 +19,7 @@ from ..loaders.whole_file import whole_file
 
 
 @dataclass(frozen=True)
-class PlateOptions:
+class BuildOptions:
     """How to choose.
 
     Parameters
@@ -36,7 +36,7 @@ class PlateOptions:
 
 
 @dataclass(frozen=True)
-class Plate:
+class Background:
     """A background, and where the recording shows it.
 
     Parameters
@@ -49,7 +49,7 @@ class Plate:
     known: np.ndarray
 
 
-def build_plate(images: np.ndarray, still: np.ndarray | None = None, options: PlateOptions | None = None) -> Plate:
+def build_background(images: np.ndarray, still: np.ndarray | None = None, options: BuildOptions | None = None) -> Background:
     """Background of a static camera.
 
     Parameters
@@ -66,7 +66,7 @@ def build_plate(images: np.ndarray, still: np.ndarray | None = None, options: Pl
     ------
     ValueError : when the sizes differ or there are no images.
     """
-    options = options or PlateOptions()
+    options = options or BuildOptions()
     if images.ndim != 4 or len(images) == 0:
         raise ValueError(f"expected images of shape (n, h, w, 3), got {images.shape}")
     if still is not None and still.shape != images.shape[1:]:
@@ -74,12 +74,12 @@ def build_plate(images: np.ndarray, still: np.ndarray | None = None, options: Pl
     median, share = _median_and_share(images, options.tolerance)
     known = ~_where_somebody_moves(share, options)
     if still is None:
-        return Plate(median, known)
+        return Background(median, known)
     matched = _exposed_like(still, median)
-    return Plate(np.where(known[..., None], median, np.round(matched).astype(np.uint8)), known)
+    return Background(np.where(known[..., None], median, np.round(matched).astype(np.uint8)), known)
 
 
-def _where_somebody_moves(share: np.ndarray, options: PlateOptions) -> np.ndarray:
+def _where_somebody_moves(share: np.ndarray, options: BuildOptions) -> np.ndarray:
     """(h, w) bool: places where the recording does not agree with itself, and what they enclose."""
     # Edges of things flicker by themselves; whoever moves leaves a wide trace.
     disk = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (options.min_width_px,) * 2)

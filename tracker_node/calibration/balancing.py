@@ -21,7 +21,7 @@ from ..loaders.motion.openpose_json import load_openpose, match_cameras
 from ..loaders.rig.calibration_toml import load_pose2sim
 from ..loaders.rig.rig_yaml import CameraEntry, RigFile, rig_file_of, write_rig_file
 from ..loaders.whole_file import write_whole
-from .background import build_plate, spread_images, write_image
+from .background import build_background, spread_images, write_image
 from .points.rig_refinement import Refinement, collect_joints, refine_rig
 
 # Calibration pixels of a pixel of the narrow videos: fitted to the stills (affine image registration), to about 0.3 px.
@@ -97,17 +97,17 @@ def rig_file(rig: CameraRig, trial: str) -> RigFile:
     return plain.model_copy(update={"cameras": entries})
 
 
-def has_plates(folder: Path) -> bool:
+def has_backgrounds(folder: Path) -> bool:
     """True when every camera's plate has been written."""
     return all((folder / f"plates/{still.stem}.png").exists() for still in (folder / "stills").glob("*.png"))
 
 
 def is_prepared(folder: Path) -> bool:
     """True when the sample is there as a whole, ready to be tracked."""
-    return has_plates(folder) and all((folder / name).exists() for name in _FILES)
+    return has_backgrounds(folder) and all((folder / name).exists() for name in _FILES)
 
 
-def write_plates(folder: Path, names: tuple[str, ...] = ()) -> None:
+def write_backgrounds(folder: Path, names: tuple[str, ...] = ()) -> None:
     """Write plates/camNN.png in the pixels of the videos, from the videos and the stills.
 
     The stills alone will not do: their exposure differs, and on those of cam01 and cam02 a person stands in mid-scene.
@@ -133,7 +133,7 @@ def write_plates(folder: Path, names: tuple[str, ...] = ()) -> None:
             flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
             image = cv2.warpAffine(image, np.array(entry.pixel_map), entry.file_image_size, flags=flags)
         images = spread_images(folder / "videos" / f"{name}.mp4")
-        write_image(folder / "plates" / f"{name}.png", build_plate(images, image).image)
+        write_image(folder / "plates" / f"{name}.png", build_background(images, image).image)
 
 
 def write_masks(folder: Path, drawn: Path | None = None) -> Path:

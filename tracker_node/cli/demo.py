@@ -16,7 +16,8 @@ EXAMPLE = "tracker_node demo --output out/demo"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", default="out/demo", metavar="DIR", help="folder to write (default: %(default)s)")
-    parser.add_argument("--fresh", action="store_true", help="make rig, plates and body anew, even where they are there already")
+    again = "make rig, backgrounds and body anew, even where they are there already"
+    parser.add_argument("--fresh", action="store_true", help=again)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -51,9 +51,9 @@ def prepare(folder: Path, fresh: bool = False) -> int:
     if fresh or not (folder / "rig_refined.yaml").exists():
         print("Refining the places of the cameras on the 2D joints", flush=True)
         print_table(balancing.write_rigs(folder))
-    if fresh or not balancing.has_plates(folder):
-        print("Making pictures of the empty scene from the videos and the stills", flush=True)
-        balancing.write_plates(folder)
+    if fresh or not balancing.has_backgrounds(folder):
+        print("Making images of the background from the videos and the stills", flush=True)
+        balancing.write_backgrounds(folder)
     person, state = folder / "person.yaml", folder / "initial_state.yaml"
     status, force = 0, ("--force",) if fresh else ()
     if fresh or not person.exists():

@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--surroundings", choices=("room", "clutter"), default=scene.surroundings, help="clutter: strongly colored patterns"
     )
-    parser.add_argument("--no-backgrounds", action="store_true", help="the empty room is not recorded")
+    parser.add_argument("--no-backgrounds", action="store_true", help="no images of the background are recorded")
     parser.add_argument("--lossless", action="store_true", help="images as PNG rather than JPEG")
     parser.add_argument("--seed", type=int, default=scene.seed, help="of noise and rig (default: %(default)s)")
     parser.add_argument("--force", action="store_true", help="render again even if the folder holds this very recording")
@@ -105,7 +105,7 @@ def _scene(args: argparse.Namespace) -> SceneConfig:
             raise FileFormatError("command line", name, f"a number of at least {low}", value)
     scene = SceneConfig(
         n_cameras=args.cameras, width=width, height=height, noise_levels=args.noise, blur_px=args.blur,
-        shadow=not args.no_shadow, seed=args.seed, surroundings=args.surroundings, plates=not args.no_backgrounds,
+        shadow=not args.no_shadow, seed=args.seed, surroundings=args.surroundings, backgrounds=not args.no_backgrounds,
         lossless=args.lossless,
     )  # fmt: skip
     scene = replace(scene, focal_px=scene.focal_px * height / SceneConfig().height)

@@ -144,7 +144,7 @@ def _fixed(pixel: np.ndarray) -> tuple[int, int]:
     return int(scaled[0]), int(scaled[1])
 
 
-def target_through_mask(bgr: np.ndarray, configuration: Configuration, camera: Camera) -> np.ndarray:
+def masked_image(bgr: np.ndarray, configuration: Configuration, camera: Camera) -> np.ndarray:
     """A copy of an image, black where the body is not (Trewartha et al., Fig. 10).
 
     A body that is where it should be shows itself and nothing of its surroundings.

@@ -211,7 +211,7 @@ class RunImages:
     rig: CameraRig
     model: ArticulatedModel
     config: TrackerConfig
-    plates: dict[str, np.ndarray]
+    backgrounds: dict[str, np.ndarray]
     sets: tuple[ImageSet, ...]
     states: tuple[State, ...]
     velocities: tuple[np.ndarray, ...]

@@ -94,8 +94,8 @@ def run_offline(
         rig, stream = _stream_of(run, reader)
         for sentence in (*stream.errors, *stream.notes):
             tell(sentence)
-        plates = resized_backgrounds(load_backgrounds(run.rig), rig)
-        tracker = Tracker(rig, run.model, run.config, plates, run.initial_state, run.occluders)
+        backgrounds = resized_backgrounds(load_backgrounds(run.rig), rig)
+        tracker = Tracker(rig, run.model, run.config, backgrounds, run.initial_state, run.occluders)
         if run.smooth_s is not None and not tracker.in_information_units:
             raise TrackerError(f"to smooth takes contours (region, chamfer), got the modality {run.config.colors} alone")
         writer = stack.enter_context(RunWriter(output, rig, run.model, masks=run.masks, through_masks=run.through_masks))

@@ -114,9 +114,9 @@ def _overlay(tracked: Tracked, camera: Camera) -> Content | None:
 
 
 def _masked_image(tracked: Tracked, camera: Camera) -> Content | None:
-    from ..render.overlay import target_through_mask
+    from ..render.overlay import masked_image
 
-    return _drawn(target_through_mask, tracked, camera)
+    return _drawn(masked_image, tracked, camera)
 
 
 def _drawn(draw: Callable[..., np.ndarray], tracked: Tracked, camera: Camera) -> Content | None:

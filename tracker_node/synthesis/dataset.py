@@ -37,7 +37,7 @@ from .scenes.scene import SceneConfig, Studio, make_rig
 from .subjects.cones import ModelSubject
 from .subjects.mannequin import LANDMARKS, MannequinSubject
 
-N_PLATES = 10
+N_BACKGROUNDS = 10
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 95, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
 _STATIC_IMAGES = 5
 _DRAWING = ("dataset", "scenes/*", "subjects/cones", "subjects/mannequin")
@@ -107,15 +107,15 @@ def record(
     for camera in rig:
         _clear(folder / camera.name)
     with Studio(rig, scene) as studio, JointsWriter(folder / "truth.csv", sequence.landmark_names) as truth:
-        if scene.plates:
-            _write_plates(studio, folder / "plates")
+        if scene.backgrounds:
+            _write_backgrounds(studio, folder / "plates")
         suffix = ".png" if scene.lossless else ".jpg"
         for i, instant in enumerate(sequence.instants):
             for camera, image in zip(rig, studio.images(instant.mesh, i), strict=True):
                 _write(folder / camera.name / f"{i:06d}{suffix}", image)
             truth.append(round(i * 1e9 / sequence.rate_hz), instant.landmarks)
             progress(i + 1, sequence.n_images)
-    _write_rig(rig, folder, scene.plates)
+    _write_rig(rig, folder, scene.backgrounds)
     (folder / "true_states.csv").unlink(missing_ok=True)
     if sequence.states is not None:
         _write_states(sequence, folder / "true_states.csv")
@@ -190,20 +190,20 @@ def _write(path: Path, image: np.ndarray) -> None:
         raise SourceError(path, "cannot write the image")
 
 
-def _write_plates(studio: Studio, folder: Path) -> None:
+def _write_backgrounds(studio: Studio, folder: Path) -> None:
     for index, camera in enumerate(studio.rig):
         _clear(folder / camera.name)
-        images = [studio.empty_image(index, i) for i in range(N_PLATES)]
+        images = [studio.empty_image(index, i) for i in range(N_BACKGROUNDS)]
         for i, image in enumerate(images):
             _write(folder / camera.name / f"{i:02d}.jpg", image)
         mean = np.rint(np.mean(images, axis=0)).astype(np.uint8)
         _write(folder / f"{camera.name}.png", mean)
 
 
-def _write_rig(rig: CameraRig, folder: Path, plates: bool) -> None:
+def _write_rig(rig: CameraRig, folder: Path, backgrounds: bool) -> None:
     rig_file = rig_file_of(rig)
     cameras = {
-        name: entry.model_copy(update={"source": name, "background": f"plates/{name}.png" if plates else entry.background})
+        name: entry.model_copy(update={"source": name, "background": f"plates/{name}.png" if backgrounds else entry.background})
         for name, entry in rig_file.cameras.items()
     }
     write_rig_file(rig_file.model_copy(update={"cameras": cameras}), folder / "rig.yaml")

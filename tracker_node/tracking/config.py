@@ -66,12 +66,12 @@ class RegionConfig:
         "10 10 8 8 6 6 4 4 3 2 1", "then tried as well, and kept where more of the outline is found", "px", 0.25, 100
     )
     repeats: int = parameter(2, "steps more on the finest scale, at most, while the body still moves", "", 0, 100)
-    max_log_ratio: float = parameter(2.0, "log-likelihood ratio of a pixel's color is not believed beyond this", "1", 0.1, 20)
+    max_log_ratio: float = parameter(2.0, "log-likelihood ratio of a pixel's color is clipped to this", "1", 0.1, 20)
     pixel_independence: float = parameter(1.0, "share of a line's pixels that are independent of their neighbors", "1", 0.01, 10)
     model_sigma_px: float = parameter(
         2.0, "how far the body's contour may be from the model's, at first and at most", "px", 0.0, 100
     )
-    least_sigma_px: float = parameter(0.2, "the least that is believed of it", "px", 0.0, 100)
+    least_sigma_px: float = parameter(0.2, "the least that it is taken for", "px", 0.0, 100)
     sigma_rate: float = parameter(0.3, "share of the newest image set in what it is taken for; 0 keeps it", "1", 0.0, 1.0)
     robust_sigmas: float = parameter(3.0, "scale of the robust kernel, in standard deviations of a line", "1", 0.1, 1000)
     correlation: float = parameter(4.0, "how many neighboring lines share one error, for the covariance", "lines", 1, 1000)
@@ -118,14 +118,14 @@ class ChamferConfig:
     )
     color_rate: float = parameter(0.05, "share of the newest image in the color histograms", "1", 0, 1)
     learn_every: int = parameter(3, "image sets between two lessons of a camera; the cameras take turns", "", 1, 1000)
-    reach_px: int = parameter(40, "silhouettes farther than this from the predicted body are not looked at", "px", 4, 1000)
+    reach_px: int = parameter(40, "silhouettes farther than this from the predicted body are not processed", "px", 4, 1000)
     truncation_px: float = parameter(40.0, "distances to the silhouette are truncated here", "px", 2, 1000)
     edge_truncation_px: float = parameter(16.0, "distances to edges are truncated here", "px", 2, 1000)
     boundary_step_px: int = parameter(4, "distance between the points taken from the silhouette's boundary", "px", 1, 100)
     refine_boundary: bool = parameter(True, "find the silhouette's boundary to a fraction of a pixel")
     canny_low: float = parameter(40.0, "lower hysteresis threshold of the edge detector", "gray levels", 0, 1000)
     canny_high: float = parameter(100.0, "upper hysteresis threshold of the edge detector", "gray levels", 0, 1000)
-    margin_px: int = parameter(24, "border around the predicted body that is looked at", "px", 4, 1000)
+    margin_px: int = parameter(24, "border around the predicted body that is processed", "px", 4, 1000)
     max_iterations: int = parameter(6, "iterations per image set", "", 1, 200)
     first_iterations: int = parameter(30, "iterations on the first image set after a start or a reset", "", 1, 1000)
     tolerance: float = parameter(2e-2, "stop when the cost falls by less than this fraction", "1", 0, 1)
@@ -136,10 +136,10 @@ class ChamferConfig:
     inner_weight: float = parameter(0.5, "weight of contours within the body's outline", "1", 0, 10)
     min_alignment: float = parameter(0.6, "least cosine between an image boundary's normal and the contour's", "1", 0, 1)
     boundary_weight: float = parameter(
-        1.0, "weight of the pull of boundary points on the nearest outline, in the coarse iterations", "1", 0, 10
+        1.0, "weight of the attraction of boundary points to the nearest outline, in the coarse iterations", "1", 0, 10
     )
-    boundary_scale_px: float = parameter(30.0, "scale of the robust kernel of that pull", "px", 0.1, 1000)
-    coarse_iterations: int = parameter(3, "how many of max_iterations are coarse (far pull of the boundary)", "", 0, 200)
+    boundary_scale_px: float = parameter(30.0, "scale of the robust kernel of that attraction", "px", 0.1, 1000)
+    coarse_iterations: int = parameter(3, "how many of max_iterations are coarse (the boundary attracts from afar)", "", 0, 200)
     degraded_residual_px: float = parameter(6.0, "rms residual above which the status is DEGRADED", "px", 0, 1000)
     lost_residual_px: float = parameter(15.0, "rms residual above which the status is LOST", "px", 0, 1000)
     agreement_px: float = parameter(1.5, "outline and silhouette agree where they are closer than this", "px", 0.0, 1000)
@@ -186,11 +186,13 @@ class MotionConfig:
         0.9, "share of a joint velocity kept in the prediction by such engines; of any velocity, by a lost body", "1", 0.0, 1.0
     )
     stay_position: float = parameter(
-        0.0, "pull to the root position given, on the first image set", "px^2/m^2", 0.0, 1e12, of=CONTOURS
+        0.0, "weight of the prior at the root position given, on the first image set", "px^2/m^2", 0.0, 1e12, of=CONTOURS
     )
-    stay_angle: float = parameter(200.0, "pull to the angles given, on the first image set", "px^2/rad^2", 0.0, 1e12, of=CONTOURS)
+    stay_angle: float = parameter(
+        200.0, "weight of the prior at the angles given, on the first image set", "px^2/rad^2", 0.0, 1e12, of=CONTOURS
+    )
     neutral_angle: float = parameter(
-        1.0, "multiplies the stiffness of the model's axes (pull to their neutral angles)", "px^2", 0.0, 1e12, of=CONTOURS
+        1.0, "multiplies the stiffness of the model's axes (prior at their neutral angles)", "px^2", 0.0, 1e12, of=CONTOURS
     )
 
 
@@ -215,12 +217,12 @@ class StatusConfig:
 
 @dataclass(frozen=True)
 class LimbSearchConfig:
-    """How a lost limb is searched for."""
+    """How a lost limb is searched."""
 
-    poses: int = parameter(400, "poses in which a lost limb is looked for, in one image set; 0: it is not", "", 0, 100000)
+    poses: int = parameter(400, "poses in which a lost limb is searched, in one image set; 0: it is not", "", 0, 100000)
     fits: int = parameter(2, "and how many of them are fitted", "", 1, 100)
     interval_sets: int = parameter(
-        4, "image sets from one search for a limb or a body to the next, once it has been sought in vain twice; 1: none left out",
+        4, "image sets from one search for a limb or a body to the next, once two of them have failed; 1: none left out",
         "", 1, 10**6,
     )  # fmt: skip
     seed: int = parameter(0, "of the random ones", "", 0, 2**31 - 1)
@@ -231,20 +233,20 @@ class InitializationConfig:
     """How a body is detected where no initial state is given, or after it has been lost altogether."""
 
     min_cameras: int = parameter(
-        2, "smallest number of cameras with an image to look for a start in; of a smaller rig, all", "", 1, 64
+        2, "smallest number of cameras with an image to search a start in; of a smaller rig, all", "", 1, 64
     )
-    enabled: bool = parameter(True, "look for the body; without, an initial state is waited for")
+    enabled: bool = parameter(True, "detect the body; without, an initial state is waited for")
     after_lost_sets: int = parameter(
         15, "image sets, LOST or with a limb lost since the start, after which all images are searched", "", 1, 10**9
     )
     interval_sets: int = parameter(12, "image sets between two searches, as long as nothing is found", "", 0, 100000)
     watch_sets: int = parameter(
-        18, "image sets to watch what moves in, where there are no pictures of the empty scene", "", 2, 1000
+        18, "image sets to watch what moves in, where there are no images of the background", "", 2, 1000
     )
-    size_px: int = parameter(80, "height of the body in the small images that a start is looked for in", "px", 16, 1000)
+    size_px: int = parameter(80, "height of the body in the small images that a start is searched in", "px", 16, 1000)
     hypotheses: int = parameter(48, "postures, of all that are tried, that are fitted to the silhouettes", "", 4, 1000)
     candidates: int = parameter(8, "starts that the engine tries", "", 1, 64)
-    repaired_candidates: int = parameter(4, "of these, whose doubtful limbs are looked for elsewhere", "", 0, 64)
+    repaired_candidates: int = parameter(4, "of these, whose doubtful limbs are searched elsewhere", "", 0, 64)
     tracked_candidates: int = parameter(4, "starts that are tracked side by side, where none is clearly the best", "", 1, 16)
     tracked_sets: int = parameter(6, "image sets after which the best of these is taken", "", 1, 1000)
     min_score: float = parameter(0.35, "least share of what stands out from the scene that a start covers", "1", 0.0, 1.0)
@@ -258,7 +260,7 @@ class JointConfig:
     passes: int = parameter(2, "times that the points are chosen anew whose colors are compared", "", 1, 100)
     iterations: int = parameter(3, "iterations in each pass", "", 1, 1000)
     color_scale: float = parameter(
-        4.7, "how much less the colors' information is believed than that of the contours", "1", 1e-3, 1e3
+        4.7, "how much less the colors' information counts than that of the contours", "1", 1e-3, 1e3
     )
 
 
@@ -275,7 +277,7 @@ class SelfCheckConfig:
 
 @dataclass(frozen=True)
 class _ByColors:
-    """What all that goes by colors has in common: when it is trusted, and how a lost body is searched for."""
+    """What all that goes by colors has in common: when it counts, and how a lost body is searched."""
 
     degraded_agreement: float = parameter(
         0.5, "share of the difference from the surroundings that the fit explains, below which the status is DEGRADED", "1", 0, 1
@@ -284,7 +286,7 @@ class _ByColors:
         0.4, "the same for LOST; a single camera or part below it is named, and the status DEGRADED", "1", 0, 1
     )
     search_angle_deg: float = parameter(35.0, "and turned by up to this; a lost limb, in each of its joints", "deg", 0, 180)
-    search_states: int = parameter(1000, "states tried a round of that search; 0: a lost body is not looked for", "", 0, 10**6)
+    search_states: int = parameter(1000, "states tried a round of that search; 0: a lost body is not searched", "", 0, 10**6)
     seed: int = parameter(0, "of that search", "", 0, 2**31 - 1)
     residual_sigma: float = parameter(3.0, "least standard deviation of a color, for the covariance", "gray levels", 0.01, 255)
     correlation: float = parameter(30.0, "how many neighboring pixels share one error, for the covariance", "pixels", 1, 10000)
@@ -294,7 +296,7 @@ class _ByColors:
 class TextureConfig(_ByColors):
     """Textures on the faces of boxes, in each camera's own brightness and contrast."""
 
-    search_radius: float = parameter(0.35, "a lost body is looked for this far around where it is expected", "m", 0, 10)
+    search_radius: float = parameter(0.35, "a lost body is searched this far around where it is expected", "m", 0, 10)
 
 
 @dataclass(frozen=True)
@@ -303,13 +305,13 @@ class ColorOverBackgroundConfig(_ByColors):
 
     normalized_weight: float = parameter(0.5, "share of the normalized part in a blend", "1", 0, 1)
     robust_scale: float = parameter(50.0, "scale of the robust kernel on the finest level", "gray levels", 0.1, 1000)
-    reach_px: int = parameter(64, "images farther than this from the predicted body are not looked at", "px", 4, 10000)
+    reach_px: int = parameter(64, "images farther than this from the predicted body are not processed", "px", 4, 10000)
     learn_colors: bool = parameter(False, "take the parts' colors from the first image set instead of the model")
     color_rate: float = parameter(0.0, "share of the newest image in the parts' colors; 0 keeps them fixed", "1", 0, 1)
-    stay_position: float = parameter(0.0, "pull to the predicted root position", "gray levels^2/m^2", 0.0, 1e15)
-    stay_angle: float = parameter(1e7, "pull to the predicted angles", "gray levels^2/rad^2", 0.0, 1e15)
+    stay_position: float = parameter(0.0, "weight of the prior at the predicted root position", "gray levels^2/m^2", 0.0, 1e15)
+    stay_angle: float = parameter(1e7, "weight of the prior at the predicted angles", "gray levels^2/rad^2", 0.0, 1e15)
     neutral_angle: float = parameter(
-        1e3, "multiplies the stiffness of the model's axes (pull to their neutral angles)", "gray levels^2", 0.0, 1e15
+        1e3, "multiplies the stiffness of the model's axes (prior at their neutral angles)", "gray levels^2", 0.0, 1e15
     )
     min_pixels: int = parameter(200, "a body that covers less of the images, of all cameras, is LOST", "pixels", 1, 10**9)
     few_pixels: int = parameter(1000, "and one that covers less than this is DEGRADED", "pixels", 1, 10**9)
@@ -337,11 +339,11 @@ class ColorConfig(ColorOverBackgroundConfig):
         choices=("tracking", "five_loops", "seven_loops", "decimated"),
     )
     passes: int = parameter(
-        2, "times that the alignment looks anew, on each level of the pyramid, which points are seen", "", 1, 100
+        2, "times that the alignment decides, on each level of the pyramid, which points are seen", "", 1, 100
     )
     first_passes: int = parameter(6, "the same on the first image set after a start or a reset", "", 1, 1000)
     iterations: int = parameter(2, "iterations of the alignment in each pass", "", 1, 1000)
-    search_radius: float = parameter(0.35, "a lost body is looked for this far around where it is expected", "m", 0, 10)
+    search_radius: float = parameter(0.35, "a lost body is searched this far around where it is expected", "m", 0, 10)
 
 
 @dataclass(frozen=True)

@@ -121,7 +121,7 @@ class TrackEstimate:
     velocity_covariance : (n_dof, n_dof), None where it is not known.
     information : (n_dof, n_dof) inverse covariance from these images alone; None where they have no weight.
     pull : (n_dof,) ``information`` times the tangent from ``state`` to the optimum of these images alone.
-    arcs : (n_dof, n_dof) the second-order terms within ``covariance``.
+    second_order : (n_dof, n_dof) the second-order terms within ``covariance``.
     faults : cameras that the others contradict.
     """
 
@@ -141,7 +141,7 @@ class TrackEstimate:
     velocity_covariance: np.ndarray | None = None
     information: np.ndarray | None = None
     pull: np.ndarray | None = None
-    arcs: np.ndarray | None = None
+    second_order: np.ndarray | None = None
     faults: tuple[CameraFault, ...] = ()
     residual_unit: str = PX
 

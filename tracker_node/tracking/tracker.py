@@ -217,7 +217,7 @@ class Tracker:
             state=fit.state,
             velocity=track.motion.velocity.copy(),
             covariance=covariance,
-            arcs=second_order,
+            second_order=second_order,
             score=fit.equations.cost,
             residual=report.residual,
             residual_unit=PX if self.config.contours else GRAY_LEVELS,

@@ -49,10 +49,10 @@ def warm_up(
     small = _small_rig(rig)
     configuration = Configuration(model, state or _in_the_middle(rig, model))
     brief = _brief(config)
-    _track(Tracker(small, model, brief, _plates(small), configuration.state, occluders), configuration, writeable)
+    _track(Tracker(small, model, brief, _backgrounds(small), configuration.state, occluders), configuration, writeable)
     if state is None and config.initialization.enabled:
         searching = replace(brief, initialization=_brief_search(config.initialization))
-        _track(Tracker(small, model, searching, _plates(small), None, occluders), configuration, writeable)
+        _track(Tracker(small, model, searching, _backgrounds(small), None, occluders), configuration, writeable)
 
 
 class SmallTrackers:
@@ -63,10 +63,10 @@ class SmallTrackers:
     plated : cameras with images of the empty scene.
     """
 
-    def __init__(self, rig: CameraRig, model: ArticulatedModel, plated: Sequence[str]):
+    def __init__(self, rig: CameraRig, model: ArticulatedModel, with_background: Sequence[str]):
         self._rig, self._model = _small_rig(rig), model
-        plates = _plates(self._rig)
-        self._plates = {name: plates[name] for name in plated}
+        backgrounds = _backgrounds(self._rig)
+        self._backgrounds = {name: backgrounds[name] for name in with_background}
 
     def check(self, cameras: Sequence[str], config: TrackerConfig) -> None:
         """Make a tracker for some cameras, and forget it.
@@ -79,9 +79,9 @@ class SmallTrackers:
         ------
         TrackerError : the configuration does not suit the body.
         """
-        plates = {name: plate for name, plate in self._plates.items() if name in cameras}
+        backgrounds = {name: image for name, image in self._backgrounds.items() if name in cameras}
         without_search = replace(config, initialization=replace(config.initialization, enabled=False))
-        Tracker(self._rig.subset(tuple(cameras)), self._model, without_search, plates)
+        Tracker(self._rig.subset(tuple(cameras)), self._model, without_search, backgrounds)
 
 
 def _track(tracker: Tracker, configuration: Configuration, writeable: bool) -> None:
@@ -119,7 +119,7 @@ def _small_rig(rig: CameraRig) -> CameraRig:
     return replace(rig, cameras=tuple(cameras))
 
 
-def _plates(rig: CameraRig) -> dict[str, np.ndarray]:
+def _backgrounds(rig: CameraRig) -> dict[str, np.ndarray]:
     sizes = {camera.name: (camera.model.height, camera.model.width, 3) for camera in rig}
     return {name: np.full(size, _SCENE_BGR, np.uint8) for name, size in sizes.items()}
 

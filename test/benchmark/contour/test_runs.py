@@ -26,7 +26,7 @@ from tracker_node.tracking.estimate import CameraReport, Status, Timings, TrackE
 
 SCENE = SceneConfig(
     n_cameras=4, width=256, height=192, focal_px=224.0, radius=3.2, distortion=(), noise_levels=4.0, shadow=False,
-    surroundings="clutter", plates=False, lossless=True,
+    surroundings="clutter", backgrounds=False, lossless=True,
 )  # fmt: skip
 N_IMAGES = 6
 

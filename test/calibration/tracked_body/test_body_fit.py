@@ -17,7 +17,7 @@ def fits():
     """By kind of evidence: a person of known size, found from another one in poses that are somewhat off."""
     world, rng = pictures(), np.random.default_rng(1)
     off = [state.retract(0.01 * rng.normal(size=world.given.n_dof)) for state in world.states]
-    silhouettes = SilhouetteEvidence(world.sets, CONFIG, world.plates)
+    silhouettes = SilhouetteEvidence(world.sets, CONFIG, world.backgrounds)
     return {
         name: fit_body(world.given, world.rig, world.sets, off, OPTIONS, evidence=evidence)
         for name, evidence in (("silhouette", silhouettes), ("region", RegionEvidence(world.sets, CONFIG)))
@@ -50,7 +50,7 @@ def test_the_arrow_is_solved_as_the_whole_system_would_be():
     """Schur complement and back-substitution against the stacked least-squares problem, by finite differences."""
     world = pictures()
     space = ShapeSpace(world.given, groups=("length",))
-    evidence = SilhouetteEvidence(world.sets[:2], CONFIG, world.plates)
+    evidence = SilhouetteEvidence(world.sets[:2], CONFIG, world.backgrounds)
     states = [[state] * len(world.rig) for state in world.states[:2]]
     evidence.look(world.given, world.rig, states, 3.0)
     lines = [evidence.lines(k, world.given, world.rig, states[k]) for k in range(2)]
@@ -84,7 +84,7 @@ def test_images_that_do_not_show_the_body_are_refused():
     world = pictures()
     away = world.states[0].retract(np.r_[[0.0, 0.0, 40.0], np.zeros(world.given.n_dof - 3)])
     with pytest.raises(TrackerError, match="hardly seen"):
-        evidence = RegionEvidence(world.sets[:1], CONFIG, world.plates)
+        evidence = RegionEvidence(world.sets[:1], CONFIG, world.backgrounds)
         fit_body(world.given, world.rig, world.sets[:1], [away], OPTIONS, evidence=evidence)
     with pytest.raises(ValueError, match="a state each"):
         fit_body(world.given, world.rig, world.sets, world.states[:1])

@@ -23,7 +23,7 @@ def test_a_camera_that_was_turned_is_found():
     turned = world.rig.cameras[TURNED].T_world_cam @ se3.exp(np.r_[np.zeros(3), np.radians([0.6, 0.8, 0.0])])
     cameras = [replace(c, T_world_cam=turned) if i == TURNED else c for i, c in enumerate(world.rig)]
     rig = CameraRig(tuple(cameras))
-    evidence = SilhouetteEvidence(world.sets, CONFIG, world.plates)
+    evidence = SilhouetteEvidence(world.sets, CONFIG, world.backgrounds)
     fit = fit_rig(world.person, rig, world.sets, world.states, world.velocities, replace(OPTIONS, times=False), evidence=evidence)
     for i, (true, found) in enumerate(zip(world.rig, fit.rig, strict=True)):
         assert _angle_deg(true, found) < 0.25
@@ -34,7 +34,7 @@ def test_a_camera_that_was_turned_is_found():
 
 def test_a_camera_that_is_an_image_late_is_found():
     world = pictures()
-    evidence = SilhouetteEvidence(world.late, CONFIG, world.plates)
+    evidence = SilhouetteEvidence(world.late, CONFIG, world.backgrounds)
     options = replace(OPTIONS, places=False)
     fit = fit_rig(world.person, world.rig, world.late, world.states, world.velocities, options, evidence=evidence)
     for i, (name, camera) in enumerate(fit.cameras.items()):

@@ -138,7 +138,7 @@ def test_the_images_of_a_run_have_its_size_its_cameras_and_its_parameters(taken_
     assert images.rig.names == ("cam01", "cam02")
     assert [(c.model.width, c.model.height) for c in images.rig] == [(120, 90)] * 2
     assert [i.pixels.shape[:2] for s in images.sets for i in s.images] == [(90, 120)] * 8
-    assert all(plate.shape[:2] == (90, 120) for plate in images.plates.values())
+    assert all(plate.shape[:2] == (90, 120) for plate in images.backgrounds.values())
     assert images.config.threads == 1 != TrackerConfig().threads  # of the clip's config.yaml
 
 

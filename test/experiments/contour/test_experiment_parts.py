@@ -98,7 +98,7 @@ def test_a_shot_is_of_the_pose_before_and_the_one_found(monkeypatch):
         pictures, "shoot", lambda camera, image, before, found, *_: taken.append((before.state, found.state)) or "shot"
     )
     camera = SimpleNamespace(name="a")
-    clip = SimpleNamespace(plates={"a": np.zeros(1)}, model=experiment.part_model(), config=TrackerConfig())
+    clip = SimpleNamespace(backgrounds={"a": np.zeros(1)}, model=experiment.part_model(), config=TrackerConfig())
     run = SimpleNamespace(estimates=[SimpleNamespace(state=state) for state in states])
     image_set = SimpleNamespace(get=lambda name: SimpleNamespace(bgr=np.zeros((2, 2, 3))))
     assert pictures._shot(clip, run, camera, 2, image_set) == "shot"
@@ -108,7 +108,7 @@ def test_a_shot_is_of_the_pose_before_and_the_one_found(monkeypatch):
     assert found is states[2]
     assert first is same is states[0]
     assert pictures._shot(clip, run, camera, 1, SimpleNamespace(get=lambda name: None)) is None
-    clip.plates = {}
+    clip.backgrounds = {}
     assert pictures._shot(clip, run, camera, 1, image_set) is None
 
 

@@ -43,7 +43,7 @@ class Pictures:
     velocities: tuple[np.ndarray, ...]
     sets: tuple[ImageSet, ...]
     late: tuple[ImageSet, ...]
-    plates: dict[str, np.ndarray]
+    backgrounds: dict[str, np.ndarray]
 
 
 @cache
@@ -61,20 +61,20 @@ def pictures(n_sets: int = 5) -> Pictures:
     person = space.body(s)
     track = waves(person, RATE_HZ, EVERY * n_sets, amplitude_rad=0.6)
     rows = [EVERY * k + EVERY // 2 for k in range(n_sets)]
-    plates = {c.name: cv2.GaussianBlur(rng.uniform(0, 255, (360, 480, 3)), (0, 0), 8) for c in rig}
-    plates = {name: np.clip(128 + 8 * (plate - 128), 0, 255).astype(np.uint8) for name, plate in plates.items()}
+    backgrounds = {c.name: cv2.GaussianBlur(rng.uniform(0, 255, (360, 480, 3)), (0, 0), 8) for c in rig}
+    backgrounds = {name: np.clip(128 + 8 * (b - 128), 0, 255).astype(np.uint8) for name, b in backgrounds.items()}
     sets, late = [], []
     with TargetStudio(rig, noise_levels=2.0) as studio:
         for row in rows:
             shown, before = (
-                studio.images(Configuration(person, track[i]), [plates[c.name] for c in rig], i) for i in (row, row - 1)
+                studio.images(Configuration(person, track[i]), [backgrounds[c.name] for c in rig], i) for i in (row, row - 1)
             )
             sets.append(_set(rig, row, shown))
             late.append(
                 _set(rig, row, [b if i == LATE_CAMERA else a for i, (a, b) in enumerate(zip(shown, before, strict=True))])
             )
     velocities = tuple(0.5 * RATE_HZ * track[i + 1].difference(track[i - 1]) for i in rows)
-    return Pictures(rig, given, person, s, tuple(track[i] for i in rows), velocities, tuple(sets), tuple(late), plates)
+    return Pictures(rig, given, person, s, tuple(track[i] for i in rows), velocities, tuple(sets), tuple(late), backgrounds)
 
 
 def _set(rig: CameraRig, number: int, images) -> ImageSet:

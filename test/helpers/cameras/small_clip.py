@@ -88,7 +88,7 @@ def motion(n_images: int) -> tuple[State, ...]:
     return tuple(states)
 
 
-def make_clip(folder: Path, n_images: int = 10, with_plates: bool = True) -> Clip:
+def make_clip(folder: Path, n_images: int = 10, with_backgrounds: bool = True) -> Clip:
     """Render the clip into ``folder``: one folder of PNG files per camera, plates, and all the files that a run needs."""
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(8)
@@ -103,7 +103,7 @@ def make_clip(folder: Path, n_images: int = 10, with_plates: bool = True) -> Cli
             picture = _noisy(_picture(Configuration(model, state), camera, scene), rng)
             cv2.imwrite(str(folder / name / f"{i:04d}.png"), picture)
         cv2.imwrite(str(folder / f"{name}_plate.png"), _noisy(scene, rng))
-        plate = f"{name}_plate.png" if with_plates else None
+        plate = f"{name}_plate.png" if with_backgrounds else None
         cameras.append(Camera(name, lens, camera.T_world_cam, source=name, background=plate))
     write_rig_file(rig_file_of(CameraRig(tuple(cameras))), folder / "rig.yaml")
     dump_model(model, folder / "model.yaml")

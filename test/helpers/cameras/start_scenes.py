@@ -26,14 +26,14 @@ class Scene:
 
     model: ArticulatedModel
     rig: CameraRig
-    plates: dict[str, np.ndarray]
+    backgrounds: dict[str, np.ndarray]
 
     def images(self, state: State | None, seed: int = 0) -> list[np.ndarray]:
         """Noisy BGR images with the body in ``state``, or of the empty room."""
         rng = np.random.default_rng(seed)
         result = []
         for camera in self.rig:
-            picture = self.plates[camera.name].astype(np.float64)
+            picture = self.backgrounds[camera.name].astype(np.float64)
             if state is not None:
                 labels = render_view(Configuration(self.model, state), camera).labels
                 for i, shape in enumerate(self.model.shapes):
@@ -51,11 +51,11 @@ class Scene:
 def scene(n_cameras: int = 4) -> Scene:
     cameras = tuple(look_at(eye, (0.0, 0.0, 0.95), LENS, f"cam{i}") for i, eye in enumerate(EYES[:n_cameras]))
     rng = np.random.default_rng(5)
-    plates = {}
+    backgrounds = {}
     for camera in cameras:
         patches = cv2.resize(rng.uniform(60, 200, (9, 12, 3)), (LENS.width, LENS.height), interpolation=cv2.INTER_NEAREST)
-        plates[camera.name] = cv2.GaussianBlur(patches, (0, 0), 2.0).astype(np.uint8)
-    return Scene(human_model(), CameraRig(cameras), plates)
+        backgrounds[camera.name] = cv2.GaussianBlur(patches, (0, 0), 2.0).astype(np.uint8)
+    return Scene(human_model(), CameraRig(cameras), backgrounds)
 
 
 def standing(model: ArticulatedModel, x: float, y: float, heading: float, **angles_deg: float) -> State:

@@ -27,7 +27,7 @@ class Recording:
     model: ArticulatedModel
     states: tuple[State, ...]
     sets: tuple[ImageSet, ...]
-    plates: dict[str, np.ndarray]
+    backgrounds: dict[str, np.ndarray]
 
     def errors_mm(self, estimates: list[TrackEstimate]) -> np.ndarray:
         """(n, n_landmarks) distance of landmarks from where they are."""
@@ -42,14 +42,14 @@ def recording(n_images: int = 12) -> Recording:
     rig, model = make_rig(SCENE), human_model()
     states, subject, sets = waves(model, RATE_HZ, n_images), ModelSubject(model), []
     with Studio(rig, SCENE) as studio:
-        plates = {camera.name: studio.empty_image(i, 0) for i, camera in enumerate(rig)}
+        backgrounds = {camera.name: studio.empty_image(i, 0) for i, camera in enumerate(rig)}
         for i, state in enumerate(states):
             stamp_ns = 10**9 + round(i * 1e9 / RATE_HZ)
             images = studio.images(subject.mesh(Configuration(model, state)), i)
             sets.append(
                 ImageSet(stamp_ns, tuple(CameraImage(c.name, stamp_ns, image) for c, image in zip(rig, images, strict=True)))
             )
-    return Recording(rig, model, tuple(states), tuple(sets), plates)
+    return Recording(rig, model, tuple(states), tuple(sets), backgrounds)
 
 
 def changed(image_set: ImageSet, cameras: Container[str], pixels: Callable[[np.ndarray], np.ndarray] | None) -> ImageSet:

@@ -25,7 +25,7 @@ STATE = State.neutral(MODEL, se3.exp([0.05, -0.1, 0.95, 0.0, 0.0, 0.4]))
 COLORS = np.random.default_rng(5).integers(30, 226, (len(RIG), len(MODEL.shapes), 3)).astype(np.float64)
 
 
-def plates() -> list[np.ndarray]:
+def backgrounds() -> list[np.ndarray]:
     """Clutter, BGR."""
     rng, made = np.random.default_rng(8), []
     for camera in RIG:
@@ -37,15 +37,15 @@ def plates() -> list[np.ndarray]:
 def images(state: State = STATE) -> list[np.ndarray]:
     """The body in its colors over the plates, with noise; BGR."""
     rng, made = np.random.default_rng(9), []
-    for i, (camera, plate) in enumerate(zip(RIG, plates(), strict=True)):
-        labels, image = render_view(Configuration(MODEL, state), camera).labels, plate.astype(np.float64)
+    for i, (camera, background) in enumerate(zip(RIG, backgrounds(), strict=True)):
+        labels, image = render_view(Configuration(MODEL, state), camera).labels, background.astype(np.float64)
         image[labels > 0] = COLORS[i][labels[labels > 0] - 1][:, ::-1]
         made.append(np.clip(image + rng.normal(0.0, 3.0, image.shape), 0, 255).astype(np.uint8))
     return made
 
 
 def objective(given: list, **options) -> BackgroundObjective:
-    made = BackgroundObjective(MODEL, RIG, COLORS, plates(), BackgroundOptions(**options))
+    made = BackgroundObjective(MODEL, RIG, COLORS, backgrounds(), BackgroundOptions(**options))
     made.set_images(given)
     return made
 
@@ -61,8 +61,8 @@ def cost(one: np.ndarray, other: np.ndarray, raw_scale: float = 40.0, hue_scale:
 def plain(state: State, given: list) -> np.ndarray:
     """Unexplained share of each camera."""
     shares = []
-    for i, (camera, image, plate) in enumerate(zip(RIG, given, plates(), strict=True)):
-        rgb, empty = image[:, :, ::-1].astype(np.float64), plate[:, :, ::-1].astype(np.float64)
+    for i, (camera, image, background) in enumerate(zip(RIG, given, backgrounds(), strict=True)):
+        rgb, empty = image[:, :, ::-1].astype(np.float64), background[:, :, ::-1].astype(np.float64)
         labels = render_view(Configuration(MODEL, state), camera).labels
         scene, inside = cost(rgb, empty), labels > 0
         explained = scene[inside] - cost(rgb[inside], COLORS[i][labels[inside] - 1])
@@ -161,4 +161,4 @@ def test_cameras_without_images_have_no_part():
 def test_only_smooth_shapes():
     brick = ArticulatedModel("brick", KinematicChain(("brick",), ()), (Shape("body", "brick", Box((0.1, 0.1, 0.1))),))
     with pytest.raises(ModelError, match="brick"):
-        BackgroundObjective(brick, RIG, np.zeros((len(RIG), 1, 3)), plates())
+        BackgroundObjective(brick, RIG, np.zeros((len(RIG), 1, 3)), backgrounds())

@@ -5,15 +5,15 @@ import pytest
 
 from helpers.cameras.late_camera import LATE, MODEL, RIG, STATE, VELOCITY, images
 from tracker_node.objective.color.alignment import PhotometricObjective, PhotometricOptions
-from tracker_node.objective.color.asynchronous_alignment import StaggeredPhotometricObjective
+from tracker_node.objective.color.asynchronous_alignment import AsynchronousPhotometricObjective
 from tracker_node.optimize.alignment import AlignmentOptions, align
 
 OPTIONS = PhotometricOptions("raw", levels=2)
 OFF = np.array([0.012, -0.008, 0.01, 0.02, -0.015, 0.02])
 
 
-def objective(late_s, velocity=VELOCITY) -> StaggeredPhotometricObjective:
-    result = StaggeredPhotometricObjective(MODEL, RIG, late_s, OPTIONS)
+def objective(late_s, velocity=VELOCITY) -> AsynchronousPhotometricObjective:
+    result = AsynchronousPhotometricObjective(MODEL, RIG, late_s, OPTIONS)
     result.set_images(images(LATE))
     result.velocity = velocity
     return result
@@ -63,7 +63,7 @@ def test_too_little_in_all_cameras_together_is_infinite():
     assert np.isinf(objective(LATE).at_level(0).linearize(away).cost)
     pixels = objective(LATE).at_level(0).linearize(STATE).count // 3
     for few, finite in ((pixels, True), (pixels + 1, False)):
-        made = StaggeredPhotometricObjective(MODEL, RIG, LATE, PhotometricOptions("raw", min_pixels=few, levels=1))
+        made = AsynchronousPhotometricObjective(MODEL, RIG, LATE, PhotometricOptions("raw", min_pixels=few, levels=1))
         made.set_images(images(LATE))
         made.velocity = VELOCITY
         assert np.isfinite(made.at_level(0).linearize(STATE).cost) == finite

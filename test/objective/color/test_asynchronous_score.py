@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from helpers.cameras.late_camera import LATE, MODEL, RIG, STATE, VELOCITY, images
-from tracker_node.objective.color.asynchronous_score import StaggeredObjective
-from tracker_node.objective.color.score import ColorObjective, ColorOptions, Verdict
+from tracker_node.objective.color.asynchronous_score import AsynchronousObjective
+from tracker_node.objective.color.score import ColorObjective, ColorOptions, Outcome
 
 
-def objective(late_s, options=None, shown=LATE) -> StaggeredObjective:
-    result = StaggeredObjective(MODEL, RIG, late_s, options)
+def objective(late_s, options=None, shown=LATE) -> AsynchronousObjective:
+    result = AsynchronousObjective(MODEL, RIG, late_s, options)
     result.set_images(images(shown))
     result.velocity = VELOCITY
     return result
@@ -72,11 +72,11 @@ def test_what_cannot_be_scored_is_infinite():
     whole = objective(LATE)
     away = STATE.retract(np.array([50.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     score = whole.evaluate(away)
-    assert math.isinf(score.rms) and score.verdict != Verdict.SCORED
+    assert math.isinf(score.rms) and score.outcome != Outcome.SCORED
     assert math.isinf(objective(LATE, ColorOptions(min_pixels=100000)).score(STATE))
-    assert objective(LATE, ColorOptions(min_pixels=100000)).evaluate(STATE).verdict == Verdict.EMPTY_MASK
+    assert objective(LATE, ColorOptions(min_pixels=100000)).evaluate(STATE).outcome == Outcome.EMPTY_MASK
 
 
 def test_as_many_delays_as_cameras():
     with pytest.raises(ValueError, match="expected 3 delays"):
-        StaggeredObjective(MODEL, RIG, (0.0, 0.0))
+        AsynchronousObjective(MODEL, RIG, (0.0, 0.0))

@@ -16,7 +16,7 @@ from tracker_node.experiments.cross.throw import yellow_stick
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.humans.surfaces18 import ellipsoid_human
-from tracker_node.objective.color.score import ColorObjective, ColorOptions, Verdict
+from tracker_node.objective.color.score import ColorObjective, ColorOptions, Outcome
 from tracker_node.parallel import Workers
 from tracker_node.render.raycast.raycaster import render_color
 
@@ -86,7 +86,7 @@ def test_score_is_that_of_the_rendered_images(make_model, options):
     views = [(view.rgb, view.labels) for view in (render_color(Configuration(model, state), camera, SUN) for camera in rig)]
     rms, count = expected_rms(views, images, options)
     found = objective.evaluate(state)
-    assert (found.verdict, int(found.camera_pixels.sum())) == (Verdict.SCORED, count)
+    assert (found.outcome, int(found.camera_pixels.sum())) == (Outcome.SCORED, count)
     assert found.rms == pytest.approx(rms, rel=1e-5)
     assert objective.score(state) == found.rms
     squares = found.camera_rms**2 * found.camera_pixels
@@ -158,8 +158,8 @@ def test_what_cannot_be_scored_is_infinitely_bad(make_model):
     aside, behind = State.neutral(model), State.neutral(model)
     aside.T_world_root[:3, 3] = 0.0, 0.0, 8.0
     behind.T_world_root[:3, 3] = rig.cameras[0].center - 4.0 * rig.cameras[0].T_world_cam[:3, 2]
-    assert objective.evaluate(aside).verdict is Verdict.EMPTY_MASK
-    assert objective.evaluate(behind).verdict is Verdict.BEHIND_CAMERA
+    assert objective.evaluate(aside).outcome is Outcome.EMPTY_MASK
+    assert objective.evaluate(behind).outcome is Outcome.BEHIND_CAMERA
     scores = objective.scores([aside, State.neutral(model, _raised(1.0)), behind])
     assert scores[0] == scores[2] == math.inf
     assert math.isfinite(scores[1])

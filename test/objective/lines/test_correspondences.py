@@ -13,7 +13,7 @@ from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Ellipsoid
 from tracker_node.objective.lines import table
 from tracker_node.objective.lines.correspondences import LineCorrespondences, LineDrawer, LineOptions, View
-from tracker_node.observation.region.background import EmptyRoom
+from tracker_node.observation.region.background import RegionBackground
 from tracker_node.observation.region.colors import RegionColors, color_classes, stated_densities, trust_stated_colors
 from tracker_node.optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 from tracker_node.render.shape_arrays import ShapeArrays
@@ -172,7 +172,7 @@ def test_a_known_room_of_the_bodys_color_still_shows_the_body():
         drawing = drawing_of(0.25, image, (8.0, 0.0), radius_px, samples_per_line=40)
         if known:
             plate = np.clip(wall + np.random.default_rng(2).normal(0.0, 2.0, wall.shape), 0, 255).astype(np.uint8)
-            drawing.view = View(image, drawing.view.densities, EmptyRoom([plate], 3.0, 0.0, 4).packed)
+            drawing.view = View(image, drawing.view.densities, RegionBackground([plate], 3.0, 0.0, 4).packed)
         state = at(x=8.0 * DISTANCE / FOCAL)
         for scale in (2.0, 1.0):
             lines = drawing.draw(state, scale)

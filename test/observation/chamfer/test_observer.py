@@ -40,9 +40,9 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(2)
 
 
-@pytest.mark.parametrize(("kind", "has_plate"), [("background", True), ("both", True), ("both", False)])
-def test_the_body_is_found_where_it_has_moved_to(rng, kind, has_plate):
-    observer = Observer("c", SIZE, ChamferConfig(silhouette=kind), BackgroundConfig(), empty(rng) if has_plate else None)
+@pytest.mark.parametrize(("kind", "has_background"), [("background", True), ("both", True), ("both", False)])
+def test_the_body_is_found_where_it_has_moved_to(rng, kind, has_background):
+    observer = Observer("c", SIZE, ChamferConfig(silhouette=kind), BackgroundConfig(), empty(rng) if has_background else None)
     observer.begin(with_body(rng), REGION, labels(), 12)
     seen = observer.observe(with_body(rng, 8), REGION, labels())
     assert (seen.camera, seen.region, seen.empty) == ("c", REGION, False)
@@ -79,13 +79,13 @@ def test_what_is_beyond_the_reach_is_not_looked_at(rng):
 
 def test_the_refined_boundary_is_nearer_than_the_pixels_are(rng):
     """The body covers six tenths of a column of pixels."""
-    plate, image = empty(rng), empty(rng).astype(float)
+    background, image = empty(rng), empty(rng).astype(float)
     image[25:70, 45:70] = (40, 50, 190)
     image[25:70, 70] = 0.6 * np.array([40, 50, 190]) + 0.4 * image[25:70, 70]
     image = image.astype(np.uint8)
     zero = []
     for refine in (True, False):
-        observer = Observer("c", SIZE, replace(ChamferConfig(), refine_boundary=refine), BackgroundConfig(), plate)
+        observer = Observer("c", SIZE, replace(ChamferConfig(), refine_boundary=refine), BackgroundConfig(), background)
         observer.begin(image, REGION, labels(), 12)
         row = observer.observe(image, REGION, labels()).silhouette_distance[30:50].mean(axis=0)
         right = int(np.flatnonzero(row[45:] > 0)[0]) + 45

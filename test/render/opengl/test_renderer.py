@@ -95,8 +95,8 @@ def test_pictures_of_odd_width(renderer):
     """Rows of such a picture are not whole words in memory."""
     rng = np.random.default_rng(3)
     picture = rng.integers(0, 256, (3, 5, 3), dtype=np.uint8)
-    plate = single_shape(Box((1.0, 0.1, 0.6), None, (None, None, None, picture, None, None)))
-    view = renderer.render_color(plate, look_at((0.0, -3.0, 0.0), (0.0, 0.0, 0.0), PAL))
+    background = single_shape(Box((1.0, 0.1, 0.6), None, (None, None, None, picture, None, None)))
+    view = renderer.render_color(background, look_at((0.0, -3.0, 0.0), (0.0, 0.0, 0.0), PAL))
     rows, columns = np.flatnonzero(view.labels.any(axis=1)), np.flatnonzero(view.labels.any(axis=0))
     at_v = rows[0] + (np.arange(3) + 0.5) * len(rows) / 3
     at_u = columns[0] + (np.arange(5) + 0.5) * len(columns) / 5

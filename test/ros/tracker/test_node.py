@@ -236,7 +236,7 @@ def test_mistakes_are_one_line(launch, recording, tmp_path):
     (broken / "rig.yaml").write_text((broken / "rig.yaml").read_text().replace("cam1_plate.png", "absent.png"))
     unknown = launch("tracker", *files, "--ros-args", "-p", "region.nonsense:=1")
     out_of_range = launch("tracker", *files, "--ros-args", "-p", "region.inlier_px:=-1.0")
-    no_plate = launch("tracker", "--rig", broken / "rig.yaml", *files[2:])
-    for process, said in ((unknown, "nonsense"), (out_of_range, "inlier_px"), (no_plate, "absent.png")):
+    no_background = launch("tracker", "--rig", broken / "rig.yaml", *files[2:])
+    for process, said in ((unknown, "nonsense"), (out_of_range, "inlier_px"), (no_background, "absent.png")):
         assert process.wait() == 2
         assert said in process.err and "Traceback" not in process.err, process.err

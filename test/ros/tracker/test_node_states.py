@@ -17,7 +17,7 @@ from tracker_node.ros.tracker.setup import UNCALIBRATED
 START = some_state(tracked_arm())
 
 
-def without_plates(rig):
+def without_backgrounds(rig):
     return replace(rig, cameras=tuple(replace(camera, background=None) for camera in rig))
 
 
@@ -26,7 +26,7 @@ def make(ros, tmp_path):
     nodes = []
 
     def make(lossless=True, **changes):
-        rig, inbox = without_plates(small_rig(tmp_path)), InboxOptions(lossless=lossless)
+        rig, inbox = without_backgrounds(small_rig(tmp_path)), InboxOptions(lossless=lossless)
         nodes.append(
             TrackerNode(TrackerOptions(rig, tracked_arm(), inbox=inbox, make_tracker=lambda *_: HeldTracker(), **changes))
         )

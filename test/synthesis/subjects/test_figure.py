@@ -53,7 +53,7 @@ def test_speeds_of_a_known_motion():
 def test_a_recording_of_it_has_true_states_no_plates_and_exact_images(tmp_path):
     scene = SceneConfig(
         n_cameras=2, width=160, height=120, focal_px=140.0, radius=3.2, distortion=(), noise_levels=0.0, shadow=False,
-        surroundings="clutter", plates=False, lossless=True,
+        surroundings="clutter", backgrounds=False, lossless=True,
     )  # fmt: skip
     produce(Request(subject="figure", n_images=2, scene=scene), tmp_path)
     rig, model = load_rig(tmp_path / "rig.yaml"), load_model(tmp_path / "person.yaml")

@@ -40,13 +40,13 @@ def robot_at_work(n_images: int = 15) -> Recording:
 def filmed(model: ArticulatedModel, states: tuple[State, ...], scene: SceneConfig) -> Recording:
     rig, subject, sets = make_rig(scene), ModelSubject(model), []
     with Studio(rig, scene) as studio:
-        plates = {camera.name: studio.empty_image(i, 0) for i, camera in enumerate(rig)}
+        backgrounds = {camera.name: studio.empty_image(i, 0) for i, camera in enumerate(rig)}
         for i, state in enumerate(states):
             stamp_ns = 10**9 + round(i * 1e9 / RATE_HZ)
             images = studio.images(subject.mesh(Configuration(model, state)), i)
             shots = (CameraImage(c.name, stamp_ns, image) for c, image in zip(rig, images, strict=True))
             sets.append(ImageSet(stamp_ns, tuple(shots)))
-    return Recording(rig, model, states, tuple(sets), plates)
+    return Recording(rig, model, states, tuple(sets), backgrounds)
 
 
 def test_a_robot_is_followed_to_the_end_of_its_slide():
@@ -66,7 +66,7 @@ def test_a_robot_is_followed_to_the_end_of_its_slide():
 @pytest.mark.long
 def test_a_robot_is_found_without_a_first_pose():
     clip = robot_at_work()
-    tracker = Tracker(clip.rig, clip.model, from_dict({}), clip.plates)
+    tracker = Tracker(clip.rig, clip.model, from_dict({}), clip.backgrounds)
     found = [tracker.step(s) for s in clip.sets[:4]]
     assert found[-1].status is Status.TRACKING
     assert clip.errors_mm(found)[-1].max() < 15.0

@@ -33,7 +33,7 @@ def clip() -> Recording:
 
 
 def track(clip: Recording, sets=None, state=None, model=None, **options) -> list[TrackEstimate]:
-    tracker = Tracker(clip.rig, model or clip.model, from_dict(LEARNT | options), clip.plates, state or clip.states[0])
+    tracker = Tracker(clip.rig, model or clip.model, from_dict(LEARNT | options), clip.backgrounds, state or clip.states[0])
     return [tracker.step(image_set) for image_set in (clip.sets[:N_SETS] if sets is None else sets)]
 
 
@@ -125,7 +125,7 @@ def test_a_camera_that_gives_no_image_is_said(clip):
 
 def test_when_the_body_goes_it_is_lost_with_the_reason(clip):
     def empty(image_set: ImageSet) -> ImageSet:
-        return replace(image_set, images=tuple(replace(i, pixels=clip.plates[i.camera]) for i in image_set.images))
+        return replace(image_set, images=tuple(replace(i, pixels=clip.backgrounds[i.camera]) for i in image_set.images))
 
     found = track(clip, [*clip.sets[:2], *(empty(s) for s in clip.sets[2:4])])
     assert [e.status for e in found[2:]] == [Status.LOST] * 2

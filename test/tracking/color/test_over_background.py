@@ -23,7 +23,7 @@ def clip() -> Recording:
 
 
 def track(clip: Recording, sets, state=None) -> list[TrackEstimate]:
-    tracker = Tracker(clip.rig, clip.model, CONFIG, clip.plates, state or clip.states[0])
+    tracker = Tracker(clip.rig, clip.model, CONFIG, clip.backgrounds, state or clip.states[0])
     return [tracker.step(image_set) for image_set in sets]
 
 
@@ -44,7 +44,7 @@ def test_the_same_images_give_the_same_bits(clip):
 
 
 def test_a_body_that_leaves_the_scene_is_lost(clip):
-    empty = [replace(i, pixels=clip.plates[i.camera]) for i in clip.sets[1].images]
+    empty = [replace(i, pixels=clip.backgrounds[i.camera]) for i in clip.sets[1].images]
     estimates = track(clip, [clip.sets[0], replace(clip.sets[1], images=tuple(empty))])
     assert estimates[-1].status is Status.LOST
 

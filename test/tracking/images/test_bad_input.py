@@ -98,7 +98,7 @@ def test_a_start_beyond_the_limits_is_put_at_them():
     chain, angles = clip.model.chain, clip.states[0].joint_positions.copy()
     beyond = [chain.axis_index(name) for name in ("left_knee_flexion", "right_knee_flexion")]
     angles[beyond] = chain.lower[beyond] - 0.3
-    tracker = Tracker(clip.rig, clip.model, REGION, clip.plates, State(clip.states[0].T_world_root, angles))
+    tracker = Tracker(clip.rig, clip.model, REGION, clip.backgrounds, State(clip.states[0].T_world_root, angles))
     found = [tracker.step(s) for s in clip.sets]
     assert all((e.state.joint_positions >= chain.lower).all() for e in found)
     assert np.median(clip.errors_mm(found)[-1]) < 15.0
@@ -120,11 +120,12 @@ def test_a_body_that_vanishes_is_lost_and_comes_back():
 
     def at(image_set: ImageSet, i: int, empty: bool) -> ImageSet:
         stamp_ns = 10**9 + round(i * 1e9 / RATE_HZ)
-        shots = (replace(m, stamp_ns=stamp_ns, pixels=clip.plates[m.camera] if empty else m.pixels) for m in image_set.images)
+        pixels = [clip.backgrounds[m.camera] if empty else m.pixels for m in image_set.images]
+        shots = (replace(m, stamp_ns=stamp_ns, pixels=p) for m, p in zip(image_set.images, pixels, strict=True))
         return ImageSet(stamp_ns, tuple(shots))
 
     sets = [at(clip.sets[min(i, 2)], i, 3 <= i < 8) for i in range(16)]
-    tracker = Tracker(clip.rig, clip.model, REGION, clip.plates, clip.states[0])
+    tracker = Tracker(clip.rig, clip.model, REGION, clip.backgrounds, clip.states[0])
     found = [tracker.step(s) for s in sets]
     assert found[2].status is Status.TRACKING
     assert {e.status for e in found[5:8]} == {Status.LOST}

@@ -52,13 +52,13 @@ def recording(n_images: int = 10) -> tuple[Recording, ArticulatedModel]:
     things = ModelSubject(room).mesh(Configuration(room, State.neutral(room)))
     states, subject, sets = waves(model, RATE_HZ, n_images), ModelSubject(model), []
     with Studio(rig, SCENE) as studio:
-        plates = dict(zip(rig.names, studio.images(things, 10**6), strict=True))
+        backgrounds = dict(zip(rig.names, studio.images(things, 10**6), strict=True))
         for i, state in enumerate(states):
             stamp_ns = 10**9 + round(i * 1e9 / RATE_HZ)
             images = studio.images(together(subject.mesh(Configuration(model, state)), things), i)
             shots = (CameraImage(c.name, stamp_ns, image) for c, image in zip(rig, images, strict=True))
             sets.append(ImageSet(stamp_ns, tuple(shots)))
-    return Recording(rig, model, tuple(states), tuple(sets), plates), room
+    return Recording(rig, model, tuple(states), tuple(sets), backgrounds), room
 
 
 def tracked(kind: str, room: ArticulatedModel | None):
@@ -67,7 +67,7 @@ def tracked(kind: str, room: ArticulatedModel | None):
         clip.rig,
         clip.model,
         from_dict({"modalities": [kind], **({"region.first_scales": "8 5 3 2 1"} if kind == "region" else {})}),
-        clip.plates,
+        clip.backgrounds,
         clip.states[0],
         room,
     )

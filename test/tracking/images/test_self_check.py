@@ -39,17 +39,17 @@ def film(rig) -> tuple[list[ImageSet], dict[str, np.ndarray]]:
     """Image sets, and the empty scene by camera."""
     subject, sets = ModelSubject(MODEL), []
     with Studio(rig, SCENE) as studio:
-        plates = {camera.name: studio.empty_image(i, 0) for i, camera in enumerate(rig)}
+        backgrounds = {camera.name: studio.empty_image(i, 0) for i, camera in enumerate(rig)}
         for i in range(N):
             stamp_ns = round(i * 1e9 / RATE_HZ)
             images = studio.images(subject.mesh(Configuration(MODEL, state_at(i / RATE_HZ))), i)
             sets.append(ImageSet(stamp_ns, tuple(CameraImage(c.name, stamp_ns, m) for c, m in zip(rig, images, strict=True))))
-    return sets, plates
+    return sets, backgrounds
 
 
-def tracked(rig: CameraRig, sets: list[ImageSet], plates: dict) -> list[TrackEstimate]:
+def tracked(rig: CameraRig, sets: list[ImageSet], backgrounds: dict) -> list[TrackEstimate]:
     config = from_dict({"modalities": ["chamfer"]})  # small pictures, with the empty scene
-    tracker = Tracker(rig, MODEL, config, plates, state_at(0.0))
+    tracker = Tracker(rig, MODEL, config, backgrounds, state_at(0.0))
     return [tracker.step(image_set) for image_set in sets]
 
 
@@ -72,14 +72,14 @@ def test_a_camera_turned_by_a_degree_is_named_and_no_other(rig, film):
 
 
 def test_a_camera_two_images_late_is_named_and_no_other(rig, film):
-    sets, plates = film
+    sets, backgrounds = film
     name = rig.names[3]
     late = []
     for k, one in enumerate(sets):
         before = sets[max(k - 2, 0)].get(name)
         assert before is not None
         late.append(replace(one, images=tuple(replace(i, pixels=before.pixels) if i.camera == name else i for i in one.images)))
-    run = tracked(rig, late, plates)
+    run = tracked(rig, late, backgrounds)
     assert kinds(run) == {(name, DELAYED)}
     (fault,) = run[-1].faults
     assert 0.6 * 2 / RATE_HZ < fault.size < 1.2 * 2 / RATE_HZ

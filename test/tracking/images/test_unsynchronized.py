@@ -35,7 +35,7 @@ class Film:
     """Images with the stamps of their exposure, the empty scene, and the true state at every third of a period."""
 
     images: tuple[CameraImage, ...]
-    plates: dict[str, np.ndarray]
+    backgrounds: dict[str, np.ndarray]
     states: tuple[State, ...]
 
 
@@ -45,13 +45,13 @@ def film() -> Film:
     rig, model = make_rig(SCENE), figure_model()
     states, subject, images = figure_motion(30.0, 3 * N_SETS), ModelSubject(model), []
     with Studio(rig, SCENE) as studio:
-        plates = {camera.name: studio.empty_image(i, 0) for i, camera in enumerate(rig)}
+        backgrounds = {camera.name: studio.empty_image(i, 0) for i, camera in enumerate(rig)}
         for instant, state in enumerate(states):
             pictures = studio.images(subject.mesh(Configuration(model, state)), instant)
             for camera, picture, third in zip(rig, pictures, THIRDS, strict=True):
                 if (instant - third) % 3 == 0:
                     images.append(CameraImage(camera.name, 10**9 + instant * PERIOD_NS // 3, picture))
-    return Film(tuple(images), plates, tuple(states))
+    return Film(tuple(images), backgrounds, tuple(states))
 
 
 def sets_of(film: Film, tolerance: float) -> list[ImageSet]:
@@ -65,7 +65,7 @@ def errors_mm(film: Film, sets: list[ImageSet], kind: str) -> np.ndarray:
     """(n,) mean distance of the landmarks from where they are at each set's stamp."""
     model = figure_model()
     config = from_dict({"modalities": [kind], "synchronizer.tolerance": 0.7})
-    tracker = Tracker(make_rig(SCENE), model, config, film.plates, film.states[0])
+    tracker = Tracker(make_rig(SCENE), model, config, film.backgrounds, film.states[0])
     result = []
     for image_set in sets:
         estimate = tracker.step(image_set)

@@ -34,10 +34,10 @@ def masks(state: State) -> list[np.ndarray]:
     return [render_mask(Configuration(SCENE.model, state), camera) > 0 for camera in CAMERAS]
 
 
-def evidence(xs: list[float], plates: bool = False) -> StartEvidence:
+def evidence(xs: list[float], backgrounds: bool = False) -> StartEvidence:
     """Of a person who goes along ``xs``, and is ``HERE`` at last; colors are learnt there, but for those of the arm's place."""
-    empty = zip(SCENE.plates, small(list(SCENE.plates.values())), strict=True)
-    found = StartEvidence(CAMERAS, {name: [image] for name, image in empty} if plates else {})
+    empty = zip(SCENE.backgrounds, small(list(SCENE.backgrounds.values())), strict=True)
+    found = StartEvidence(CAMERAS, {name: [image] for name, image in empty} if backgrounds else {})
     for i, x in enumerate(xs):
         found.watch(small(SCENE.images(posed(x), i)))
     found.watch(small(SCENE.images(HERE, 99)))
@@ -46,9 +46,9 @@ def evidence(xs: list[float], plates: bool = False) -> StartEvidence:
     return found
 
 
-@pytest.mark.parametrize("plates", [False, True])
-def test_an_arm_that_is_elsewhere_leaves_its_true_place_uncovered(plates):
-    coverage = StartCoverage(SCENE.model, CAMERAS, evidence([-0.6, -0.45, -0.3, -0.1, 0.05], plates).sure())
+@pytest.mark.parametrize("backgrounds", [False, True])
+def test_an_arm_that_is_elsewhere_leaves_its_true_place_uncovered(backgrounds):
+    coverage = StartCoverage(SCENE.model, CAMERAS, evidence([-0.6, -0.45, -0.3, -0.1, 0.05], backgrounds).sure())
     right, wrong = coverage.uncovered(HERE), coverage.uncovered(posed(0.1, -30.0))
     assert right < 0.01
     assert wrong > right + 0.01

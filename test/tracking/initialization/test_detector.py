@@ -33,8 +33,8 @@ WALKING = standing(
 )  # fmt: skip
 
 
-def finder(plates=SCENE.plates, rig=SCENE.rig, model=SCENE.model) -> PoseDetector:
-    return PoseDetector(rig, model, CONFIG.initialization, plates, Workers(1))
+def finder(backgrounds=SCENE.backgrounds, rig=SCENE.rig, model=SCENE.model) -> PoseDetector:
+    return PoseDetector(rig, model, CONFIG.initialization, backgrounds, Workers(1))
 
 
 def test_a_person_is_found_with_plates_twice_the_same():
@@ -43,14 +43,14 @@ def test_a_person_is_found_with_plates_twice_the_same():
     assert largest_error_m(SCENE.model, starts[0].state, WALKING) < 0.2
     assert starts[0].score > 0.7
     assert all(a.score >= b.score for a, b in pairwise(starts))
-    again = find_start(SCENE.rig, SCENE.model, images, SCENE.plates, CONFIG.initialization)
+    again = find_start(SCENE.rig, SCENE.model, images, SCENE.backgrounds, CONFIG.initialization)
     np.testing.assert_array_equal(again[0].joint_positions, starts[0].state.joint_positions)
 
 
 def test_a_tracker_without_an_initial_state_finds_the_person_and_follows():
-    tracker = Tracker(SCENE.rig, SCENE.model, CONFIG, SCENE.plates)
+    tracker = Tracker(SCENE.rig, SCENE.model, CONFIG, SCENE.backgrounds)
     nobody = tracker.step(SCENE.image_set(0, SCENE.images(None)))
-    assert nobody.status is Status.INITIALIZING and "nothing of the size of a body stands out" in nobody.status_reason
+    assert nobody.status is Status.INITIALIZING and "nothing of the size of a body differs from" in nobody.status_reason
     tracker.reset()
     for number in range(3):
         estimate = tracker.step(SCENE.image_set(number, SCENE.images(WALKING, number)))
@@ -60,7 +60,7 @@ def test_a_tracker_without_an_initial_state_finds_the_person_and_follows():
 
 def test_a_body_lost_for_long_is_looked_for_everywhere():
     config = from_dict(SMALL | {"initialization.after_lost_sets": 2})
-    tracker = Tracker(SCENE.rig, SCENE.model, config, SCENE.plates, WALKING)
+    tracker = Tracker(SCENE.rig, SCENE.model, config, SCENE.backgrounds, WALKING)
     elsewhere = standing(SCENE.model, -0.8, 0.6, 0.4, left_hip_flexion=30, right_shoulder_elevation_front=80)
     there = [WALKING] * 2 + [elsewhere] * 5
     estimates = [tracker.step(SCENE.image_set(n, SCENE.images(state, n))) for n, state in enumerate(there)]
@@ -98,7 +98,7 @@ def test_too_few_images_are_told():
 
 def test_one_camera_finds_the_person_where_it_looks():
     alone = scene(1)
-    starts = finder(alone.plates, alone.rig).find(alone.images(WALKING))
+    starts = finder(alone.backgrounds, alone.rig).find(alone.images(WALKING))
     camera = alone.rig.cameras[0]
     true, _ = camera.project(Configuration(SCENE.model, WALKING).landmarks_world)
     found, _ = camera.project(Configuration(SCENE.model, starts[0].state).landmarks_world)
@@ -106,7 +106,7 @@ def test_one_camera_finds_the_person_where_it_looks():
 
 
 def test_an_initial_state_is_waited_for_where_the_search_is_off():
-    tracker = Tracker(SCENE.rig, SCENE.model, from_dict({"initialization": {"enabled": False}}), SCENE.plates)
+    tracker = Tracker(SCENE.rig, SCENE.model, from_dict({"initialization": {"enabled": False}}), SCENE.backgrounds)
     estimate = tracker.step(SCENE.image_set(0, SCENE.images(WALKING)))
     assert (estimate.status, estimate.status_reason) == (Status.INITIALIZING, "no initial state has been given")
 

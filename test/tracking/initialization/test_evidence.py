@@ -11,8 +11,8 @@ CAMERAS = [SimpleNamespace(name="a"), SimpleNamespace(name="b")]
 GRAY = np.full((20, 30, 3), 120, np.uint8)
 
 
-def evidence(plates=()):
-    return StartEvidence(CAMERAS, {name: [GRAY] for name in plates})
+def evidence(backgrounds=()):
+    return StartEvidence(CAMERAS, {name: [GRAY] for name in backgrounds})
 
 
 def test_bins_are_sixteen_levels_wide_and_blue_counts_most():
@@ -62,11 +62,11 @@ def test_of_the_tenth_image_every_second_between_goes():
 
 
 @pytest.mark.parametrize(
-    ("plates", "images", "known"),
+    ("backgrounds", "images", "known"),
     [("ab", (GRAY, GRAY), True), ("a", (GRAY, GRAY), False), ("a", (GRAY, None), True), ("", (None, None), True)],
 )
-def test_a_scene_is_known_where_every_image_has_its_picture(plates, images, known):
-    found = evidence(plates)
+def test_a_scene_is_known_where_every_image_has_its_picture(backgrounds, images, known):
+    found = evidence(backgrounds)
     found.watch(images)
     assert found.scene_known is known
 

@@ -20,9 +20,9 @@ ARM = next(limb for limb in limbs_of(SCENE.model) if limb.name == "left_hand")
 CONFIG = from_dict({"initialization.size_px": 80})
 
 
-def finder(images: list[np.ndarray], plates: dict) -> PoseDetector:
+def finder(images: list[np.ndarray], backgrounds: dict) -> PoseDetector:
     config = CONFIG.initialization
-    look = PoseDetector(SCENE.rig, SCENE.model, config, plates, Workers(1))
+    look = PoseDetector(SCENE.rig, SCENE.model, config, backgrounds, Workers(1))
     look.watch(SCENE.images(None, 1))
     look.watch(images)
     return look
@@ -72,7 +72,7 @@ def test_an_arm_is_proposed_where_it_is(paint):
 
 
 def test_proposals_are_apart_and_the_same_again():
-    look = finder(SCENE.images(POSED), SCENE.plates)
+    look = finder(SCENE.images(POSED), SCENE.backgrounds)
     wrong = with_arm_down(SCENE.model, POSED)
     nobody = np.zeros(len(SCENE.model.shapes), dtype=np.bool_)
     others = look.alternatives.find(wrong, ARM, nobody, 4)
@@ -88,7 +88,7 @@ def test_proposals_are_apart_and_the_same_again():
 
 @pytest.fixture(scope="module")
 def alternatives():
-    return finder(SCENE.images(POSED), SCENE.plates).alternatives
+    return finder(SCENE.images(POSED), SCENE.backgrounds).alternatives
 
 
 def test_colors_that_the_images_bear_out_are_half_believed(alternatives):

@@ -26,7 +26,7 @@ TRUE = standing(
 
 @pytest.mark.long
 def test_a_wrong_start_is_lost_and_comes_back():
-    tracker = Tracker(SCENE.rig, SCENE.model, SMALL, SCENE.plates, WRONG)
+    tracker = Tracker(SCENE.rig, SCENE.model, SMALL, SCENE.backgrounds, WRONG)
     estimates = [tracker.step(SCENE.image_set(n, SCENE.images(TRUE, n))) for n in range(8)]
     assert [estimate.status for estimate in estimates[1:3]] == [Status.LOST] * 2
     assert largest_error_m(SCENE.model, estimates[2].state, TRUE) > 0.4

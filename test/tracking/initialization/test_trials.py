@@ -1,4 +1,4 @@
-"""Starts held against each other: who goes on, who wins, and when."""
+"""Starts compared with each other: who goes on, who wins, and when."""
 
 from dataclasses import dataclass, field
 

@@ -231,7 +231,7 @@ def test_a_sighting_is_where_images_and_rest_would_have_the_body():
 
 def test_arcs_shrink_with_the_square_of_variances():
     straight, arcs = np.diag(np.linspace(1.0, 2.0, N)), 0.1 * np.ones((N, N))
-    estimate = SimpleNamespace(covariance=straight + arcs, arcs=arcs)
+    estimate = SimpleNamespace(covariance=straight + arcs, second_order=arcs)
     covariance = np.zeros((2 * N, 2 * N))
     covariance[:N, :N] = 0.5 * straight
     belief = Belief(State(np.eye(4), np.zeros(2)), np.zeros(N), covariance)
@@ -239,7 +239,7 @@ def test_arcs_shrink_with_the_square_of_variances():
     belief.covariance[:N, :N] = 3.0 * straight
     np.testing.assert_allclose(smoothed_covariance(belief, estimate), 3.0 * straight + arcs)  # never more than the tracker's
     belief.covariance[:N, :N] = 0.5 * straight
-    estimate.arcs = None
+    estimate.second_order = None
     np.testing.assert_allclose(smoothed_covariance(belief, estimate), 0.5 * straight)
 
 
@@ -271,7 +271,7 @@ def test_misuse_is_refused():
 def test_only_joints_say_how_much_better_an_arc_is_known():
     straight = np.diag([9.0] * 6 + [1.0, 2.0])
     arcs = np.ones((N, N))
-    estimate = SimpleNamespace(covariance=straight + arcs, arcs=arcs)
+    estimate = SimpleNamespace(covariance=straight + arcs, second_order=arcs)
     covariance = np.zeros((2 * N, 2 * N))
     covariance[:N, :N] = np.diag([0.0] * 6 + [0.5, 1.0])
     belief = Belief(State(np.eye(4), np.zeros(2)), np.zeros(N), covariance)

@@ -17,7 +17,7 @@ from ...objective.shape_jacobian import ContourLines, normalized
 from ...objective.visible_samples import samples_seen
 from ...observation.chamfer.observer import Observer
 from ...observation.image_set import ImageSet
-from ...observation.region.background import EmptyRoom
+from ...observation.region.background import RegionBackground
 from ...observation.region.colors import RegionColors, color_classes, stated_densities
 from ...render.contour import samples as cs
 from ...render.contour.generators import P
@@ -103,16 +103,16 @@ class SilhouetteEvidence:
 
     Parameters
     ----------
-    plates : as for the tracker.
+    backgrounds : as for the tracker.
     """
 
     def __init__(
         self,
         sets: Sequence[ImageSet],
         config: TrackerConfig,
-        plates: Mapping[str, np.ndarray | list] | None = None,
+        backgrounds: Mapping[str, np.ndarray | list] | None = None,
     ):
-        self._sets, self._config, self._plates = list(sets), config, dict(plates or {})
+        self._sets, self._config, self._backgrounds = list(sets), config, dict(backgrounds or {})
         self._maps: list[list[_Maps | None]] = []
 
     def look(self, model: ArticulatedModel, rig: CameraRig, states: Sequence[Sequence[State]], robust_px: float) -> None:
@@ -126,10 +126,9 @@ class SilhouetteEvidence:
         states : per set, where each camera sees the body, roughly.
         robust_px : not used; distances reach as far as they do in tracking.
         """
-        config = self._config
+        options = self._config.chamfer, self._config.background
         cameras = [
-            (c, Observer(c.name, (c.model.width, c.model.height), config.chamfer, config.background, self._plates.get(c.name)))
-            for c in rig
+            (c, Observer(c.name, (c.model.width, c.model.height), *options, self._backgrounds.get(c.name))) for c in rig
         ]
         self._maps = [
             [self._look(observer, k, model, camera, states[k][i]) for i, (camera, observer) in enumerate(cameras)]
@@ -244,18 +243,18 @@ class RegionEvidence:
 
     Parameters
     ----------
-    plates : images of the empty scene, where there are some, as for the tracker.
+    backgrounds : images of the empty scene, where there are some, as for the tracker.
     """
 
     def __init__(
         self,
         sets: Sequence[ImageSet],
         config: TrackerConfig,
-        plates: Mapping[str, np.ndarray | list] | None = None,
+        backgrounds: Mapping[str, np.ndarray | list] | None = None,
     ):
         self._sets, self._config, self._region = list(sets), config, config.region
-        self._plates = dict(plates or {})
-        self._seen: list[tuple[RegionColors, EmptyRoom]] = []
+        self._backgrounds = dict(backgrounds or {})
+        self._seen: list[tuple[RegionColors, RegionBackground]] = []
         self._drawer: tuple[ArticulatedModel, CameraRig, LineDrawer] | None = None
         self._scale, self._model_sigma_px = 1.0, 0.5
 
@@ -274,9 +273,9 @@ class RegionEvidence:
         stated = stated_densities(model, classes)
         self._scale, self._model_sigma_px = max(1.0, robust_px / 3.0), robust_px / 6.0
 
-        def learn(i: int) -> tuple[RegionColors, EmptyRoom]:
+        def learn(i: int) -> tuple[RegionColors, RegionBackground]:
             colors, camera, seen = RegionColors(classes, stated, region.color_prior), rig.cameras[i], 0
-            room = self._empty_room(camera.name)
+            room = self._background_of(camera.name)
             for k, images in enumerate(self._sets):
                 image = images.get(camera.name)
                 found = (
@@ -293,10 +292,10 @@ class RegionEvidence:
 
         self._seen = [learn(i) for i in range(len(rig))]
 
-    def _empty_room(self, camera: str) -> EmptyRoom:
-        plate, background = self._plates.get(camera), self._config.background
-        plates = [] if plate is None else [plate] if isinstance(plate, np.ndarray) else list(plate)
-        return EmptyRoom(plates, background.sigma, background.learning_rate, background.body_margin_px)
+    def _background_of(self, camera: str) -> RegionBackground:
+        images, background = self._backgrounds.get(camera), self._config.background
+        backgrounds = [] if images is None else [images] if isinstance(images, np.ndarray) else list(images)
+        return RegionBackground(backgrounds, background.sigma, background.learning_rate, background.body_margin_px)
 
     def lines(self, index: int, model: ArticulatedModel, rig: CameraRig, states: Sequence[State]) -> ContourLines:
         """Lines of one image set, with the contour's position by the colors on either side.

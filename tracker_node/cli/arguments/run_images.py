@@ -97,7 +97,7 @@ def evidence_of(kind: str, images: RunImages) -> LineEvidence:
     from ...calibration.tracked_body.lines import RegionEvidence, SilhouetteEvidence
 
     make = SilhouetteEvidence if kind == "silhouette" else RegionEvidence
-    return make(images.sets, images.config, images.plates)
+    return make(images.sets, images.config, images.backgrounds)
 
 
 def named_file(args: argparse.Namespace, info: Any, key: str) -> str:

@@ -9,7 +9,7 @@ import argparse
 
 from ..arguments.verbs import add_subverbs, run_subverb
 
-SUMMARY = "make what tracking needs: true camera places, pictures of the empty scene, a person's body, a first pose"
+SUMMARY = "make what tracking needs: true camera places, images of the background, a person's body, a first pose"
 EXAMPLE = "tracker_node calibrate body --trc static.trc --y-up -o person.yaml"
 
 

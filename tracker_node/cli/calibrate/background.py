@@ -1,4 +1,4 @@
-"""``tracker_node calibrate background``: pictures of the empty scene."""
+"""``tracker_node calibrate background``: images of the background."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ...calibration.background import build_plate, spread_images, write_image
+    from ...calibration.background import build_background, spread_images, write_image
     from ...errors import CalibrationError, FileFormatError
     from ...loaders.rig.rig_yaml import build_rig, read_rig_file, write_rig_file
 
@@ -35,25 +35,25 @@ def run(args: argparse.Namespace) -> int:
         raise FileFormatError("command line", "--images", "at least 3", args.images)
     rig_file, base = read_rig_file(args.rig), Path(args.rig).parent
     rig = build_rig(rig_file, base)
-    plates = {name: Path(args.output_dir) / f"{name}.png" for name in rig.names}
-    refuse_to_overwrite(args, *plates.values(), *([args.output] if args.output else []))
+    backgrounds = {name: Path(args.output_dir) / f"{name}.png" for name in rig.names}
+    refuse_to_overwrite(args, *backgrounds.values(), *([args.output] if args.output else []))
     images_of = {}
     for camera in rig:
         if camera.source is None:
             raise CalibrationError(camera.name, f"has no source in {args.rig}")
         images = spread_images(camera.source, args.images)
         still = _still(args.stills, camera.name, images.shape[1:]) if args.stills else None
-        plate = build_plate(images, still)
-        images_of[camera.name] = plate.image
-        unknown = 100.0 * (1.0 - float(plate.known.mean()))
+        found = build_background(images, still)
+        images_of[camera.name] = found.image
+        unknown = 100.0 * (1.0 - float(found.known.mean()))
         rest = "from the still" if still is not None else "not known, somebody is there too often"
         print(f"{camera.name}: {unknown:.1f} % of the background {rest}", flush=True)
     for name, image in images_of.items():
-        write_image(plates[name], image)
-        print(f"wrote {plates[name]}")
+        write_image(backgrounds[name], image)
+        print(f"wrote {backgrounds[name]}")
     if args.output:
         entries = {
-            name: entry.model_copy(update={"background": str(plates[name].absolute())})
+            name: entry.model_copy(update={"background": str(backgrounds[name].absolute())})
             for name, entry in rig_file.cameras.items()
         }
         write_rig_file(rig_file.model_copy(update={"cameras": entries}), args.output, base_dir=base)

@@ -17,7 +17,7 @@ from ...loaders.bag.reader import BagReader
 from ...loaders.images.source import SourceOptions, open_camera_source
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration
-from ...render.overlay import draw_overlay, target_through_mask
+from ...render.overlay import draw_overlay, masked_image
 from ...render.raycast.raycaster import render_mask
 from ...runs.data import RunData
 from ...runs.images import image_bag_of
@@ -146,7 +146,7 @@ def _review_camera(task: _Task, camera: Camera, masks: CameraMasks | None, revie
             numbers.append(number)
             ious.append(intersection_over_union(render_mask(configuration, camera), reference))
         if number in task.shown:
-            overlay, seen = draw_overlay(image, configuration, camera), target_through_mask(image, configuration, camera)
+            overlay, seen = draw_overlay(image, configuration, camera), masked_image(image, configuration, camera)
             for kind, picture in (("overlay", overlay), ("mask", seen)):
                 small = _of_height(picture[box], task.options.height_px)
                 review.pictures.append(Picture(camera.name, number, small, kind))

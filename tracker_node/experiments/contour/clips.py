@@ -48,7 +48,7 @@ class Clip:
     folder : where it is, for messages.
     sources : the rig with the sources of the images, in their own size.
     model, start : the body, and its state in the first image set.
-    plates : images of the empty scene by camera, in the size of the images as they are tracked.
+    backgrounds : images of the empty scene by camera, in the size of the images as they are tracked.
     truth : joints over time.
     images : which images of the sources, and in which size.
     config : parameters of the tracker that the recording asks for.
@@ -61,7 +61,7 @@ class Clip:
     sources: CameraRig
     model: ArticulatedModel
     start: State
-    plates: Mapping[str, np.ndarray]
+    backgrounds: Mapping[str, np.ndarray]
     truth: Trajectories
     images: SourceOptions = field(default_factory=SourceOptions)
     config: TrackerConfig = field(default_factory=TrackerConfig)
@@ -134,7 +134,7 @@ def track_clip(
     TrackerError : an image that cannot be read, or no image set at all.
     """
     rig, stream = clip.rig, clip.stream()
-    tracker = Tracker(rig, clip.model, config, clip.plates, clip.start)
+    tracker = Tracker(rig, clip.model, config, clip.backgrounds, clip.start)
     total, estimates = int(stream.n_expected or 0), []
     for image_set in stream:
         estimates.append(tracker.step(image_set))

@@ -92,13 +92,13 @@ class ContourError:
 
     Parameters
     ----------
-    rig, model, plates : as for the `Tracker`.
+    rig, model, backgrounds : as for the `Tracker`.
     distances : one of `PUBLISHED`.
     """
 
-    def __init__(self, rig: CameraRig, model: ArticulatedModel, plates: Mapping[str, np.ndarray | list], distances: str):
+    def __init__(self, rig: CameraRig, model: ArticulatedModel, backgrounds: Mapping[str, np.ndarray | list], distances: str):
         self._rig = rig
-        self._modality = ChamferModality(rig, model, far_sighted(by_method(TrackerConfig(), distances)), plates, serial)
+        self._modality = ChamferModality(rig, model, far_sighted(by_method(TrackerConfig(), distances)), backgrounds, serial)
         self._contours: ContourCorrespondences | None = None
 
     def look(self, image_set: ImageSet, body: State) -> None:

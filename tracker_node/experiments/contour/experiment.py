@@ -22,7 +22,7 @@ from ...observation.image_set import CameraImage, ImageSet
 from ...report.metrics_file import format_metrics, write_metrics
 from ...report.page import Section, write_page
 from ...report.progress import say
-from ...synthesis.dataset import N_PLATES
+from ...synthesis.dataset import N_BACKGROUNDS
 from ...synthesis.recording import default_motions
 from ...synthesis.scenes.scene import SceneConfig, Studio, make_rig
 from ...synthesis.subjects.cones import ModelSubject
@@ -185,14 +185,14 @@ def _part_row() -> RowPicture:
     state = State.neutral(model, se3.from_rotation_translation(np.eye(3), middle - [0.0, 0.0, 0.5 * _LENGTH_M]))
     body = Configuration(model, state)
     with Studio(rig, _SCENE) as studio:
-        plates = [studio.empty_image(0, i) for i in range(N_PLATES)]
+        backgrounds = [studio.empty_image(0, i) for i in range(N_BACKGROUNDS)]
         (image,) = studio.images(ModelSubject(model).mesh(body), 0)
     (u, v), _ = camera.project(middle)
     direction = np.zeros(model.n_dof)
     direction[:3] = camera.T_world_cam[:3, 0] * se3.apply(camera.T_cam_world, middle)[2] / camera.model.K[0, 0]
     image_set = ImageSet(0, (CameraImage(camera.name, 0, image),))
-    errors = _errors_along(rig, {camera.name: plates}, image_set, state, direction)
-    shot = shoot(camera, image, body, body, plates, far_sighted(by_method(TrackerConfig(), "sum")), REACH_PX)
+    errors = _errors_along(rig, {camera.name: backgrounds}, image_set, state, direction)
+    shot = shoot(camera, image, body, body, backgrounds, far_sighted(by_method(TrackerConfig(), "sum")), REACH_PX)
     assert shot is not None, "the part is in the middle of the image"
     row = round(float(v))
     distances = {key: distance_to(mask, REACH_PX)[row] for key, mask in (("silhouette", shot.silhouette), ("edges", shot.edges))}
@@ -201,14 +201,14 @@ def _part_row() -> RowPicture:
 
 
 def _errors_along(
-    rig: CameraRig, plates: dict[str, list[np.ndarray]], image_set: ImageSet, state: State, direction: np.ndarray
+    rig: CameraRig, backgrounds: dict[str, list[np.ndarray]], image_set: ImageSet, state: State, direction: np.ndarray
 ) -> dict[str, dict[str, Profile]]:
     """Of every model, by every kind of distance; ``direction`` is a tangent that moves the part by a pixel."""
     errors: dict[str, dict[str, Profile]] = {}
     for title, thickness in MODELS.values():
         errors[title] = {}
         for key in PUBLISHED:
-            error = ContourError(rig, part_model(thickness), plates, key)
+            error = ContourError(rig, part_model(thickness), backgrounds, key)
             error.look(image_set, state)
             errors[title][key] = Profile(_SHIFTS_PX, error.along(state, direction, _SHIFTS_PX))
     return errors

@@ -60,7 +60,7 @@ class Shot:
 
 
 def shoot(
-    camera: Camera, bgr: np.ndarray, before: Configuration, found: Configuration, plate: np.ndarray | list,
+    camera: Camera, bgr: np.ndarray, before: Configuration, found: Configuration, known: np.ndarray | list,
     config: TrackerConfig, margin_px: int,
 ) -> Shot | None:  # fmt: skip
     """Observe an image as the tracker does; colors of body and scene are learned in the very image.
@@ -70,7 +70,7 @@ def shoot(
     camera : that took the image.
     bgr : (h, w, 3) uint8.
     before, found : the body in the image before, and as found in this one.
-    plate : images of the background.
+    known : images of the background.
     config : parameters of the tracker.
     margin_px : how far around ``before`` the image is processed.
 
@@ -81,7 +81,7 @@ def shoot(
     seen = render_labels(before, camera, margin_px)
     if seen is None:
         return None
-    observer = Observer(camera.name, (camera.model.width, camera.model.height), config.chamfer, config.background, plate)
+    observer = Observer(camera.name, (camera.model.width, camera.model.height), config.chamfer, config.background, known)
     there = render_labels(found, camera, margin_px)
     if there is not None:
         observer.begin(bgr, *there, config.background.body_margin_px)
@@ -338,9 +338,9 @@ def _sequence(clip: Clip, run: TrackedClip, camera: Camera, numbers: Sequence[in
 
 
 def _shot(clip: Clip, run: TrackedClip, camera: Camera, number: int, image_set: ImageSet) -> Shot | None:
-    image, plate = image_set.get(camera.name), clip.plates.get(camera.name)
-    if image is None or plate is None:
+    image, known = image_set.get(camera.name), clip.backgrounds.get(camera.name)
+    if image is None or known is None:
         return None
     before, found = (Configuration(clip.model, run.estimates[i].state) for i in (max(number - 1, 0), number))
     config = by_method(clip.config, PICTURED)
-    return shoot(camera, image.bgr, before, found, plate, config, config.chamfer.margin_px)
+    return shoot(camera, image.bgr, before, found, known, config, config.chamfer.margin_px)

@@ -78,7 +78,7 @@ def body_profiles(clip: Clip, n_sets: int, coarseness: int = 1) -> Profiles:
     states, sets = _true_sets(clip, n_sets)
     profiles: dict[str, dict[str, list[Profile]]] = {dof: {key: [] for key in PUBLISHED} for dof in VARIABLES}
     for key in PUBLISHED:
-        error = ContourError(clip.rig, clip.model, clip.plates, key)
+        error = ContourError(clip.rig, clip.model, clip.backgrounds, key)
         for state, image_set in zip(states, sets, strict=True):
             error.look(image_set, state)
             for dof, variable in VARIABLES.items():
@@ -187,7 +187,7 @@ def displaced_figures(clip: Clip, n_starts: int) -> dict[str, float | int]:
     def measure(config: TrackerConfig) -> tuple[float, float]:
         chamfer = replace(config.chamfer, first_iterations=config.chamfer.max_iterations, silhouette="background")
         config = replace(config, chamfer=chamfer)
-        engine = make_engine(clip.rig, clip.model, config, clip.plates)
+        engine = make_engine(clip.rig, clip.model, config, clip.backgrounds)
         rng, found, errors_m = np.random.default_rng(1), [], []
         for state, image_set in zip(states, sets, strict=True):
             start = displaced(state, np.radians(DISPLACED_DEG), 1e-3 * DISPLACED_MM, rng)

@@ -10,8 +10,8 @@ import numpy as np
 
 from ...model.configuration import N_ROOT, State
 from ...objective.color.alignment import PhotometricOptions
-from ...objective.color.asynchronous_alignment import StaggeredPhotometricObjective
-from ...objective.color.asynchronous_score import StaggeredObjective
+from ...objective.color.asynchronous_alignment import AsynchronousPhotometricObjective
+from ...objective.color.asynchronous_score import AsynchronousObjective
 from ...objective.color.score import ColorObjective, ColorOptions
 from ...observation.deinterlace import field_camera, first_line
 from ...optimize.alignment import AlignmentOptions, align
@@ -88,8 +88,8 @@ class _Fitter:
         normalized = ColorOptions("normalized"), PhotometricOptions("normalized")
         self._of_line = [
             (
-                StaggeredObjective(scene.model, known, late_s, normalized[0], colors_rgb),
-                StaggeredPhotometricObjective(scene.model, known, late_s, normalized[1], colors_rgb),
+                AsynchronousObjective(scene.model, known, late_s, normalized[0], colors_rgb),
+                AsynchronousPhotometricObjective(scene.model, known, late_s, normalized[1], colors_rgb),
             )
             for known in rigs
         ]

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import N_ROOT, ROOT_NAMES, Configuration, State, to_variables
-from ...render.overlay import target_through_mask
+from ...render.overlay import masked_image
 from ...report.document import BLUE, GRAY, GREEN, ORANGE, PURPLE
 from ..rigid_tracking import UNITS, VARIABLES
 
@@ -38,7 +38,7 @@ def through_mask_figure(
     axes = figure.subplots(len(rig), len(image_sets), squeeze=False)
     for row, camera in enumerate(rig):
         pictures = {
-            field: target_through_mask(images[row], Configuration(model, states[field][row]), camera)
+            field: masked_image(images[row], Configuration(model, states[field][row]), camera)
             for field, images in image_sets.items()
         }
         half = max(_half_size(picture) for picture in pictures.values())

@@ -239,11 +239,11 @@ def read_rig_file(path: str | Path) -> RigFile:
     FileFormatError : naming file, dotted field, what was expected and what stands there.
     """
     values = read_mapping(path)
-    _refuse_plates(values, path)
+    _refuse_renamed(values, path)
     return validate(RigFile, values, path)
 
 
-def _refuse_plates(values: Mapping[str, Any], path: str | Path) -> None:
+def _refuse_renamed(values: Mapping[str, Any], path: str | Path) -> None:
     """Refuse the name that images of the background had in version 0.1."""
     cameras = values.get("cameras")
     for name, entry in cameras.items() if isinstance(cameras, dict) else ():

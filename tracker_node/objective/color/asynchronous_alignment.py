@@ -17,7 +17,7 @@ from .alignment import PhotometricObjective, PhotometricOptions
 from .asynchronous_score import cameras_by_delay
 
 
-class StaggeredPhotometricObjective:
+class AsynchronousPhotometricObjective:
     """The `PhotometricObjective` of a rig whose cameras expose ``late_s`` (n_cameras,) seconds after the state.
 
     ``velocity`` (n_dof,), in the state's tangent per second, may be set at any time; None: the body rests. How the velocity's own

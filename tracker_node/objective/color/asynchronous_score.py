@@ -16,7 +16,7 @@ from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...parallel import Workers
-from .score import ColorObjective, ColorOptions, ColorScore, Verdict
+from .score import ColorObjective, ColorOptions, ColorScore, Outcome
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class _Part:
     objective: ColorObjective
 
 
-class StaggeredObjective:
+class AsynchronousObjective:
     """The `ColorObjective` of a rig whose cameras expose ``late_s`` (n_cameras,) seconds after the state that is scored.
 
     ``velocity`` (n_dof,), in the state's tangent per second, may be set at any time; None: the body rests.
@@ -67,19 +67,19 @@ class StaggeredObjective:
 
     def _evaluate(self, state: State, row_step: int) -> ColorScore:
         camera_rms, pixels = np.full(len(self.rig), np.nan), np.zeros(len(self.rig), dtype=np.int64)
-        verdict = Verdict.SCORED
+        outcome = Outcome.SCORED
         for part in self._parts:
             score = part.objective.at_row_step(row_step).evaluate(self._state_seen(state, part.late_s))
             camera_rms[part.cameras], pixels[part.cameras] = score.camera_rms, score.camera_pixels
-            if score.verdict == Verdict.BEHIND_CAMERA:
-                verdict = score.verdict
+            if score.outcome == Outcome.BEHIND_CAMERA:
+                outcome = score.outcome
         total = int(pixels.sum())
-        if verdict == Verdict.SCORED and total * row_step < max(self.options.min_pixels, 1):
-            verdict = Verdict.EMPTY_MASK
-        if verdict != Verdict.SCORED:
-            return ColorScore(math.inf, verdict, camera_rms, pixels)
+        if outcome == Outcome.SCORED and total * row_step < max(self.options.min_pixels, 1):
+            outcome = Outcome.EMPTY_MASK
+        if outcome != Outcome.SCORED:
+            return ColorScore(math.inf, outcome, camera_rms, pixels)
         squares = float((np.where(pixels > 0, camera_rms, 0.0) ** 2 * pixels).sum())
-        return ColorScore(math.sqrt(squares / total), verdict, camera_rms, pixels)
+        return ColorScore(math.sqrt(squares / total), outcome, camera_rms, pixels)
 
     def score(self, state: State) -> float:
         """rms over all cameras; infinite where the state cannot be scored."""
@@ -89,7 +89,7 @@ class StaggeredObjective:
         """(n,) of `score`."""
         return np.array([self.score(state) for state in states])
 
-    def at_row_step(self, row_step: int) -> StaggeredObjective | _Decimated:
+    def at_row_step(self, row_step: int) -> AsynchronousObjective | _Decimated:
         """The same images and velocity, every n-th image row only."""
         return self if row_step == self.options.row_step else _Decimated(self, row_step)
 
@@ -113,9 +113,9 @@ def cameras_by_delay(rig: CameraRig, late_s: Sequence[float]) -> dict[float, lis
 
 @dataclass(frozen=True)
 class _Decimated:
-    """A `StaggeredObjective` on every n-th row."""
+    """A `AsynchronousObjective` on every n-th row."""
 
-    whole: StaggeredObjective
+    whole: AsynchronousObjective
     row_step: int
 
     def score(self, state: State) -> float:
@@ -124,5 +124,5 @@ class _Decimated:
     def scores(self, states: Sequence[State]) -> np.ndarray:
         return np.array([self.score(state) for state in states])
 
-    def at_row_step(self, row_step: int) -> StaggeredObjective | _Decimated:
+    def at_row_step(self, row_step: int) -> AsynchronousObjective | _Decimated:
         return self.whole.at_row_step(row_step)

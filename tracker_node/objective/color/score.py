@@ -48,7 +48,7 @@ class ColorOptions:
     min_pixels: int = 30
 
 
-class Verdict(IntEnum):
+class Outcome(IntEnum):
     """Whether a state could be scored, and why not."""
 
     SCORED = 0
@@ -58,11 +58,11 @@ class Verdict(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class ColorScore:
-    """``rms`` of the color differences in gray levels (0..255), infinite unless ``verdict`` is SCORED; the same for each camera
+    """``rms`` of the color differences in gray levels (0..255), infinite unless ``outcome`` is SCORED; the same for each camera
     of the rig (nan where its mask is empty or it gave no image), and the pixels of its mask."""
 
     rms: float
-    verdict: Verdict
+    outcome: Outcome
     camera_rms: np.ndarray
     camera_pixels: np.ndarray
 
@@ -250,15 +250,15 @@ class ColorObjective:
 
     def evaluate(self, state: State) -> ColorScore:
         """The score of one state, camera by camera."""
-        squares, pixels, verdict = self._totals([state])[0].T
+        squares, pixels, outcome = self._totals([state])[0].T
         with np.errstate(divide="ignore", invalid="ignore"):
             camera_rms = np.where(pixels > 0, np.sqrt(squares / (3.0 * pixels)), np.nan)
         total = pixels.sum()
-        if (verdict == kernel.BEHIND).any():
-            return ColorScore(math.inf, Verdict.BEHIND_CAMERA, camera_rms, pixels.astype(np.int64))
+        if (outcome == kernel.BEHIND).any():
+            return ColorScore(math.inf, Outcome.BEHIND_CAMERA, camera_rms, pixels.astype(np.int64))
         if total * self.options.row_step < self.options.min_pixels:
-            return ColorScore(math.inf, Verdict.EMPTY_MASK, camera_rms, pixels.astype(np.int64))
-        return ColorScore(math.sqrt(squares.sum() / (3.0 * total)), Verdict.SCORED, camera_rms, pixels.astype(np.int64))
+            return ColorScore(math.inf, Outcome.EMPTY_MASK, camera_rms, pixels.astype(np.int64))
+        return ColorScore(math.sqrt(squares.sum() / (3.0 * total)), Outcome.SCORED, camera_rms, pixels.astype(np.int64))
 
     def score(self, state: State) -> float:
         """rms over all cameras; infinite where the state cannot be scored."""

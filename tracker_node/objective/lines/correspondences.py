@@ -81,7 +81,7 @@ class View:
     ----------
     bgr : (h, w, 3) uint8.
     densities : color densities (body (n_classes, n_colors), scene).
-    room : the background, `EmptyRoom.packed`.
+    room : the background, `RegionBackground.packed`.
     """
 
     bgr: np.ndarray

@@ -75,14 +75,14 @@ class Observation:
     empty: bool
 
 
-def checked_plates(camera: str, width: int, height: int, plate: np.ndarray | list | None) -> list[np.ndarray]:
+def checked_backgrounds(camera: str, width: int, height: int, given: np.ndarray | list | None) -> list[np.ndarray]:
     """Background images of a camera as a list.
 
     Parameters
     ----------
     camera : its name.
     width, height : of its images, pixels.
-    plate : BGR image of the empty scene, or a list of them, or None.
+    given : BGR image of the empty scene, or a list of them, or None.
 
     Returns
     -------
@@ -92,12 +92,12 @@ def checked_plates(camera: str, width: int, height: int, plate: np.ndarray | lis
     ------
     CalibrationError : one of them has another size than the camera's images.
     """
-    plates = [] if plate is None else ([plate] if isinstance(plate, np.ndarray) else list(plate))
-    for image in plates:
+    backgrounds = [] if given is None else ([given] if isinstance(given, np.ndarray) else list(given))
+    for image in backgrounds:
         if image.shape[:2] != (height, width):
             got = f"{image.shape[1]}x{image.shape[0]}"
             raise CalibrationError(camera, f"expected a background image of {width}x{height}, got {got}")
-    return plates
+    return backgrounds
 
 
 class Observer:
@@ -107,7 +107,7 @@ class Observer:
     ----------
     camera : its name.
     size : width and height of the images, pixels.
-    plate : BGR image of the empty scene, or a list of them, or None.
+    given : BGR image of the empty scene, or a list of them, or None.
 
     Raises
     ------
@@ -120,23 +120,23 @@ class Observer:
         size: tuple[int, int],
         options: ObserverOptions,
         background: BackgroundOptions,
-        plate: np.ndarray | list | None = None,
+        given: np.ndarray | list | None = None,
     ):
         self.camera, self._options, self._background = camera, options, background
         width, height = size
-        plates = checked_plates(camera, width, height, plate)
-        if options.silhouette == "background" and not plates:
+        backgrounds = checked_backgrounds(camera, width, height, given)
+        if options.silhouette == "background" and not backgrounds:
             raise CalibrationError(
                 camera, "chamfer.silhouette 'background' needs an image of the empty scene; the rig names none"
             )
         self.learns = options.silhouette == "both"
-        self._size, self._plates = (height, width), plates
+        self._size, self._backgrounds = (height, width), backgrounds
         self._colors, self._scene = ColorModel(), self._empty_scene()
 
     def _empty_scene(self) -> SceneModel:
         """The background as its images have it, or unknown."""
         sigma = self._background.sigma
-        return SceneModel.from_images(self._plates, sigma) if self._plates else SceneModel(*self._size, sigma)
+        return SceneModel.from_images(self._backgrounds, sigma) if self._backgrounds else SceneModel(*self._size, sigma)
 
     def begin(self, bgr: np.ndarray, region: Region, body: np.ndarray, margin_px: int) -> None:
         """Learn colors and background anew from an image in which the body is about where it is drawn.

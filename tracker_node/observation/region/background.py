@@ -25,12 +25,12 @@ PackedRoom = tuple[np.ndarray, float]  # pixels (h, w) uint32 (blue lowest, the 
 NO_ROOM: PackedRoom = np.zeros((0, 0), np.uint32), 1.0
 
 
-class EmptyRoom:
+class RegionBackground:
     """Background of one camera that stands still: from its images, or learned while the body moves.
 
     Parameters
     ----------
-    plates : BGR images of the empty scene; there may be none.
+    backgrounds : BGR images of the empty scene; there may be none.
     sigma : least standard deviation of a pixel, gray levels.
     rate : weight of the newest image; 0: once known, the background stays.
     margin_px : width around the body that is not learned.
@@ -40,9 +40,9 @@ class EmptyRoom:
     packed : for the kernels.
     """
 
-    def __init__(self, plates: Sequence[np.ndarray], sigma: float, rate: float, margin_px: int):
+    def __init__(self, backgrounds: Sequence[np.ndarray], sigma: float, rate: float, margin_px: int):
         self._sigma, self._rate, self._margin_px = sigma, rate, margin_px
-        self._scene = SceneModel.from_images(list(plates), sigma) if plates else None
+        self._scene = SceneModel.from_images(list(backgrounds), sigma) if backgrounds else None
         self.packed = NO_ROOM
         if self._scene is not None:
             self._pack((0, 0, self._scene.known.shape[1], self._scene.known.shape[0]))

@@ -47,7 +47,7 @@ class TrackerNode(ManagedNode):
 
     Raises
     ------
-    TrackerError : parameters that are unknown or out of range; pictures of the empty scene that cannot be used.
+    TrackerError : parameters that are unknown or out of range; images of the background that cannot be used.
     """
 
     def __init__(self, options: TrackerOptions):

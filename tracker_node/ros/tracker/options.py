@@ -47,12 +47,12 @@ class TrackerMaker:
 
     Raises
     ------
-    SourceError, CalibrationError : pictures of the empty scene that are missing, unreadable or of another size.
+    SourceError, CalibrationError : images of the background that are missing, unreadable or of another size.
     """
 
     def __init__(self, options: TrackerOptions):
         self._options = options
-        self._plates = load_backgrounds(options.rig)
+        self._backgrounds = load_backgrounds(options.rig)
         self._small: SmallTrackers | None = None
         self._prepared: tuple[TrackerConfig, bool] | None = None
 
@@ -114,8 +114,8 @@ class TrackerMaker:
         options = self._options
         if options.make_tracker is not None:
             return options.make_tracker(rig, options.model, config, options.initial_state)
-        plates = resized_backgrounds({name: plate for name, plate in self._plates.items() if name in rig.names}, rig)
-        return Tracker(rig, options.model, config, plates, options.initial_state, options.occluders)
+        backgrounds = resized_backgrounds({name: b for name, b in self._backgrounds.items() if name in rig.names}, rig)
+        return Tracker(rig, options.model, config, backgrounds, options.initial_state, options.occluders)
 
     def check(self, cameras: tuple[str, ...], config: TrackerConfig) -> None:
         """Whether such a tracker can be made, in some 20 ms.
@@ -133,5 +133,5 @@ class TrackerMaker:
         if options.make_tracker is not None:
             return
         if self._small is None:
-            self._small = SmallTrackers(options.rig, options.model, tuple(self._plates))
+            self._small = SmallTrackers(options.rig, options.model, tuple(self._backgrounds))
         self._small.check(cameras, config)

@@ -14,7 +14,7 @@ from .parts import Content, header
 
 CAMERA_INFO, IMAGE = "sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/Image"
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
-_LONGEST_SIDE = 16384  # pixels; pictures of the empty scene are brought to the size that a message claims
+_LONGEST_SIDE = 16384  # pixels; images of the background are brought to the size that a message claims
 _LARGEST = 1e9  # of a number in K
 _JPEG = "bgr8; jpeg compressed bgr8"
 

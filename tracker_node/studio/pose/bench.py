@@ -33,7 +33,7 @@ class PoseBench:
         self._images, self._model = session.needed_images(), session.needed_model()
         rig = session.needed_rig()
         self.rig, self.factor = working_rig(rig)
-        self._plates = resized_backgrounds(load_backgrounds(rig), self.rig)
+        self._backgrounds = resized_backgrounds(load_backgrounds(rig), self.rig)
         # A pose that is given is fitted to, not searched
         self._config = replace(session.config, initialization=replace(session.config.initialization, enabled=False))
         self.scorer = self._make_scorer(self._config)
@@ -43,7 +43,7 @@ class PoseBench:
     def _make_scorer(self, config: TrackerConfig) -> PoseScorer:
         if config.colors is not None and not config.contours and self._model.has_colors:
             return ColorScore(self.rig, self._model, config)
-        return ContourScore(self.rig, self._model, config, self._plates)
+        return ContourScore(self.rig, self._model, config, self._backgrounds)
 
     def score(self, state: State, index: int) -> PoseScore:
         """Score a pose.
@@ -75,7 +75,7 @@ class PoseBench:
         """
         image_set = self.image_set(index)
         with self._fitting:
-            tracker = Tracker(self.rig, self._model, self._config, self._plates, state)
+            tracker = Tracker(self.rig, self._model, self._config, self._backgrounds, state)
             return tracker.step(image_set)
 
     def image_set(self, index: int) -> ImageSet:

@@ -17,8 +17,8 @@ from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...objective.lines.correspondences import LineDrawer, PartEvidence, View
 from ...objective.points.photometry import PhotometryOptions
-from ...observation.chamfer.observer import checked_plates
-from ...observation.region.background import EmptyRoom
+from ...observation.chamfer.observer import checked_backgrounds
+from ...observation.region.background import RegionBackground
 from ...observation.region.colors import RegionColors, color_classes, stated_densities, trust_stated_colors
 from ...parallel import Workers
 from ...render.raycast.raycaster import render_labels
@@ -80,13 +80,13 @@ class ContourScore:
 
     Parameters
     ----------
-    plates : background images (h, w, 3) by camera, in the size of the rig's images.
+    backgrounds : background images (h, w, 3) by camera, in the size of the rig's images.
     """
 
     name = "outline found"
     meaning = "fraction of the body's outline that lies on a change of colors, as the region engine measures it"
 
-    def __init__(self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, plates: Mapping[str, np.ndarray]):
+    def __init__(self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, backgrounds: Mapping[str, np.ndarray]):
         self._rig, self._model, self._config = rig, model, config
         self._classes = color_classes(model)
         self._stated = stated_densities(model, self._classes)
@@ -95,8 +95,8 @@ class ContourScore:
         self._drawer = LineDrawer(rig, model, arrays, self._classes, line_options(config), self._parallel)
         self._rooms, background = [], config.background
         for camera in rig:
-            known = checked_plates(camera.name, camera.model.width, camera.model.height, plates.get(camera.name))
-            self._rooms.append(EmptyRoom(known, background.sigma, background.learning_rate, background.body_margin_px))
+            known = checked_backgrounds(camera.name, camera.model.width, camera.model.height, backgrounds.get(camera.name))
+            self._rooms.append(RegionBackground(known, background.sigma, background.learning_rate, background.body_margin_px))
 
     def score(self, state: State, images: Mapping[str, np.ndarray]) -> PoseScore:
         """Fraction of the outline that is found.

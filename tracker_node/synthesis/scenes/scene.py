@@ -17,7 +17,7 @@ from .rasterizer import ColoredMesh, Pinhole, Rasterizer, light_coordinates
 _SHADOW_HALF_SIZE = 3.2  # meters about the middle of the floor that the shadow map covers
 _SHADOW_PIXELS = 512
 _SHADOW_DEPTH = 0.34  # share of the light that is lost in the full shadow
-_PLATE_SUPERSAMPLING = 2
+_BACKGROUND_SUPERSAMPLING = 2
 
 SURROUNDINGS = {"room": room.meshes, "clutter": clutter.meshes}
 
@@ -36,7 +36,7 @@ class SceneConfig:
     blur_px : standard deviation of the optics' blur.
     shadow : whether the subject casts one.
     surroundings : of `SURROUNDINGS`.
-    plates : whether the empty room is recorded too.
+    backgrounds : whether the empty room is recorded too.
     lossless : whether images are written as PNG, or as JPEG of high quality.
     seed : of the noise and of the small irregularities of the rig.
     """
@@ -53,7 +53,7 @@ class SceneConfig:
     shadow: bool = True
     seed: int = 1
     surroundings: str = "room"
-    plates: bool = True
+    backgrounds: bool = True
     lossless: bool = False
 
     def __post_init__(self):
@@ -157,10 +157,10 @@ class Studio:
         self._rasterizer = Rasterizer()
         self.imaging = [CameraImaging(camera, config) for camera in rig]
         self._rasterizer.show(*SURROUNDINGS[config.surroundings](config.seed))
-        self._plates, self._shadow_maps = [], []
+        self._backgrounds, self._shadow_maps = [], []
         for imaging in self.imaging:
-            plate, points = self._plate(imaging.pinhole)
-            self._plates.append(plate)
+            background, points = self._background(imaging.pinhole)
+            self._backgrounds.append(background)
             coordinates = light_coordinates(points, np.zeros(3), _SHADOW_HALF_SIZE, _SHADOW_PIXELS)
             self._shadow_maps.append([np.ascontiguousarray(coordinates[..., i], dtype=np.float32) for i in (0, 1)])
 
@@ -170,19 +170,19 @@ class Studio:
     def __exit__(self, *_) -> None:
         self._rasterizer.close()
 
-    def _plate(self, camera: Pinhole) -> tuple[np.ndarray, np.ndarray]:
+    def _background(self, camera: Pinhole) -> tuple[np.ndarray, np.ndarray]:
         """Empty room: float32 RGB of the view, and the world points (h, w, 3) seen in it."""
-        s = _PLATE_SUPERSAMPLING
+        s = _BACKGROUND_SUPERSAMPLING
         K = camera.K.copy()
         K[:2] *= s
         K[:2, 2] += 0.5 * (s - 1)
         color, depth = self._rasterizer.render(Pinhole(K, camera.width * s, camera.height * s, camera.T_world_cam))
         size = (camera.width, camera.height)
-        plate = cv2.resize(color[:, :, :3], size, interpolation=cv2.INTER_AREA).astype(np.float32)
+        background = cv2.resize(color[:, :, :3], size, interpolation=cv2.INTER_AREA).astype(np.float32)
         depth = cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST)
         u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
         rays = np.stack([(u - camera.K[0, 2]) / camera.K[0, 0], (v - camera.K[1, 2]) / camera.K[1, 1], np.ones_like(u)], -1)
-        return plate, se3.apply(camera.T_world_cam, rays * depth[:, :, None])
+        return background, se3.apply(camera.T_world_cam, rays * depth[:, :, None])
 
     def empty_image(self, index: int, image_number: int) -> np.ndarray:
         """Image of the empty room.
@@ -196,7 +196,7 @@ class Studio:
         -------
         (h, w, 3) uint8 BGR.
         """
-        return self.imaging[index].expose(self._plates[index], self._rng(index, -1 - image_number))
+        return self.imaging[index].expose(self._backgrounds[index], self._rng(index, -1 - image_number))
 
     def images(self, subject: ColoredMesh, image_number: int) -> list[np.ndarray]:
         """Images of the subject in the room by every camera, at one instant.
@@ -237,7 +237,7 @@ class Studio:
 
     def _view(self, index: int, subject: ColoredMesh, shadow: np.ndarray | None) -> np.ndarray:
         imaging = self.imaging[index]
-        view = self._plates[index]
+        view = self._backgrounds[index]
         if shadow is not None:
             map_u, map_v = self._shadow_maps[index]
             darkness = cv2.remap(shadow, map_u, map_v, cv2.INTER_LINEAR)

@@ -58,7 +58,7 @@ class PoseDetector:
     Parameters
     ----------
     rig, model, config : cameras, body, parameters.
-    plates : camera name -> BGR image (or list of images) of the background, where there is one.
+    backgrounds : camera name -> BGR image (or list of images) of the background, where there is one.
     workers : threads that share poses.
 
     Attributes
@@ -72,7 +72,7 @@ class PoseDetector:
         rig: CameraRig,
         model: ArticulatedModel,
         config: InitializationConfig,
-        plates: Mapping[str, np.ndarray | list],
+        backgrounds: Mapping[str, np.ndarray | list],
         workers: Workers,
     ):
         self._model, self._config, self._workers = model, config, workers
@@ -83,9 +83,9 @@ class PoseDetector:
         self._middles = np.array([_middle(model, State(np.eye(4), joints)) for joints in self._postures])
         small = {}
         for camera, view in zip(rig, self._views, strict=True):
-            if camera.name in plates:
-                plate = plates[camera.name]
-                small[camera.name] = [view.shrink(p) for p in (plate if isinstance(plate, list) else [plate])]
+            if camera.name in backgrounds:
+                background = backgrounds[camera.name]
+                small[camera.name] = [view.shrink(p) for p in (background if isinstance(background, list) else [background])]
         self._evidence = StartEvidence(self._cameras, small)
         self._segmentation = StartSegmentation(self._evidence, self._cameras, self.size_m)
         self.alternatives = LimbAlternatives(model, self._cameras, self._evidence, workers)
@@ -130,7 +130,7 @@ class PoseDetector:
             middles = np.concatenate([[_middle(self._model, around)], middles])
         if not len(middles):
             known = evidence.scene_known
-            what = "stands out from the empty scene" if known else "moves; without pictures of the empty scene it has to"
+            what = "differs from the backgrounds" if known else "moves; without backgrounds it has to"
             self.problem = f"nothing of the size of a body {what}"
             return []
         starts = self._looked_for(middles, around)
@@ -239,7 +239,7 @@ def find_start(
     rig: CameraRig,
     model: ArticulatedModel,
     images: Images,
-    plates: Mapping[str, np.ndarray | list] | None = None,
+    backgrounds: Mapping[str, np.ndarray | list] | None = None,
     config: InitializationConfig | None = None,
     around: State | None = None,
 ) -> list[State]:
@@ -249,7 +249,7 @@ def find_start(
     ----------
     rig, model : cameras and body.
     images : BGR, of all cameras.
-    plates : background images, by camera.
+    backgrounds : background images, by camera.
     config : None: the defaults.
     around : see `PoseDetector.find`.
 
@@ -258,7 +258,7 @@ def find_start(
     The likeliest first.
     """
     finder = PoseDetector(
-        rig, model, config or InitializationConfig(), plates or {}, Workers(1)
+        rig, model, config or InitializationConfig(), backgrounds or {}, Workers(1)
     )
     return [start.state for start in finder.find(images, around)]
 

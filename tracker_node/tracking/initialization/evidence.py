@@ -36,7 +36,7 @@ class StartEvidence:
 
     Parameters
     ----------
-    cameras : the small cameras. plates : camera name -> small background images.
+    cameras : the small cameras. backgrounds : camera name -> small background images.
 
     Attributes
     ----------
@@ -44,9 +44,9 @@ class StartEvidence:
     support : what is added to the log-odds by color (h, w), None for nothing.
     """
 
-    def __init__(self, cameras: Sequence[Camera], plates: Mapping[str, list[np.ndarray]]):
+    def __init__(self, cameras: Sequence[Camera], backgrounds: Mapping[str, list[np.ndarray]]):
         self._cameras = tuple(cameras)
-        self._scenes = [SceneModel.from_images(plates[c.name], _SIGMA) if c.name in plates else None for c in cameras]
+        self._scenes = [SceneModel.from_images(backgrounds[c.name], _SIGMA) if c.name in backgrounds else None for c in cameras]
         self.reset()
 
     def reset(self) -> None:
@@ -92,7 +92,7 @@ class StartEvidence:
         return result
 
     def sure(self) -> list[np.ndarray | None]:
-        """Masks (h, w) bool of the latest images: what stands out from the empty scene or, where nobody has seen that, shows what
+        """Masks (h, w) bool of the latest images: what differs from the background or, where nobody has seen that, shows what
         no older image shows, in a color of the body's. The place that a body has left is new as well, but not in its colors."""
         return [self._surely(i, image) for i, image in enumerate(self.images)]
 

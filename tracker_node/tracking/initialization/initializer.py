@@ -42,13 +42,13 @@ class Initializer:
         rig: CameraRig,
         model: ArticulatedModel,
         config: InitializationConfig,
-        plates: Mapping[str, np.ndarray | list],
+        backgrounds: Mapping[str, np.ndarray | list],
         workers: Workers,
         make_engine: Callable[[], AnyEngine],
         make_follower: Callable[[], Follower],
     ):
         self._model, self._config = model, config
-        self._finder = PoseDetector(rig, model, config, plates, workers)
+        self._finder = PoseDetector(rig, model, config, backgrounds, workers)
         self._mended = LimbRepair(model, self._finder.alternatives)
         self._make_engine, self._make_follower = make_engine, make_follower
         self._engine: AnyEngine | None = None
@@ -116,7 +116,7 @@ class Initializer:
     def _continued(self, contest: Contest, image_set: ImageSet) -> tuple[Follower, TrackEstimate] | None:
         found = contest.step(image_set)
         self.problem = (
-            f"{len(contest)} poses are held against each other ({contest.sets} of {self._config.tracked_sets} image sets)"
+            f"{len(contest)} poses are compared with each other ({contest.sets} of {self._config.tracked_sets} image sets)"
         )
         if found is None:
             return None

@@ -125,12 +125,12 @@ def smoothed_covariance(belief: Belief, estimate: TrackEstimate) -> np.ndarray:
     -------
     (n_dof, n_dof).
     """
-    if estimate.arcs is None:
+    if estimate.second_order is None:
         return belief.state_covariance
-    straight = (estimate.covariance - estimate.arcs)[N_ROOT_DOF:, N_ROOT_DOF:]
+    straight = (estimate.covariance - estimate.second_order)[N_ROOT_DOF:, N_ROOT_DOF:]
     of_all = float((straight * straight).sum())
     share = float((belief.state_covariance[N_ROOT_DOF:, N_ROOT_DOF:] * straight).sum()) / of_all if of_all > 0.0 else 1.0
-    return belief.state_covariance + min(share, 1.0) ** 2 * estimate.arcs
+    return belief.state_covariance + min(share, 1.0) ** 2 * estimate.second_order
 
 
 class Smoother:

@@ -11,8 +11,8 @@ from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...objective.lines.correspondences import Offsets, View
 from ...objective.per_camera import bodies_seen
-from ...observation.chamfer.observer import checked_plates
-from ...observation.region.background import EmptyRoom
+from ...observation.chamfer.observer import checked_backgrounds
+from ...observation.region.background import RegionBackground
 from ...observation.region.colors import RegionColors, color_classes, stated_densities, trust_stated_colors
 from ...render.occluders import Occluders
 from ..config import BackgroundConfig, RegionConfig
@@ -59,10 +59,10 @@ class RegionAppearance:
         """Only the colors that the model states are known."""
         self._colors = [RegionColors(self.classes, self._stated, self._config.color_prior) for _ in self._rig]
 
-    def _room(self, camera: Camera) -> EmptyRoom:
+    def _room(self, camera: Camera) -> RegionBackground:
         lens, background = camera.model, self._background
-        images = checked_plates(camera.name, lens.width, lens.height, self._images.get(camera.name))
-        return EmptyRoom(images, background.sigma, background.learning_rate, background.body_margin_px)
+        images = checked_backgrounds(camera.name, lens.width, lens.height, self._images.get(camera.name))
+        return RegionBackground(images, background.sigma, background.learning_rate, background.body_margin_px)
 
     @property
     def known(self) -> list[bool]:

@@ -18,7 +18,7 @@ import numpy as np
 from ...geometry import so3
 from ...model.configuration import Configuration
 
-# Times what arcs add: on training clips the squared errors across them are then 1.1 times what is said, 1.3 times without it
+# Times second-order terms: on training clips, squared errors across them are then 1.1 times what is said, 1.3 without it
 BEYOND_SECOND_ORDER = 2.0
 _LEAST = 1e-9  # of the largest entry of the information's diagonal: what nothing is known of keeps a variance that can be written
 _WELL_KNOWN = np.radians(1.0) ** 2  # variance of a direction that is straight for as far as it goes
