@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchmark.ros.demo import alarms
+from helpers.sources.sample import sample_or_skip
 
 BENCHMARK = Path(__file__).resolve().parents[3] / "benchmark"
 
@@ -27,9 +28,13 @@ def test_alarms_are_told_from_what_is_said_by_the_way() -> None:
 
 
 @pytest.mark.long
-def test_a_healthy_run_warns_nobody(tmp_path: Path) -> None:
-    figures = tmp_path / "demo.json"
-    command = [sys.executable, str(BENCHMARK / "ros/demo.py"), "--quick", "--cache", str(tmp_path), "--json", str(figures)]
+@pytest.mark.parametrize("quick", [True, False])
+def test_a_healthy_run_warns_nobody(tmp_path: Path, quick: bool) -> None:
+    """A rendered clip, and `make demo` itself."""
+    if not quick:
+        sample_or_skip()
+    figures, only = tmp_path / "demo.json", ["--quick"] * quick
+    command = [sys.executable, str(BENCHMARK / "ros/demo.py"), *only, "--cache", str(tmp_path), "--json", str(figures)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=1200, env=os.environ)
     assert done.returncode == 0, done.stderr
     assert json.loads(figures.read_text())["metrics"]["demo.warnings"] == 0, done.stderr
