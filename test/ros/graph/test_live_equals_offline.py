@@ -125,6 +125,14 @@ def test_resampled_images_are_tracked_with_the_recorded_calibration(clip: Clip, 
     assert_same_states(live, tmp_path / "again/bag")
 
 
+def test_a_resampled_run_without_images_is_fitted_to(clip: Clip, tmp_path: Path, start) -> None:
+    """As the demo's: the images are read from the rig's sources again, and made as small."""
+    run_pipeline(start, clip, tmp_path / "run/bag", "--resize", "120x90")
+    fit = ["--from-run", str(tmp_path / "run"), "--sets", "4", "--quiet"]
+    assert main(["calibrate", "body", *fit, "--only", "girth", "-o", str(tmp_path / "body.yaml")]) == 0
+    assert main(["calibrate", "refine", *fit, "--keep-places", "-o", str(tmp_path / "rig.yaml")]) == 0
+
+
 def test_the_engine_of_colors_is_reproduced_bit_for_bit(clip: Clip, tmp_path: Path, start) -> None:
     """With colors learnt from the first images, and a limb looked for; what the mask shows of the images is the same too."""
     color = {"learn_colors": "true", "color_rate": 0.1, "degraded_agreement": 0.95, "search_states": 60, "levels": 3}

@@ -6,6 +6,8 @@ import shutil
 import signal
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from sensor_msgs.msg import CameraInfo, Image
 from tracker_msgs.msg import TrackedState
@@ -126,6 +128,18 @@ def test_cameras_that_fail_are_named_and_the_others_are_tracked(launch, recordin
     assert counts_of(tmp_path / "bag")["/tracker/state"] == 12
     offline = SourceStream(load_rig(broken / "rig.yaml"), SynchronizerConfig())
     assert json.loads((tmp_path / "run.json").read_text())["expected_image_sets"] == offline.n_expected == 4  # of the shortest
+
+
+@pytest.mark.long
+def test_a_run_that_is_lost_throughout_says_so_and_has_a_status_of_its_own(launch, tmp_path):
+    write_recording(tmp_path / "empty", 6)
+    for path in tmp_path.glob("empty/cam*/*.png"):
+        cv2.imwrite(str(path), np.full(cv2.imread(str(path)).shape, 90, np.uint8))
+    pipeline = launch(*files_of(tmp_path / "empty"), "--bag", tmp_path / "bag")
+    assert pipeline.wait() == 3
+    assert pipeline.out.startswith("6 image sets: 6 LOST")
+    (line,) = [line for line in pipeline.err.splitlines() if "LOST in all 6 image sets" in line]
+    assert "leave out the initial state" in line and "rig check" in line
 
 
 def test_mistakes_are_one_line(launch, recording, tmp_path):
