@@ -1,5 +1,6 @@
 """The real graph (processes, DDS, bag) and the offline run give the same states, bit for bit."""
 
+from argparse import Namespace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from helpers.ros.processes import Process
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
+from tracker_node.cli.arguments.run_images import load_run_images
 from tracker_node.cli.main import main
 from tracker_node.loaders.bag.images import stamp_ns_of
 from tracker_node.loaders.bag.reader import BagReader
@@ -128,6 +130,9 @@ def test_resampled_images_are_tracked_with_the_recorded_calibration(clip: Clip, 
 def test_a_resampled_run_without_images_is_fitted_to(clip: Clip, tmp_path: Path, start) -> None:
     """As the demo's: the images are read from the rig's sources again, and made as small."""
     run_pipeline(start, clip, tmp_path / "run/bag", "--resize", "120x90")
+    images = load_run_images(Namespace(from_run=str(tmp_path / "run"), sets=4, rig=None, model=None, config=None))
+    assert {(camera.model.width, camera.model.height) for camera in images.rig} == {(120, 90)}
+    assert {image.pixels.shape[:2] for image_set in images.sets for image in image_set.images} == {(90, 120)}
     fit = ["--from-run", str(tmp_path / "run"), "--sets", "4", "--quiet"]
     assert main(["calibrate", "body", *fit, "--only", "girth", "-o", str(tmp_path / "body.yaml")]) == 0
     assert main(["calibrate", "refine", *fit, "--keep-places", "-o", str(tmp_path / "rig.yaml")]) == 0
