@@ -22,6 +22,7 @@ from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box
 from tracker_node.runs.data import RunData, RunDetails
 from tracker_node.runs.load import load_run
+from tracker_node.tracking.estimate import GRAY_LEVELS
 
 
 def states_file(path: Path, moving: Motion, status: str = "TRACKING") -> Path:
@@ -147,6 +148,16 @@ def test_a_review_without_truth_tells_what_the_run_says(tmp_path):
     assert (figures["x.said_lost_sets"], figures["x.said_degraded_sets"], figures["x.said_losses"]) == (3, 3, 1)
     assert figures["x.said_reacquisition_s_max"] == pytest.approx(3 * PERIOD_NS * 1e-9)
     assert figures["x.residual_px"] == pytest.approx(2.5) and "x.mpjpe_mm" not in figures
+
+
+def test_a_residual_of_colors_is_in_gray_levels(tmp_path):
+    tracked = motion(10)
+    run = replace(load_run(write_run(tmp_path / "run", tracked)), residual_unit=GRAY_LEVELS)
+    places = np.array([c.landmarks_world for c in tracked.configurations])
+    positions = Trajectories(tracked.model.landmark_names, tracked.stamps_ns, places, np.ones(places.shape[:2], dtype=bool))
+    for truth in (Truth(), Truth(positions)):
+        figures = review(run, tracked.model, truth, EvaluationOptions("x")).metrics()
+        assert figures["x.residual_gray_levels"] == pytest.approx(2.5) and "x.residual_px" not in figures
 
 
 def test_losses_and_reacquisition_from_truth(tmp_path):

@@ -104,6 +104,7 @@ class Evaluation:
     lost_limbs: tuple[str, ...]
     status: np.ndarray  # (n,)
     residual: np.ndarray
+    residual_key: str
     iterations: np.ndarray  # (n,) NaN without a state
     cameras: tuple[str, ...]
     camera_residuals: np.ndarray  # (n, c), 0 where there is none
@@ -144,9 +145,9 @@ class Evaluation:
             "lag_images": self.lag_images,
         }
         found.update({f"iou_{camera}": _mean(ious) for camera, ious in self.silhouettes.ious.items()})
-        found["residual_px"] = _mean(self.residual)
+        found[self.residual_key] = _mean(self.residual)
         for i, camera in enumerate(self.cameras):
-            found[f"residual_px_{camera}"] = _mean(self.camera_residuals[self.camera_residuals[:, i] > 0, i])
+            found[f"{self.residual_key}_{camera}"] = _mean(self.camera_residuals[self.camera_residuals[:, i] > 0, i])
         found["iterations"] = _mean(self.iterations)
         found["bone_length_std_mm"] = _mean(self.bones.estimate_std_mm)
         found["truth_bone_length_std_mm"] = _mean(self.bones.truth_std_mm)
@@ -221,6 +222,7 @@ def evaluate(
         lost_limbs=_lost_limbs(joints, errors, valid),
         status=run.status,
         residual=run.residual,
+        residual_key=run.residual_key,
         iterations=np.where(run.has_state, run.iterations, np.nan),
         cameras=run.cameras,
         camera_residuals=run.camera_residuals,

@@ -261,10 +261,10 @@ def _against_states(run: RunData, model: ArticulatedModel, truth: TrueStates) ->
 
 def _own(run: RunData) -> dict[str, float | int]:
     """What stands in `Evaluation.metrics` too, of a run without truth."""
-    metrics: dict[str, float | int] = {"residual_px": _mean(run.residual[run.has_state])}
+    metrics: dict[str, float | int] = {run.residual_key: _mean(run.residual[run.has_state])}
     for i, camera in enumerate(run.cameras):
         seen = run.camera_residuals[run.camera_residuals[:, i] > 0, i]
-        metrics[f"residual_px_{camera}"] = _mean(seen)
+        metrics[f"{run.residual_key}_{camera}"] = _mean(seen)
     return metrics | {"iterations": _mean(run.iterations[run.has_state])}
 
 

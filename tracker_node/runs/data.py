@@ -117,6 +117,11 @@ class RunData:
             residual_unit=next((e.residual_unit for e in estimates), PX),
         ).without_guesses()
 
+    @property
+    def residual_key(self) -> str:
+        """Key of the residual among metrics, which has its unit at its end."""
+        return "residual_px" if self.residual_unit == PX else "residual_gray_levels"
+
     def without_guesses(self) -> RunData:
         """NaN instead of the neutral state that is written before the body is found."""
         found = self.has_state & np.array([Status(int(status)).has_state for status in self.status], dtype=bool)

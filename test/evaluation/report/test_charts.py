@@ -11,6 +11,7 @@ from tracker_node.evaluation.report import charts
 from tracker_node.evaluation.review import Review, Truth, review
 from tracker_node.evaluation.truth.association import Trajectories
 from tracker_node.runs.load import load_run
+from tracker_node.tracking.estimate import GRAY_LEVELS
 
 N = 10
 PERIOD_S = PERIOD_NS * 1e-9
@@ -138,8 +139,11 @@ def test_residuals_are_of_each_camera_and_of_all(one, other):
     np.testing.assert_allclose(together.y, one.run.residual)
     assert [first.color, second.color] == list(charts.CYCLE[:2])
     whole, *each = charts.residual_charts([one, other])
-    assert [line.label for line in whole.lines] == ["one", "other"]
+    assert [line.label for line in whole.lines] == ["one", "other"] and whole.y_label == each[0].y_label == "rms [px]"
     assert [chart.title for chart in each] == ["Residuals of one per camera", "Residuals of other per camera"]
+    colors = replace(other, run=replace(other.run, residual_unit=GRAY_LEVELS))
+    labels = [chart.y_label for chart in charts.residual_charts([one, colors])]
+    assert labels == ["rms [gray levels or px]", "rms [px]", "rms [gray levels]"]
 
 
 def test_the_status_is_of_the_tracker_and_of_the_truth(one, other):

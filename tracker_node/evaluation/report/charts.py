@@ -151,14 +151,16 @@ def pck_chart(reviews: Sequence[Review]) -> Chart | None:
 
 
 def residual_charts(reviews: Sequence[Review]) -> Iterator[Chart]:
-    """Rms contour distance: of all cameras, and of each camera of every run."""
+    """Rms residual: of all cameras, and of each camera of every run."""
+    units = " or ".join(sorted({review.run.residual_unit for review in reviews}))
+    note = "Distance of the predicted contours from those seen, or difference of colors, after the fit."
     whole = [_line(i, review, review.run.residual, reviews) for i, review in enumerate(reviews)]
     if len(reviews) > 1:
         yield Chart(
             "residuals",
             "Residuals",
-            "Distance of the predicted contours from those seen, after the fit.",
-            y_label="rms [px]",
+            note,
+            y_label=f"rms [{units}]",
             lines=whole,
         )
     for review in reviews:
@@ -166,8 +168,9 @@ def residual_charts(reviews: Sequence[Review]) -> Iterator[Chart]:
         seen = np.where(run.camera_residuals > 0, run.camera_residuals, np.nan)
         lines = [Line(camera, *review.over_time(seen[:, i]), CYCLE[i % len(CYCLE)], 1.1) for i, camera in enumerate(run.cameras)]
         lines.append(Line("all cameras", *review.over_time(run.residual), BLACK, 2.0))
-        note = "Distance of the predicted contours from those seen, after the fit."
-        yield Chart(f"residuals_{review.name}", f"Residuals{name} per camera", note, y_label="rms [px]", lines=lines)
+        yield Chart(
+            f"residuals_{review.name}", f"Residuals{name} per camera", note, y_label=f"rms [{run.residual_unit}]", lines=lines
+        )
 
 
 def effort_charts(reviews: Sequence[Review]) -> Iterator[Chart]:

@@ -56,6 +56,8 @@ METRICS = (
     Metric("state_nees", "NEES of the state", "", "the same of all degrees of freedom together", 2, 0),
     Metric("residual_px", "Residual", "px", "rms distance of predicted and seen contours, all cameras", 2, 0),
     Metric("residual_px_*", "Residual", "px", "of one camera", 2, 0),
+    Metric("residual_gray_levels", "Residual", "gray levels", "rms difference of colors or texture, all cameras", 2, 0),
+    Metric("residual_gray_levels_*", "Residual", "gray levels", "of one camera", 2, 0),
     Metric("iterations", "Iterations", "", "steps of the optimizer per set, mean", 2),
     Metric("total_ms_p50", "Time per image set", "ms", "median"),
     Metric("total_ms_p95", "… 95th percentile", "ms", ""),
