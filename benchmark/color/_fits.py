@@ -13,7 +13,7 @@ from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.objective.color.alignment import PhotometricObjective
 from tracker_node.objective.color.score import ColorObjective
 from tracker_node.optimize.alignment import align
-from tracker_node.optimize.robust_fit import Fit, align_robustly
+from tracker_node.optimize.robust_fit import Fitted, align_robustly
 from tracker_node.optimize.score_objective import ScoreObjective, SearchResult
 from tracker_node.optimize.simplex import polish, search_simplex
 from tracker_node.optimize.stepping import DECIMATED_LOOPS, FIVE_LOOPS, SEVEN_LOOPS, SteppingOptions, step_downhill
@@ -25,9 +25,9 @@ class Contestant:
     """``show`` hands it an image set, ``fit`` finds the body in it from a start."""
 
     show: Callable[[Sequence[np.ndarray]], None]
-    fit: Callable[[State], Fit]
+    fit: Callable[[State], Fitted]
 
-    def __call__(self, images: Sequence[np.ndarray], start: State) -> Fit:
+    def __call__(self, images: Sequence[np.ndarray], start: State) -> Fitted:
         self.show(images)
         return self.fit(start)
 
@@ -38,7 +38,7 @@ def contestants(scene: ColorScene, threads: int = 2) -> dict[str, Contestant]:
     pyramid = PhotometricObjective(scene.model, scene.rig, workers=Workers(threads))
     chain = scene.model.chain
 
-    def stepping(loops) -> Callable[[State], Fit]:
+    def stepping(loops) -> Callable[[State], Fitted]:
         return lambda start: step_downhill(score, start, chain, SteppingOptions(loops))
 
     def show_both(images: Sequence[np.ndarray]) -> None:

@@ -18,7 +18,7 @@ from .robust_start import RobustStartOptions, chance_level, search
 from .score_objective import ScoreObjective
 
 
-class Fit(Protocol):
+class Fitted(Protocol):
     """What an optimizer returns, at the least."""
 
     @property
@@ -28,7 +28,7 @@ class Fit(Protocol):
     def evaluations(self) -> int: ...
 
 
-F = TypeVar("F", bound=Fit)
+F = TypeVar("F", bound=Fitted)
 
 
 @dataclass(frozen=True)
